@@ -18,6 +18,8 @@ from overtaking.sim.reference.ego import View, may_pull_out, may_return, must_ab
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
 from overtaking.world.parameters import Parameters, parameters
 
+LEAST_DEMAND = np.float32(1e-6)  # Keeps what is imposed finite for who demands nothing [1].
+
 
 class HumanEgo:
     """The built-in ego, from percepts to decisions; asks for `human` and answers `decision`."""
@@ -33,7 +35,8 @@ class HumanEgo:
         view, looks = self.view(seen), seen.of("looks") > 0
         start, back = self.starts(seen, view, looks), self.returns(seen, view, looks)
         signalled = seen.of("signalled") + self.given.constants.decision
-        now = (signalled > seen.driver.signal_time) & looks & (seen.of("contested") == 0)
+        sure = (looks & (seen.of("contested") == 0)) | view.told
+        now = (signalled > seen.driver.signal_time) & sure
         out = np.where(now, ot.Move.PULL_OUT, ot.Move.SHOW_OUT)
         home = np.where(now, ot.Move.RETURN, ot.Move.SHOW_BACK)
         move = np.where(start, out, np.where(back, home, ot.Move.KEEP))
@@ -45,6 +48,7 @@ class HumanEgo:
         impatience = maximum(exp(-(seen.of("waited") * driver.inverse_patience)), c.patience_floor)
         demand = driver.gap_acceptance * impatience
         around = np.moveaxis(seen.around, 0, -1)[: len(ROLES) - 2]
+        told = driver.gap_acceptance <= 0  # Told to change lanes, as in the study: looks at no gap.
         return View(
             own=driver,
             speed=seen.of("speed"),
@@ -54,11 +58,12 @@ class HumanEgo:
             leader_speed=seen.of("speed") - around[LEAD, 2],
             demand=demand,
             imposes=minimum(
-                minimum(driver.safe_decel / demand, c.most_imposed), driver.hardest_decel
+                minimum(driver.safe_decel / maximum(demand, LEAST_DEMAND), c.most_imposed),
+                driver.hardest_decel,
             ),
             impatience=impatience,
-            told=np.zeros_like(demand, np.bool_),
-            ordered=np.zeros_like(demand, np.bool_),
+            told=told,
+            ordered=told & (around[LEAD, 0] > 0) & (around[LEAD, 2] > driver.passing_gain),
         )
 
     def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
@@ -66,7 +71,8 @@ class HumanEgo:
         free = (seen.of("stage") == Stage.FOLLOW) & (seen.of("can_go_out") > 0)
         rested = seen.of("since_change") >= self.given.constants.abort_cooldown
         wants = wants_to_pass(self.given, view) & may_pull_out(self.given, view)
-        return free & rested & np.where(looks, wants, seen.of("wanted") > 0)
+        wants = np.where(view.told, view.ordered, wants)
+        return free & rested & np.where(looks | view.told, wants, seen.of("wanted") > 0)
 
     def returns(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to signal to return: past the other, or stuck beside it for too long."""
@@ -74,15 +80,16 @@ class HumanEgo:
         passes = (seen.of("stage") == Stage.PASS) & (seen.of("can_go_back") > 0)
         stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
         rested = seen.of("since_change") >= c.abort_cooldown
-        wants = may_return(self.given, view) & ((seen.of("passed") > 0) | stuck) & rested
-        return passes & np.where(looks, wants, seen.of("wanted") < 0)
+        passed = seen.of("passed") > 0
+        wants = np.where(view.told, passed, may_return(self.given, view) & (passed | stuck))
+        return passes & np.where(looks | view.told, wants & rested, seen.of("wanted") < 0)
 
     def aborts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to give up the lane change: the lane being entered has turned dangerous."""
         out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
         danger = np.where(seen.of("stage") == Stage.PULL_OUT, out, home)
-        return looks & danger & (seen.of("can_abort") > 0)
+        return looks & ~view.told & danger & (seen.of("can_abort") > 0)
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 r"""Train a driver with PPO, and drive with it.
 
-    python examples/rl/learn_to_overtake.py --profile motorway --steps 200000 --out learned.zip
+    python examples/rl/learn_to_overtake.py --profile motorway --steps 80000 --out learned.zip
 
 Needs Stable-Baselines3 (`make rl`, then `.venv-rl/bin/python`). The driver decides twice a second
 when to signal, pull out, give up and return; pedals and steering are those of the scenario's
@@ -12,6 +12,7 @@ rule guards it: no lane change begins where the gap is too small. Training takes
 # pyright: reportUntypedBaseClass=false, reportUnknownVariableType=false
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor, VecNormalize
 
 import overtaking as ot
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.elementary import F32
 from overtaking.gym import COLUMNS, Events, flat, progress
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
 from overtaking.model.trajectory import Stage
@@ -36,26 +37,29 @@ FAR_AHEAD, FAR_BEHIND = 5.0, 6.0  # Times in which these gaps are not closed [s]
 NEAR = 3.0  # Time in which the vehicle that is left behind is not reached [s].
 TARDY = 0.5  # Cost of each second in which the target is passed and the ego has not returned [s].
 
+KEEP, SHOW_OUT, PULL_OUT, SHOW_BACK, RETURN = map(int, list(ot.Move)[:5])
+
 _PLACES = {column.name: (place, column.scale) for place, column in enumerate(COLUMNS)}
 
 
-def guarded(move: NDArray[Any], seen: F32) -> NDArray[Any]:
+def guarded(move: Any, seen: Any, where: Callable[..., Any] = np.where) -> Any:
     """What is answered: nothing but an indicator as long as a lane change is not safe.
 
     Args:
         move: A `Move` of each simulation.
         seen: What is observed, scaled, shape (simulation, `COLUMNS`).
+        where: `torch.where` for tensors.
     """
     shown = (number(seen, "signalled") >= SIGNAL) & (number(seen, "contested") == 0)
-    follows = number(seen, "stage") == Stage.FOLLOW
+    follows = number(seen, "stage") == float(Stage.FOLLOW)
     out = follows & shown & has_gap(seen, "fast") & (time_to(seen, "lead") > NEAR)
-    move = np.where((move == ot.Move.PULL_OUT) & ~out, ot.Move.SHOW_OUT, move)
-    move = np.where((move == ot.Move.SHOW_OUT) & ~follows, ot.Move.KEEP, move)
+    move = where((move == PULL_OUT) & ~out, SHOW_OUT, move)
+    move = where((move == SHOW_OUT) & ~follows, KEEP, move)
     back = shown & has_gap(seen, "slow")
-    return np.where((move == ot.Move.RETURN) & ~back, ot.Move.SHOW_BACK, move)
+    return where((move == RETURN) & ~back, SHOW_BACK, move)
 
 
-def has_gap(seen: F32, side: str) -> Mask:
+def has_gap(seen: Any, side: str) -> Any:
     """Whether there is a gap in the next lane on a side."""
     ahead, behind = f"{side}_lead", f"{side}_rear"
     is_free = number(seen, f"{ahead}.gap") > HEADWAY * number(seen, "speed")
@@ -63,15 +67,15 @@ def has_gap(seen: F32, side: str) -> Mask:
     return is_free & (time_to(seen, ahead) > FAR_AHEAD) & (time_to(seen, behind) > FAR_BEHIND)
 
 
-def time_to(seen: F32, role: str) -> F32:
+def time_to(seen: Any, role: str) -> Any:
     """Time in which a gap is closed [s]."""
-    return number(seen, f"{role}.gap") / np.maximum(number(seen, f"{role}.closing"), 1e-3)
+    return number(seen, f"{role}.gap") / number(seen, f"{role}.closing").clip(min=1e-3)
 
 
-def number(seen: F32, name: str) -> F32:
+def number(seen: Any, name: str) -> Any:
     """A number of what is observed, in SI units."""
     place, scale = _PLACES[name]
-    return seen[:, place] * np.float32(scale)
+    return seen[:, place] * scale
 
 
 class Guarded(VecEnvWrapper):
@@ -128,7 +132,7 @@ def train(profile: str, steps: int, seed: int) -> PPO:
 
     Args:
         profile: What it drives in.
-        steps: Of all environments together, each of half a second.
+        steps: Of all environments together, each of a second.
         seed: Of scenes, initial weights and exploration.
     """
     envs = StableBaselinesVecEnv(
@@ -160,7 +164,7 @@ def main() -> None:
     """Train, save, and say how it fares in scenes that it has not seen."""
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     options.add_argument("--profile", default="motorway")
-    options.add_argument("--steps", type=int, default=200_000)
+    options.add_argument("--steps", type=int, default=80_000)
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--out", type=Path, default=Path("learned.zip"))
     given = options.parse_args()

@@ -188,6 +188,22 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path):
     assert found.digest == driver.digest
 
 
+def test_the_network_of_the_examples_overtakes_and_signals_before(repository: Path):
+    pytest.importorskip("onnxruntime")
+    path = repository / "examples" / "rl" / "learned.onnx"
+    assert path.stat().st_size < 100_000
+    driver = api.driver_of(str(path), "truth", action="decision", hold=20)
+    scenes = ot.sample("pinto2023-physical", 60, 11)
+    runs = ot.drive(scenes, driver.policy, observe="truth", action="decision", hold=20)
+    events = ot.label(runs).events
+    assert events.attempted.sum() > 30
+    assert events.completed.sum() > 10
+    assert runs.actions
+    moves = runs.actions.values[:, :, 0]
+    for one, first in zip(*np.nonzero(moves == ot.Move.PULL_OUT), strict=True):
+        assert (moves[one, max(first - 40, 0) : first] != ot.Move.KEEP).any()
+
+
 def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
     pytest.importorskip("onnxruntime")
     wide, text = tmp_path / "wide.onnx", tmp_path / "text.onnx"

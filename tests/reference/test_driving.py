@@ -10,7 +10,7 @@ from overtaking import _core
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions
 from overtaking.model.observation import AROUND, OWN, ROLES, WIDTH
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios import profile_names, sample, spec
 from overtaking.sim import engine, reference
 from overtaking.sim.driving import Driver, drive
 from overtaking.sim.stepping import stepper
@@ -105,6 +105,31 @@ def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
     found = drive(scenario, HUMAN, engine.run)
     assert np.unique(expected.stage).size > 4
     assert not difference(found.replace(actions=None), expected)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("profile", sorted({*profile_names()} - {"pinto2023"}))
+def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
+    """All but `pinto2023`, whose ego is told when to begin by what is, not by what it believes."""
+    given = spec(profile)
+    road, same = load_road(given.road), 0
+    for first in range(0, 1000, 100):
+        scenario = sample(given, road, 7, np.arange(first, first + 100, dtype=np.uint64))
+        expected = engine.run(scenario, parameters(scenario)).trace_hash
+        same += int((drive(scenario, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
+    assert same == 1000
+
+
+@pytest.mark.soak
+def test_what_a_policy_does_does_not_depend_on_a_large_batch():
+    given = spec("pinto2023-physical")
+    scenario = sample(given, load_road(given.road), 9, np.arange(4096, dtype=np.uint64))
+    whole = drive(scenario, HUMAN, engine.run)
+    order = np.random.default_rng(5).permutation(4096)
+    small = [order[k : k + 16] for k in range(0, 256, 16)]
+    for part in (order, *small, *order[:64, None]):
+        found = drive(scenario.select(part), HUMAN, engine.run)
+        np.testing.assert_array_equal(found.trace_hash, whole.trace_hash[part])
 
 
 def test_the_reference_lets_a_policy_do_the_same():
