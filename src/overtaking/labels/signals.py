@@ -30,7 +30,7 @@ from overtaking.model.once import once
 from overtaking.model.road import MAX_LANES
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around, Signals, TargetSignals
-from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
 from overtaking.model.values import declarations
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.compiled import chosen_level, constant_values
@@ -95,7 +95,7 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, 
 def _limit_sight(trajectories: Trajectories, outputs: Arrays) -> None:
     """Nothing is seen beyond what the road shows."""
     if trajectories.road.course:
-        shown = trajectories.road.sight(trajectories.states.s[:, Role.EGO] * float(METRES))
+        shown = trajectories.road.sight(trajectories.states.s[:, Role.EGO] * METRES_PER_STEP)
         for name in ("sight_lit", "sight_unlit"):
             np.minimum(outputs[name], as_f32(shown), out=outputs[name])
 
@@ -188,7 +188,7 @@ def _with_opposite_lane(trajectories: Trajectories) -> U8:
     """Lanes, with the next number for what is beyond the lane of oncoming traffic."""
     states, road = trajectories.states, trajectories.road
     edge = float(borders_of(road)[-1])
-    beyond = float(side_of(road)) * states.d > edge / float(METRES)
+    beyond = float(side_of(road)) * states.d > edge / METRES_PER_STEP
     return states.lane + (beyond & (states.lane == road.num_lanes)).view(np.uint8)
 
 

@@ -46,7 +46,7 @@ class Drive:
         self.lane, self.lateral = one.lane[0], seen["lateral"]
         hit = one.run.collided_with[one.number]
         self.collision = first(range(one.frames), lambda t: hit[t] != NO_VEHICLE)
-        self.departure = first(range(one.frames), lambda t: self.lane[t] >= one.road.num_lanes)
+        self.departure = first(range(one.frames), lambda t: self.lane[t] >= one.num_lanes)
         self.spin = first(range(one.frames), self.is_across)
         accident = earlier(self.collision, self.departure, self.spin)
         self.end = one.frames if accident is None else accident

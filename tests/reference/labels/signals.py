@@ -6,6 +6,8 @@ frame by frame. `crates/overtaking-core/src/signals.rs` says the same faster.
 
 from __future__ import annotations
 
+import itertools
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +44,25 @@ class One:
         self.s, self.lane = self.state("s").tolist(), self.state("lane").tolist()
         self.speed = self.state("speed").tolist()
         self.recorded = run.state_valid[number, :, : self.frames].tolist()
+        self.num_lanes = self.road.num_lanes
+        if self.road.is_two_way:
+            self._take_other_side()
+
+    def _take_other_side(self) -> None:
+        """The lane of oncoming traffic is one more, and who comes is seen by nobody."""
+        beyond = self.road.fast_side_neighbour
+        assert beyond is not None
+        edge = 1000.0 * (self.road.side * self.road.boundaries[-1] + beyond.width)
+        d, heading = self.state("d").tolist(), self.state("heading").tolist()
+        for slot in range(self.slots):
+            for frame in range(self.frames):
+                if self.lane[slot][frame] == self.num_lanes:
+                    self.lane[slot][frame] += self.road.side * d[slot][frame] > edge
+            there = [frame for frame in range(self.frames) if self.recorded[slot][frame]]
+            first = there[0] if there else 0
+            if slot and math.cos(1e-4 * heading[slot][first] - self.road.heading) < 0:
+                self.recorded[slot] = [False] * self.frames
+        self.num_lanes += 1
 
     def state(self, name: str) -> Row:
         """A recorded state, shape (vehicle, time)."""
@@ -91,7 +112,7 @@ class One:
         """The nearest vehicle in a place; a leader's centre is not behind the ego's."""
         own, ahead = self.lane[0][frame], place % 2 == 0
         wanted = own + (0, 1, -1)[place // 2]
-        lanes, nearest = self.road.num_lanes, None
+        lanes, nearest = self.num_lanes, None
         for slot in range(1, self.slots):
             here = self.recorded[slot][frame] and self.lane[slot][frame] == wanted
             if not here or own >= lanes or wanted >= lanes:
@@ -159,7 +180,7 @@ def _left_lane(one: One) -> dict[str, Row]:
         total = number = 0
         for slot in range(1, one.slots):
             lane = one.lane[slot][frame]
-            left = lane == one.lane[0][frame] + 1 and lane < one.road.num_lanes
+            left = lane == one.lane[0][frame] + 1 and lane < one.num_lanes
             if not (one.recorded[slot][frame] and left):
                 continue
             length = int(np.rint(one.length[slot] * np.float32(1000.0)))
@@ -178,7 +199,7 @@ def _friction(one: One, speed: F32) -> F32:
     """Peak friction on the mean film of the ego's lane; beside the road that of the nearest one."""
     c, given, k = constants(), conditions(one.run), one.number
     lane = np.array(one.lane[0])
-    nearest = np.where(lane == 255, 0, np.minimum(lane, one.road.num_lanes - 1))
+    nearest = np.where(lane == 255, 0, np.minimum(lane, one.num_lanes - 1))
     film = given["film"].reshape(-1, 8)[k, nearest]
     return at_film(c, speed_columns(c, speed, given["wear"][[k]], given["truck"][[k]]), film)
 
@@ -193,7 +214,20 @@ def _sights(one: One, speed: F32) -> tuple[F32, F32]:
     )
     threshold = outlook(one.run.scenario).sight["lamp_threshold"][[k]]
     lamp = lamp_range(air, known("weather.lamps.rear_position"), threshold)
-    return minimum(maximum(lamp, unlit), known("model.perception.range")), unlit
+    lit = minimum(maximum(lamp, unlit), known("model.perception.range"))
+    shown = as_f32(np.array([_shown(one, s * 1e-3) for s in one.s[0]]))
+    return minimum(lit, shown), minimum(unlit, shown)
+
+
+def _shown(one: One, s: float) -> float:
+    """How far the road lets one see along it from a station [m]."""
+    table = one.road.course.sight if one.road.course else ()
+    if not table:
+        return math.inf
+    for (begin, near), (end, far) in itertools.pairwise(table):
+        if begin <= s < end:
+            return (far - near) / (end - begin) * (s - begin) + near
+    return table[0][1] if s < table[0][0] else table[-1][1]
 
 
 def target_signals(one: One, seen: dict[str, Row], target: int) -> dict[str, Row]:

@@ -136,7 +136,7 @@ def due_return(
     """The longest run of frames in which the ego could have returned: first frame and length."""
     best, run = (-1, 0), 0
     for t in span:
-        away = one.lane[0][t] not in (original, *range(one.road.num_lanes, 256))
+        away = one.lane[0][t] not in (original, *range(one.num_lanes, 256))
         could = away and _is_behind(one, seen, target, t) and _room(one, seen, t) >= 0
         run = run + 1 if could else 0
         if run > best[1]:

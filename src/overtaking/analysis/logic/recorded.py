@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.logic import vocabulary as words
 from overtaking.analysis.logic.integers import beside, changes, down, nearest, runs, up
+from overtaking.labels.instants import oncoming
 from overtaking.labels.law.distances import lawful_gap, sure_decel
 from overtaking.labels.law.opposite import coming, over_its_edge
 from overtaking.labels.law.others import back_indicator, others_at, out_indicator
@@ -36,6 +37,9 @@ Columns = tuple[NDArray[np.integer], ...]
 
 REACH_MM = 200_000
 """Positions of vehicles farther than this from the ego are not written [mm]."""
+
+ONCOMING_REACH_MM = 1_000_000
+"""The same of vehicles that come against the road [mm]."""
 
 _SLOW = 10_000
 """Vehicles below this speed are written as slow ones [mm/s]."""
@@ -195,6 +199,10 @@ class _Recorded:
             up(bodies.width[at]),
         )
 
+    def against(self) -> Columns:
+        row, slot = np.nonzero(oncoming(self._run))
+        return self._numbers[row], slot
+
     def present(self) -> Columns:
         row, slot, _, first, last = runs(np.zeros_like(self._states.lane), self._run.state_valid)
         return self._numbers[row], slot, first, last
@@ -265,8 +273,10 @@ class _Recorded:
     @cached_property
     def _near(self) -> Mask:
         """Which vehicles are near the ego, shape (simulation, vehicle, time)."""
-        s = self._states.s
-        return self._run.state_valid & (np.abs(s - s[:, [Role.EGO]]) <= REACH_MM)
+        s, reach = self._states.s, REACH_MM
+        if self._run.road.is_two_way:
+            reach = np.where(oncoming(self._run), ONCOMING_REACH_MM, REACH_MM)[:, :, None]
+        return self._run.state_valid & (np.abs(s - s[:, [Role.EGO]]) <= reach)
 
     @cached_property
     def _written(self) -> Mask:

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.cases import LEFT, Track, case, ramp
 from tests.support.logic import ALL, group_of, program_of, solved
+from tests.support.overtakes import meeting, rural
 
 from overtaking.analysis.logic import facts as writing
 from overtaking.analysis.logic import integers
@@ -122,3 +123,13 @@ def test_prolog_draws_the_same_conclusions(tmp_path):
     for name, _ in heads:
         assert found.get(name, set()) == expected.get(name, set()), name
     assert found["overtakes"]
+
+
+def test_who_comes_against_the_road_is_opposite_to_the_others_and_ahead_of_nobody():
+    found = solved(program_of(rural(meeting(60.0)), every=20) + THEORY_TEXT)
+    assert found["opposite"] == {(0, 0, 2), (0, 2, 0), (0, 1, 2), (0, 2, 1)}
+    comes = {row[1:3] for row in found["oncoming"] if len(row) > 1}  # The road has one, too.
+    assert comes == {(2, 0), (2, 1)}
+    assert found["ahead"]
+    assert not {row for row in found["ahead"] if 2 in row[1:3]}
+    assert {row[1:3] for row in found["overtakes"]} == {(0, 1)}

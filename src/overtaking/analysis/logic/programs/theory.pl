@@ -27,9 +27,20 @@ apart(S, A, B, F, D, T) :-
     vehicle(S, A, _, M, _), vehicle(S, B, _, N, _),
     D is 2*(X-Y), T is M+N.
 
-% ahead(S,A,B,F): A is ahead of B in the same lane.
+% opposite(S,A,B): A and B drive in opposite directions.
+opposite(S, A, B) :-
+    against(S, A), vehicle(S, B, _, _, _), \+ against(S, B).
+opposite(S, A, B) :-
+    against(S, B), vehicle(S, A, _, _, _), \+ against(S, A).
+
+% oncoming(S,A,B,F): A comes towards B, which drives along the road.
+oncoming(S, A, B, F) :-
+    against(S, A), opposite(S, A, B),
+    position(S, A, F, X), position(S, B, F, Y), X > Y.
+
+% ahead(S,A,B,F): A is ahead of B in the same lane and direction.
 ahead(S, A, B, F) :-
-    in_lane(S, A, F, L), in_lane(S, B, F, L), A =\= B,
+    in_lane(S, A, F, L), in_lane(S, B, F, L), A =\= B, \+ opposite(S, A, B),
     position(S, A, F, X), position(S, B, F, Y), X > Y.
 
 % behind(S,B,A,F): B is behind A in the same lane.
