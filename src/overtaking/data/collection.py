@@ -232,7 +232,7 @@ def _identity(
         "columns": Path(str(columns)).read_text(encoding="utf-8") if is_file else "",
         "recordings": len(names),
         "files_sha256": hashlib.sha256(files.encode()).hexdigest(),
-        "rules": PORTUGAL.version,
+        "rules": PORTUGAL.version + PORTUGAL.two_way_version,
         "reader": READER_VERSION,
         "tables": TABLE_VERSION,
     }
