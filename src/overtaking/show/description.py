@@ -122,6 +122,7 @@ def _road(run: Trajectories) -> Values:
         "lane_ids": [lane.lane_id for lane in road.lanes],
         "length_m": road.length,
         "speed_limit_mps": None if "speed_limit" in unknown else road.speed_limit,
+        **({"is_two_way": True} if road.is_two_way else {}),
     }
 
 
