@@ -90,11 +90,12 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         return zip(*(one[name] for one in found), strict=True)
 
     def stretch(name: str) -> Stretch:
-        low, first, last = rows(name)
+        low, first, last, longest = rows(name)
         return Stretch(
             low=np.array(low, np.float32),
             first=np.array(first, np.int32),
             last=np.array(last, np.int32),
+            longest=np.array(longest, np.int32),
         )
 
     due, length = (np.array(each, np.int32) for each in rows("due"))

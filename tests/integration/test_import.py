@@ -135,7 +135,6 @@ def test_all_three_formats_are_commands(tmp_path, capsys):
             ["bvh", "{scene}"],
             "expected commonroad or exid or highd or ngsim or pinto2023 or table, got bvh",
         ),
-        (["commonroad", "{folder}"], "no plain file"),
         (["commonroad", "missing.xml"], "no such file"),
         (["commonroad", "{scene}", "--vehicles", "1"], "expected 2 to 64, got 1"),
         (["commonroad", "{scene}", "--lanelet", "5"], "lanelet 5"),
@@ -145,7 +144,7 @@ def test_all_three_formats_are_commands(tmp_path, capsys):
 def test_a_mistake_costs_one_line_and_leaves_nothing(scene, tmp_path, capsys, arguments, message):
     empty = scene.with_name("empty.xml")
     empty.write_text("", encoding="utf-8")
-    words = {"{scene}": str(scene), "{folder}": str(scene.parent), "{empty}": str(empty)}
+    words = {"{scene}": str(scene), "{empty}": str(empty)}
     given = [words.get(word, word) for word in arguments]
     out = tmp_path / "data"
     assert main(["import", *given, "--out", str(out)]) == 2

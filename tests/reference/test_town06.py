@@ -291,7 +291,9 @@ def test_a_road_is_loaded_by_name_or_by_file(maps: Path):
 
 
 def test_what_is_neither_a_name_nor_a_file_is_refused():
-    with pytest.raises(ConfigError, match="expected town06 or motorway or an OpenDRIVE file"):
+    with pytest.raises(
+        ConfigError, match="expected town06 or motorway or rural or an OpenDRIVE file"
+    ):
         load_road("town6")
     with pytest.raises(ConfigError, match="expected its name alone"):
         load_road("town06", 40)

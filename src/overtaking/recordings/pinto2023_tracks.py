@@ -145,17 +145,18 @@ def road_of(
 
 
 def _agreement(road: Road, values: dict[str, NDArray[Any]]) -> float:
-    """Share of the positions whose lane on a road is the one that the table names."""
+    """Share of the positions whose lane on a road is the one that the table names.
+
+    Where a vehicle has left the road, the table names what lies beside it: such positions do not
+    count, but at least half of all are in the lanes of the road that they were recorded on.
+    """
     _, d = road.road_coordinates(values["x_m"], -values["y_m"])
     ids = np.array([lane.lane_id for lane in road.lanes])
     lane = road.lane_index(d)
-    # The table names what lies beside the road where a vehicle has left it.
-    found = np.where(
-        (lane >= 0) & (lane < road.num_lanes),
-        ids[np.clip(lane, 0, road.num_lanes - 1)] == values["lane_id"],
-        ~np.isin(values["lane_id"], ids),
-    )
-    return float(found.mean())
+    is_inside = (lane >= 0) & (lane < road.num_lanes)
+    agrees = is_inside & (ids[np.clip(lane, 0, road.num_lanes - 1)] == values["lane_id"])
+    counts = is_inside | np.isin(values["lane_id"], ids)
+    return float(agrees.sum() / max(counts.sum(), 0.5 * len(lane)))
 
 
 def tracks_of(
