@@ -23,6 +23,7 @@ from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.simulators.carla import processes
 from overtaking.simulators.carla import run as carla
+from overtaking.simulators.carla.jobs import LOADING
 from overtaking.simulators.carla.library import HEADLESS, SERVER_VARIABLE
 from overtaking.simulators.carla.world import SimulationLostError
 from overtaking.simulators.carla_server import server as serving
@@ -70,7 +71,9 @@ def test_a_server_that_hangs_is_replaced_and_the_result_the_same(monkeypatch: py
     time.sleep(0.5)
     (hung,) = processes.servers()
     os.kill(hung, signal.SIGSTOP)
-    thread.join(120.0)
+    # On a busy machine it may hang while the map is still loading, for which there is patience.
+    thread.join(2.0 * LOADING)
+    assert not thread.is_alive()
     assert (found[0] == expected).all()
     assert processes.servers() != [hung]
 
@@ -115,7 +118,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
             while not any((tmp_path / "data").glob("simulations/*.parquet")):
                 time.sleep(0.05)
             os.kill(there.process, signal.SIGKILL)
-            thread.join(60.0)
+            thread.join(2.0 * LOADING)
 
     with pytest.raises(AssertionError, match="did not live to the end"):
         run_until_it_dies()
