@@ -23,6 +23,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.model.trajectory import Stage
 from overtaking.simulators.carla import processes, traffic
 from overtaking.simulators.carla import run as carla
+from overtaking.simulators.carla.jobs import LOADING
 from overtaking.simulators.carla.library import SERVER_VARIABLE
 from overtaking.simulators.carla.world import SimulationLostError
 
@@ -135,7 +136,7 @@ def test_a_client_that_is_killed_is_replaced_and_the_result_the_same():
     time.sleep(1.0)
     (worker,) = processes.workers()
     os.kill(worker, signal.SIGKILL)
-    thread.join(60.0)
+    thread.join(2.0 * LOADING)
     assert (found[0].trace_hash == expected).all()
 
 
