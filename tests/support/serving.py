@@ -80,3 +80,14 @@ def serving(data: Dataset, policy: str = "paper") -> Generator[str]:
         server.stop()
         thread.join(_PATIENCE_S)
         assert not thread.is_alive()
+
+
+def get(client: Client, path: str) -> Any:
+    status, told, _ = client.ask("GET", path)
+    assert status == 200, told
+    return told
+
+
+def branches(*changes: dict[str, Any]) -> dict[str, Any]:
+    """What the page sends for a branch."""
+    return {"changes": changes}

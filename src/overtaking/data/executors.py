@@ -41,14 +41,9 @@ def executor_of(
     """
     check_name(engine, ENGINES, what="engine", where="generate")
     if engine == "ray":
-        from overtaking.data.ray_executor import RayExecutor
-
-        executor = RayExecutor(address=address, workers=workers)
-        executor.refuse_unreachable()
-        return executor
-    _refuse_beside(engine, "address", address, "ray")
+        return _ray(address, workers)
+    _refuse_strangers(engine, address, workers)
     if engine == "threads":
-        _refuse_beside(engine, "workers", workers, "processes or ray")
         return in_this_process
     if engine == "auto" and workers is None and not _pays(recipe, simulator, place):
         return in_this_process
@@ -74,17 +69,27 @@ def executor_for(
     """
     check_name(engine, ENGINES, what="engine", where="import")
     if engine == "ray":
-        from overtaking.data.ray_executor import RayExecutor
-
-        executor = RayExecutor(address=address, workers=workers)
-        executor.refuse_unreachable()
-        return executor
-    _refuse_beside(engine, "address", address, "ray")
-    if engine == "threads":
-        _refuse_beside(engine, "workers", workers, "processes or ray")
+        return _ray(address, workers)
+    _refuse_strangers(engine, address, workers)
     if engine == "threads" or (engine == "auto" and workers is None and shards == 1):
         return in_this_process
     return ProcessExecutor(workers=processors.wanted() if workers is None else workers)
+
+
+def _ray(address: str | None, workers: int | None) -> Executor:
+    """The executor of a cluster that answers."""
+    from overtaking.data.ray_executor import RayExecutor
+
+    executor = RayExecutor(address=address, workers=workers)
+    executor.refuse_unreachable()
+    return executor
+
+
+def _refuse_strangers(engine: str, address: str | None, workers: int | None) -> None:
+    """Refuse what an engine of this machine has no use for."""
+    _refuse_beside(engine, "address", address, "ray")
+    if engine == "threads":
+        _refuse_beside(engine, "workers", workers, "processes or ray")
 
 
 def _pays(recipe: Recipe, simulator: Simulator, place: Place) -> bool:

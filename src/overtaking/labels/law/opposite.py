@@ -170,7 +170,7 @@ def over_its_edge(case: Case, rows: Index, frames: Index, slot: Index) -> F32:
 
 
 def _nobody_evades(case: Case) -> Check:
-    """Nobody who comes towards the ego brakes hard for it or leaves the lane."""
+    """Oncoming drivers neither brake hard for the ego nor leave their lane."""
     run = case.trajectories
     if not run.road.is_two_way:
         return inapplicable(case.signals.num_simulations)

@@ -188,8 +188,8 @@ L29 = Rule(
     code="L29",
     law="Regulation of signs, Article 24 (signs C14a to C14c)",
     title="Signs against overtaking",
-    gloss="Behind a sign C14a nobody overtakes a motor vehicle other than a two-wheeler; behind "
-    "C14b heavy vehicles do not overtake, behind C14c motorcycles and mopeds do not.",
+    gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
+    "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
     predicate="From line_crossed until the target is passed and the ego back on its side: the "
     "ego's front is not in a stretch with a sign for it and its target.",
     unit="m",
