@@ -104,10 +104,13 @@ def state(page: Page) -> dict[str, Any]:
 def test_from_the_list_to_an_article_and_back_by_link(browser: Browser, url: str, key: Any):
     with at(browser, url, key) as page:
         expect(page.locator(".found")).to_have_text("120 of 120 simulations")
-        page.check("#classes-Success_I")
-        page.check("#light-night")
-        page.check("#rules-L3")
+        # All at once: before the server has answered to the first.
+        page.evaluate(
+            "document.querySelectorAll('#classes-Success_I, #light-night, #rules-L3')"
+            ".forEach(box => box.click())"
+        )
         settle(page)
+        assert page.evaluate("location.hash") == "#class=Success_I&rule=L3&light=night"
         count = page.locator("label[for=rules-L3] .many").inner_text()
         expect(page.locator(".found")).to_have_text(f"{count} of 120 simulations")
         assert page.locator(ROWS).count() == int(count)

@@ -34,7 +34,7 @@ const shown = (): Shown | null => runs.shown(state);
 const time = clock(here, shown);
 const link = address(policies, source.policy, content);
 const help = helpDialog();
-const all = overview(source, (choice) => change({ choice }));
+const all = overview(source, here);
 const narrow = list(source, here, all);
 const tools = controls(source, here, time, () => help.showModal());
 const road = stage(refresh);

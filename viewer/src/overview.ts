@@ -5,6 +5,7 @@ import { h, svg, table, write } from "./dom.ts";
 import { beginning, bound, type Choice, conditions, type Facet, FACETS, type Moment, noChoice, ORDERS, print } from "./link.ts";
 import { beyond, thousands } from "./list.ts";
 import type { Answer, Listed, Source } from "./source.ts";
+import type { Store } from "./state.ts";
 import { chip } from "./text.ts";
 
 const TITLES: Record<Facet, string> = { classes: "Class", rules: "Broken rules, all of them", weather: "Weather", light: "Light", ego: "Ego", overtaken: "Vehicle to overtake" };
@@ -33,13 +34,13 @@ interface Value {
   line: HTMLElement;
 }
 
-export function overview(source: Source, change: (choice: Choice) => void): Overview {
+export function overview(source: Source, store: Store): Overview {
   const { words } = source;
-  let choice = noChoice();
   const trouble = h("p", { class: "failure", role: "alert" });
   const put = (part: Partial<Choice>): void => {
     write(trouble, "");
-    change({ ...choice, first: 0, ...part });
+    // From the state, not from the last answer: people choose faster than servers answer.
+    store.change({ choice: { ...store.state.choice, first: 0, ...part } });
   };
   const values = FACETS.flatMap((facet) => names(source, facet).map((name) => value(words, facet, name, () => put({ [facet]: chosen(facet) }))));
   const chosen = (facet: Facet): string[] => values.filter((one) => one.facet === facet && one.box.checked).map((one) => one.name);
@@ -62,7 +63,7 @@ export function overview(source: Source, change: (choice: Choice) => void): Over
   let drawing = 0;
   const turn = (way: 1 | -1): void => {
     const first = listed && beyond(listed, way);
-    if (first !== null) change({ ...choice, first });
+    if (first !== null) store.change({ choice: { ...store.state.choice, first } });
   };
   const head = ["", "class", "along the road, seen from the ego", "length", "weather", "broken rules", "outcome"];
   const element = h(
@@ -102,7 +103,7 @@ export function overview(source: Source, change: (choice: Choice) => void): Over
       links[Math.min(Math.max(at + way, 0), links.length - 1)]?.focus();
     },
     tell: (found, moment) => {
-      ({ choice } = moment);
+      const { choice } = moment;
       listed = found;
       tellValues(values, found, choice);
       margin.tell(choice);
