@@ -220,6 +220,14 @@ def test_it_pulls_out_only_where_there_is_room_and_a_gain(around, allowed: bool)
     assert bool(ego_module.may_pull_out(m.given, view)[0]) is allowed
 
 
+def test_the_longest_wait_does_not_ask_more_of_others_than_an_emergency_does():
+    # Demanding a tenth of the gap alone, it would let the other brake by 40 m/s^2.
+    m, view = view_of(ego(gap_acceptance=0.1, safe_decel=4.0))
+    assert float(view.demand[0]) == pytest.approx(0.1, rel=1e-5)
+    assert float(view.imposes[0]) == pytest.approx(6.0)
+    assert float(m.given.constants.most_imposed) == pytest.approx(6.0)
+
+
 @pytest.mark.parametrize(
     ("distance", "leader", "wanted"),
     [
