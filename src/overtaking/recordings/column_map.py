@@ -9,6 +9,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -154,6 +155,7 @@ class ColumnMap:
         return tuple(dict.fromkeys([*found, *(self.only if table == TRACKS else ())]))
 
 
+@cache
 def map_names() -> tuple[str, ...]:
     """The maps that are part of the package."""
     return tuple(sorted(path.stem for path in MAPS.glob("*.toml")))

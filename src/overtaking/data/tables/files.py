@@ -70,6 +70,7 @@ class TableWriter:
         """
         self._path, self._digest = path, ContentDigest(schema or SCHEMAS[table])
         self._waiting: list[pa.Table] = []
+        self._waiting_bytes = 0
         self._rows = _parquet_writer(path, table, schema or SCHEMAS[table])
 
     def __enter__(self) -> Self:
@@ -90,13 +91,15 @@ class TableWriter:
         """
         self._digest.update(piece)
         self._waiting.append(piece)
-        if sum(each.nbytes for each in self._waiting) >= LEAST_GROUP_BYTES:
+        self._waiting_bytes += piece.nbytes  # Counted once: it takes long for many columns.
+        if self._waiting_bytes >= LEAST_GROUP_BYTES:
             self._write_group()
 
     def _write_group(self) -> None:
         """Write the waiting pieces as one row group."""
         group = pa.concat_tables(self._waiting)
         self._waiting.clear()
+        self._waiting_bytes = 0
         if group.num_rows:
             self._rows.write_table(group, row_group_size=group.num_rows)
 
