@@ -4,21 +4,36 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.support.cases import FOG, HIGH, LEFT, LOW, NIGHT, Track, case, ramp
+from tests.support.cases import FOG, HIGH, LEFT, LOW, NIGHT, Track, case, ramp, two_way_road
+from tests.support.law_fixtures_of_two_ways import (
+    EVADES,
+    SIGNED,
+    braking,
+    coming,
+    lined,
+    place,
+    slow_truck,
+)
 from tests.support.overtakes import (
     BACK,
     BESIDE,
+    CROSSED,
     STAYS,
     against,
     alone,
+    along_course,
     crossing,
+    meeting,
     overtake,
     passing,
     queue,
+    rural,
 )
 from tests.support.worlds import wide_road
 
+from overtaking.model.course import Course, PlaceKind
 from overtaking.model.labels import Verdict
+from overtaking.model.road import RoadMark
 
 LEGAL, BREACH = Verdict.LEGAL, Verdict.ILLEGAL
 APART, UNKNOWN = Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE
@@ -33,6 +48,12 @@ def behind(gap: float, speed: float = 30.0, **given: Any) -> Any:
     length = 4.4 if ego.get("kind") != "T" else (4.4 + 8.0) / 2
     leader = Track(s=gap + length, speed=speed)
     return case(Track(**ego), leader, events={}, **given)
+
+
+def truck(gap: float, **given: Any) -> Any:
+    """A truck, or another vehicle, that follows a car at 72 km/h on a two-way road."""
+    given = {"road": two_way_road(), "ego": TRUCK} | given
+    return behind(gap, 20.0, **given)
 
 
 FIXTURES: list[tuple[str, Verdict, str, Any]] = [
@@ -53,6 +74,13 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("A3", APART, "a truck at 47 km/h", lambda: behind(30.0, 13.0, ego=TRUCK | {"speed": 13.0})),
     ("A3", APART, "a car", lambda: behind(30.0)),
     ("A3", UNKNOWN, "no kinds", lambda: behind(30.0, unknown=("kinds",))),
+    ("A4", LEGAL, "a truck at 72 km/h, 66 m behind", lambda: truck(66.0)),
+    ("A4", BREACH, "a truck at 72 km/h, 63 m behind", lambda: truck(63.0)),
+    ("A4", APART, "a car", lambda: truck(63.0, ego={})),
+    ("A4", APART, "about to overtake", lambda: slow_truck(40.0, events=CROSSED)),
+    ("A4", APART, "lanes of one direction", lambda: truck(63.0, road=wide_road())),
+    ("A4", APART, "where sign 276 holds", lambda: truck(63.0, road=SIGNED)),
+    ("A4", UNKNOWN, "no kinds", lambda: truck(63.0, unknown=("kinds",))),
     ("O1", LEGAL, "past on the left", overtake),
     ("O1", LEGAL, "two lanes to the left", lambda: passing(2, events=BESIDE)),
     ("O1", BREACH, "past on the right", lambda: passing(0, target={"lane": 1})),
@@ -99,8 +127,41 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("O8", BREACH, "no indicator", lambda: overtake(ego={"lights": 0})),
     ("O8", APART, "no attempt", alone),
     ("O8", UNKNOWN, "no indicators", lambda: overtake(unknown=("indicators",))),
+    ("O9", LEGAL, "back before sign 276", lambda: place(PlaceKind.NO_OVERTAKING, 600.0, 700.0)),
+    ("O9", BREACH, "behind sign 276", lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0)),
+    (
+        "O9",
+        BREACH,
+        "a truck behind sign 277",
+        lambda: place(PlaceKind.NO_OVERTAKING_HEAVY, 300.0, 350.0, ego={"kind": "T"}),
+    ),
+    (
+        "O9",
+        APART,
+        "a truck past a motorcycle behind sign 277",
+        lambda: place(
+            PlaceKind.NO_OVERTAKING_HEAVY,
+            300.0,
+            350.0,
+            ego={"kind": "T"},
+            target={"kind": "MC"},
+        ),
+    ),
+    (
+        "O9",
+        APART,
+        "past a motorcycle",
+        lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0, target={"kind": "MC"}),
+    ),
+    ("O9", APART, "no line is crossed", lambda: crossing(events={"attempt": 60}, road=SIGNED)),
     ("O9", APART, "a road whose signs are known", overtake),
     ("O9", UNKNOWN, "no signs recorded", lambda: overtake(unknown=("speed_limit",))),
+    (
+        "O9",
+        UNKNOWN,
+        "no kinds",
+        lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0, unknown=("kinds",)),
+    ),
     ("O10", LEGAL, "2.5 m beside a bicycle", lambda: passing(1, target={"kind": "B"})),
     ("O10", BREACH, "1.8 m beside it", lambda: passing(3.0 / 3.75, target={"kind": "B"})),
     ("O10", APART, "past a car", lambda: passing(1)),
@@ -129,6 +190,61 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("O13", LEGAL, "the target keeps its speed", lambda: passing(1)),
     ("O13", BREACH, "the target accelerates", lambda: passing(1, target={"accel": 0.6})),
     ("O13", APART, "never alongside", crossing),
+    ("O14", LEGAL, "oncoming traffic far off", coming),
+    ("O14", BREACH, "oncoming traffic near", lambda: rural(meeting(35.0))),
+    ("O14", APART, "nobody oncoming", rural),
+    ("O14", APART, "lanes of one direction", overtake),
+    ("O15", LEGAL, "oncoming traffic drives on", coming),
+    ("O15", BREACH, "who comes brakes hard", lambda: coming(accel=braking(250, 260))),
+    ("O15", BREACH, "who comes leaves the lane", lambda: coming(lane=EVADES)),
+    ("O15", APART, "nobody oncoming", rural),
+    ("O16", LEGAL, "800 m in sight", lambda: along_course(Course(sight=((0.0, 800.0),)))),
+    ("O16", BREACH, "700 m in sight", lambda: along_course(Course(sight=((0.0, 700.0),)))),
+    ("O16", APART, "lanes of one direction", overtake),
+    ("O16", UNKNOWN, "no weather", lambda: rural(unknown=("weather",))),
+    (
+        "O17",
+        LEGAL,
+        "60 m before a crossing of pedestrians",
+        lambda: place(PlaceKind.PEDESTRIAN_CROSSING, 566.0, 570.0),
+    ),
+    (
+        "O17",
+        BREACH,
+        "at a crossing of pedestrians",
+        lambda: place(PlaceKind.PEDESTRIAN_CROSSING, 300.0, 304.0),
+    ),
+    (
+        "O17",
+        BREACH,
+        "a bicycle at a crossing of pedestrians",
+        lambda: place(PlaceKind.PEDESTRIAN_CROSSING, 300.0, 304.0, target={"kind": "B"}),
+    ),
+    (
+        "O17",
+        LEGAL,
+        "250 m before a level crossing",
+        lambda: place(PlaceKind.LEVEL_CROSSING, 760.0, 770.0),
+    ),
+    (
+        "O17",
+        BREACH,
+        "200 m before a level crossing",
+        lambda: place(PlaceKind.LEVEL_CROSSING, 700.0, 710.0),
+    ),
+    (
+        "O17",
+        APART,
+        "a bicycle before a level crossing",
+        lambda: place(PlaceKind.LEVEL_CROSSING, 700.0, 710.0, target={"kind": "B"}),
+    ),
+    ("O17", APART, "no crossing", overtake),
+    (
+        "O17",
+        UNKNOWN,
+        "no kinds",
+        lambda: place(PlaceKind.LEVEL_CROSSING, 700.0, 710.0, unknown=("kinds",)),
+    ),
     ("V1", LEGAL, "in clear air", overtake),
     ("V1", BREACH, "at 108 km/h in dense fog", lambda: overtake(weather=DENSE)),
     ("V1", APART, "nothing was driven", lambda: alone(events={"collision": 0})),
@@ -197,6 +313,18 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("B1", UNKNOWN, "no lamps", lambda: alone(unknown=("lamps",))),
     ("S1", LEGAL, "over a broken line", overtake),
     ("S1", BREACH, "8 cm over the edge line", lambda: alone(ego={"lane": -1.055 / 3.75})),
+    (
+        "S1",
+        BREACH,
+        "out over a line that is solid on this side",
+        lambda: lined((0, 200, RoadMark.SOLID_BROKEN)),
+    ),
+    (
+        "S1",
+        LEGAL,
+        "out and back over a line that is solid for the others alone",
+        lambda: lined((0, 510, RoadMark.BROKEN_SOLID), (510, 600, RoadMark.SOLID)),
+    ),
     ("S1", APART, "a road without continuous lines", lambda: overtake(road=wide_road())),
     ("S1", UNKNOWN, "no lines", lambda: overtake(unknown=("marks",))),
 ]

@@ -28,7 +28,10 @@ CODES = (
 )
 """The Portuguese rules that are written as a logic program too."""
 
-CODES_DE = ("A1", "A2", "A3", "O1", "O2", "O6", "O8", "O11", "O12", "V2", "F1", "S1")
+CODES_DE = (
+    *("A1", "A2", "A3", "A4", "O1", "O2", "O3", "O6", "O8", "O9", "O11", "O12", "O14", "O15"),
+    *("O17", "V2", "F1", "S1"),
+)
 """The German ones."""
 
 PROGRAMS = {"pt": (("law.lp",), CODES), "de": (("law.lp", "law_de.lp"), CODES_DE)}

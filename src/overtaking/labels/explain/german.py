@@ -10,7 +10,7 @@ from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import Quantity, sole
 from overtaking.labels.explain.remedies import REMEDIES, apart
 from overtaking.labels.law.frames import after_cut_ins
-from overtaking.labels.law.germany.distances import way_of
+from overtaking.labels.law.germany.distances import room_for_another, way_of
 from overtaking.labels.law.germany.driving import limits
 from overtaking.model.signals import Around
 from overtaking.world.constants import known
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def _ahead(asked: Callable[[F32], F32]) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
-    """A1 and A3: more distance to the leader, in the frame that lacks most."""
+    """A1, A3 and A4: more distance to the leader, in the frame that lacks most."""
 
     def find(facts: BreachFacts) -> tuple[Remedy, ...]:
         frames = facts.beside(Around.LEADER)
@@ -62,6 +62,7 @@ def _behind(place: Around) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
 GERMAN: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
     "A1": _ahead(lambda speed: way_of(speed, "law_de.distance.courts")),
     "A3": _ahead(lambda speed: np.full_like(speed, known("law_de.distance.trucks"))),
+    "A4": _ahead(room_for_another),
     "O2": _faster,
     "O3": REMEDIES["L24"],
     "O4": REMEDIES["L7"],
@@ -74,10 +75,15 @@ GERMAN: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
     "O6": _behind(Around.LEFT_FOLLOWER),
     "O7": lambda facts: apart(facts, "law_de.side.motor"),
     "O8": REMEDIES["L18"],
+    "O9": REMEDIES["L29"],
     "O10": lambda facts: apart(facts, "law_de.side.bicycle"),
     "O11": REMEDIES["L9"],
     "O12": _behind(Around.FOLLOWER),
     "O13": REMEDIES["L22"],
+    "O14": REMEDIES["L25"],
+    "O15": REMEDIES["L26"],
+    "O16": REMEDIES["L15"],
+    "O17": REMEDIES["L17"],
     "V1": REMEDIES["L14"],
     "V1s": REMEDIES["L14s"],
     "V2": _at_limit,

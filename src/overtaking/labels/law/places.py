@@ -1,6 +1,6 @@
 """Rules about places and signs: L17, L29."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -10,13 +10,16 @@ from overtaking.labels.law.frames import ENDLESS, Span, ends_in, manoeuvre
 from overtaking.labels.law.opposite import on_the_other_side, time_back_error
 from overtaking.labels.law.others import ego_may_be, target_may_be
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
-from overtaking.model.course import Place, PlaceKind
+from overtaking.model.course import PlaceKind
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case, Verdict
 from overtaking.model.once import once
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.constants import known
+
+Along = tuple[float, float]
+"""Beginning and end of a stretch of road [m]."""
 
 _HALF = np.float32(0.5)
 _LATE = np.iinfo(np.int32).max  # Later than any frame.
@@ -40,7 +43,7 @@ def overtaking(case: Case) -> Span:
     return Span(start=np.where(begun, events.line_crossed, stop + 1).astype(np.int32), stop=stop)
 
 
-def _distance(case: Case, places: Iterable[Place]) -> F32:
+def distance_from(case: Case, along: Iterable[Along]) -> F32:
     """Distance of the ego's front from the nearest of some stretches, (simulation, time) [m].
 
     Within a stretch it is negative: the way to the nearer end.
@@ -49,26 +52,40 @@ def _distance(case: Case, places: Iterable[Place]) -> F32:
     front = as_f32(run.states.s[:, Role.EGO]) * METRES
     front = front + run.scenario.vehicles.length[:, [Role.EGO]] * _HALF
     least = np.full(front.shape, ENDLESS)
-    for one in places:
-        start, stop = np.float32(_begin(one)), np.float32(one.stop)
+    for one in along:
+        start, stop = np.float32(one[0]), np.float32(one[1])
         least = np.minimum(least, np.maximum(start - front, front - stop))
     return least
 
 
-def _begin(place: Place) -> float:
-    """Where a place begins for those who come along the road [m]."""
-    return place.start - (float(known("law.places.before")) if place.kind in _BEFORE else 0.0)
+def stretches_of(
+    case: Case, kinds: Iterable[PlaceKind], before: Callable[[PlaceKind], float]
+) -> list[Along]:
+    """The stretches of some kinds of places for those who come along the road.
 
-
-def _places_of(case: Case, kinds: Iterable[PlaceKind]) -> list[Place]:
+    Args:
+        case: The batch.
+        kinds: Which.
+        before: How long before a place of a kind its stretch begins [m].
+    """
     course = case.trajectories.road.course
     wanted = frozenset(kinds)
-    return [one for one in course.places_for(1) if one.kind in wanted] if course else []
+    places = course.places_for(1) if course else ()
+    return [(one.start - before(one.kind), one.stop) for one in places if one.kind in wanted]
 
 
-def _away_from(case: Case, places: list[Place], about: Mask) -> Check:
+def immediately_before(kind: PlaceKind) -> float:
+    """How long before a place one must not overtake, by Article 41 [m]."""
+    return float(known("law.places.before")) if kind in _BEFORE else 0.0
+
+
+def _places_of(case: Case, kinds: Iterable[PlaceKind]) -> list[Along]:
+    return stretches_of(case, kinds, immediately_before)
+
+
+def away_from(case: Case, along: list[Along], about: Mask) -> Check:
     """The ego does not overtake in some stretches, in the simulations that count."""
-    span, margin = overtaking(case), _distance(case, places)
+    span, margin = overtaking(case), distance_from(case, along)
     rows = np.flatnonzero(about & span.exists)
     inside = span.mask(rows, margin.shape[1])
     low = np.full(len(about), ENDLESS)
@@ -86,11 +103,11 @@ def _lawful_place(case: Case) -> Check:
     free = every & (run.road.num_lanes > 1) & ~on_the_other_side(case).exists
     always = _places_of(case, set(_OF_41) - set(_WAIVED))
     found = [
-        _away_from(case, always, every),
-        _away_from(case, _places_of(case, _WAIVED), every & ~free),
+        away_from(case, always, every),
+        away_from(case, _places_of(case, _WAIVED), every & ~free),
         target_keeps_its_side(case),
     ]
-    return _together(found)
+    return together(found)
 
 
 def target_keeps_its_side(case: Case) -> Check:
@@ -112,7 +129,7 @@ def target_reach(case: Case) -> F32:
     return across + run.scenario.vehicles.width[row, slot] * _HALF
 
 
-def _together(found: list[Check]) -> Check:
+def together(found: list[Check]) -> Check:
     """Several checks of one rule: the least margin, and the frames of the breaches."""
     about = np.stack([one.verdict != Verdict.NOT_APPLICABLE for one in found])
     low = np.where(about, np.stack([one.margin for one in found]), ENDLESS).min(axis=0)
@@ -122,20 +139,22 @@ def _together(found: list[Check]) -> Check:
     return decided(low < ENDLESS, low, firsts.min(axis=0), last, longest=longest)
 
 
-def _place_error(case: Case, found: Check, errors: Errors) -> F32:
+def place_spread(before: Callable[[PlaceKind], float]) -> Spread:
     """Of a position along the road, and of when the ego is back where that decides [m]."""
-    stop, position = overtaking(case).stop, np.float32(errors.position)
-    places = _places_of(case, PlaceKind)
-    at_end = np.abs(at(_distance(case, places), stop) - found.margin) < _SAME
-    at_end &= stop == on_the_other_side(case).stop
-    late = at(case.signals.speed, stop) * time_back_error(case, errors)
-    return np.where(at_end, np.sqrt(position * position + late * late), position)
+
+    def of(case: Case, found: Check, errors: Errors) -> F32:
+        stop, position = overtaking(case).stop, np.float32(errors.position)
+        along = stretches_of(case, PlaceKind, before)
+        at_end = np.abs(at(distance_from(case, along), stop) - found.margin) < _SAME
+        at_end &= stop == on_the_other_side(case).stop
+        late = at(case.signals.speed, stop) * time_back_error(case, errors)
+        return np.where(at_end, np.sqrt(position * position + late * late), position)
+
+    formula = "sp; where the ego is back decides, sqrt(sp^2 + (v sp / speed across the road)^2)"
+    return Spread(formula=formula, of=of)
 
 
-_OF_PLACE = Spread(
-    formula="sp; where the ego is back decides, sqrt(sp^2 + (v sp / speed across the road)^2)",
-    of=_place_error,
-)
+_OF_PLACE = place_spread(immediately_before)
 
 L17 = Rule(
     id="pt.ce.41@2013",
@@ -165,18 +184,18 @@ def _no_sign(case: Case) -> Check:
         return inapplicable(n)
     motorcycle = ego_may_be(case, VehicleKind.MC)
     signs = {
-        PlaceKind.NO_OVERTAKING: target_may_be(case, bicycle=False) & ~_of_two_wheels(case),
+        PlaceKind.NO_OVERTAKING: target_may_be(case, bicycle=False) & ~of_two_wheels(case),
         PlaceKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.T),
         PlaceKind.NO_OVERTAKING_MOTORCYCLE: motorcycle,
     }
     found = [
-        _away_from(case, _places_of(case, [kind]), about & (case.target.vehicle != NO_VEHICLE))
+        away_from(case, _places_of(case, [kind]), about & (case.target.vehicle != NO_VEHICLE))
         for kind, about in signs.items()
     ]
-    return _together(found)
+    return together(found)
 
 
-def _of_two_wheels(case: Case) -> Mask:
+def of_two_wheels(case: Case) -> Mask:
     """Whether the target is known to be a motorcycle."""
     vehicle, run = case.target.vehicle, case.trajectories
     kind = run.scenario.vehicles.kind[np.arange(len(vehicle)), slot_of(vehicle)]

@@ -150,10 +150,10 @@ def passing_sight(case: Case) -> F32:
         AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
     """
     own = at(case.signals.speed, pull_out_frame(case))
-    return (own + np.float32(case.trajectories.road.speed_limit)) * _time_needed(case)
+    return (own + np.float32(case.trajectories.road.speed_limit)) * time_needed(case)
 
 
-def _time_needed(case: Case) -> F32:
+def time_needed(case: Case) -> F32:
     """Time for which the oncoming lane has to be clear, shape (simulation,) [s]."""
     events = case.events
     back = np.where(events.return_end != NEVER, events.return_end, events.back)
@@ -162,16 +162,16 @@ def _time_needed(case: Case) -> F32:
     return out + known("law.sight.oncoming_margin")
 
 
-def _oncoming_error(case: Case, found: Check, errors: Errors) -> F32:
+def sight_error(case: Case, found: Check, errors: Errors) -> F32:
     """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
     if not case.trajectories.road.is_two_way:
         return np.zeros_like(found.margin)
     decides = np.abs(passing_margin(case) - found.margin) < _SAME
-    return np.where(decides, _time_needed(case) * np.float32(errors.speed), np.float32(0.0))
+    return np.where(decides, time_needed(case) * np.float32(errors.speed), np.float32(0.0))
 
 
 _ONCOMING = Spread(
-    formula="(time on the left + 1 s) sv where oncoming traffic decides, else 0", of=_oncoming_error
+    formula="(time on the left + 1 s) sv where oncoming traffic decides, else 0", of=sight_error
 )
 
 

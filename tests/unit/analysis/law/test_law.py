@@ -105,7 +105,7 @@ def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
     assert [one["tolerance"] for one in told["tolerances"]] == list(STEPS)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["law", "compare", str(data.path)]) == 0
-    assert "de-1@2013" in capsys.readouterr().out
+    assert "de-2@2013" in capsys.readouterr().out
     assert api.load(data.path).content_hash == before
 
 

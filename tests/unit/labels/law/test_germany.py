@@ -63,7 +63,7 @@ def test_each_rule_has_its_article_and_how_its_text_is_known():
         assert "§" in rule.law
         assert rule.where
         assert rule.source == "de-stvo-2013"
-    assert {rule.code for rule in GERMANY.rules if rule.text is not Text.READ} == {"O9", "F2", "G1"}
+    assert {rule.code for rule in GERMANY.rules if rule.text is not Text.READ} == {"F2", "G1"}
 
 
 def test_no_policy_asks_for_a_rule_whose_text_was_not_read():

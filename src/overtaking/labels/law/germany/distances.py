@@ -11,7 +11,9 @@ from overtaking.labels.law.frames import (
     stretch,
 )
 from overtaking.labels.law.others import ego_may_be
+from overtaking.labels.law.places import distance_from, stretches_of
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
+from overtaking.model.course import PlaceKind
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
@@ -150,4 +152,52 @@ A3 = Rule(
     without_attempt=True,
     check=_truck_distance,
     spread=Spread(formula="sqrt(2) sp", of=_two_places),
+)
+
+
+def _leaves_room(case: Case) -> Check:
+    """Where a truck can be overtaken, the gap ahead of it holds another vehicle."""
+    run, trucks = case.trajectories, ego_may_be(case, VehicleKind.T) & ~case.events.attempted
+    in_town = run.road.kind == "town" and "road_kind" not in run.unknown
+    if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
+        return inapplicable(case.signals.num_simulations)
+    gap, counts = _gap(case)
+    bans = stretches_of(case, [PlaceKind.NO_OVERTAKING], lambda _: 0.0)
+    counts = counts & trucks[:, None] & (distance_from(case, bans) >= 0.0)
+    margin = gap - room_for_another(case.signals.speed)
+    return always(np.where(counts, margin, ENDLESS), settled(case))
+
+
+def room_for_another(speed: F32) -> F32:
+    """A car with the distance that courts ask for behind and ahead of it [m]."""
+    way = way_of(np.float32(2.0) * speed, "law_de.distance.courts")
+    return known("law_de.distance.entering_length") + way
+
+
+def _room_error(case: Case, found: Check, errors: Errors) -> F32:
+    """Error of a gap less a length and twice the way of 1.5 s."""
+    del case
+    way = 2.0 * float(known("law_de.distance.courts")) * errors.speed
+    return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position, way))
+
+
+A4 = Rule(
+    id="de.stvo.4-2@2013",
+    code="A4",
+    law="§ 4(2) StVO",
+    title="Trucks leave room",
+    gloss="Outside built-up areas vehicles with a speed limit of their own keep so large a "
+    "distance to the vehicle ahead that one that overtakes can move in. This does not hold for who "
+    "moves out to overtake, on several lanes in one direction, and where overtaking is forbidden.",
+    predicate="At every frame on a two-way road with one lane each way outside built-up areas, "
+    "the ego being a truck that does not begin to overtake, not in a stretch of sign 276: gap to "
+    "the leader >= 4.5 m + 2 x 1.5 s v, a car with the distances of A1. Exceptions as A1.",
+    unit="m",
+    grade=Grade.LIGHT,
+    source="de-stvo-2013",
+    needs=frozenset(["kinds", "road_kind"]),
+    without_attempt=True,
+    check=_leaves_room,
+    spread=Spread(formula="sqrt(2 sp^2 + (3 s)^2 sv^2)", of=_room_error),
+    two_way=True,
 )

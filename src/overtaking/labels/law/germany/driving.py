@@ -1,4 +1,4 @@
-"""Driving in general: §§ 1 to 3, 7, 17 and 18, and sign 295."""
+"""Driving in general: §§ 1 to 3, 7, 17 and 18, and signs 295 and 296."""
 
 from dataclasses import replace
 
@@ -168,8 +168,9 @@ S1 = replace(
     L2,
     id="de.stvo.295@2013",
     code="S1",
-    law="§ 41(1) StVO, annex 2, sign 295",
-    gloss="A continuous line must not be driven over, not even in part.",
+    law="§ 41(1) StVO, annex 2, signs 295 and 296",
+    gloss="A continuous line must not be driven over, not even in part; beside a broken one, the "
+    "line of the own side rules.",
     grade=Grade.LIGHT,
     source=_STVO,
 )

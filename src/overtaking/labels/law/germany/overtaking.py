@@ -23,7 +23,7 @@ from overtaking.labels.law.frames import ENDLESS, instant
 from overtaking.labels.law.gaps import L24
 from overtaking.labels.law.lamps import L18
 from overtaking.labels.law.others import ego_may_be
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
 from overtaking.labels.law.sight import optical_range
 from overtaking.labels.law.when import L7, L9
 from overtaking.model.labels import Case
@@ -207,29 +207,6 @@ O8 = replace(
     law="§ 5(4a) StVO",
     gloss="Announce moving out and moving back in time and clearly, with the indicators.",
     source="de-stvo-2013",
-)
-
-
-def _signs(case: Case) -> Check:
-    """Signs are recorded nowhere: roads of this package have none, others may have."""
-    attempted = case.events.attempted
-    may_stand = attempted & ("speed_limit" in case.trajectories.unknown)
-    margin = np.zeros(len(attempted), np.float32)
-    return decided(may_stand, margin, case.events.attempt, case.events.attempt)
-
-
-O9 = Rule(
-    id="de.stvo.5-3-2@2013",
-    code="O9",
-    law="§ 5(3) number 2 StVO; signs 276 and 277",
-    title="Signs",
-    gloss="Do not overtake where a sign forbids it.",
-    predicate="Signs are recorded nowhere: undecidable where posted signs are not known.",
-    unit="1",
-    grade=Grade.LIGHT,
-    source="de-stvo-2013",
-    needs=frozenset(["speed_limit"]),
-    check=_signs,
 )
 
 

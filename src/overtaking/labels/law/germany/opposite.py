@@ -1,0 +1,165 @@
+"""The side of oncoming traffic and places where one does not overtake: §§ 5, 19, 26, and signs."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from overtaking.labels.law.frames import instant
+from overtaking.labels.law.opposite import L25, L26
+from overtaking.labels.law.others import ego_may_be, target_may_be
+from overtaking.labels.law.places import (
+    away_from,
+    immediately_before,
+    of_two_wheels,
+    place_spread,
+    stretches_of,
+    together,
+)
+from overtaking.labels.law.rule import Check, Grade, Rule, Spread, decided, inapplicable
+from overtaking.labels.law.sight import passing_margin, pull_out_frame, sight_error
+from overtaking.model.course import PlaceKind
+from overtaking.model.labels import Case
+from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.vehicles import VehicleKind
+from overtaking.world.constants import known
+
+_STVO = "de-stvo-2013"
+_SENTENCE = "§ 5(2) sentence 1 StVO"
+_SEE = (
+    "Only those may overtake who can see that they will not hinder oncoming traffic at any time of "
+    "the overtake."
+)
+_FINE = "100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)"
+
+
+def _signs(case: Case) -> Check:
+    """The ego does not overtake vehicles with several tracks where a sign forbids it."""
+    run, attempted = case.trajectories, case.events.attempted
+    if not (run.road.course and run.road.course.places_for(1)):
+        # Only a posted limit tells that signs are known.
+        may_stand = attempted & ("speed_limit" in run.unknown)
+        margin = np.zeros(len(attempted), np.float32)
+        return decided(may_stand, margin, case.events.attempt, case.events.attempt)
+    tracks = target_may_be(case, bicycle=False) & ~of_two_wheels(case)
+    tracks &= case.target.vehicle != NO_VEHICLE
+    signs = {
+        PlaceKind.NO_OVERTAKING: tracks,
+        PlaceKind.NO_OVERTAKING_HEAVY: tracks & ego_may_be(case, VehicleKind.T),
+    }
+    return together(
+        [
+            away_from(case, stretches_of(case, [kind], immediately_before), about)
+            for kind, about in signs.items()
+        ]
+    )
+
+
+O9 = Rule(
+    id="de.stvo.5-3-2@2013",
+    code="O9",
+    law="§ 5(3) number 2 StVO; signs 276 and 277",
+    title="Signs",
+    gloss="Sign 276 forbids motor vehicles to overtake motor vehicles with several tracks, sign "
+    "277 those above 3.5 t.",
+    predicate="From line_crossed until the target is passed and the ego back on its side: the "
+    "ego's front is not in a stretch with a sign for it, the target being no bicycle and no "
+    "motorcycle.",
+    unit="m",
+    grade=Grade.LIGHT,
+    source=_STVO,
+    needs=frozenset(["kinds", "speed_limit"]),
+    check=_signs,
+    spread=place_spread(immediately_before),
+)
+
+O14 = replace(
+    L25,
+    id="de.stvo.5-2-1.pull-out@2013",
+    code="O14",
+    law=_SENTENCE,
+    gloss=_SEE,
+    grade=Grade.SERIOUS,
+    source=_STVO,
+    fine=_FINE,
+)
+
+O15 = replace(
+    L26,
+    id="de.stvo.5-2-1.oncoming@2013",
+    code="O15",
+    law=_SENTENCE,
+    gloss=_SEE,
+    grade=Grade.SERIOUS,
+    source=_STVO,
+    fine=_FINE,
+)
+
+
+def _oversees(case: Case) -> Check:
+    """As the line is crossed, air and road show as much as the overtake takes."""
+    if not case.trajectories.road.is_two_way:
+        return inapplicable(case.signals.num_simulations)
+    return instant(pull_out_frame(case), passing_margin(case), case.events.attempted)
+
+
+O16 = Rule(
+    id="de.stvo.5-2-1.sight@2013",
+    code="O16",
+    law=_SENTENCE,
+    title="Sight of the road ahead",
+    gloss=_SEE,
+    predicate="On two-way roads, at line_crossed, or at attempt if none is crossed: air and road "
+    "give a sight of (v + limit) (time on the left + 1 s) or more.",
+    unit="m",
+    grade=Grade.SERIOUS,
+    source=_STVO,
+    needs=frozenset(["weather"]),
+    check=_oversees,
+    spread=Spread(formula="(time on the left + 1 s) sv", of=sight_error),
+    fine=_FINE,
+    two_way=True,
+)
+
+
+def _before(kind: PlaceKind) -> float:
+    """How long before a crossing one does not overtake [m]."""
+    if kind is PlaceKind.LEVEL_CROSSING:
+        return float(known("law_de.pass.level_crossing"))
+    return immediately_before(kind)
+
+
+def _no_crossing(case: Case) -> Check:
+    """Nobody is overtaken at crossings of pedestrians, no motor vehicle before the railway."""
+    if not case.trajectories.road.course:
+        return inapplicable(case.signals.num_simulations)
+    there = case.target.vehicle != NO_VEHICLE
+    crossings = {
+        PlaceKind.PEDESTRIAN_CROSSING: there,
+        PlaceKind.LEVEL_CROSSING: there & target_may_be(case, bicycle=False),
+    }
+    return together(
+        [
+            away_from(case, stretches_of(case, [kind], _before), about)
+            for kind, about in crossings.items()
+        ]
+    )
+
+
+O17 = Rule(
+    id="de.stvo.19-1-3.26-3@2013",
+    code="O17",
+    law="§ 19(1) sentence 3 and § 26(3) StVO",
+    title="Crossings",
+    gloss="Nobody is overtaken at crossings of pedestrians, and no motor vehicle at level "
+    "crossings, from their sign on.",
+    predicate="From line_crossed until the target is passed and the ego back on its side: the "
+    "ego's front is not in a crossing of pedestrians or 50 m before it, nor, the target being no "
+    "bicycle, in a level crossing or 240 m before it.",
+    unit="m",
+    grade=Grade.LIGHT,
+    source=_STVO,
+    needs=frozenset(["kinds"]),
+    check=_no_crossing,
+    spread=place_spread(_before),
+    fine="80 EUR at crossings of pedestrians (BKat 113)",
+)
