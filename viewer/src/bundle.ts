@@ -81,7 +81,7 @@ export interface Packed {
   vehicles: PackedVehicle[];
   gap_mm: Gaps;
   sight_dm: number[] | null;
-  law: { rule: string; margin: number; breach: [number, number] | null; margins: Gaps | null }[];
+  law: { rule: string; margin: number; breach: [number, number] | null; margins: Gaps | null; paragraph: string }[];
   ghosts: Ghost[];
 }
 
@@ -193,6 +193,7 @@ export interface LawRow {
   margin: number;
   breach: [number, number] | null;
   margins: Gaps | null;
+  paragraph: string; // To be quoted.
 }
 
 export interface Vehicle {

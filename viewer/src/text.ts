@@ -180,13 +180,12 @@ export function ruleCard(reader: Reader, code: string): Node[] {
   const rule = words.rules[code]!;
   const k = run.values.broken.findIndex((one) => one.rule === code);
   const told = run.told.broken[k];
-  const margin = run.law.find((one) => one.rule === code)?.margin ?? 0;
+  const row = run.law.find((one) => one.rule === code);
   const head = `${code} ${rule.title}, ${rule.law}`;
   return [
-    h("p", {}, h("b", {}, head), told ? `: ${told.grade}` : `: kept, least margin ${signed(margin, 2)} ${rule.unit}`),
-    h("p", {}, rule.gloss),
+    h("p", {}, h("b", {}, head), told ? `: ${told.grade}` : `: kept, least margin ${signed(row?.margin ?? 0, 2)} ${rule.unit}`),
     ...(told ? [h("p", {}, told.facts)] : []),
-    ...(told?.remedies ?? []).map((one, place) => h("p", { class: "remedy" }, `${place ? "or" : "needs"} ${one}`)),
+    h("blockquote", {}, row?.paragraph ?? rule.gloss),
     h("p", { class: "quiet" }, `Checked: ${rule.predicate}`),
   ];
 }

@@ -72,7 +72,7 @@ test("what a link cannot mean is left out", () => {
 });
 
 test("a rule is broken where its margin is negative", () => {
-  const one = { rule: "L12", margin: -1, breach: [1, 5] as [number, number], margins: [9, -1, 2, -1, -2, -1, 3] };
+  const one = { rule: "L12", margin: -1, breach: [1, 5] as [number, number], margins: [9, -1, 2, -1, -2, -1, 3], paragraph: "" };
   assert.deepEqual(brokenSpans(one), [[1, 1], [3, 5]]);
   assert.equal(isBroken(one, 2), false);
   assert.equal(isBroken(one, 4), true);

@@ -40,7 +40,17 @@ def paragraphs(
         For each rule its code, law, verdict, margin, unit, text and paragraph. The margin is None
         where the verdict is neither legal nor illegal.
     """
-    values = describe(labelled, number, pack=pack, policies=policies)
+    return paragraphs_of(labelled, describe(labelled, number, pack=pack, policies=policies), pack)
+
+
+def paragraphs_of(labelled: Labelled, values: Values, pack: Pack) -> list[Values]:
+    """The same, from what is described already.
+
+    Args:
+        labelled: As in `paragraphs`.
+        values: What `describe` says of it.
+        pack: The rules.
+    """
     order = (Verdict.ILLEGAL, Verdict.UNDECIDABLE, Verdict.LEGAL, Verdict.NOT_APPLICABLE)
     verdicts = [Verdict(int(one)) for one in labelled.findings.verdict[0]]
     places = sorted(range(len(verdicts)), key=lambda place: order.index(verdicts[place]))

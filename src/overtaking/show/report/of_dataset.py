@@ -3,9 +3,7 @@
 from pathlib import Path
 
 from overtaking.data.load import Dataset
-from overtaking.labels.label import label
-from overtaking.model.events import Events
-from overtaking.model.trajectory import Trajectories
+from overtaking.labels.label import Labelled, label
 from overtaking.show.report.learned import learn
 from overtaking.show.report.write import Progress, Report, write_report
 
@@ -42,9 +40,8 @@ def report_on(
         OSError: A file cannot be written.
     """
 
-    def example(simulation: int) -> tuple[Trajectories, Events]:
-        run = data.trajectory(simulation)
-        return run, label(run).events
+    def example(simulation: int) -> Labelled:
+        return label(data.trajectory(simulation))
 
     return write_report(
         data.features(policy, reading=reading),

@@ -82,6 +82,12 @@ def remarks(notes: Iterable[str], warnings: Iterable[str] = ()) -> str:
     return f'<ul class="remarks">{"".join(items)}</ul>\n' if items else ""
 
 
+def quotations(texts: Iterable[str]) -> str:
+    """Paragraphs to be quoted, one below the other."""
+    said = "".join(f"<p>{escape(one)}</p>" for one in texts)
+    return f'<blockquote class="verdicts">{said}</blockquote>\n' if said else ""
+
+
 def missing(text: str) -> str:
     """A place where something would be, with the reason why it is not."""
     return f'<div class="missing">{escape(text)}</div>\n'

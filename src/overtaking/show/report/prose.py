@@ -18,7 +18,8 @@ FOOT = (
 ABOUT_EXAMPLES = (
     "Of each class the simulation whose numeric features lie nearest to the medians of the class. "
     "The coloured bands are what the ego does; positions along the road are seen from a mark that "
-    "moves with the mean speed of the target, so that slopes are differences of speed."
+    "moves with the mean speed of the target, so that slopes are differences of speed. Below each "
+    "is what there is to say of the rules that it breaks, as far as the policy counts them."
 )
 
 _EXPLAINED = ("classes", "features")

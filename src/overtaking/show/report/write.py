@@ -16,16 +16,24 @@ from overtaking.analysis.stats.distributions import typical
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.summary import Summarized
-from overtaking.model.events import Events
-from overtaking.model.trajectory import Trajectories
+from overtaking.labels.label import Labelled
+from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.show.palette import CLASS_COLOURS
+from overtaking.show.paragraphs import paragraphs
 from overtaking.show.report import files, gallery, prose
 from overtaking.show.report.learned import Learned
 from overtaking.show.report.learned import sections as sections_of
-from overtaking.show.report.page import Section, definitions, page, paragraph, remarks
+from overtaking.show.report.page import (
+    Section,
+    definitions,
+    page,
+    paragraph,
+    quotations,
+    remarks,
+)
 
-Example = Callable[[int], tuple[Trajectories, Events]]
-"""A simulation by its number: a batch of one, and what happened in it."""
+Example = Callable[[int], Labelled]
+"""A simulation by its number: a batch of one, with its labels."""
 
 Progress = Callable[[int, int], None]
 Facts = Sequence[tuple[str, str]]
@@ -175,10 +183,19 @@ class Writer(files.ReportFolder):
     def _example(self, name: str, simulation: int, example: Example) -> str:
         """One of them, or the reason why it cannot be drawn."""
         try:
-            one = diagram(*example(simulation))
+            labelled = example(simulation)
+            one = diagram(labelled.trajectories, labelled.events)
         except OvertakingError as error:
             return self.lacking(f"Simulation {simulation} ({name}) cannot be drawn: {error}")
-        return self.pictures(lambda: [gallery.overtake_picture(name, simulation, one)])
+        drawn = self.pictures(lambda: [gallery.overtake_picture(name, simulation, one)])
+        return drawn + self._verdicts(labelled, simulation)
+
+    def _verdicts(self, labelled: Labelled, simulation: int) -> str:
+        """A paragraph for each rule that the policy requires and that is broken."""
+        (policy,) = (one for one in POLICIES if one.name == self._found.sample.policy)
+        said = paragraphs(labelled, simulation, PORTUGAL, POLICIES)
+        counted = [one for one in said if one["rule"] in policy.required]
+        return quotations(one["paragraph"] for one in counted if one["verdict"] == "illegal")
 
     def pictures(self, made: Callable[[], Sequence[gallery.Picture]]) -> str:
         """Draw figures and write them, unless the extra that draws is missing."""

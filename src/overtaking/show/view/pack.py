@@ -20,6 +20,7 @@ from overtaking.model.vehicles import Colour
 from overtaking.show import wording
 from overtaking.show.description import describe
 from overtaking.show.judgement import EVENTS
+from overtaking.show.paragraphs import paragraphs_of
 from overtaking.show.video.palette import PAINT
 from overtaking.show.view.ghosts import ghosts
 
@@ -60,7 +61,7 @@ def pack(labelled: Labelled, number: int) -> Values:
         ],
         "gap_mm": _gap(labelled),
         "sight_dm": _sight(labelled),
-        "law": _law(labelled),
+        "law": _law(labelled, values),
         "ghosts": ghosts(run),
     }
 
@@ -182,8 +183,9 @@ def _sight(labelled: Labelled) -> list[int] | None:
     return differences(np.rint(sight * 10.0).astype(np.int64))
 
 
-def _law(labelled: Labelled) -> list[Values]:
-    """The rules that are broken, then those that are nearly."""
+def _law(labelled: Labelled, values: Values) -> list[Values]:
+    """The rules that are broken, then those that are nearly, each with its paragraph."""
+    said = {one["rule"]: one["paragraph"] for one in paragraphs_of(labelled, values, PORTUGAL)}
     findings, frames = labelled.findings, int(labelled.trajectories.num_frames[0])
     series = margins(labelled)
     rows = []
@@ -199,6 +201,7 @@ def _law(labelled: Labelled) -> list[Values]:
                 "margin": round(margin, _PLACES),
                 "breach": span,
                 "margins": None if of is None else sparse(of[:frames], _STEPS_PER_UNIT),
+                "paragraph": said[rule.code],
             }
         )
     return sorted(rows, key=lambda one: (one["breach"] is None, one["breach"] or []))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from html import escape
@@ -13,9 +14,12 @@ import pandas as pd
 import pytest
 from tests.support.features import synthetic_features
 
+from overtaking import label, sample, simulate
 from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.labels.law import POLICIES
+from overtaking.model.labels import Verdict
 from overtaking.show.report import files
 from overtaking.show.report.page import page, paragraph, remarks, table_block
 from overtaking.show.report.write import Report, write_report
@@ -204,6 +208,22 @@ def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path)
     made = write_report(frame, tmp_path, title="x", example=example)
     assert any("the simulator has changed" in one for one in made.remarks)
     assert not any(name.startswith("example") for name in made.figures)
+
+
+def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path: Path):
+    labelled = label(simulate(sample("motorway", 12, 1)))
+    illegal = int(np.flatnonzero(labelled.findings.verdict[:, 2] == Verdict.ILLEGAL)[0])
+    one = labelled.select(np.array([illegal]))
+    text = write_report(
+        synthetic_features(12), tmp_path, title="x", example=lambda _: one
+    ).path.read_text(encoding="utf-8")
+    (quoted, *_) = re.findall(r'<blockquote class="verdicts">(.*?)</blockquote>', text)
+    broken = {
+        rule
+        for rule in POLICIES[0].required
+        if one.findings.verdict[0, one.findings.rules.index(rule)] == Verdict.ILLEGAL
+    }
+    assert {*re.findall(r"the rule (\w+) was broken", quoted)} == broken
 
 
 def test_progress_ends_at_its_end(undrawn: None, tmp_path: Path):

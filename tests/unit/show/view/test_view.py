@@ -17,10 +17,12 @@ import pytest
 import overtaking as ot
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge import terms
+from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.labels.law.policies import STORED
 from overtaking.model.labels import Verdict
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.show.description import describe
+from overtaking.show.paragraphs import paragraphs
 from overtaking.show.view import write as writing
 from overtaking.show.view.pack import NEAR, pack
 from overtaking.show.view.page import THEMES, page, words
@@ -128,6 +130,16 @@ def test_little_is_needed_of_a_recording(labelled: Labelled):
     assert values["road"]["lines"] is None
     assert values["ghosts"] == []
     assert all(set(vehicle["lights"]) == {0} for vehicle in values["vehicles"])
+
+
+def test_each_rule_that_can_be_opened_has_its_paragraph(labelled, packs):
+    assert any(one["law"] for one in packs)
+    for number, packed in enumerate(packs):
+        said = paragraphs(one(labelled, number), number, PORTUGAL, POLICIES)
+        expected = {each["rule"]: each["paragraph"] for each in said}
+        for row in packed["law"]:
+            assert row["paragraph"] == expected[row["rule"]]
+            assert ("was broken" in row["paragraph"]) == (row["breach"] is not None)
 
 
 def test_words_are_those_of_the_glossary():
