@@ -5,15 +5,15 @@
 
 Trains `examples/rl/learn_to_overtake.py` with three seeds, or takes what it saved, and drives in
 profiles that it has not trained in: `motorway-risk`, with more of what is dangerous, and
-`pinto2023-physical`, with physical weather and drivers who decide. Everything is paired by scene: the
-scenario's own driver (human), one that stays in its lane, and the trained ones. Time gained over
-staying is the way that the ego is ahead at the last frame that both have, over the mean speed of
-who stays. Differences have 95 % intervals by a bootstrap of scenes. Scenes count as they are drawn,
-without weights: `overtaking evaluate` is for rates of natural traffic.
+`pinto2023-physical`, with physical weather and drivers who decide. Everything is paired by scene:
+the scenario's own driver (human), one that stays in its lane, and the trained ones. Time gained
+over staying is the way that the ego is ahead at the last frame that both have, over the mean speed
+of who stays. Differences have 95 % intervals by a bootstrap of scenes. Scenes count as they are
+drawn, without weights: `overtaking evaluate` is for rates of natural traffic.
 
-The criterion, fixed before the scenes of this seed were drawn: the lower limit of the time gained is
-above 0, and collisions per attempt are no more than the upper limit of the human drivers'. Fails
-where one of them does not hold. The harder one, that the upper limit of the difference to human
+The criterion was fixed before the scenes of this seed were drawn: the lower limit of the time
+gained is above 0, and collisions per attempt are no more than the upper limit of human drivers.
+Fails where one of them does not hold. A harder one, that the upper limit of the difference to human
 drivers is not above 0, is printed beside it and decides nothing.
 """
 

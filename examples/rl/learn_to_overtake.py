@@ -2,10 +2,11 @@ r"""Train a driver with PPO, and drive with it.
 
     python examples/rl/learn_to_overtake.py --steps 98304 --out learned.zip
 
-Needs Stable-Baselines3 (`make rl`, then `.venv-rl/bin/python`). The driver decides twice a second
+Needs Stable-Baselines3 (`make rl`, then `.venv-rl/bin/python`). The driver decides once a second
 when to signal, pull out, give up and return; pedals and steering are those of the scenario's
-driver. It learns in two profiles in turns, because what it learns in one does not hold in others. It sees the truth, as an automated car with good sensors would. In training and afterwards a
-rule guards it: no lane change begins where the gap is too small. Training takes minutes on a core.
+driver. It learns in two profiles in turns, because what it learns in one does not hold in others.
+It sees the truth, as an automated car with good sensors would. In training and afterwards a rule
+guards it: no lane change begins where the gap is too small. Training takes minutes on a core.
 """
 
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
