@@ -1,16 +1,20 @@
 """Does a trained driver gain time, and how often does it collide, beside human drivers?
 
     .venv-rl/bin/python benchmarks/learned.py --models a.zip b.zip c.zip
-    .venv-rl/bin/python benchmarks/learned.py --scenes 2000
+    .venv-rl/bin/python benchmarks/learned.py --scenes 2000 6000
 
-Trains `examples/rl/learn_to_overtake.py` with three seeds on `motorway`, or takes what it saved,
-and drives in scenes that no training has seen: of `motorway-risk`, with more of what is dangerous,
-and of `pinto2023-physical`, another road with other drivers. Everything is paired by scene: the
-scenario's own driver (human), one that stays in its lane, and the trained ones. Time gained over
-staying is the way that the ego is ahead at the last frame that both have, over the mean speed of
-who stays. Differences have 95 % intervals by a bootstrap of scenes. Scenes count as they are drawn,
-without weights: `overtaking evaluate` is for rates of natural traffic. Fails where a trained driver
-gains no time, or collides in more of its attempts than human drivers may, by their upper limit.
+Trains `examples/rl/learn_to_overtake.py` with three seeds, or takes what it saved, and drives in
+profiles that it has not trained in: `motorway-risk`, with more of what is dangerous, and
+`pinto2023-physical`, with physical weather and drivers who decide. Everything is paired by scene:
+the scenario's own driver (human), one that stays in its lane, and the trained ones. Time gained
+over staying is the way that the ego is ahead at the last frame that both have, over the mean speed
+of who stays. Differences have 95 % intervals by a bootstrap of scenes. Scenes count as they are
+drawn, without weights: `overtaking evaluate` is for rates of natural traffic.
+
+The criterion was fixed before the scenes of this seed were drawn: the lower limit of the time
+gained is above 0, and collisions per attempt are no more than the upper limit of human drivers.
+Fails where one of them does not hold. A harder one, that the upper limit of the difference to human
+drivers is not above 0, is printed beside it and decides nothing.
 """
 
 import argparse
@@ -18,7 +22,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from examples.rl.learn_to_overtake import HOLD, Learned, train
+from examples.rl.learn_to_overtake import HOLD, STEPS, Learned, train
 from numpy.typing import NDArray
 
 import overtaking as ot
@@ -26,7 +30,7 @@ from overtaking.analysis.stats.moments import wilson
 from overtaking.model.events import NEVER
 
 PROFILES = ("motorway-risk", "pinto2023-physical")
-SEED = 190_123  # Of the scenes; those of training have other seeds and numbers.
+SEED = 2_319_001  # Of the scenes; those of training have other seeds and numbers.
 REPLICATES = 2000
 PIECE = 250
 
@@ -132,15 +136,15 @@ def main() -> int:
     """Train where nothing is given, drive and print."""
     options = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     options.add_argument("--models", type=Path, nargs="*", default=[])
-    options.add_argument("--steps", type=int, default=80_000)
-    options.add_argument("--scenes", type=int, default=1000)
-    options.add_argument("--profiles", nargs="*", default=PROFILES)
+    options.add_argument("--steps", type=int, default=STEPS)
+    options.add_argument("--scenes", type=int, nargs=2, default=(1000, 6000))
     given = options.parse_args()
     models = list(given.models)
     for seed in () if models else (1, 2, 3):
         models.append(Path(f"learned-{seed}.zip"))
-        train("motorway", given.steps, seed).save(models[-1])
-    results = [table(one, driven(one, given.scenes, models)) for one in given.profiles]
+        train(given.steps, seed).save(models[-1])
+    scenes = zip(PROFILES, given.scenes, strict=True)
+    results = [table(one, driven(one, count, models)) for one, count in scenes]
     return 0 if all(results) else 1
 
 

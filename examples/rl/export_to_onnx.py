@@ -29,7 +29,9 @@ class Driver(nn.Module):
         """Take the layers that answer, and not those that judge."""
         super().__init__()
         policy = model.policy
-        self.layers = nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
+        self.layers = nn.Sequential(
+            policy.features_extractor, policy.mlp_extractor.policy_net, policy.action_net
+        )
         for name in ("least", "most", "scale"):
             self.register_buffer(name, torch.tensor([getattr(one, name) for one in COLUMNS]))
 

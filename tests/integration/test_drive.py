@@ -97,11 +97,38 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
         np.testing.assert_array_equal(again.trace_hash[0], run.trace_hash[number])
 
 
+def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
+    """Through every shard, an interruption and new labels."""
+    calls = {"left": 2}
+
+    def brutal(seen: ot.Observation) -> np.ndarray:
+        calls["left"] -= seen.decision == 0
+        if calls["left"] < 0:
+            raise RuntimeError("tired")
+        return np.full((len(seen.active), 2), 99.0)
+
+    one = ot.Driver(policy=brutal, observe="truth", hold=10)
+    given = {"keep": "features", "overrides": SHORT, "shard_size": 8, "driver": one}
+    with pytest.raises(PolicyError):
+        ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", **given)
+    calls["left"] = 9
+    data = ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", resume=True, **given)
+    scenario = ot.sample("pinto2023-physical", 20, seed=3, overrides=SHORT)
+    run = ot.drive(scenario, brutal, observe="truth", hold=10)
+    assert run.actions
+    assert run.actions.clipped is not None
+    parts = [run.actions.clipped[first : first + 8].sum() for first in (0, 8, 16)]
+    assert [shard.clipped for shard in data.manifest.shards] == parts
+    assert min(parts) > 0
+    assert ot.relabel(data.path).manifest.clipped == sum(parts)
+
+
 def test_data_sets_without_a_policy_have_no_actions(tmp_path):
     data = ot.generate("pinto2023-physical", 3, 3, tmp_path / "own", overrides=SHORT)
     assert data[1].actions is None
     assert "actions" not in data.kept_tables
     assert not (tmp_path / "own" / "actions").exists()
+    assert "clipped" not in (tmp_path / "own" / "dataset.json").read_text()
 
 
 def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):

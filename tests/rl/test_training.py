@@ -67,7 +67,7 @@ def test_a_driver_learns_to_avoid_accidents(tmp_path: Path):
     """PPO, a few thousand steps; what is saved is a policy of `drive` that repeats itself."""
     from examples.rl.learn_to_overtake import HOLD, Learned, train
 
-    model = train("motorway", 12_288, seed=1)
+    model = train(12_288, seed=1, profiles=["motorway"])
     last = np.mean([episode["r"] for episode in model.ep_info_buffer])
     assert last > -30.0, "half of the drivers who do anything have accidents: about -50"
     model.save(tmp_path / "learned.zip")
@@ -86,7 +86,7 @@ def test_a_network_in_onnx_drives_as_the_trained_one(tmp_path: Path):
     from examples.rl.export_to_onnx import export
     from examples.rl.learn_to_overtake import HOLD, Learned, train
 
-    model = train("motorway", 4096, seed=2)
+    model = train(4096, seed=2)
     model.save(tmp_path / "learned.zip")
     export(model, tmp_path / "learned.onnx")
     driver = api.driver_of(str(tmp_path / "learned.onnx"), "truth", action="decision", hold=HOLD)
@@ -105,6 +105,6 @@ def test_the_notebook_runs(repository: Path, workdir: Path):
     cells = json.loads(page.read_text(encoding="utf-8"))["cells"]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     text = "\n".join(code)
-    assert "steps=80_000" in text
-    exec(compile(text.replace("steps=80_000", "steps=4096"), page, "exec"), {"__name__": "page"})
+    assert "steps=98_304" in text
+    exec(compile(text.replace("steps=98_304", "steps=4096"), page, "exec"), {"__name__": "page"})
     assert (workdir / "learned.zip").exists()

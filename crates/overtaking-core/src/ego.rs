@@ -154,8 +154,7 @@ pub fn decide<S: Simd, const N: usize>(
         w.c.patience_floor,
     );
     let demand = own.gap_acceptance * impatience;
-    let told = own.gap_acceptance.simd_le(0.0);
-    let ahead = pick!(w.count, near.slot[LEAD], |j| state.vx[j]);
+    let told = is_told(w);
     let view = View {
         own,
         speed: state.vx[EGO],
@@ -173,7 +172,7 @@ pub fn decide<S: Simd, const N: usize>(
         ),
         impatience,
         told,
-        ordered: told & believed.detected[LEAD] & (state.vx[EGO] - ahead).simd_gt(own.passing_gain),
+        ordered: told & believed.detected[LEAD] & faster(state, w, near).simd_gt(own.passing_gain),
     };
     wait(state, w, &view);
     let intent = match orders {
@@ -231,6 +230,22 @@ pub fn decide<S: Simd, const N: usize>(
     end(state, w, &intent, next, step);
     state.stage_time = choose(next.simd_ne(old), splat(w.simd, 0.0), state.stage_time);
     state.stage = next;
+}
+
+/// Whether the ego is told to change lanes, as in the study: it demands no gap.
+#[inline(always)]
+pub fn is_told<S: Simd, const N: usize>(w: &World<'_, S, N>) -> M<S> {
+    w.p[EGO].gap_acceptance.simd_le(0.0)
+}
+
+/// By how much the ego is in truth faster than its leader, which decides where it is told.
+#[inline(always)]
+pub fn faster<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    near: &Neighbours<S>,
+) -> V<S> {
+    state.vx[EGO] - pick!(w.count, near.slot[LEAD], |j| state.vx[j])
 }
 
 /// Whether the ego is sound and in a stage.

@@ -3,10 +3,10 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::ego::{can_abort, can_remain, has_arrived, has_passed, is_behind};
+use crate::ego::{can_abort, can_remain, faster, has_arrived, has_passed, is_behind, is_told};
 use crate::lanes::{M, V, choose, pick_each, splat};
 use crate::orders::{can_go_back, can_go_out};
-use crate::state::{EGO, ROLES, State, World};
+use crate::state::{EGO, LEAD, ROLES, State, World};
 use crate::step::Mind;
 
 /// Whether another driver sees what the model's driver believes, or how it is.
@@ -76,7 +76,7 @@ pub fn observe<S: Simd, const N: usize>(
     for (role, columns) in around.chunks_exact_mut(AROUND_NAMES.len()).enumerate() {
         let seen = if role < ROLES {
             match source {
-                Source::Human => believed(w, mind, role),
+                Source::Human => believed(state, w, mind, role),
                 Source::Truth => real(state, w, mind, role),
             }
         } else {
@@ -129,16 +129,23 @@ struct Seen<S: Simd> {
     accel: V<S>,
 }
 
+/// What the model's driver decides by: its beliefs, and the true speed of approach where it is told.
 #[inline(always)]
 fn believed<S: Simd, const N: usize>(
-    _: &World<'_, S, N>,
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
     mind: Mind<'_, S>,
     role: usize,
 ) -> Seen<S> {
+    let detected = mind.believed.detected[role];
+    let mut closing = mind.believed.closing[role];
+    if role == LEAD {
+        closing = choose(is_told(w) & detected, faster(state, w, mind.near), closing);
+    }
     Seen {
-        detected: mind.believed.detected[role],
+        detected,
         gap: mind.believed.gap[role],
-        closing: mind.believed.closing[role],
+        closing,
         accel: mind.believed.accel[role],
     }
 }

@@ -40,6 +40,7 @@ def of_dataset(data: Dataset) -> Values:
         "content_hash": data.content_hash,
         "shards": len(manifest.shards),
         "tables": tables,
+        **({"clipped": manifest.clipped} if identity.policy else {}),
         **_balance(data),
         "finished": provenance.finished,
         "package": provenance.package,
@@ -68,11 +69,13 @@ def render_generated(values: Values) -> Text:
     seconds = values["duration_s"]
     rate = values["simulations"] / max(seconds, 1e-3)
     shares = f"balanced: {_shares(values)}\n" if "balance" in values else ""
+    count = values.get("clipped", 0)
+    clipped = f"{count:,} answers of the policy were beyond the limits, and clipped\n"
     return Text(
         f"{values['simulations']:,} simulations of {values['profile']} in {values['data']}: "
         f"{_megabytes(values):.1f} MB, {seconds:.1f} s, {rate:,.0f}/s\n"
         f"content {values['content_hash']}\n"
-        f"{shares}"
+        f"{shares}{clipped if count else ''}"
         f"next: overtaking show {values['data']} 0"
     )
 
@@ -92,6 +95,8 @@ def render(values: Values) -> Table:
     rows.append(("content", values["content_hash"]))
     if "balance" in values:
         rows.append(("balance", _shares(values)))
+    if "clipped" in values:
+        rows.append(("clipped answers", f"{values['clipped']:,}"))
     rows.append(("made", f"{values['finished']} by overtaking {values['package']}"))
     rows.append(("on", values["machine"]))
     for name, table in values["tables"].items():

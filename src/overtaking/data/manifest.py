@@ -18,6 +18,7 @@ from pydantic import (
     SerializerFunctionWrapHandler,
     ValidationError,
     field_serializer,
+    model_serializer,
     model_validator,
 )
 
@@ -70,12 +71,23 @@ class ShardRecord(_Record):
         first: Number of its first simulation.
         simulations: Number of simulations.
         tables: Its file of each table.
+        clipped: Answers of a policy that were beyond the limits; null, and not written, without a
+            policy.
     """
 
     number: _Number
     first: _Number
     simulations: _Count
     tables: dict[str, FileFacts]
+    clipped: Annotated[int, Field(ge=0)] | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_unknown(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """The record as it was before there were policies."""
+        said = dump(self)
+        if self.clipped is None:
+            del said["clipped"]
+        return said
 
 
 class Source(_Record):
@@ -334,6 +346,11 @@ class Manifest(_Record):
     def num_simulations(self) -> int:
         """Simulations that are there; fewer than asked for where cells are short of some."""
         return sum(shard.simulations for shard in self.shards)
+
+    @property
+    def clipped(self) -> int:
+        """Answers of a policy that were beyond the limits, in all shards."""
+        return sum(shard.clipped or 0 for shard in self.shards)
 
     @property
     def how_to_simulate(self) -> str:

@@ -8,7 +8,7 @@ and without it the shard does not exist.
 import dataclasses
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from functools import partial
@@ -32,7 +32,7 @@ MARK = "simulations"
 WRITING_THREADS = 4
 """Tables that are written beside each other; one of them takes most of the time."""
 
-_FACTS, _SEAL = "overtaking.facts", "overtaking.seal"
+_FACTS, _CLIPPED, _SEAL = "overtaking.facts", "overtaking.clipped", "overtaking.seal"
 
 Piece = tuple[int, Mapping[str, pa.Table]]
 """How many simulations, and their tables by name."""
@@ -54,6 +54,7 @@ def write_shard(
     schemas: Mapping[str, pa.Schema],
     fingerprint: str,
     on_piece: Callable[[int], None],
+    clipped: Sequence[int] | None = None,
 ) -> ShardRecord:
     """Write the files of a shard and put them into place.
 
@@ -64,15 +65,16 @@ def write_shard(
         schemas: The schema of each table to write.
         fingerprint: Of the identity that the shard belongs to.
         on_piece: Called with the number of simulations of each piece that was written.
+        clipped: Clipped answers of a policy, which grows as pieces are made; None without a policy.
 
     Raises:
         OSError: The disk is full or cannot be written.
     """
     with place.staging() as staging:
-        marked = partial(_marked, fingerprint=fingerprint)
+        marked = partial(_marked, fingerprint=fingerprint, clipped=clipped)
         facts = write_files(staging, shard, pieces, schemas, on_piece, marked)
         put_into_place(place, staging, shard, schemas)
-    return _record(shard, facts)
+    return _record(shard, facts, None if clipped is None else sum(clipped))
 
 
 def write_files(
@@ -131,15 +133,16 @@ def finished_shard(
         notes, rows = read_notes(mark, MARK), read_table(mark, MARK)
     except (FileNotFoundError, SchemaError):
         return None
-    known, content = notes.get(_FACTS, ""), content_of(rows)
-    if notes.get(_SEAL) != _seal(fingerprint, known, content):
+    known, clipped, content = notes.get(_FACTS, ""), notes.get(_CLIPPED), content_of(rows)
+    if notes.get(_SEAL) != _seal(fingerprint, known, content, clipped):
         return None
     facts = {name: FileFacts(**one) for name, one in json.loads(known).items()}
     facts[MARK] = facts_of(mark, rows.num_rows, content)
     if not facts.keys() >= set(tables):  # Made before there were all of these tables.
         return None
     intact = (is_intact(partial(place.open, name_of(name, shard)), facts[name]) for name in tables)
-    return _record(shard, facts) if all(intact) else None
+    count = None if clipped is None else int(clipped)
+    return _record(shard, facts, count) if all(intact) else None
 
 
 def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
@@ -156,12 +159,16 @@ def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
         return False
 
 
-def _marked(writers: Writers, fingerprint: str) -> dict[str, FileFacts]:
+def _marked(
+    writers: Writers, fingerprint: str, clipped: Sequence[int] | None
+) -> dict[str, FileFacts]:
     """Complete the files; the commit mark carries rows and checksums of all others."""
     facts = _finished({name: writer for name, writer in writers.items() if name != MARK})
     known = json.dumps({name: dataclasses.asdict(one) for name, one in facts.items()})
-    seal = _seal(fingerprint, known, writers[MARK].content)
-    return {**facts, MARK: writers[MARK].finish({_FACTS: known, _SEAL: seal})}
+    count = None if clipped is None else str(sum(clipped))
+    seal = _seal(fingerprint, known, writers[MARK].content, count)
+    counted = {} if count is None else {_CLIPPED: count}
+    return {**facts, MARK: writers[MARK].finish({_FACTS: known, **counted, _SEAL: seal})}
 
 
 def _finished(writers: Writers) -> dict[str, FileFacts]:
@@ -198,17 +205,19 @@ def _write_pieces(
         wait(underway)  # A file must not be closed while a thread writes it.
 
 
-def _seal(fingerprint: str, facts: str, content: str) -> str:
+def _seal(fingerprint: str, facts: str, content: str, clipped: str | None) -> str:
     """Hash over all that a commit mark says: of which identity, of the other files, of its own."""
-    return hashlib.sha256(f"{fingerprint}\n{facts}\n{content}".encode()).hexdigest()
+    said = (fingerprint, facts, content, *([] if clipped is None else [clipped]))
+    return hashlib.sha256("\n".join(said).encode()).hexdigest()
 
 
-def _record(shard: Shard, facts: Mapping[str, FileFacts]) -> ShardRecord:
+def _record(shard: Shard, facts: Mapping[str, FileFacts], clipped: int | None) -> ShardRecord:
     return ShardRecord(
         number=shard.number,
         first=shard.first,
         simulations=shard.num_simulations,
         tables={name: facts[name] for name in sorted(facts)},
+        clipped=clipped,
     )
 
 

@@ -136,13 +136,15 @@ def make_shard(job: Job, task: Task, place: Place, on_done: OnDone) -> ShardReco
         if known is not None and task.known in (None, known):
             on_done(task.shard.num_simulations)
             return known
+    clipped: list[int] = []
     return shards.write_shard(
         place,
         task.shard,
-        _pieces(job, task),
+        _pieces(job, task, clipped),
         fingerprint=job.fingerprint,
         on_piece=on_done,
         schemas={name: schema_of(name, job.simulator.unknown) for name in tables},
+        clipped=clipped if job.recipe.policy else None,
     )
 
 
@@ -173,21 +175,23 @@ def visible_place(where: str, fingerprint: str) -> Place:
     )
 
 
-def _pieces(job: Job, task: Task) -> Iterator[shards.Piece]:
+def _pieces(job: Job, task: Task, clipped: list[int]) -> Iterator[shards.Piece]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
     spec, keeps_frames = job.recipe.spec.resolved(), job.recipe.keep is Keep.FRAMES
     size = plan.batch_size(spec, job.simulator.chunk_size, keeps_frames=keeps_frames)
 
-    piece = partial(_piece, job, task)
+    piece = partial(_piece, job, task, clipped)
     return in_order(piece, plan.chunks(task.shard, size), job.simulator.threads)
 
 
-def _piece(job: Job, task: Task, chunk: range) -> shards.Piece:
-    """The tables of some simulations of a shard."""
+def _piece(job: Job, task: Task, clipped: list[int], chunk: range) -> shards.Piece:
+    """The tables of some simulations of a shard; appends how many answers were clipped."""
     recipe, numbers = job.recipe, np.arange(chunk.start, chunk.stop)
     part = slice(chunk.start - task.shard.first, chunk.stop - task.shard.first)
     index = numbers.astype(np.uint64) if task.index is None else task.index[part]
     scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
     run = job.simulator.simulate(scenario)
+    if run.actions is not None and run.actions.clipped is not None:
+        clipped.append(int(run.actions.clipped.sum()))
     weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
     return len(chunk), contents(run, numbers, recipe.tables, class_weight=weight)

@@ -86,8 +86,7 @@ def look(state: State, given: Parameters, p: Fields, near: Neighbours, believed:
     )
     gap, closing = believed.gap[:, Role.EGO], believed.closing[:, Role.EGO]
     demand = own.gap_acceptance * impatience
-    told = own.gap_acceptance <= 0
-    faster = state.vx[Role.EGO] - pick(state.vx, near.slot[LEAD, Role.EGO])
+    told = is_told(p)
     bounded = minimum(own.safe_decel / maximum(demand, _LEAST_DEMAND), given.constants.most_imposed)
     return View(
         own=own,
@@ -100,8 +99,18 @@ def look(state: State, given: Parameters, p: Fields, near: Neighbours, believed:
         imposes=minimum(bounded, own.hardest_decel),
         impatience=impatience,
         told=told,
-        ordered=told & believed.detected[LEAD, Role.EGO] & (faster > own.passing_gain),
+        ordered=told & believed.detected[LEAD, Role.EGO] & (faster(state, near) > own.passing_gain),
     )
+
+
+def is_told(p: Fields) -> Mask:
+    """Whether the ego is told to change lanes, as in the study: it demands no gap."""
+    return p.of(Role.EGO).gap_acceptance <= 0
+
+
+def faster(state: State, near: Neighbours) -> F32:
+    """By how much the ego is in truth faster than its leader, which decides where it is told."""
+    return state.vx[Role.EGO] - pick(state.vx, near.slot[LEAD, Role.EGO])
 
 
 def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:

@@ -5,6 +5,7 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.observation import AROUND, OWN, ROLES, WIDTH
 from overtaking.model.vehicles import Role
+from overtaking.sim.reference.ego import faster, is_told
 from overtaking.sim.reference.intent import (
     can_abort,
     can_go_back,
@@ -16,7 +17,7 @@ from overtaking.sim.reference.intent import (
 from overtaking.sim.reference.mobil import must_wait
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.run import Moment
-from overtaking.sim.reference.state import Fields, State, pick, road_velocity
+from overtaking.sim.reference.state import LEAD, Fields, State, pick, road_velocity
 from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters
 
@@ -40,7 +41,10 @@ def observe(state: State, given: Parameters, p: Fields, moment: Moment, *, is_tr
     rows = table[len(OWN) :].reshape(len(ROLES), len(AROUND), -1)
     rows[:, list(AROUND).index("gap")] = given.constants.unseen_gap
     for role in range(_ROLES):
-        seen = _true(state, moment.near, given, role) if is_true else _believed(moment, role)
+        if is_true:
+            seen = _true(state, moment.near, given, role)
+        else:
+            seen = _believed(state, p, moment, role)
         detected = seen["detected"] > 0
         around = seen | _looks(state, given.constants, p, moment.near, role, detected)
         for row, name in zip(rows[role], AROUND, strict=True):
@@ -78,11 +82,15 @@ def _own(state: State, given: Parameters, p: Fields, moment: Moment) -> dict[str
     }
 
 
-def _believed(moment: Moment, role: int) -> dict[str, F32 | Mask]:
-    """What the ego believes of the motion of a neighbour."""
+def _believed(state: State, p: Fields, moment: Moment, role: int) -> dict[str, F32 | Mask]:
+    """What the model's driver decides by: beliefs, and true speeds of approach where it is told."""
     believed = moment.believed
     names = ("detected", "gap", "closing", "accel")
-    return {name: getattr(believed, name)[role, Role.EGO] for name in names}
+    seen = {name: getattr(believed, name)[role, Role.EGO] for name in names}
+    if role == LEAD:
+        told = is_told(p) & seen["detected"]
+        seen["closing"] = np.where(told, faster(state, moment.near), seen["closing"])
+    return seen
 
 
 def _true(state: State, near: Neighbours, given: Parameters, role: int) -> dict[str, F32 | Mask]:
