@@ -143,9 +143,9 @@ def test_everything_can_be_done_with_the_keyboard(browser: Browser, path: Path):
         assert page.evaluate("document.activeElement.id") == "filter"
         page.focus("#play")
         press("?")
-        assert page.is_visible("#help")
+        expect(page.locator("#help")).to_be_visible()
         press("Escape")
-        assert not page.is_visible("#help")
+        expect(page.locator("#help")).to_be_hidden()
 
 
 def test_every_control_is_reached_by_tab(browser: Browser, path: Path):

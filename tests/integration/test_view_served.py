@@ -8,20 +8,20 @@ import re
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.integration.test_view_browser import FRAME, PHONE, says, shows
 from tests.support.browser import PATIENCE_MS, chromium, expect, settle
 from tests.support.serving import Client, serving
+from tests.support.viewing import ROWS, at, enter
 
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
+    from collections.abc import Iterator
 
     from playwright.sync_api import Browser, Page
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.ci
 
-ROWS = ".simulations tbody tr"
 EVERYTHING = "#sim=3&t=3&against=strict&if=STAY@1,STAY@1~PULL_OUT@3&vs=8&fan=truth"
 
 
@@ -55,36 +54,7 @@ def url(data: Dataset) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def key(browser: Browser, url: str) -> Any:
     """The cookie of the browser that has opened the printed address."""
-    context = browser.new_context()
-    page = context.new_page()
-    page.goto(url)
-    # Pages that come later find the data set read.
-    expect(page.locator(".found")).to_have_text("120 of 120 simulations")
-    assert "token" not in page.url
-    state = context.storage_state()
-    context.close()
-    return state
-
-
-@contextmanager
-def at(browser: Browser, url: str, key: Any, link: str = "", **settings: object) -> Generator[Page]:
-    """The page at a link; fails if it complains, or asks for anything beyond its server."""
-    context = browser.new_context(storage_state=key, **settings)
-    context.set_default_timeout(PATIENCE_MS)
-    page = context.new_page()
-    complaints: list[str] = []
-    asked: set[str] = set()
-    page.on("console", lambda said: complaints.append(said.text))
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: asked.add(request.url))
-    base = url.partition("#")[0]
-    page.goto(base + link)
-    page.wait_for_selector(".board" if "sim=" in link else ROWS)
-    settle(page)
-    yield page
-    context.close()
-    assert complaints == []
-    assert all(one.startswith((base, "data:")) for one in asked)
+    return enter(browser, url, "120 of 120 simulations")
 
 
 def state(page: Page) -> dict[str, Any]:
@@ -366,6 +336,7 @@ def test_who_has_no_key_sees_no_data(browser: Browser, url: str):
     base = url.partition("#")[0]
     for link in ("", "#token=wrong", "#sim=3"):
         context = browser.new_context()
+        context.set_default_timeout(PATIENCE_MS)
         page = context.new_page()
         page.goto(base + link)
         expect(page.locator(".closed [role=alert]")).to_contain_text("address")
@@ -375,6 +346,7 @@ def test_who_has_no_key_sees_no_data(browser: Browser, url: str):
 
 def test_wrong_links_are_told(browser: Browser, url: str, key: Any):
     context = browser.new_context(storage_state=key)
+    context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     page.goto(url.partition("#")[0] + "#sim=99999&class=%3Cimg%20src=x%20onerror=alert(1)%3E")
     expect(page.locator(".failure:visible").first).to_contain_text("expected 0 to 119")

@@ -12,6 +12,8 @@ export interface Board {
   element: HTMLElement;
   // Put the cursor and the values at it in place.
   update: (frame: number) => void;
+  // Seek what is pointed at.
+  point: (event: PointerEvent) => void;
 }
 
 const STRIP = 30;
@@ -25,19 +27,12 @@ export function board(needs: Needs): Board {
   const field = h("div", { class: "field", "aria-hidden": true }, cursor);
   const element = h("div", { class: "board" }, ...rows.map((row) => row.element), field);
   const { frames, seek } = needs;
-  const seekTo = (event: PointerEvent): void => {
-    const box = field.getBoundingClientRect();
-    seek(((event.clientX - box.left) / box.width) * (frames - 1));
-  };
-  field.addEventListener("pointerdown", (event) => {
-    field.setPointerCapture(event.pointerId);
-    seekTo(event);
-  });
-  field.addEventListener("pointermove", (event) => {
-    if (field.hasPointerCapture(event.pointerId)) seekTo(event);
-  });
   return {
     element,
+    point: (event) => {
+      const box = field.getBoundingClientRect();
+      seek(((event.clientX - box.left) / box.width) * (frames - 1));
+    },
     update: (frame) => {
       cursor.style.transform = `translateX(${(frame / Math.max(frames - 1, 1)) * needs.width}px)`;
       for (const row of rows) row.update(frame);

@@ -77,12 +77,19 @@ export type Gaps = (number | null)[];
 export interface Packed {
   values: Values;
   told: Told;
-  road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[] };
+  road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[]; oncoming: (Oncoming & { width_mm: number }) | null };
   vehicles: PackedVehicle[];
   gap_mm: Gaps;
   sight_dm: number[] | null;
   law: { rule: string; margin: number; breach: [number, number] | null; margins: Gaps | null; paragraph: string }[];
   ghosts: Ghost[];
+}
+
+// The lane of the other direction: the mark of its far edge, those of the line before it and where
+// each begins [m]; seen from the lane before.
+interface Oncoming {
+  edge: string | null;
+  marks: [number | null, string][] | null;
 }
 
 interface PackedVehicle {
@@ -173,7 +180,7 @@ export interface Ghost {
 export interface Run extends Omit<Packed, "vehicles" | "gap_mm" | "sight_dm" | "law" | "road"> {
   frames: number;
   interval: number; // [s]
-  road: { side: number; borders: number[]; lines: string[] | null; verges: number[] };
+  road: { side: number; borders: number[]; lines: string[] | null; verges: number[]; oncoming: (Oncoming & { width: number }) | null };
   vehicles: Vehicle[];
   gap: Gaps;
   sight: number[] | null;
@@ -214,6 +221,11 @@ export interface Vehicle {
   lights: number[];
 }
 
+// Whether a vehicle travels against the ego's direction.
+export function isOncoming(vehicle: Vehicle): boolean {
+  return Math.cos(vehicle.angle[0]!) < 0;
+}
+
 // A column from its differences, in steps of `step`.
 export function column(differences: number[], step = 1, order = 1): number[] {
   const found = differences.slice();
@@ -241,6 +253,7 @@ export function unpack(packed: Packed): Run {
       borders: road.borders_mm.map(metres),
       lines: road.lines,
       verges: road.verges_mm.map(metres),
+      oncoming: road.oncoming && { ...road.oncoming, width: metres(road.oncoming.width_mm) },
     },
     vehicles: packed.vehicles.map((one) => ({
       slot: one.slot,

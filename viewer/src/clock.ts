@@ -13,6 +13,7 @@ export interface Clock {
 
 export function clock(store: Store, shown: () => Shown | null): Clock {
   let last = 0;
+  let next = 0; // The frame of the browser that is asked for.
 
   function seek(frame: number): void {
     const here = shown();
@@ -24,7 +25,8 @@ export function clock(store: Store, shown: () => Shown | null): Clock {
     if (playing === store.state.playing || !here) return;
     last = 0;
     const isOver = here.frame >= frames(here) - 1;
-    if (playing) requestAnimationFrame(tick);
+    cancelAnimationFrame(next);
+    if (playing) next = requestAnimationFrame(tick);
     const t = (playing && isOver ? 0 : clamp(here, Math.round(here.frame))) * here.run.interval;
     store.change({ playing, t });
   }
@@ -37,7 +39,7 @@ export function clock(store: Store, shown: () => Shown | null): Clock {
     const frame = clamp(here, here.frame + (passed * store.state.speed) / here.run.interval);
     const isOver = frame >= frames(here) - 1;
     store.change({ t: frame * here.run.interval, playing: !isOver });
-    if (!isOver) requestAnimationFrame(tick);
+    if (!isOver) next = requestAnimationFrame(tick);
   }
 
   function step(by: number): void {

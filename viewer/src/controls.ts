@@ -1,6 +1,6 @@
 // What sets the state, and shows what it is.
 
-import { button, h, select } from "./dom.ts";
+import { button, field, h, put, select } from "./dom.ts";
 import type { Clock } from "./clock.ts";
 import { CAMERAS, STRETCHES, type Moment } from "./link.ts";
 import { ZOOM } from "./scene.ts";
@@ -26,13 +26,13 @@ export function controls(source: Source, store: Store, clock: Clock, askHelp: ()
   const play = button("Play", "▶", () => clock.play(!store.state.playing), "space");
   play.id = "play";
   const slider = h("input", { type: "range", min: 0, step: 1, id: "slider", "aria-label": "Frame" });
-  const seconds = h("input", { type: "number", id: "seconds", min: 0, step: 0.05, "aria-label": "Time in seconds" });
-  const frameField = h("input", { type: "number", id: "frame", min: 0, step: 1, "aria-label": "Frame number" });
+  const seconds = field({ id: "seconds", min: 0, step: 0.05, "aria-label": "Time in seconds" });
+  const frameField = field({ id: "frame", min: 0, step: 1, "aria-label": "Frame number" });
   const speed = select("Speed", SPEEDS.map((one) => [String(one), `${one}×`]), (value) => change({ speed: Number(value) }));
   const camera = select("Camera", CAMERAS.map((one) => [one, `follow ${one}`.replace("follow all", "show all")]), (value) => change({ cam: value as Moment["cam"] }));
   const stretch = select("Stretch across the road", STRETCHES.map((one) => [String(one), `across ×${one}`]), (value) => change({ stretch: Number(value) }));
   const believed = h("input", { type: "checkbox", id: "ghosts", change: () => change({ ghosts: believed.checked }) });
-  const another = h("input", { type: "number", id: "beside", min: 0, "aria-label": "Simulation to show beside this one", placeholder: "none" });
+  const another = field({ id: "beside", min: 0, "aria-label": "Simulation to show beside this one", placeholder: "none" });
   another.addEventListener("change", () => change({ beside: another.value === "" ? null : Number(another.value) }));
   slider.addEventListener("input", () => clock.seek(Number(slider.value)));
   seconds.addEventListener("change", () => clock.seek(Number(seconds.value) / Number(seconds.step)));
@@ -67,15 +67,15 @@ export function controls(source: Source, store: Store, clock: Clock, askHelp: ()
     tell: (state) => {
       play.textContent = state.playing ? "⏸" : "▶";
       play.setAttribute("aria-label", state.playing ? "Pause" : "Play");
-      speed.value = String(state.speed);
-      camera.value = state.cam;
-      stretch.value = String(state.stretch);
-      policy.value = state.policy;
-      against.value = state.against ?? "";
+      put(speed, String(state.speed));
+      put(camera, state.cam);
+      put(stretch, String(state.stretch));
+      put(policy, state.policy);
+      put(against, state.against ?? "");
       against.hidden = state.sim === null;
-      theme.value = state.theme;
+      put(theme, state.theme);
       believed.checked = state.ghosts;
-      another.value = state.beside === null ? "" : String(state.beside);
+      put(another, state.beside === null ? "" : String(state.beside));
     },
     tellTime: (shown) => {
       const { run, frame } = shown;
@@ -86,10 +86,10 @@ export function controls(source: Source, store: Store, clock: Clock, askHelp: ()
         seconds.step = String(run.interval);
       }
       const time = (frame * run.interval).toFixed(2);
-      slider.value = String(Math.round(frame));
+      put(slider, String(Math.round(frame)));
       slider.setAttribute("aria-valuetext", `${time} s of ${run.values.duration_s.toFixed(2)} s`);
-      if (document.activeElement !== seconds) seconds.value = time;
-      if (document.activeElement !== frameField) frameField.value = String(Math.round(frame));
+      put(seconds, time);
+      put(frameField, String(Math.round(frame)));
     },
   };
 }

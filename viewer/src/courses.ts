@@ -21,63 +21,66 @@ interface Told {
 
 export function courses(source: Source, waiting: Element, told: Told): Courses {
   let run: Run | null = null;
+  let wanted: number | null = null; // The simulation that is to be shown.
   let twin: { number: number; run: Run } | null = null;
   let fans = new Map<string, Fan>();
   let branches = new Map<string, Branched>();
-  const asked = new Map<string, number>(); // What is awaited, and for which opening.
-  let opening = 0;
+  const believed = new WeakSet<Run>(); // Whose beliefs were asked for.
+  const asked = new Set<string>(); // What is awaited.
 
-  // Asks once; what arrives when another simulation is shown is dropped.
-  function ask<T>(key: string, answer: () => Promise<T>, arrived: (found: T) => void, without: () => Partial<State> | null): void {
-    const ticket = opening;
-    if (asked.get(key) === ticket) return;
-    asked.set(key, ticket);
+  // Asks once. Answers come in any order, and late: what is no longer wanted then is dropped.
+  function ask<T>(key: string, isWanted: () => boolean, answer: () => Promise<T>, arrived: (found: T) => void, without: () => Partial<State> | null): void {
+    if (asked.has(key)) return;
+    asked.add(key);
     const work = answer().then(
       (found) => {
-        if (ticket === opening) arrived(found);
+        asked.delete(key);
+        if (isWanted()) arrived(found);
       },
       (error: unknown) => {
-        const part = ticket === opening && without();
+        asked.delete(key);
+        const part = isWanted() && without();
         if (part) told.refused(error, part);
       },
     );
-    void busy([waiting], work).finally(() => asked.get(key) === ticket && asked.delete(key));
+    void busy([waiting], work);
   }
 
   function open(sim: number): void {
-    opening += 1;
     const arrived = (found: Run): void => {
       [run, twin, branches, fans] = [found, null, new Map(), new Map()];
       told.opened(found);
-      const number = found.values.simulation;
-      if (source.server) ask("beliefs", () => source.server!.beliefs(number), (every) => ((found.every = every), told.grown()), () => null);
     };
-    ask(`open ${sim}`, () => source.open(sim), arrived, () => ({ sim: run?.values.simulation ?? null, beside: null, branches: [], fan: null }));
+    ask(`open ${sim}`, () => wanted === sim, () => source.open(sim), arrived, () => ({ sim: run?.values.simulation ?? null, beside: null, branches: [], fan: null }));
   }
 
   function want(state: Readonly<State>): void {
     const { sim, beside } = state;
-    if (sim === null) opening += 1;
+    wanted = sim;
     if (sim === null) return;
-    if (run?.values.simulation !== sim) {
-      if (asked.get(`open ${sim}`) !== opening) open(sim);
-      return;
-    }
+    if (run?.values.simulation !== sim) return open(sim);
+    const here = run;
+    const isHere = (): boolean => run === here && wanted === sim;
     if (beside === null) twin = null;
     else if (twin?.number !== beside) {
-      ask(`beside ${beside}`, () => source.open(beside), (found) => ((twin = { number: beside, run: found }), told.grown()), () => ({ beside: null }));
+      ask(`${sim} beside ${beside}`, () => isHere() && state.beside === beside, () => source.open(beside), (found) => ((twin = { number: beside, run: found }), told.grown()), () => ({ beside: null }));
     }
     const { server } = source;
     if (!server) return;
+    if (!believed.has(here)) {
+      believed.add(here);
+      ask(`${sim} beliefs`, () => true, () => server.beliefs(here.values.simulation), (every) => ((here.every = every), told.grown()), () => null);
+    }
     for (const changes of state.branches) {
       const key = JSON.stringify(changes);
       if (branches.has(key)) continue;
-      const wanted = changes.map(({ what, t }) => ({ what, frame: Math.round(t / run!.interval) }));
-      ask(key, () => server.branch(sim, wanted), (found) => (branches.set(key, found), told.grown()), () => ({ branches: state.branches.filter((one) => one !== changes) }));
+      const isWanted = (): boolean => isHere() && state.branches.some((one) => JSON.stringify(one) === key);
+      const framed = changes.map(({ what, t }) => ({ what, frame: Math.round(t / here.interval) }));
+      ask(`${sim} ${key}`, isWanted, () => server.branch(sim, framed), (found) => (branches.set(key, found), told.grown()), () => ({ branches: state.branches.filter((one) => JSON.stringify(one) !== key) }));
     }
     if (state.fan && !fans.has(fanKey(state))) {
       const [key, given] = [fanKey(state), state.fan];
-      ask(key, () => server.fan(sim, given, state.policy), (found) => (fans.set(key, found), told.grown()), () => ({ fan: null }));
+      ask(`${sim} ${key}`, () => isHere() && fanKey(state) === key, () => server.fan(sim, given, state.policy), (found) => (fans.set(key, found), told.grown()), () => ({ fan: null }));
     }
   }
 

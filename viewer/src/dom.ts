@@ -45,6 +45,37 @@ export async function busy<T>(elements: Element[], answer: Promise<T>): Promise<
   }
 }
 
+const keys = new WeakMap<Element, string>();
+
+// Children of items by key. Those that are there as wanted stay: nothing is taken from under the
+// hand, and what has the focus keeps it.
+export function refill<T>(parent: Element, items: T[], keyOf: (item: T) => string, make: (item: T) => Element): void {
+  items.forEach((item, k) => {
+    const [there, key] = [parent.children[k], keyOf(item)];
+    if (there && keys.get(there) === key) return;
+    const made = make(item);
+    keys.set(made, key);
+    if (there) there.replaceWith(made);
+    else parent.append(made);
+  });
+  while (parent.children.length > items.length) parent.lastElementChild!.remove();
+}
+
+const typed = new WeakSet<Element>();
+
+// A field for a number; `put` leaves alone what is being typed.
+export function field(props: Props): HTMLInputElement {
+  const made = h("input", { type: "number", ...props });
+  made.addEventListener("input", () => typed.add(made));
+  for (const end of ["change", "blur"]) made.addEventListener(end, () => typed.delete(made));
+  return made;
+}
+
+// Puts a value into a control, unless it is there: to put it again would undo what is being chosen.
+export function put(control: HTMLInputElement | HTMLSelectElement, value: string): void {
+  if (control.value !== value && !typed.has(control)) control.value = value;
+}
+
 // Text that may be the same as before: nothing is laid out anew for it.
 export function write(element: Element, text: string): void {
   if (element.textContent !== text) element.textContent = text;

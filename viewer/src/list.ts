@@ -1,7 +1,7 @@
 // The list of simulations: what is asked for, and the narrow one beside a simulation.
 
 import type { Row, Words } from "./bundle.ts";
-import { busy, h, write } from "./dom.ts";
+import { busy, h, put, refill, write } from "./dom.ts";
 import { beginning, conditions, type Moment, print } from "./link.ts";
 import type { Overview } from "./overview.ts";
 import { type Listed, PAGE, type Source } from "./source.ts";
@@ -16,6 +16,8 @@ export interface List {
   want: () => void;
   // The same, and the part that has a simulation.
   around: (sim: number) => void;
+  // Let links lead on from the state: camera, policies and conditions stay.
+  aim: () => void;
   // The number of the simulation before or after, also beyond the part that is there.
   beside: (way: 1 | -1) => Promise<number | undefined>;
   focus: () => void;
@@ -35,6 +37,7 @@ export function list(source: Source, store: Store, all: Overview): List {
   let latest = Promise.resolve();
 
   const key = (): string => JSON.stringify([store.state.choice, store.state.policy]);
+  const has = (sim: number): boolean => !!listed?.rows.some((one) => one.number === sim);
 
   async function ask(around?: number): Promise<void> {
     const ticket = ++asking;
@@ -44,7 +47,9 @@ export function list(source: Source, store: Store, all: Overview): List {
       if (ticket !== asking) return;
       listed = found;
     } catch (error) {
-      if (ticket === asking) all.fail((error as Error).message);
+      if (ticket !== asking) return;
+      asked = "";
+      all.fail((error as Error).message);
       return;
     }
     if (listed.first !== store.state.choice.first) {
@@ -53,32 +58,49 @@ export function list(source: Source, store: Store, all: Overview): List {
       store.change({ choice });
     }
     tell();
-    if (listed.read < listed.total && !listed.failure) setTimeout(() => ticket === asking && void ask(around), READING_DELAY);
+    if (listed.read < listed.total && !listed.failure) setTimeout(() => ticket === asking && void again(), READING_DELAY);
+  }
+
+  // The part that has the simulation may be another by now.
+  function again(): Promise<void> {
+    const { sim } = store.state;
+    return ask(sim !== null && has(sim) ? sim : undefined);
   }
 
   const askBusy = (around?: number): Promise<void> => (latest = busy([all.rows, rows], ask(around)));
 
   function tell(): void {
     if (!listed) return;
-    if (store.state.sim === null) return all.tell(listed, store.state);
-    toAll.href = print(beginning(store.state, null), source.policy);
-    tellList({ filter, rows, count }, source, listed, store.state);
+    if (store.state.sim === null) all.tell(listed, store.state);
+    else tellList({ filter, rows, count }, source, listed, store.state);
+    aimAll();
+  }
+
+  function aimAll(): void {
+    const { state } = store;
+    toAll.href = print(beginning(state, null), source.policy);
+    aim(state.sim === null ? all.rows : rows, state, source.policy);
   }
 
   return {
     element: h("nav", { "aria-label": "Simulations" }, drawer),
     want: () => (key() === asked ? tell() : void askBusy()),
-    around: (sim) => (key() === asked && (!listed || listed.rows.some((one) => one.number === sim)) ? tell() : void askBusy(sim)),
+    around: async (sim) => {
+      await latest; // It may have the simulation.
+      if (store.state.sim === sim) void (key() === asked && has(sim) ? tell() : askBusy(sim));
+    },
+    aim: aimAll,
     beside: async (way) => {
+      await latest;
       if (!listed) return undefined;
       const place = listed.rows.findIndex((one) => one.number === store.state.sim);
       const next = listed.rows[place + way];
       if (next) return next.number;
-      const first = beyond(listed, way);
+      const first = beyond(listed, listed.first, way);
       if (first === null) return listed.found <= listed.rows.length ? listed.rows.at(way > 0 ? 0 : -1)?.number : undefined;
       store.change({ choice: { ...store.state.choice, first } });
       await latest;
-      return listed.rows.at(way > 0 ? 0 : -1)?.number;
+      return listed.first === first ? listed.rows.at(way > 0 ? 0 : -1)?.number : undefined;
     },
     focus: () => {
       drawer.open = true;
@@ -100,31 +122,39 @@ function tellList(list: Places, source: Source, listed: Listed, moment: Moment):
   const names = Object.keys(words.classes).filter((name) => counts[name] || moment.choice.classes.includes(name));
   const all = Object.values(counts).reduce((sum, one) => sum + one, 0);
   const several = moment.choice.classes.length > 1;
-  list.filter.replaceChildren(
-    h("option", { value: "" }, `all (${thousands(all)})`),
-    several ? h("option", { value: "several" }, moment.choice.classes.join(", ")) : null!,
-    ...names.map((name) => h("option", { value: name }, `${name} (${thousands(counts[name] ?? 0)})`)),
-  );
-  list.filter.value = several ? "several" : (moment.choice.classes[0] ?? "");
+  const texts = new Map([["", `all (${thousands(all)})`]]);
+  if (several) texts.set("several", moment.choice.classes.join(", "));
+  for (const name of names) texts.set(name, `${name} (${thousands(counts[name] ?? 0)})`);
+  refill(list.filter, [...texts.keys()], String, (name) => h("option", { value: name }));
+  for (const one of list.filter.options) write(one, texts.get(one.value)!);
+  put(list.filter, several ? "several" : (moment.choice.classes[0] ?? ""));
   const others = conditions({ ...moment.choice, classes: [] });
   const more = others ? `, with ${others} more ${others > 1 ? "conditions" : "condition"}` : "";
   const part = listed.found > listed.rows.length ? `${thousands(listed.first + 1)} to ${thousands(listed.first + listed.rows.length)} of ` : "";
   write(list.count, `${part}${thousands(listed.found)} of ${thousands(listed.total)} shown${more}`);
-  list.rows.replaceChildren(...listed.rows.map((one) => row(one, words, moment, source.policy)));
-  const here = list.rows.querySelector<HTMLElement>("[aria-current]");
+  refill(list.rows, listed.rows, (one) => JSON.stringify([one, moment.policy]), (one) => row(one, words, moment.policy));
+  const before = list.rows.querySelector("[aria-current]");
+  const here = list.rows.querySelector<HTMLElement>(`[data-sim="${moment.sim}"]`);
+  if (before === here) return;
+  before?.removeAttribute("aria-current");
+  here?.setAttribute("aria-current", "true");
   if (here) list.rows.scrollTop = here.offsetTop - list.rows.clientHeight / 2;
 }
 
-function row(entry: Row, words: Words, moment: Moment, policy: string): HTMLElement {
-  const where = print(beginning(moment, entry.number), policy);
+// Where the links of a list lead to.
+export function aim(rows: Element, moment: Moment, policy: string): void {
+  for (const one of rows.querySelectorAll<HTMLAnchorElement>("a[data-sim]")) one.href = print(beginning(moment, Number(one.dataset["sim"])), policy);
+}
+
+function row(entry: Row, words: Words, policy: string): HTMLElement {
   return h(
     "li",
     {},
     h(
       "a",
-      { href: where, "aria-current": entry.number === moment.sim ? "true" : undefined, "data-sim": entry.number },
+      { "data-sim": entry.number },
       h("span", { class: "number" }, String(entry.number)),
-      chip(words, entry.classes[moment.policy]!),
+      chip(words, entry.classes[policy]!),
       h("span", { class: "quiet" }, `${about(entry)}; ${entry.outcome}`),
     ),
   );
@@ -139,7 +169,7 @@ export function thousands(count: number): string {
 }
 
 // First row of the part before or after; null where there is none.
-export function beyond(listed: Listed, way: 1 | -1): number | null {
-  const first = listed.first + way * PAGE;
+export function beyond(listed: Listed, from: number, way: 1 | -1): number | null {
+  const first = from + way * PAGE;
   return first < 0 || first >= listed.found ? null : first;
 }

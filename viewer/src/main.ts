@@ -17,7 +17,7 @@ import { begin, frameAt, type Shown, type State, store } from "./state.ts";
 import { telling } from "./telling.ts";
 import type { Reader } from "./text.ts";
 import { onSystemChange, paint } from "./theme.ts";
-import { branched, whatIf } from "./whatif.ts";
+import { branched, LETTERS, whatIf } from "./whatif.ts";
 
 // What the page tells beyond the moment depends on these.
 const LASTING: (keyof State)[] = ["sim", "policy", "against", "branches", "beside", "fan"];
@@ -38,7 +38,7 @@ const all = overview(source, here);
 const narrow = list(source, here, all);
 const tools = controls(source, here, time, () => help.showModal());
 const road = stage(refresh);
-const told = telling(shown, refresh, time.seek, (gone) => change({ branches: state.branches.filter((one) => one !== gone.changes), base: null }));
+const told = telling(shown, refresh, time.seek, (gone) => change({ branches: state.branches.filter((_, k) => LETTERS[k] !== gone.letter), base: null }));
 const asks = source.server && whatIf(source.server, here, (what) => otherwise(what));
 const runs = courses(source, content, {
   opened: (run) => {
@@ -73,7 +73,9 @@ function react(before: State): void {
   else {
     if (has("theme")) paint(words, state.theme);
     if (has("sim")) reveal();
+    if (has("choice")) all.choose(state.choice);
     if (has("choice", "policy", "sim")) narrow.want();
+    else narrow.aim();
     runs.want(state);
     tools.tell(state);
     asks?.tell(state);
@@ -137,10 +139,22 @@ function follow(): void {
   change({ ...said, sim: said.sim ?? (source.server ? null : source.first) });
 }
 
-async function other(way: 1 | -1): Promise<void> {
-  if (state.sim === null) return all.step(way);
-  const sim = await narrow.beside(way);
-  if (sim !== undefined) change({ ...beginning(state, sim), playing: false, base: null });
+let turned = Promise.resolve();
+
+// One after another: each goes on from where the last has led.
+function other(way: 1 | -1): Promise<void> {
+  return (turned = turned.then(async () => {
+    const from = state.sim;
+    if (from === null) return all.step(way);
+    const sim = await narrow.beside(way);
+    if (sim !== undefined && state.sim === from) change({ ...beginning(state, sim), playing: false, base: null });
+  }));
+}
+
+// A link to what the address says already is no news to the browser; the state may have gone on.
+function again(event: Event): void {
+  const link = (event.target as Element).closest("a");
+  if (link && link.hash === location.hash) follow();
 }
 
 function build(): void {
@@ -149,6 +163,7 @@ function build(): void {
   document.body.append(h("header", { class: "top" }, brand, tools.tools), page, all.element, help);
   onSystemChange(() => paint(words, state.theme));
   window.addEventListener("hashchange", follow);
+  document.addEventListener("click", again);
   const common = {
     ...commonKeys(here, policies),
     j: () => void busy([content], other(1)),

@@ -1,11 +1,11 @@
 // All simulations of a data set: filters with counts that follow, a table, SQL.
 
 import type { Row, Thumbnail, Words } from "./bundle.ts";
-import { h, svg, table, write } from "./dom.ts";
-import { beginning, bound, type Choice, conditions, type Facet, FACETS, type Moment, noChoice, ORDERS, print } from "./link.ts";
-import { beyond, thousands } from "./list.ts";
+import { busy, field, h, put, refill, svg, table, write } from "./dom.ts";
+import { bound, type Choice, conditions, type Facet, FACETS, noChoice, ORDERS } from "./link.ts";
+import { aim, beyond, thousands } from "./list.ts";
 import type { Answer, Listed, Source } from "./source.ts";
-import type { Store } from "./state.ts";
+import type { State, Store } from "./state.ts";
 import { chip } from "./text.ts";
 
 const TITLES: Record<Facet, string> = { classes: "Class", rules: "Broken rules, all of them", weather: "Weather", light: "Light", ego: "Ego", overtaken: "Vehicle to overtake" };
@@ -16,7 +16,9 @@ const FAR = 80; // [m]
 export interface Overview {
   element: HTMLElement;
   rows: HTMLElement;
-  tell: (listed: Listed, moment: Moment) => void;
+  // What is chosen, at once; what the answer to it is.
+  choose: (choice: Choice) => void;
+  tell: (listed: Listed, state: Readonly<State>) => void;
   // Of the list; of something else that was asked for, until the next choice.
   fail: (text: string) => void;
   refuse: (text: string) => void;
@@ -37,32 +39,34 @@ interface Value {
 export function overview(source: Source, store: Store): Overview {
   const { words } = source;
   const trouble = h("p", { class: "failure", role: "alert" });
-  const put = (part: Partial<Choice>): void => {
+  const choose = (part: Partial<Choice>): void => {
     write(trouble, "");
     // From the state, not from the last answer: people choose faster than servers answer.
     store.change({ choice: { ...store.state.choice, first: 0, ...part } });
   };
-  const values = FACETS.flatMap((facet) => names(source, facet).map((name) => value(words, facet, name, () => put({ [facet]: chosen(facet) }))));
-  const chosen = (facet: Facet): string[] => values.filter((one) => one.facet === facet && one.box.checked).map((one) => one.name);
+  const values = FACETS.flatMap((facet) => names(source, facet).map((name) => value(words, facet, name, (isChosen) => {
+    const rest = store.state.choice[facet].filter((one) => one !== name);
+    choose({ [facet]: isChosen ? [...rest, name] : rest });
+  })));
   const groups = FACETS.map((facet) => {
     const own = values.filter((one) => one.facet === facet);
     return h("fieldset", { class: `facet ${facet}` }, h("legend", {}, TITLES[facet]), h("div", { class: "choices" }, ...own.map((one) => one.line)));
   });
-  const margin = marginFields(words, put);
+  const margin = marginFields(words, choose);
   const order = h("select", { id: "order" }, ...ORDERS.map((one) => h("option", { value: one }, `by ${ORDER_WORDS[one]}`)));
   const falling = h("input", { type: "checkbox", id: "falling" });
-  order.addEventListener("change", () => put({ order: order.value as Choice["order"] }));
-  falling.addEventListener("change", () => put({ descending: falling.checked }));
-  const clear = h("button", { type: "button", id: "clear", click: () => put(noChoice()) }, "Clear all");
+  order.addEventListener("change", () => choose({ order: order.value as Choice["order"] }));
+  falling.addEventListener("change", () => choose({ descending: falling.checked }));
+  const clear = h("button", { type: "button", id: "clear", click: () => choose(noChoice()) }, "Clear all");
   const count = h("p", { class: "found", role: "status" });
   const failure = h("p", { class: "failure", role: "alert" });
   const body = h("tbody", {});
   const pages = [-1, 1].map((way) => h("button", { type: "button", click: () => turn(way as 1 | -1) }, way < 0 ? "‹ before" : "next ›"));
-  const sql = sqlFields(source, put, (text) => write(failure, text));
+  const sql = sqlFields(source, choose, (text) => write(failure, text));
   let listed: Listed | null = null;
   let drawing = 0;
   const turn = (way: 1 | -1): void => {
-    const first = listed && beyond(listed, way);
+    const first = listed && beyond(listed, store.state.choice.first, way);
     if (first !== null) store.change({ choice: { ...store.state.choice, first } });
   };
   const head = ["", "class", "along the road, seen from the ego", "length", "weather", "broken rules", "outcome"];
@@ -85,9 +89,10 @@ export function overview(source: Source, store: Store): Overview {
     const ticket = ++drawing;
     for (const one of rows) {
       if (ticket !== drawing || element.hidden) return;
-      const place = body.querySelector(`[data-thumb="${one.number}"]`);
+      const place = body.querySelector(`[data-thumb="${one.number}"]:empty`);
+      if (!place) continue;
       const found = await source.server!.thumbnail(one.number).catch(() => null);
-      if (found && place && ticket === drawing) place.replaceChildren(picture(found, words));
+      if (found) place.replaceChildren(picture(found, words));
     }
   }
 
@@ -102,21 +107,27 @@ export function overview(source: Source, store: Store): Overview {
       const at = links.indexOf(document.activeElement as HTMLAnchorElement);
       links[Math.min(Math.max(at + way, 0), links.length - 1)]?.focus();
     },
-    tell: (found, moment) => {
-      const { choice } = moment;
-      listed = found;
-      tellValues(values, found, choice);
+    choose: (choice) => {
+      for (const { facet, name, box, line } of values) {
+        box.checked = choice[facet].includes(name);
+        if (box.checked) line.hidden = false;
+      }
       margin.tell(choice);
       sql.tell(choice);
-      order.value = choice.order;
+      put(order, choice.order);
       falling.checked = choice.descending;
       clear.hidden = !conditions(choice);
+    },
+    tell: (found, state) => {
+      listed = found;
+      tellCounts(values, found);
       const reading = found.read < found.total ? ` (${thousands(found.read)} read so far)` : "";
       write(count, `${thousands(found.found)} of ${thousands(found.total)} simulations${reading}`);
       write(failure, found.failure);
-      pages.forEach((one, k) => (one.disabled = beyond(found, k ? 1 : -1) === null));
+      pages.forEach((one, k) => (one.disabled = beyond(found, found.first, k ? 1 : -1) === null));
       const kept = document.activeElement?.getAttribute("data-sim");
-      body.replaceChildren(...found.rows.map((one) => tableRow(one, words, moment, source.policy)));
+      refill(body, found.rows, (one) => JSON.stringify([one, state.policy]), (one) => tableRow(one, words, state.policy));
+      aim(body, state, source.policy);
       if (kept) body.querySelector<HTMLElement>(`[data-sim="${kept}"]`)?.focus();
       void thumbnails(found.rows);
     },
@@ -131,8 +142,8 @@ function names(source: Source, facet: Facet): string[] {
   return facet === "light" ? ["day", "night"] : Object.keys(words.kinds ?? {});
 }
 
-function value(words: Words, facet: Facet, name: string, changed: () => void): Value {
-  const box = h("input", { type: "checkbox", id: `${facet}-${name}`, change: changed });
+function value(words: Words, facet: Facet, name: string, changed: (isChosen: boolean) => void): Value {
+  const box = h("input", { type: "checkbox", id: `${facet}-${name}`, change: () => changed(box.checked) });
   const count = h("span", { class: "many" });
   const bar = h("i", { "aria-hidden": true });
   const rule = facet === "rules" ? words.rules[name] : undefined;
@@ -140,13 +151,12 @@ function value(words: Words, facet: Facet, name: string, changed: () => void): V
   return { facet, name, box, count, bar, line: h("label", { class: "choice", for: box.id, title: rule?.gloss }, box, text, count, bar) };
 }
 
-function tellValues(values: Value[], listed: Listed, choice: Choice): void {
+function tellCounts(values: Value[], listed: Listed): void {
   for (const one of values) {
     const counts = listed.counts[one.facet] ?? {};
     const many = counts[one.name] ?? 0;
     const most = Math.max(...Object.values(counts), 1);
-    one.box.checked = choice[one.facet].includes(one.name);
-    one.line.hidden = !many && !one.box.checked;
+    one.line.hidden = !many && !one.box.checked && one.box !== document.activeElement;
     write(one.count, thousands(many));
     one.bar.style.setProperty("--share", String(many / most));
   }
@@ -156,52 +166,57 @@ function tellValues(values: Value[], listed: Listed, choice: Choice): void {
   }
 }
 
-function marginFields(words: Words, put: (part: Partial<Choice>) => void): { element: HTMLElement; tell: (choice: Choice) => void } {
+function marginFields(words: Words, choose: (part: Partial<Choice>) => void): { element: HTMLElement; tell: (choice: Choice) => void } {
   const rule = h("select", { id: "margin-rule", "aria-label": "Rule whose margin is bounded" }, h("option", { value: "" }, "no rule"), ...Object.entries(words.rules).map(([code, one]) => h("option", { value: code }, `${code} ${one.title}`)));
-  const [least, most] = ["Least margin", "Largest margin"].map((label) => h("input", { type: "number", step: "any", "aria-label": label, title: label })) as [HTMLInputElement, HTMLInputElement];
+  const [least, most] = ["Least margin", "Largest margin"].map((label) => field({ step: "any", "aria-label": label, title: label })) as [HTMLInputElement, HTMLInputElement];
   const unit = h("span", { class: "quiet" });
-  const changed = (): void => put({ margin: rule.value ? { rule: rule.value, least: bound(least.value), most: bound(most.value) } : null });
+  const changed = (): void => choose({ margin: rule.value ? { rule: rule.value, least: bound(least.value), most: bound(most.value) } : null });
   for (const one of [rule, least, most]) one.addEventListener("change", changed);
   const element = h("fieldset", { class: "facet" }, h("legend", {}, "Margin of a rule (negative: broken)"), rule, h("div", { class: "between" }, least, " to ", most, " ", unit));
   return {
     element,
     tell: ({ margin }) => {
-      rule.value = margin?.rule ?? "";
-      const texts = [margin?.least, margin?.most].map((one) => (one == null ? "" : String(one)));
-      if (document.activeElement !== least) least.value = texts[0]!;
-      if (document.activeElement !== most) most.value = texts[1]!;
+      put(rule, margin?.rule ?? "");
+      put(least, String(margin?.least ?? ""));
+      put(most, String(margin?.most ?? ""));
       least.disabled = most.disabled = !margin;
       write(unit, margin ? (words.rules[margin.rule]?.unit ?? "") : "");
     },
   };
 }
 
-function sqlFields(source: Source, put: (part: Partial<Choice>) => void, fail: (text: string) => void): { element: HTMLElement; tell: (choice: Choice) => void } {
+function sqlFields(source: Source, choose: (part: Partial<Choice>) => void, fail: (text: string) => void): { element: HTMLElement; tell: (choice: Choice) => void } {
   const text = h("textarea", { id: "sql", rows: 4, spellcheck: "false", "aria-label": "Query in SQL", placeholder: "SELECT simulation FROM safety WHERE front_ttc_s < 1.5" });
   const answer = h("div", { class: "answer" });
+  let asking = 0;
+  let chosen = ""; // The condition that was put into the text last.
   const run = async (): Promise<void> => {
+    const [ticket, asked] = [++asking, text.value];
     fail("");
     answer.replaceChildren(h("p", { class: "quiet" }, "asking …"));
     try {
-      const found = await source.server!.sql(text.value);
+      const found = await source.server!.sql(asked);
+      if (ticket !== asking) return;
       answer.replaceChildren(...told(found));
-      if (found.filters) put({ sql: text.value });
+      if (found.filters) choose({ sql: (chosen = asked) });
     } catch (error) {
+      if (ticket !== asking) return;
       answer.replaceChildren();
       fail((error as Error).message);
     }
   };
-  const ask = h("button", { type: "button", id: "ask", click: () => void run() }, "Ask");
-  const drop = h("button", { type: "button", hidden: true, click: () => put({ sql: "" }) }, "Drop this condition");
+  const ask = h("button", { type: "button", id: "ask", click: () => void busy([answer], run()) }, "Ask");
+  const drop = h("button", { type: "button", hidden: true, click: () => choose({ sql: "" }) }, "Drop this condition");
   const element = h("details", { class: "facet sql" }, h("summary", {}, "SQL"), h("p", { class: "quiet" }, "One SELECT over the tables of the data set. A column named simulation filters the list."), text, h("div", { class: "between" }, ask, drop), answer);
   return {
     element,
     tell: ({ sql }) => {
       drop.hidden = !sql;
-      if (sql && document.activeElement !== text) {
+      if (sql && sql !== chosen) {
         text.value = sql;
         element.open = true;
       }
+      chosen = sql;
     },
   };
 }
@@ -213,13 +228,12 @@ function told(found: Answer): Node[] {
   return [h("p", { class: "quiet" }, note), table("First rows of the answer", found.columns, cells)];
 }
 
-function tableRow(one: Row, words: Words, moment: Moment, policy: string): HTMLElement {
-  const href = print(beginning(moment, one.number), policy);
+function tableRow(one: Row, words: Words, policy: string): HTMLElement {
   return h(
     "tr",
     {},
-    h("th", { scope: "row" }, h("a", { href, "data-sim": one.number, "aria-label": `Simulation ${one.number}` }, String(one.number))),
-    h("td", {}, chip(words, one.classes[moment.policy]!)),
+    h("th", { scope: "row" }, h("a", { "data-sim": one.number, "aria-label": `Simulation ${one.number}` }, String(one.number))),
+    h("td", {}, chip(words, one.classes[policy]!)),
     h("td", { class: "thumb", "data-thumb": one.number }),
     h("td", { class: "figure" }, `${one.duration_s.toFixed(1)} s`),
     h("td", {}, `${one.night ? "☾" : "☀"} ${one.weather ?? ""}`),

@@ -6,6 +6,7 @@ import { drawBeams, drawBranch, drawGhost, drawLabels, drawVehicle, tag, type Vi
 
 const LEAST_METRES = 62; // Of road on a narrow screen.
 const MOST_SCALE = 10.5; // [px/m]
+const DOUBLE = 0.3; // Between the middles of two lines [m].
 const BURST_LASTS = 0.9; // [s]
 
 export interface Look {
@@ -69,7 +70,7 @@ function viewOf(
   const places = here.map((one) => one.at.s);
   const target = here.find((one) => one.vehicle.slot === run.values.target);
   const centre = (look.camera === "target" && target ? target : here[0])?.at.s ?? 0;
-  const { borders } = run.road;
+  const borders = everyBorder(run);
   const wide = Math.abs(borders[borders.length - 1]! - borders[0]!);
   const roomy = Math.min((height * 0.66) / Math.max(wide, 8), width / LEAST_METRES, MOST_SCALE) * look.zoom;
   const reach = Math.max(...places) - Math.min(...places) + 30;
@@ -92,9 +93,15 @@ function viewOf(
   };
 }
 
+// Those of the other direction too.
+function everyBorder({ road: { borders, side, oncoming } }: Run): number[] {
+  return oncoming ? [...borders, borders.at(-1)! + side * oncoming.width] : borders;
+}
+
 function drawGround(view: View, run: Run): void {
   const { c, width, height, x, y, scale, across, night } = view;
-  const { borders, lines, side, verges } = run.road;
+  const { lines, side, verges, oncoming } = run.road;
+  const borders = everyBorder(run);
   c.fillStyle = night ? "#1a211c" : "#a7b298";
   c.fillRect(0, 0, width, height);
   const wet = Math.max(run.values.weather?.rain_percent ?? 0, run.values.weather?.puddles_percent ?? 0) / 100;
@@ -103,7 +110,7 @@ function drawGround(view: View, run: Run): void {
   for (let s = first; x(s) < width; s += 20) c.fillRect(x(s), 0, 10 * scale, height);
   const edges = [
     borders[0]! - side * Math.max(verges[0]!, 0.4),
-    borders[borders.length - 1]! + side * Math.max(verges[1]!, 0.4),
+    borders[borders.length - 1]! + side * Math.max(oncoming ? 0 : verges[1]!, 0.4),
   ];
   const band = (from: number, to: number, colour: string): void => {
     c.fillStyle = colour;
@@ -113,9 +120,32 @@ function drawGround(view: View, run: Run): void {
   band(borders[0]!, borders[borders.length - 1]!, night ? (wet > 0.3 ? "#2a3037" : "#2d3238") : wet > 0.3 ? "#5c646d" : "#6b7077");
   c.lineWidth = Math.max(0.15 * across, 1);
   c.strokeStyle = night ? "#b9bfc4" : "#f3f4f2";
-  borders.forEach((d, k) => drawLine(view, d, lines?.[k] ?? "Broken", k === 0 || k === borders.length - 1));
+  borders.forEach((d, k) => {
+    const isEdge = k === 0 || k === borders.length - 1;
+    const kind = oncoming && isEdge && k ? oncoming.edge : lines?.[k];
+    if (oncoming?.marks && k === borders.length - 2) drawCentreLine(view, d, side, oncoming.marks);
+    else drawLine(view, d, kind ?? "Broken", isEdge);
+  });
   if (run.values.weather?.horizon_line) drawSun(view);
   drawPosts(view, edges);
+}
+
+// The line between the directions: which mark it has, changes along the road. Of two lines the
+// first that is named is nearer to the ego's side.
+function drawCentreLine(view: View, d: number, side: number, marks: [number | null, string][]): void {
+  const { c, width, height, x } = view;
+  marks.forEach(([begin, mark], k) => {
+    const from = begin === null ? 0 : Math.max(x(begin), 0);
+    const to = Math.min(x(marks[k + 1]?.[0] ?? Infinity), width);
+    if (from >= to) return;
+    const parts = mark.match(/Solid|Broken/g) ?? [mark];
+    c.save();
+    c.beginPath();
+    c.rect(from, 0, to - from, height);
+    c.clip();
+    parts.forEach((part, place) => drawLine(view, d + side * (place - (parts.length - 1) / 2) * DOUBLE, part, false));
+    c.restore();
+  });
 }
 
 function drawLine({ c, width, x, y, scale }: View, d: number, kind: string, isEdge: boolean): void {

@@ -6,7 +6,7 @@ import { fanWords } from "./fan.ts";
 import { difference } from "./policies.ts";
 import { frames, overlays, type Branch, type Shown } from "./state.ts";
 import { chip, facts, now, numbers, type Reader, ruleCard, sections } from "./text.ts";
-import { cards } from "./whatif.ts";
+import { tellCards } from "./whatif.ts";
 
 const LEAST_WIDTH = 120; // [px]
 
@@ -31,23 +31,29 @@ export function telling(shown: () => Shown | null, redraw: () => void, seek: (fr
   const tellings = h("div", { class: "tellings" });
   let chart: Board | null = null;
   let rule: string | null = null;
-  let told: Shown["run"] | null = null;
+  let told: Pick<Shown, "run"> & Pick<Shown["state"], "policy" | "against"> | null = null;
   let width = 0; // Of the board when it was laid out [px].
   let reader: Reader;
 
   function lay(here: Shown, by: Reader): void {
+    const { run, state } = here;
+    if (told?.run !== run) rule = null;
+    const isTold = told?.run === run && told.policy === state.policy && told.against === state.against;
     reader = by;
-    if (told !== here.run) rule = null;
-    told = here.run;
-    const { run, state, words } = here;
+    told = { run, policy: state.policy, against: state.against };
+    if (!isTold) layWords(here);
+    tellCards(changes, here, seek, drop);
+    layBoard(here);
+  }
+
+  // What does not depend on other courses.
+  function layWords({ run, state, words }: Shown): void {
     const name = (policy: string): Node => chip(words, run.values.policies[policy]!.class);
     const both = state.against === null ? [name(state.policy)] : [state.policy, state.against].map((one) => h("span", { class: "pair" }, h("small", {}, one), " ", name(one)));
     title.replaceChildren(`Simulation ${run.values.simulation} `, ...both);
     const meaning = state.against === null ? h("p", { class: "meaning" }, words.classes[run.values.policies[state.policy]!.class]!.meaning) : difference(reader, state.against);
     about.replaceChildren(meaning, facts(reader));
     tellings.replaceChildren(...sections(reader));
-    changes.replaceChildren(...cards(here, seek, drop));
-    layBoard(here);
   }
 
   function layBoard(here: Shown): void {
@@ -85,6 +91,15 @@ export function telling(shown: () => Shown | null, redraw: () => void, seek: (fr
     return text;
   }
 
+  // Here, as the board may be laid out anew while it is held.
+  place.addEventListener("pointerdown", (event) => {
+    if (!(event.target as Element).closest(".field")) return;
+    place.setPointerCapture(event.pointerId);
+    chart?.point(event);
+  });
+  place.addEventListener("pointermove", (event) => {
+    if (place.hasPointerCapture(event.pointerId)) chart?.point(event);
+  });
   table.addEventListener("toggle", redraw);
   new ResizeObserver(() => {
     const here = shown();

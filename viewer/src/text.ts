@@ -2,7 +2,7 @@
 
 import { isBroken, isCounted, lawOrder, stageAt } from "./board.ts";
 import type { Run, Words } from "./bundle.ts";
-import { believedAt, pose } from "./bundle.ts";
+import { believedAt, isOncoming, pose } from "./bundle.ts";
 import { h, table } from "./dom.ts";
 import { plain, signed } from "./numbers.ts";
 
@@ -32,12 +32,24 @@ export function now(reader: Reader, frame: number): string {
   const belief = run.every ? believedAt(run, frame) : undefined;
   const told = belief === undefined ? "" : belief === null ? ", not seen" : `, believed ${plain(belief, 1)} m`;
   if (gap !== null && gap !== undefined) parts.push(`${plain(gap, 1)} m to the next ahead${told}`);
+  if (ego) parts.push(...comingOf(run, ego.s, frame));
   const events = run.values.events.flatMap((one, k) =>
     Math.abs(one.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}`] : [],
   );
   const broken = brokenAt(reader, frame).map((one) => one.text);
   const law = broken.length ? `Broken: ${broken.join("; ")}.` : "No rule is broken.";
   return `${parts.join("; ")}. ${events.map((one) => `${one}. `).join("")}${law}`;
+}
+
+// Who comes next the other way.
+function comingOf(run: Run, own: number, frame: number): string[] {
+  const ahead = run.vehicles.filter(isOncoming).flatMap((vehicle) => {
+    const at = pose(vehicle, frame);
+    const gap = at && at.s - own - (vehicle.length + run.vehicles[0]!.length) / 2;
+    return gap !== null && gap > 0 ? [{ symbol: vehicle.symbol, gap }] : [];
+  });
+  const next = ahead.toSorted((a, b) => a.gap - b.gap)[0];
+  return next ? [`oncoming ${next.symbol} ${next.gap.toFixed(0)} m ahead`] : [];
 }
 
 function placeOf(length: number, own: number, other: number, target: Run["vehicles"][number]): string {
@@ -236,7 +248,7 @@ export function numbers(reader: Reader, frame: number): HTMLElement {
     const at = pose(vehicle, frame);
     if (!at) return [];
     const ahead = vehicle.slot === 0 || !ego ? "" : signed(at.s - ego.s, 1);
-    return [[h("b", {}, vehicle.symbol), (at.speed * KMH).toFixed(1), signed(at.accel, 1), ahead, at.d.toFixed(2), lamps(at.lights)]];
+    return [[h("b", {}, vehicle.symbol, isOncoming(vehicle) ? " oncoming" : null), (at.speed * KMH).toFixed(1), signed(at.accel, 1), ahead, at.d.toFixed(2), lamps(at.lights)]];
   });
   const head = ["name", "km/h", "m/s²", "ahead m", "lateral m", "lamps"];
   return table(`All vehicles at ${(frame * run.interval).toFixed(2)} s`, head, rows);

@@ -1,6 +1,7 @@
 // Vehicles from above: bodies, lamps, marks, names, and where they were believed to be.
 
 import type { Ghost, Pose, Vehicle, Words } from "./bundle.ts";
+import { isOncoming } from "./bundle.ts";
 import { plain } from "./numbers.ts";
 
 const LIGHTS = { left: 1, right: 2, brake: 4, low: 8, high: 16, fog: 32 };
@@ -256,7 +257,7 @@ export function drawLabels(view: View, here: { vehicle: Vehicle; at: Pose }[], w
     const isIn = place > -20 && place < width + 20;
     if (!isIn && !isTarget) continue;
     const arrow = isIn ? "" : place > 0 ? " ▸" : " ◂";
-    const text = `${name} ${Math.round(at.speed * 3.6)} km/h${arrow}`;
+    const text = `${name}${isOncoming(vehicle) ? " oncoming" : ""} ${Math.round(at.speed * 3.6)} km/h${arrow}`;
     // Below those on the ego's right, so that names of neighbours do not lie on each other.
     const isBelow = own !== undefined && at.d < own.d - SAME_LANE;
     const away = (vehicle.width / 2) * across + 10;

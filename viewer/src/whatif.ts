@@ -1,7 +1,7 @@
 // What if, at the cursor: buttons for decisions and weathers, and what each branch has changed.
 
 import type { Words } from "./bundle.ts";
-import { h } from "./dom.ts";
+import { h, put, refill } from "./dom.ts";
 import { type Change, GIVEN, MOST_BRANCHES, MOST_CHANGES } from "./link.ts";
 import type { Server } from "./source.ts";
 import type { Branch, Shown, Store } from "./state.ts";
@@ -44,18 +44,19 @@ export function whatIf(server: Server, store: Store, add: (what: string) => void
   return {
     element,
     tell: (state) => {
-      const names = state.branches.map((_, k) => h("option", { value: k }, `in branch ${LETTERS[k]}`));
-      base.replaceChildren(h("option", { value: "" }, "in the original"), ...names);
-      base.hidden = !names.length;
-      base.value = state.base === null ? "" : String(state.base);
-      fan.value = state.fan ?? "";
+      const places = ["", ...state.branches.keys()];
+      refill(base, places, String, (k) => h("option", { value: k }, k === "" ? "in the original" : `in branch ${LETTERS[k as number]}`));
+      base.hidden = !state.branches.length;
+      put(base, String(state.base ?? ""));
+      put(fan, state.fan ?? "");
     },
   };
 }
 
 // What the branches have changed, in words.
-export function cards(shown: Shown, seek: (frame: number) => void, drop: (one: Branch) => void): HTMLElement[] {
-  return shown.branches.map((one) => card(one, shown.words, shown.state.policy, seek, drop));
+export function tellCards(place: Element, shown: Shown, seek: (frame: number) => void, drop: (one: Branch) => void): void {
+  const { branches, words, state } = shown;
+  refill(place, branches, (one) => JSON.stringify([one.letter, one.changes, shown.run.values.simulation, state.policy]), (one) => card(one, words, state.policy, seek, drop));
 }
 
 function card(one: Branch, words: Words, policy: string, seek: (frame: number) => void, drop: (one: Branch) => void): HTMLElement {

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
-import threading
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,10 @@ MOST_BYTES = 16_384
 """Of the body of a request."""
 
 MOST_BRANCHES = 4
-"""Branches and fans that are computed or waited for at a time."""
+"""Branches and fans that are computed at a time."""
+
+MOST_WAITING = 16
+"""Branches and fans that are computed or wait for their turn; further ones are refused."""
 
 _DIGITS = re.compile(r"[0-9]{1,15}", re.ASCII)
 _USED = "this address has been used: go on in the browser that used it, or start the command again"
@@ -80,7 +83,7 @@ class _Answers:
 
     def __init__(self, library: Library, keys: Keys) -> None:
         self._library, self._keys = library, keys
-        self._branches = threading.BoundedSemaphore(MOST_BRANCHES)
+        self._waiting, self._branches = 0, asyncio.Semaphore(MOST_BRANCHES)
 
     async def session(self, request: Request) -> Response:
         key = self._keys.exchange(asked(Token, await _body(request)).token)
@@ -117,13 +120,15 @@ class _Answers:
         return await self._in_turn(self._library.fan, number, what)
 
     async def _in_turn(self, function: Callable[..., dict[str, Any]], *what: Any) -> Response:
-        """What takes long; refused while as many are waited for."""
-        if not self._branches.acquire(blocking=False):
+        """What takes long, a few at a time; refused while many wait."""
+        if self._waiting >= MOST_WAITING:
             raise HTTPException(429, _BUSY)
+        self._waiting += 1
         try:
-            return await _told(function, *what)
+            async with self._branches:
+                return await _told(function, *what)
         finally:
-            self._branches.release()
+            self._waiting -= 1
 
 
 async def _told(function: Callable[..., dict[str, Any]], *arguments: Any) -> Response:

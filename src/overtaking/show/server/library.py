@@ -84,6 +84,7 @@ class Library:
     def rows(self, asked: Rows) -> dict[str, Any]:
         """A part of the list, and how many simulations have what."""
         self._index.wait(_PATIENCE_S)
+        read = self._index.done  # Before the selection: what is read meanwhile is not in it.
         extra = self._queries.get(asked.sql)["mask"] if asked.sql else None
         numbers, counts = self._index.select(asked, extra)
         first = asked.first
@@ -94,7 +95,7 @@ class Library:
             "rows": self._index.rows(numbers[first : first + asked.count]),
             "first": first,
             "found": len(numbers),
-            "read": self._index.done,
+            "read": read,
             "total": self._index.total,
             "counts": counts,
             "failure": self._failure,

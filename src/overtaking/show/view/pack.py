@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.labels.label import Labelled
+    from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
 
     Values = dict[str, Any]
@@ -137,6 +138,21 @@ def _road(run: Trajectories) -> Values:
             0 if one is None else round(one.width * _MM)
             for one in (road.slow_side_neighbour, road.fast_side_neighbour)
         ],
+        "oncoming": _oncoming(road, is_marked=is_marked),
+    }
+
+
+def _oncoming(road: Road, *, is_marked: bool) -> Values | None:
+    """The lane of the other direction, and the marks of the line before it, each with its begin."""
+    beyond = road.fast_side_neighbour
+    if beyond is None or not road.is_two_way:
+        return None
+    edge = beyond.left_mark if road.side > 0 else beyond.right_mark
+    begins = [(None if begin == -np.inf else begin, mark) for begin, mark in road.fast_edge_marks]
+    return {
+        "width_mm": round(beyond.width * _MM),
+        "edge": edge.value if is_marked else None,
+        "marks": [[begin, mark.value] for begin, mark in begins] if is_marked else None,
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -199,6 +200,15 @@ def test_a_branch_of_a_branch_has_both_changes(client: Client, data: Dataset):
 def test_a_branch_has_one_to_four_changes(client: Client, body: dict[str, Any]):
     status, told, _ = client.ask("POST", "/api/runs/3/branches", body)
     assert (status, set(told)) == (400, {"error"})
+
+
+def test_what_several_pages_ask_for_at_once_is_answered_in_turn(client: Client):
+    def ask(frame: int) -> int:
+        asked = branches({"frame": frame, "decision": "STAY"})
+        return client.ask("POST", "/api/runs/5/branches", asked)[0]
+
+    with ThreadPoolExecutor(12) as many:
+        assert set(many.map(ask, range(12))) == {200}
 
 
 @pytest.mark.parametrize("given", ["truth", "belief"])
