@@ -201,7 +201,7 @@ def compare(
     road: str | Path | Road | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Simulate the same scenarios on several simulators: how they end, and where they part.
+    """Simulate the same scenarios on several simulators: how they end, and where they differ.
 
     Args:
         profile: What to sample.

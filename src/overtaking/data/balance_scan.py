@@ -170,7 +170,7 @@ class Scan:
     def __init__(
         self, recipe: Recipe, identity: Identity, simulator: Simulator, location: Location
     ) -> None:
-        """Refuse what cannot be; nothing is read or written yet."""
+        """Refuse impossible wishes; nothing is read or written yet."""
         assert identity.balance is not None
         self._recipe, self._simulator, self._location = recipe, simulator, location
         self._balance: Balance = identity.balance

@@ -47,7 +47,7 @@ class Folder:
         return str(self.path)
 
     def resolved(self) -> "Folder":
-        """The same, whatever the working directory is."""
+        """The same, independent of the working directory."""
         return Folder(self.path.resolve())
 
     def at(self, name: str) -> str:

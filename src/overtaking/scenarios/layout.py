@@ -253,7 +253,7 @@ def _make_avoidable(row: _Row, rearmost: list[F32]) -> None:
     Who comes too fast starts farther back, as far as there is room, and then slower. The vehicle
     ahead is taken to have the lowest speed of all ahead in its lane from the first moment on, which
     is worse than any braking of its own down to that speed. A follower at that speed is safe, so
-    nobody gets slower than the slowest was drawn.
+    no vehicle gets slower than the slowest was drawn.
     """
     lowest = list(row.speed)  # Of the vehicle and of all ahead of it in its lane.
     for follower in reversed(range(len(row.s) - 1)):

@@ -1,4 +1,4 @@
-"""How many overtakes are legal as tolerances are relaxed, and which rule alone decides."""
+"""The share of legal overtakes as tolerances grow, and those that one rule alone decides."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where two laws part: the same overtakes, legal under one and illegal under the other."""
+"""Differences between two laws: overtakes that are legal under one and illegal under the other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What decides: models that predict the outcome, their calibration, and the factors in order."""
+"""Models that predict the outcome, their calibration, and the factors in order."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -99,7 +99,7 @@ def _most_telling(
 
     order = sorted(range(len(conditions)), key=lambda index: -unusual(index))
     chosen: dict[str, int] = {}
-    for index in order:  # Two borders that are told alike are one predicate.
+    for index in order:  # Two borders with the same text are one predicate.
         chosen.setdefault(predicate(conditions[index]), index)
     return [conditions[index] for index in sorted(list(chosen.values())[:MAX_PREDICATES])]
 

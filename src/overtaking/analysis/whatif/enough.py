@@ -292,7 +292,7 @@ def _code(labelled: Labelled, policy: str) -> int:
 def _found(
     one: Quantity, steps: Values, codes: NDArray[np.uint8], goal: str, was: str
 ) -> Sufficient:
-    """What is told of a quantity."""
+    """The values to report of a quantity."""
     reached = np.isin(codes, GOALS[goal])
     indices = np.flatnonzero(reached)
     best = indices[np.abs(steps[indices]).argmin()] if len(indices) else None

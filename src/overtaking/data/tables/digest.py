@@ -1,4 +1,4 @@
-"""A hash over what a table says, whatever the file or the batches it comes in."""
+"""A hash over the values of a table, independent of its file and batches."""
 
 import hashlib
 

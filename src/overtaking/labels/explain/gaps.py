@@ -106,7 +106,7 @@ def time_to_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def to_return(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L27: more distance between those between whom the ego would return."""
+    """L27: more distance between the two vehicles between which the ego would return."""
     gap = float(gap_to_return(facts.case)[1][0])
     return sole(Quantity.GAP_TO_RETURN, gap, gap - facts.margin, facts.first)
 

@@ -49,7 +49,7 @@ class Thought:
 
 
 def thoughts(case: Case) -> tuple[Thought, ...]:
-    """What the law says of everybody whom the ego of one simulation considered.
+    """What the law says of each vehicle that the ego of one simulation considered.
 
     Args:
         case: One simulation.

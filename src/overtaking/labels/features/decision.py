@@ -1,4 +1,4 @@
-"""What there is to know when an overtake begins, or might have begun; nothing of what comes after.
+"""The state when an overtake begins, or might have begun, without what follows.
 
 The instant is `t_a`, or the one of `matched` that stands for it where nothing was attempted. Each
 number comes from one frame, that of the instant, or from a decision before it.
