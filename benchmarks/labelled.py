@@ -24,7 +24,7 @@ from memory import Watch
 from overtaking import api
 from overtaking.core.memory import Buffers
 from overtaking.data.load import Dataset
-from overtaking.data.place import Folder
+from overtaking.data.location import Folder
 from overtaking.data.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
 from overtaking.data.recipe import Keep
 from overtaking.data.shards import write_shard

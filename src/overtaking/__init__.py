@@ -10,7 +10,7 @@ In memory:
     write_evaluation    write what evaluate found as a page, with films of the worst scenes
     branch              simulate them again with decisions, weather, drivers or vehicles changed
     label               find what happened, whether it was lawful, and features
-    compare             simulate on several simulators, and say where they part
+    compare             simulate on several simulators, and say where they differ
     validate            hold the traffic of a profile against real traffic
     plot_validation     draw what validate found
     map_roads           list the roads of an OpenDRIVE file, and which can be simulated

@@ -22,9 +22,9 @@ from overtaking.data import generate as writing
 from overtaking.data.balance import MAX_CANDIDATES, Balance
 from overtaking.data.balance_scan import FILE_NAME, Selection
 from overtaking.data.card import README_NAME as CARD
+from overtaking.data.location import Folder
 from overtaking.data.manifest import FILE_NAME as MANIFEST
 from overtaking.data.manifest import BalanceRecord
-from overtaking.data.place import Folder
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios import spec

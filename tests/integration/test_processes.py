@@ -23,7 +23,7 @@ from overtaking.core.errors import DatasetError
 from overtaking.data import generate as writing
 from overtaking.data import processes
 from overtaking.data.balance import Balance
-from overtaking.data.place import PARTIAL, Folder
+from overtaking.data.location import PARTIAL, Folder
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.recordings.roads import load_road

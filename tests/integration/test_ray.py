@@ -17,7 +17,7 @@ from tests.support.killer import Killer, contents
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
 from overtaking.data import ray_executor
-from overtaking.data.place import PARTIAL
+from overtaking.data.location import PARTIAL
 
 pytestmark = [
     pytest.mark.ci,

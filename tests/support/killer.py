@@ -10,7 +10,7 @@ import threading
 import time
 from pathlib import Path
 
-from overtaking.data.place import PARTIAL
+from overtaking.data.location import PARTIAL
 
 
 class Killer(threading.Thread):

@@ -20,8 +20,8 @@ from overtaking.data.balance import Balance
 from overtaking.data.estimate import Allowed
 from overtaking.data.executors import ENGINES, executor_of
 from overtaking.data.load import Dataset
+from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import read_manifest
-from overtaking.data.place import folder_of, place_of
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.data.verdicts import written
 from overtaking.labels.label import Labelled
@@ -66,9 +66,9 @@ def generate(
             simulated again when it is asked for.
         resume: Whether to complete what an earlier call has begun in this folder.
         overrides: Dotted keys of the specification with other values, as in `scenarios.spec`.
-        road: A road in place of the profile's: a name, an OpenDRIVE file, or a `Road`.
+        road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
-        driver: A policy in the place of every ego's driver, with one of `BRANCHING`; asked by this
+        driver: A policy that replaces every ego's driver, with one of `BRANCHING`; asked by this
             process alone.
         shard_size: Simulations a file; what suits the simulator if left out.
         balance: Which classes get equal shares, and the treatment of a class that is too rare;
@@ -109,12 +109,12 @@ def generate(
         balance=balance,
         policy=None if driver is None else record_of(driver),
     )
-    place = place_of(out)
+    location = location_of(out)
     return writing.generate(
         recipe,
-        place,
+        location,
         chosen,
-        executor=executor_of(engine, recipe, chosen, place, address=address, workers=workers),
+        executor=executor_of(engine, recipe, chosen, location, address=address, workers=workers),
         resume=resume,
         allow_large=allow_large,
         progress=progress,
@@ -149,7 +149,7 @@ def resume(
         DatasetError: Nothing was begun there, or as in `generate`.
         SchemaError: It was begun by a newer version.
     """
-    begun = read_manifest(place_of(out)).identity
+    begun = read_manifest(location_of(out)).identity
     if begun.seed is None:
         raise DatasetError.of(
             what="data set",
@@ -208,10 +208,10 @@ def load(path: str | Path | Dataset) -> Dataset:
     """
     if isinstance(path, Dataset):
         return path
-    place = place_of(path)
-    by = read_manifest(place).identity.simulator
+    location = location_of(path)
+    by = read_manifest(location).identity.simulator
     is_foreign = by in SIMULATORS and by not in BRANCHING
-    return reading.load(place, simulator_of(by if is_foreign else "engine"))
+    return reading.load(location, simulator_of(by if is_foreign else "engine"))
 
 
 @checked

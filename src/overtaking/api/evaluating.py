@@ -61,7 +61,7 @@ def evaluate(
         against: Drivers to compare it with, each with another name.
         as_met: Whether to draw scenes of the profile that is named, as they are met.
         overrides: Dotted keys of the specification with other values.
-        road: A road in place of the profile's.
+        road: A road instead of the profile's.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:

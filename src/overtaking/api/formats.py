@@ -14,7 +14,7 @@ from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
 from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
-from overtaking.data.place import folder_of
+from overtaking.data.location import folder_of
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories

@@ -119,7 +119,7 @@ def film(
             a data set did not keep is simulated again; trajectories are labelled first.
         out: Folder for the files; if not given, `videos` in the folder of the data set, or in the
             working folder.
-        simulations: Their numbers (for trajectories, their places in the batch from 0 on), `all`,
+        simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
             or `one-per-class`: the first of each class.
         policy: Which rules decide about the class: `paper`, `default` or `strict`. Breaches of
             other rules are grey.
@@ -159,7 +159,7 @@ def write_view(
         source: A data set or its folder, trajectories of any origin, or what `label` returned. What
             a data set did not keep is simulated again; trajectories are labelled first.
         out: The file; an existing one is replaced as a whole.
-        simulations: Their numbers (for trajectories, their places in the batch from 0 on), `all`,
+        simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
             or `one-per-class`: the first of each class.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or
             `strict`. The page can change it.
@@ -232,7 +232,7 @@ def validate(
         simulations: How many.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         overrides: Dotted keys of the specification with other values.
-        road: A road in place of the profile's.
+        road: A road instead of the profile's.
         progress: Called with the number of simulations that are done, and of all.
         recordings: A recording in CommonRoad's format, or a folder of them: what the profile's
             drivers do in traffic as dense as theirs is compared with what they show.

@@ -1,6 +1,6 @@
 """Rules of law of one's own: what a rule and a pack are, and what rules may look at.
 
-A rule is a function of a case and what is told about it; a pack is a list of rules:
+A rule is a function of a case, with its description; a pack is a list of rules:
 
     import numpy as np
     from overtaking import rules

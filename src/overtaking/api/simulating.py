@@ -64,7 +64,7 @@ def sample(
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         first: Number of the first one, 0 <= first < 2**63; each is the same in any batch.
         overrides: Dotted keys of the specification with other values.
-        road: A road in place of the profile's.
+        road: A road instead of the profile's.
 
     Raises:
         ConfigError: The specification or a number cannot be used.
@@ -201,7 +201,7 @@ def compare(
     road: str | Path | Road | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
-    """Simulate the same scenarios on several simulators: how they end, and where they part.
+    """Simulate the same scenarios on several simulators: how they end, and where they differ.
 
     Args:
         profile: What to sample.
@@ -209,7 +209,7 @@ def compare(
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         simulators: Two or more of `SIMULATORS`; the others are held against the first.
         overrides: Dotted keys of the specification with other values.
-        road: A road in place of the profile's.
+        road: A road instead of the profile's.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:

@@ -76,7 +76,7 @@ def fan(
     policy: str = "paper",
     progress: Progress | None = None,
 ) -> "Fan":
-    """What becomes of an overtake that is begun at each instant of a simulation.
+    """Outcomes of an overtake that begins at each instant of a simulation.
 
     Args:
         data: The data set, or its folder.

@@ -1,6 +1,6 @@
 """Small pictures made of characters: sparklines, a bar of stages, positions over time.
 
-Nothing is told by colour alone, and where a terminal knows only ASCII, ASCII is drawn.
+No information depends on colour alone. A terminal without Unicode gets ASCII.
 """
 
 from __future__ import annotations

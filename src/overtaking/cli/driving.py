@@ -22,7 +22,7 @@ Action = Annotated[
     str,
     options.option(
         "--action NAME",
-        "What it answers: accel_lane, speed_lane, accel_steer, trajectory, decision; accel_move "
+        "Form of answers: accel_lane, speed_lane, accel_steer, trajectory, decision; accel_move "
         "and accel_steer_signal have the indicator as a part.",
     ),
 ]

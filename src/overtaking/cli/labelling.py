@@ -83,11 +83,11 @@ def of_batches(data: str, batches: "Iterable[tuple[Any, Labelled]]") -> dict[str
     total, version = 0, ""
     for numbers, said in batches:
         total, version = total + len(numbers), said.findings.version
-        for place, policy in enumerate(said.labels.policies):
-            names = (OvertakeClass(one).title for one in said.labels.classes[:, place])
+        for index, policy in enumerate(said.labels.policies):
+            names = (OvertakeClass(one).title for one in said.labels.classes[:, index])
             classes.setdefault(policy, Counter()).update(names)
-        for place, rule in enumerate(said.findings.rules):
-            verdicts = (Verdict(one).name.lower() for one in said.findings.verdict[:, place])
+        for index, rule in enumerate(said.findings.rules):
+            verdicts = (Verdict(one).name.lower() for one in said.findings.verdict[:, index])
             rules.setdefault(rule, Counter()).update(verdicts)
     return {
         "data": data,

@@ -69,8 +69,8 @@ def _breach(one: Values, values: Values, width: int, glyphs: Glyphs) -> Table:
     body = Text()
     body.append(f"{told.rule}: ", style="bold")
     body.append(f"{told.grade}\n{told.facts}")
-    for place, remedy in enumerate(told.remedies):
-        body.append(f"\n{'or' if place else 'needs'} {remedy}")
+    for index, remedy in enumerate(told.remedies):
+        body.append(f"\n{'or' if index else 'needs'} {remedy}")
     grid = _grid(width, _CODE_WIDTH)
     grid.add_row(Text(one["rule"], style="bold"), body)
     return grid
@@ -81,8 +81,8 @@ def _rest(values: Values, width: int) -> Table:
     grid = _grid(width, len("Do not apply"))
     if not values["broken"]:
         grid.add_row("Broken", "nothing")
-    for place, one in enumerate(values["undecidable"]):
-        grid.add_row("" if place else "Undecidable", doubt_words(one))
+    for index, one in enumerate(values["undecidable"]):
+        grid.add_row("" if index else "Undecidable", doubt_words(one))
     for title, key in (
         ("Kept", "kept"),
         ("Do not apply", "not_applicable"),

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 Rules = Annotated[
     str | None,
-    options.option("--rules CODE,CODE", "Rules to tell of, separated by commas.  [default: all]"),
+    options.option("--rules CODE,CODE", "Rules to explain, separated by commas.  [default: all]"),
 ]
 
 
@@ -49,7 +49,7 @@ def compare(
     position_error: options.PositionError = None,
     speed_error: options.SpeedError = None,
 ) -> None:
-    """Judge a data set by several laws and show where they part.
+    """Judge a data set by several laws and show where they differ.
 
     Nothing is written.
     """

@@ -257,8 +257,8 @@ def _decisions(values: Values) -> Iterator[RenderableType]:
     columns = ("time", "to", "of whom", "gap m>", "closing km/h>", "the law")
     table = open_table(*columns, header_style="underline")
     for one in values["decisions"]:
-        near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
-        rows = [percept_words(place, of) for place, of in near] or [("nobody near",)]
+        near = [(index, of) for index, of in one["neighbours"].items() if of is not None]
+        rows = [percept_words(index, of) for index, of in near] or [("nobody near",)]
         for number, row in enumerate(rows):
             first = ("", "") if number else (f"{one['time_s']:.2f} s", words(one["kind"]))
             table.add_row(*first, *row)
@@ -269,5 +269,5 @@ def _decisions(values: Values) -> Iterator[RenderableType]:
 
 def _ending(values: Values) -> Iterator[Text]:
     """The outcome, and the collisions, or that there was none."""
-    for place, line in enumerate(ending_words(values)):
-        yield Text(line, style="bold" if place else "")
+    for index, line in enumerate(ending_words(values)):
+        yield Text(line, style="bold" if index else "")

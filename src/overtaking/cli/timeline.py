@@ -88,7 +88,7 @@ def _stages(stages: list[Values], inner: int, glyphs: Glyphs) -> Text:
 
 
 def _seconds(duration_s: float, inner: int) -> str:
-    """The axis of time: round seconds at their places."""
+    """The axis of time: round seconds at their positions."""
     most = max(inner // _TICK_ROOM, 1)
     step = next((one for one in _TICKS_S if duration_s <= one * most), _TICKS_S[-1])
     line = ""

@@ -31,7 +31,7 @@ Temper = Annotated[
 Stay = Annotated[bool, options.option("--stay", "The ego never begins an overtake.")]
 Delay = Annotated[
     float | None,
-    options.option("--delay S", "The ego begins so much later, whatever the gaps [s]."),
+    options.option("--delay S", "Delay of the attempt, without regard to the gaps [s]."),
 ]
 At = Annotated[
     float, options.option("--at S", "From when on weather, driver or --stay are different [s].")
@@ -86,7 +86,7 @@ def twin(
     plot: options.Plot = None,
     out: Save = None,
 ) -> None:
-    """Put a simulation beside the same with something changed.
+    """Compare a simulation with a branch that differs in one thing.
 
     Prints both classes and the first frame in which the two differ.
     """
@@ -126,7 +126,7 @@ def fan(
     policy: options.Policy = "paper",
     plot: options.Plot = None,
 ) -> None:
-    """Tell what becomes of an overtake begun at each instant.
+    """Show the outcomes of an overtake begun at each instant.
 
     Prints the share of each class among many futures, with 95 % intervals.
     """
@@ -157,7 +157,7 @@ def enough(
     goal: Goal = "lawful",
     policy: options.Policy = "paper",
 ) -> None:
-    """Find single changes that make it lawful or safe.
+    """Find single changes that make a simulation lawful or safe.
 
     A stated list of quantities is tried, each alone; every answer is simulated. Many may be enough,
     and none of them is the cause.

@@ -20,8 +20,8 @@ from overtaking.core.steps import Progress
 from overtaking.data import plan
 from overtaking.data.ahead import in_order
 from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
+from overtaking.data.location import Location
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
-from overtaking.data.place import Place
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, policy
@@ -103,8 +103,8 @@ class Selection:
         if keeps.sum() == self.missing.sum():
             end = int(np.flatnonzero(keeps).max(initial=-1)) + 1
             cell, keeps = cell[:end], keeps[:end]
-        place = np.flatnonzero(keeps)
-        self._add(place.astype(np.uint64) + np.uint64(self.candidates), cell[place])
+        rows = np.flatnonzero(keeps)
+        self._add(rows.astype(np.uint64) + np.uint64(self.candidates), cell[rows])
         self.seen += np.bincount(cell[cell != OUTSIDE], minlength=len(self.seen))
         self.candidates += len(cell)
 
@@ -164,15 +164,15 @@ class Scan:
         recipe: The data set to make.
         identity: Its identity, with a balance.
         simulator: What simulates.
-        place: Where the data set lies.
+        location: Where the data set lies.
     """
 
     def __init__(
-        self, recipe: Recipe, identity: Identity, simulator: Simulator, place: Place
+        self, recipe: Recipe, identity: Identity, simulator: Simulator, location: Location
     ) -> None:
-        """Refuse what cannot be; nothing is read or written yet."""
+        """Refuse impossible wishes; nothing is read or written yet."""
         assert identity.balance is not None
-        self._recipe, self._simulator, self._place = recipe, simulator, place
+        self._recipe, self._simulator, self._location = recipe, simulator, location
         self._balance: Balance = identity.balance
         self._limit = self._balance.limit(recipe.num_simulations)
         self._key = _key(identity, self._balance)
@@ -190,7 +190,7 @@ class Scan:
             OSError: The folder cannot be written.
         """
         progress = report or _silent
-        _read(self._place, self._key, self._limit, self.selection)
+        _read(self._location, self._key, self._limit, self.selection)
         progress(self.selection.candidates, self.selection.expected(self._limit))
         if not self.selection.is_full:
             self._look(progress)
@@ -233,7 +233,7 @@ class Scan:
             cell=found.cell.tolist(),
         )
         text = remembered.sealed().model_dump_json() + "\n"
-        self._place.put_text(FILE_NAME, text)
+        self._location.put_text(FILE_NAME, text)
 
     def _refuse_too_rare(self) -> None:
         found = self.selection
@@ -243,7 +243,7 @@ class Scan:
         short = int((found.missing > 0).sum())
         raise DatasetError.of(
             what=f"cell {self._balance.cells[rarest]}",
-            where=str(self._place),
+            where=str(self._location),
             expected=f"{found.kept[rarest] + found.missing[rarest]} simulations of it among "
             f"{self._limit} candidates",
             got=f"{found.kept[rarest]}; cells with too few: {short}",
@@ -300,10 +300,10 @@ class _Remembered(BaseModel):
         )
 
 
-def _read(place: Place, key: str, limit: int, selection: Selection) -> None:
+def _read(location: Location, key: str, limit: int, selection: Selection) -> None:
     """Restore the saved progress of the same search into a selection, if it is intact."""
     try:
-        with place.open(FILE_NAME) as file:
+        with location.open(FILE_NAME) as file:
             most = _HEAD_BYTES + _SIMULATION_BYTES * int(selection.missing.sum())
             known = _Remembered.model_validate_json(whole(file, most))
     except (OSError, ValidationError):

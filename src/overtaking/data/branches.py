@@ -14,8 +14,8 @@ from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.load import Dataset
+from overtaking.data.location import Folder
 from overtaking.data.manifest import BranchRecord, Identity, Manifest, Provenance
-from overtaking.data.place import Folder
 from overtaking.data.recipe import Keep
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
@@ -88,17 +88,17 @@ def write_branches(of: Dataset, told: Sequence[Told], out: Path) -> None:
     tables = identity.tables
     next_step = "branch again; nothing was written"
     with all_or_nothing(out, "time to complete it", next_step), whole_folder(out) as folder:
-        place = Folder(folder)
-        place.prepare(tables)
+        location = Folder(folder)
+        location.prepare(tables)
         begun = Manifest(identity=identity, provenance=Provenance.of_this_run({}))
-        write = partial(shards.write_shard, place, fingerprint=identity.fingerprint)
+        write = partial(shards.write_shard, location, fingerprint=identity.fingerprint)
         schemas = {name: schema_of(name) for name in tables}
         records = tuple(
             write(one, _pieces(told, one, tables), schemas=schemas, on_piece=lambda _: None)
             for one in plan.shards(len(told))
         )
-        complete(place, begun, records)
-        place.sweep()
+        complete(location, begun, records)
+        location.sweep()
 
 
 def _pieces(

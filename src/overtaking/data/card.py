@@ -225,7 +225,7 @@ def meaning_of(field: pa.Field) -> str:
     if names := names_of(field):
         meaning = f"{meaning}: {', '.join(names)}"
     if flags := flags_of(field):
-        bits = ", ".join(f"{1 << place} {name}" for place, name in enumerate(flags))
+        bits = ", ".join(f"{1 << bit} {name}" for bit, name in enumerate(flags))
         meaning = f"{meaning}: {bits}"
     return f"{meaning}; may be null" if field.nullable else meaning
 

@@ -21,8 +21,8 @@ from overtaking.core.steps import Progress, Steps
 from overtaking.data import lock, plan, shards
 from overtaking.data.importing import READER_VERSION
 from overtaking.data.interruption import all_or_nothing
+from overtaking.data.location import PARTIAL, Folder, Location
 from overtaking.data.manifest import ShardRecord, content_hash
-from overtaking.data.place import PARTIAL, Folder, Place
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
@@ -91,39 +91,41 @@ class Labelling:
         """The same: nothing here has threads of its own."""
         return self
 
-    def place(self, where: str) -> Place:
+    def location(self, where: str) -> Location:
         """The folder of the result, if this process sees the same one.
 
         Raises:
             DatasetError: Something else is there, or nothing.
         """
-        place = Folder(Path(where))
-        if _begun(place) == self.fingerprint:
-            return place
-        raise _other(place, "one that every worker sees", "choose a folder that all machines share")
+        location = Folder(Path(where))
+        if _begun(location) == self.fingerprint:
+            return location
+        raise _other(
+            location, "one that every worker sees", "choose a folder that all machines share"
+        )
 
-    def make(self, task: Part, place: Place, on_done: OnDone) -> ShardRecord:
+    def make(self, task: Part, location: Location, on_done: OnDone) -> ShardRecord:
         """Put a shard into its place, unless it is there and intact.
 
         Raises:
             OSError: It cannot be written.
         """
         known = shards.finished_shard(
-            place, task.shard, tables=TABLES, fingerprint=self.fingerprint
+            location, task.shard, tables=TABLES, fingerprint=self.fingerprint
         )
         if known is not None:
             on_done(len(task.names))
             return known
         return shards.write_shard(
-            place,
+            location,
             task.shard,
-            self._pieces(task, place, on_done),
+            self._pieces(task, location, on_done),
             fingerprint=self.fingerprint,
             on_piece=on_done,
             schemas={name: schema_of(name, UNKNOWNS, recorded=True) for name in TABLES},
         )
 
-    def _pieces(self, task: Part, place: Place, on_done: OnDone) -> Iterator[shards.Piece]:
+    def _pieces(self, task: Part, location: Location, on_done: OnDone) -> Iterator[shards.Piece]:
         """The tables of each recording, counted when its last simulation is there."""
         refused: dict[str, str] = {}
         for number, name in enumerate(task.names, task.shard.first):
@@ -140,7 +142,7 @@ class Labelling:
                 made = contents(scenes.trajectories(chunk), index, TABLES, sources)
                 yield int(chunk.stop >= len(scenes)), made
         if refused:  # Before the shard is in its place, which says that it is complete.
-            place.put_text(_refusals(task.shard), _text(refused))
+            location.put_text(_refusals(task.shard), _text(refused))
 
 
 def label_folder(
@@ -180,26 +182,26 @@ def label_folder(
         options=options,
         fingerprint=hashlib.sha256(_text(said).encode()).hexdigest(),
     )
-    place = Folder(out)
-    with all_or_nothing(out, "time to complete it", "complete it with --resume"), place.locked():
-        is_first = _begin(place, job, resume=resume)
-        place.sweep()
-        place.prepare(TABLES)
+    location = Folder(out)
+    with all_or_nothing(out, "time to complete it", "complete it with --resume"), location.locked():
+        is_first = _begin(location, job, resume=resume)
+        location.sweep()
+        location.prepare(TABLES)
         parts = [
             Part(shard=shard, names=tuple(names[shard.first : shard.stop]))
             for shard in plan.shards(len(names), SHARD_SIZE)
         ]
         try:
             step = Steps(len(names), progress)
-            with closing(executor(len(parts))(job, parts, place, step)) as made:
+            with closing(executor(len(parts))(job, parts, location, step)) as made:
                 records = sorted(made, key=lambda one: one.number)
-            return _complete(place, job, said, records)
+            return _complete(location, job, said, records)
         except ConfigError:
             if is_first:  # The manifest of a call that cannot succeed would keep the right one out.
-                place.remove(MANIFEST)
+                location.remove(MANIFEST)
             raise
         finally:
-            place.sweep()
+            location.sweep()
 
 
 def _names(file_format: str, folder: Path) -> list[str]:
@@ -238,28 +240,30 @@ def _identity(
     }
 
 
-def _begin(place: Folder, job: Labelling, *, resume: bool) -> bool:
+def _begin(location: Folder, job: Labelling, *, resume: bool) -> bool:
     """Write the first manifest, or check that an earlier call may be continued; whether first."""
-    if not place.has(MANIFEST):
-        if strangers := place.names() - _OWN:
-            raise _other(place, "an empty folder", "choose another", f"one with {min(strangers)}")
-        place.put_text(MANIFEST, _text({"fingerprint": job.fingerprint, "complete": False}))
+    if not location.has(MANIFEST):
+        if strangers := location.names() - _OWN:
+            raise _other(
+                location, "an empty folder", "choose another", f"one with {min(strangers)}"
+            )
+        location.put_text(MANIFEST, _text({"fingerprint": job.fingerprint, "complete": False}))
         return True
-    if _begun(place) != job.fingerprint:
-        raise _other(place, "the labels of these recordings", "choose another folder")
+    if _begun(location) != job.fingerprint:
+        raise _other(location, "the labels of these recordings", "choose another folder")
     if not resume:
         next_step = "complete it with --resume, or choose another folder"
-        raise _other(place, "an empty folder", next_step, "one that was begun")
+        raise _other(location, "an empty folder", next_step, "one that was begun")
     return False
 
 
 def _complete(
-    place: Folder, job: Labelling, said: dict[str, Any], records: list[ShardRecord]
+    location: Folder, job: Labelling, said: dict[str, Any], records: list[ShardRecord]
 ) -> dict[str, Any]:
     """Write the last manifest."""
     refused = sum(
-        len(json.loads((place.path / name).read_text(encoding="utf-8")))
-        for name in place.names()
+        len(json.loads((location.path / name).read_text(encoding="utf-8")))
+        for name in location.names()
         if name.startswith("refused-")
     )
     values = {
@@ -270,14 +274,14 @@ def _complete(
         "refused": refused,
         "content_hash": content_hash(tuple(records)),
     }
-    place.put_text(MANIFEST, _text(values))
+    location.put_text(MANIFEST, _text(values))
     return values
 
 
-def _begun(place: Folder) -> str | None:
+def _begun(location: Folder) -> str | None:
     """The fingerprint that a folder was begun with."""
     try:
-        return json.loads((place.path / MANIFEST).read_text(encoding="utf-8"))["fingerprint"]
+        return json.loads((location.path / MANIFEST).read_text(encoding="utf-8"))["fingerprint"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -291,7 +295,11 @@ def _text(values: Mapping[str, Any]) -> str:
     return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
 
 
-def _other(place: Place, expected: str, next_step: str, got: str = "others") -> DatasetError:
+def _other(location: Location, expected: str, next_step: str, got: str = "others") -> DatasetError:
     return DatasetError.of(
-        what="folder of labels", where=str(place), expected=expected, got=got, next_step=next_step
+        what="folder of labels",
+        where=str(location),
+        expected=expected,
+        got=got,
+        next_step=next_step,
     )

@@ -2,6 +2,7 @@
 
 from overtaking.data.card import README_NAME, Card
 from overtaking.data.croissant import CROISSANT_NAME, croissant
+from overtaking.data.location import Location
 from overtaking.data.manifest import (
     BalanceRecord,
     Manifest,
@@ -10,11 +11,10 @@ from overtaking.data.manifest import (
     now,
     write_manifest,
 )
-from overtaking.data.place import Place
 
 
 def complete(
-    place: Place,
+    location: Location,
     manifest: Manifest,
     shards: tuple[ShardRecord, ...],
     balance: BalanceRecord | None = None,
@@ -22,7 +22,7 @@ def complete(
     """Write the data card, then the manifest, which makes the data set complete.
 
     Args:
-        place: Where it lies.
+        location: Where it lies.
         manifest: What the manifest says so far.
         shards: All shards.
         balance: What became of the cells of a balanced data set.
@@ -40,7 +40,7 @@ def complete(
         ),
     }
     card = Card(manifest.model_copy(update=changes))
-    place.put_text(README_NAME, card.readme())
-    place.put_text(CROISSANT_NAME, croissant(card))
+    location.put_text(README_NAME, card.readme())
+    location.put_text(CROISSANT_NAME, croissant(card))
     if not manifest.complete or manifest.shards != shards:
-        write_manifest(place, card.manifest)
+        write_manifest(location, card.manifest)

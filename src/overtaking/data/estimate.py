@@ -9,7 +9,7 @@ from pathlib import Path
 
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.data.place import Folder, Place
+from overtaking.data.location import Folder, Location
 from overtaking.data.plan import Shard
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.data.work import Job, Task, make_shard
@@ -72,12 +72,14 @@ Allowed = bool | Callable[[Estimate], bool]
 """Permission to make a large data set, or a function that decides for each estimate."""
 
 
-def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed: Allowed) -> None:
+def refuse_too_large(
+    recipe: Recipe, location: Location, simulator: Simulator, allowed: Allowed
+) -> None:
     """Refuse a data set that does not fit on the disk, or that is large without permission.
 
     Args:
         recipe: The data set to make.
-        place: Where.
+        location: Where.
         simulator: What simulates.
         allowed: Whether a large one may be made; asked about every one that is estimated.
 
@@ -88,11 +90,11 @@ def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed
     count = min(SAMPLE, simulator.chunk_size)
     if recipe.num_simulations < LEAST_SAMPLES * count:
         return
-    found = estimate(recipe, place, simulator, count)
+    found = estimate(recipe, location, simulator, count)
     if found.free_bytes is not None and found.size_bytes > found.free_bytes:
         raise DatasetError.of(
             what="disk",
-            where=str(place),
+            where=str(location),
             expected=f"room for about {found.size_bytes / _GB:.3g} GB",
             got=f"{found.free_bytes / _GB:.3g} GB",
             next_step="ask for fewer simulations, leave out the frames (--keep features) or choose "
@@ -110,12 +112,14 @@ def refuse_too_large(recipe: Recipe, place: Place, simulator: Simulator, allowed
         )
 
 
-def estimate(recipe: Recipe, place: Place, simulator: Simulator, count: int = SAMPLE) -> Estimate:
+def estimate(
+    recipe: Recipe, location: Location, simulator: Simulator, count: int = SAMPLE
+) -> Estimate:
     """Estimate size and time of a data set from its first simulations.
 
     Args:
         recipe: The data set to make.
-        place: Where; nothing is written there.
+        location: Where; nothing is written there.
         simulator: What simulates.
         count: How many simulations are made to learn it, 2 or more.
     """
@@ -128,7 +132,7 @@ def estimate(recipe: Recipe, place: Place, simulator: Simulator, count: int = SA
         simulations=recipe.num_simulations,
         rows=round(least_rows + (rows - least_rows) * factor),
         size_bytes=round(least + (size - least) * factor),
-        free_bytes=_free(place),
+        free_bytes=_free(location),
         seconds=seconds * recipe.num_simulations / count / processors.wanted(),
     )
 
@@ -138,17 +142,17 @@ def _made(recipe: Recipe, simulator: Simulator, count: int) -> tuple[int, int]:
     job = Job(recipe=recipe, simulator=simulator, fingerprint="", is_resumed=False)
     task = Task(shard=Shard(number=0, first=0, stop=count))
     with tempfile.TemporaryDirectory(prefix="overtaking-") as folder:
-        place = Folder(Path(folder))
-        place.prepare(recipe.tables)
-        facts = make_shard(job.for_one_core(), task, place, lambda _: None).tables.values()
+        location = Folder(Path(folder))
+        location.prepare(recipe.tables)
+        facts = make_shard(job.for_one_core(), task, location, lambda _: None).tables.values()
     return sum(one.rows for one in facts), sum(one.size_bytes for one in facts)
 
 
-def _free(place: Place) -> int | None:
+def _free(location: Location) -> int | None:
     """Room where a data set belongs [bytes]; None in a store."""
-    if not isinstance(place, Folder):
+    if not isinstance(location, Folder):
         return None
-    there = place.path.absolute()
+    there = location.path.absolute()
     while not there.exists() and there != there.parent:
         there = there.parent
     return shutil.disk_usage(there).free

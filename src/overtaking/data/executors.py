@@ -5,7 +5,7 @@ import sys
 from overtaking.core import processors
 from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError
-from overtaking.data.place import Folder, Place
+from overtaking.data.location import Folder, Location
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.data.work import Executor, in_this_process
@@ -21,7 +21,7 @@ def executor_of(
     engine: str,
     recipe: Recipe,
     simulator: Simulator,
-    place: Place,
+    location: Location,
     *,
     address: str | None = None,
     workers: int | None = None,
@@ -32,7 +32,7 @@ def executor_of(
         engine: One of `ENGINES`.
         recipe: The data set to make.
         simulator: What simulates.
-        place: Where it is to lie.
+        location: Where it is to lie.
         address: Of a Ray cluster.
         workers: How many processes; with `auto` it asks for processes.
 
@@ -45,7 +45,7 @@ def executor_of(
     _refuse_strangers(engine, address, workers)
     if engine == "threads":
         return in_this_process
-    if engine == "auto" and workers is None and not _pays(recipe, simulator, place):
+    if engine == "auto" and workers is None and not _pays(recipe, simulator, location):
         return in_this_process
     if simulator.shares_world:
         next_step = f"leave it out: all processes share the world of {simulator.name}"
@@ -92,7 +92,7 @@ def _refuse_strangers(engine: str, address: str | None, workers: int | None) -> 
         _refuse_beside(engine, "workers", workers, "processes or ray")
 
 
-def _pays(recipe: Recipe, simulator: Simulator, place: Place) -> bool:
+def _pays(recipe: Recipe, simulator: Simulator, location: Location) -> bool:
     """Whether processes can do the work for sure, and sooner than threads.
 
     Access to a store may have been set up in this process alone.
@@ -100,7 +100,7 @@ def _pays(recipe: Recipe, simulator: Simulator, place: Place) -> bool:
     return (
         processors.wanted() > 1
         and bool(sys.executable)  # Not a program with Python inside.
-        and isinstance(place, Folder)
+        and isinstance(location, Folder)
         and not simulator.shares_world
         and recipe.num_simulations > recipe.shard_size
         and recipe.num_simulations >= MIN_PIECES * simulator.chunk_size

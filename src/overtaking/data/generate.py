@@ -14,8 +14,8 @@ from overtaking.data.completion import complete
 from overtaking.data.estimate import Allowed, refuse_too_large
 from overtaking.data.interruption import Terminated, cannot_write, termination_raises
 from overtaking.data.load import Dataset, load
+from overtaking.data.location import PARTIAL, Location
 from overtaking.data.manifest import Identity, Manifest, Provenance, ShardRecord
-from overtaking.data.place import PARTIAL, Place
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.data.work import Executor, Job, Task, in_this_process
 
@@ -30,7 +30,7 @@ _OWN = frozenset({lock.FILE_NAME, PARTIAL})
 
 def generate(
     recipe: Recipe,
-    place: Place,
+    location: Location,
     simulator: Simulator,
     *,
     executor: Executor = in_this_process,
@@ -43,10 +43,10 @@ def generate(
 
     Args:
         recipe: The data set to make.
-        place: Where; made if missing.
+        location: Where; made if missing.
         simulator: What simulates.
         executor: Makes the shards.
-        resume: Whether to complete what an earlier call has begun in this place.
+        resume: Whether to complete what an earlier call has begun in this location.
         allow_large: Whether to make a large one; or a function that decides, given the estimate of
             one that takes a while. What is resumed was allowed before.
         progress: Called with the number of simulations that are done, and of all.
@@ -58,7 +58,7 @@ def generate(
 
     Raises:
         ConfigError: The recipe cannot be carried out, or it is large and that is not allowed.
-        DatasetError: The place holds something else, is too small or cannot be written, another
+        DatasetError: The location holds something else, is too small or cannot be written, another
             process writes it, or the process was asked to end; finished shards are kept.
         KeyboardInterrupt: Ctrl-C; finished shards are kept.
     """
@@ -67,28 +67,30 @@ def generate(
     job = Job(
         recipe=recipe, simulator=simulator, fingerprint=identity.fingerprint, is_resumed=resume
     )
-    run = _Run(job, identity, place)
+    run = _Run(job, identity, location)
     try:
-        _refuse_strangers(place)
-        if not place.has(manifest.FILE_NAME):
-            refuse_too_large(recipe, place, simulator, allow_large)
-        with termination_raises(), place.locked():
+        _refuse_strangers(location)
+        if not location.has(manifest.FILE_NAME):
+            refuse_too_large(recipe, location, simulator, allow_large)
+        with termination_raises(), location.locked():
             run.run(executor, progress, on_candidates)
     except OSError as error:
-        raise cannot_write(place, error, _MORE_ROOM) from error
+        raise cannot_write(location, error, _MORE_ROOM) from error
     except Terminated:
         raise DatasetError(run.interrupted("SIGTERM")) from None
     except KeyboardInterrupt:
         raise KeyboardInterrupt(run.interrupted("Ctrl-C")) from None
-    return load(place, simulator)
+    return load(location, simulator)
 
 
 class _Run:
     """One call of `generate`."""
 
-    def __init__(self, job: Job, identity: Identity, place: Place) -> None:
-        self._job, self._identity, self._place = job, identity, place
-        self._scan = Scan(job.recipe, identity, job.simulator, place) if identity.balance else None
+    def __init__(self, job: Job, identity: Identity, location: Location) -> None:
+        self._job, self._identity, self._location = job, identity, location
+        self._scan = (
+            Scan(job.recipe, identity, job.simulator, location) if identity.balance else None
+        )
         self._chosen: Chosen | None = None
         self._count = job.recipe.num_simulations
         self._records: dict[int, ShardRecord] = {}
@@ -101,34 +103,34 @@ class _Run:
         self, executor: Executor, progress: Progress | None, on_candidates: Progress | None
     ) -> None:
         """Write the missing shards, and the manifest."""
-        begun = _begun(self._place, self._identity, resume=self._job.is_resumed)
-        self._place.sweep()
+        begun = _begun(self._location, self._identity, resume=self._job.is_resumed)
+        self._location.sweep()
         try:
             current = begun or self._first_manifest()
             if self._scan and not current.complete:
                 # A resumed data set may now try more candidates.
-                manifest.write_manifest(self._place, current)
+                manifest.write_manifest(self._location, current)
             # The manifest comes first: tables without a manifest are not resumed.
-            self._place.prepare(self._job.recipe.tables)
+            self._location.prepare(self._job.recipe.tables)
             if self._scan:
                 self._chosen = self._scan.run(on_candidates)
                 self._count = len(self._chosen.index)
             self._make_shards(executor, current, Steps(self._count, progress))
             balance = self._chosen.record if self._chosen else None
             records = tuple(self._records[shard.number] for shard in self._shards)
-            complete(self._place, current, records, balance)
+            complete(self._location, current, records, balance)
         except _REFUSALS:
             if begun is None and not self._records:
                 # The manifest of a call that cannot succeed would keep the right call out.
-                self._place.remove(manifest.FILE_NAME)
+                self._location.remove(manifest.FILE_NAME)
             raise
         finally:
-            self._place.sweep()
+            self._location.sweep()
 
     def _make_shards(self, executor: Executor, current: Manifest, step: Steps) -> None:
         step(0)
         tasks = (self._task(shard, current) for shard in self._shards)
-        with closing(executor(self._job, tasks, self._place, step)) as records:
+        with closing(executor(self._job, tasks, self._location, step)) as records:
             for record in records:
                 self._records[record.number] = record
 
@@ -147,7 +149,7 @@ class _Run:
             expected, got = "every quota filled", f"{self._scan.selection.candidates} candidates"
         message = DatasetError.of(
             what="data set",
-            where=str(self._place),
+            where=str(self._location),
             expected=expected,
             got=f"{got} before {by}; they are kept",
             next_step="run the same command with --resume to complete it",
@@ -163,14 +165,14 @@ class _Run:
         provenance = Provenance.of_this_run(self._job.simulator.details)
         first = Manifest(identity=self._identity, provenance=provenance)
         try:
-            manifest.write_manifest(self._place, first, is_first=True)
+            manifest.write_manifest(self._location, first, is_first=True)
         except FileExistsError:
             raise DatasetError.of(
                 what="data set",
-                where=str(self._place),
+                where=str(self._location),
                 expected="no other process that begins one",
                 got="one that was faster",
-                next_step="choose another place, or complete the same data set with --resume",
+                next_step="choose another location, or complete the same data set with --resume",
             ) from None
         return first
 
@@ -190,10 +192,10 @@ def _check(recipe: Recipe) -> None:
             raise ConfigError.out_of_range(what, "generate", low, high, value, next_step)
 
 
-def _refuse_strangers(place: Place) -> None:
-    """Refuse a place that holds something other than a data set, before anything is touched."""
+def _refuse_strangers(location: Location) -> None:
+    """Refuse a location that holds something other than a data set, before anything is touched."""
     try:
-        names = place.names()
+        names = location.names()
     except NotADirectoryError:
         got = "a file"
     else:
@@ -202,18 +204,18 @@ def _refuse_strangers(place: Place) -> None:
         got = f"a folder with {min(names - _OWN)}"
     raise DatasetError.of(
         what="folder",
-        where=str(place),
+        where=str(location),
         expected="an empty folder or a data set",
         got=got,
         next_step="choose another folder",
     )
 
 
-def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None:
-    """The manifest of an earlier call in this place, if this call may continue it."""
-    if not place.has(manifest.FILE_NAME):
+def _begun(location: Location, identity: Identity, *, resume: bool) -> Manifest | None:
+    """The manifest of an earlier call in this location, if this call may continue it."""
+    if not location.has(manifest.FILE_NAME):
         return None
-    begun = manifest.read_manifest(place)
+    begun = manifest.read_manifest(location)
     if not begun.complete and _looks_further(begun.identity, identity):
         begun = begun.model_copy(update={"identity": identity})
     if different := begun.identity.differences(identity):
@@ -222,7 +224,7 @@ def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None
         ours, theirs = (_shown(one, name) for one in (identity, begun.identity))
         raise DatasetError.of(
             what=f"{name} of the data set",
-            where=str(place),
+            where=str(location),
             expected=ours,
             got=theirs,
             next_step=begun.how_to_simulate
@@ -232,7 +234,7 @@ def _begun(place: Place, identity: Identity, *, resume: bool) -> Manifest | None
     if not resume:
         raise DatasetError.of(
             what="data set",
-            where=str(place),
+            where=str(location),
             expected="an empty folder",
             got="one that is complete" if begun.complete else "one that is not finished",
             next_step="choose another folder" if begun.complete else "complete it with --resume",

@@ -1,7 +1,7 @@
 """Makes a data set from recordings: the folder appears whole, or not at all.
 
 A recording is read before anything is written, so there is nothing to resume: the folder grows
-beside its place and takes its name when it is complete.
+beside its location and takes its name when it is complete.
 """
 
 from collections.abc import Iterator
@@ -15,8 +15,8 @@ from overtaking.core.steps import Progress, Steps
 from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
+from overtaking.data.location import Folder
 from overtaking.data.manifest import Identity, Manifest, Provenance, Source
-from overtaking.data.place import Folder
 from overtaking.data.plan import SHARD_SIZE
 from overtaking.data.recipe import Keep
 from overtaking.data.tables.encode_labels import contents
@@ -89,12 +89,12 @@ def _identity(read: "Imported", file_format: str) -> Identity:
 
 def _write(scenes: "Scenes", identity: Identity, folder: Path, step: Steps) -> None:
     """Write all files of the data set into a folder."""
-    tables, place = identity.keep.tables, Folder(folder)
-    place.prepare(tables)
+    tables, location = identity.keep.tables, Folder(folder)
+    location.prepare(tables)
     started = Manifest(identity=identity, provenance=Provenance.of_this_run({}))
     records = tuple(
         shards.write_shard(
-            place,
+            location,
             shard,
             _pieces(scenes, shard, tables),
             fingerprint=identity.fingerprint,
@@ -103,8 +103,8 @@ def _write(scenes: "Scenes", identity: Identity, folder: Path, step: Steps) -> N
         )
         for shard in plan.shards(len(scenes))
     )
-    complete(place, started, records)
-    place.sweep()
+    complete(location, started, records)
+    location.sweep()
 
 
 def _pieces(scenes: "Scenes", shard: plan.Shard, tables: tuple[str, ...]) -> Iterator[shards.Piece]:

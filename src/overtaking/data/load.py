@@ -11,8 +11,8 @@ from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationEr
 from overtaking.core.summary import Summarized
 from overtaking.data import plan
 from overtaking.data.choice import stretches
+from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import Manifest, read_manifest
-from overtaking.data.place import folder_of, place_of
 from overtaking.data.shards import ShardFiles
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.files import read_columns, read_rows, read_table
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from overtaking.data.place import Place
+    from overtaking.data.location import Location
     from overtaking.data.recipe import Simulator
     from overtaking.data.views import Verdict
     from overtaking.model.actions import Actions
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
 
 
-def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
+def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
     """A complete data set.
 
     Args:
@@ -48,17 +48,17 @@ def load(where: str | Path | Place, simulator: Simulator) -> Dataset:
         DatasetError: There is none, or it is not complete.
         SchemaError: It is of a newer version.
     """
-    place = place_of(where)
-    manifest = read_manifest(place)
+    location = location_of(where)
+    manifest = read_manifest(location)
     if not manifest.complete:
         raise DatasetError.of(
             what="data set",
-            where=str(place),
+            where=str(location),
             expected="one that is complete",
             got="one that is not finished",
-            next_step=f"run: overtaking generate --resume --out {place}",
+            next_step=f"run: overtaking generate --resume --out {location}",
         )
-    return Dataset(place, manifest, simulator)
+    return Dataset(location, manifest, simulator)
 
 
 class Dataset(Summarized):
@@ -68,10 +68,10 @@ class Dataset(Summarized):
     bytes are not those that were written is an error, whatever it would have said.
     """
 
-    def __init__(self, place: Place, manifest: Manifest, simulator: Simulator) -> None:
-        """Use `load`, which checks the place."""
-        self._place, self._manifest, self._simulator = place, manifest, simulator
-        self._files = ShardFiles(place, manifest)
+    def __init__(self, location: Location, manifest: Manifest, simulator: Simulator) -> None:
+        """Use `load`, which checks the location."""
+        self._location, self._manifest, self._simulator = location, manifest, simulator
+        self._files = ShardFiles(location, manifest)
         self._shards = self._files.shards
 
     def __len__(self) -> int:
@@ -95,7 +95,7 @@ class Dataset(Summarized):
         return self.trajectory(number + len(self) if -len(self) <= number < 0 else number)
 
     def summary(self) -> Mapping[str, object]:
-        """Place, profile, size, and kept tables."""
+        """Location, profile, size, and kept tables."""
         return {
             "where": self.where,
             "profile": self.profile,
@@ -106,12 +106,12 @@ class Dataset(Summarized):
     @property
     def where(self) -> str:
         """Its folder, or its URL."""
-        return str(self._place)
+        return str(self._location)
 
     @property
     def name(self) -> str:
         """The name of its folder, or the last part of its URL."""
-        return self._place.name
+        return self._location.name
 
     @property
     def path(self) -> Path:

@@ -26,7 +26,7 @@ from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.core.files import whole
 from overtaking.data import plan
 from overtaking.data.balance import Balance
-from overtaking.data.place import Place
+from overtaking.data.location import Location
 from overtaking.data.recipe import Keep, PolicyRecord, Recipe, Simulator, tables_of
 from overtaking.data.tables.files import FileFacts
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
@@ -238,7 +238,7 @@ class Identity(_Record):
 
     @property
     def pushes(self) -> Pushes | None:
-        """How weather acts in place of its physics; None for physics, and for recordings."""
+        """How weather acts instead of by physics; None for physics, and for recordings."""
         found = checked_spec(self.spec).weather.pushes if self.spec else None
         return found and found.value
 
@@ -370,11 +370,11 @@ def content_hash(shards: tuple[ShardRecord, ...]) -> str:
     return total.hexdigest()
 
 
-def write_manifest(place: Place, manifest: Manifest, *, is_first: bool = False) -> None:
+def write_manifest(location: Location, manifest: Manifest, *, is_first: bool = False) -> None:
     """Put a manifest into its place, whole or not at all.
 
     Args:
-        place: Where the data set lies.
+        location: Where the data set lies.
         manifest: What to write.
         is_first: Whether there must be none yet.
 
@@ -383,22 +383,22 @@ def write_manifest(place: Place, manifest: Manifest, *, is_first: bool = False) 
         OSError: It cannot be written.
     """
     text = manifest.model_dump_json(indent=2) + "\n"
-    place.put_text(FILE_NAME, text, is_first=is_first)
+    location.put_text(FILE_NAME, text, is_first=is_first)
 
 
-def read_manifest(place: Place) -> Manifest:
+def read_manifest(location: Location) -> Manifest:
     """The manifest of a data set.
 
     Args:
-        place: Where it lies.
+        location: Where it lies.
 
     Raises:
         DatasetError: There is none, or it cannot be read.
         SchemaError: It is of a newer version.
     """
-    path = place.at(FILE_NAME)
+    path = location.at(FILE_NAME)
     try:
-        with place.open(FILE_NAME) as file:
+        with location.open(FILE_NAME) as file:
             data = whole(file, _MOST_BYTES)
     except OSError as error:
         got = error.strerror or str(error)

@@ -17,8 +17,8 @@ from overtaking.core.parent import Parent
 from overtaking.core.processors import THREADS_VARIABLE
 from overtaking.core.worker import ENDED, PATIENCE, Inbox, Worker
 from overtaking.data.interruption import Terminated, termination_raises
+from overtaking.data.location import Location
 from overtaking.data.manifest import ShardRecord
-from overtaking.data.place import Place
 from overtaking.data.work import HasShard, OnDone, Work
 
 MAX_ATTEMPTS = 4
@@ -45,15 +45,15 @@ class ProcessExecutor:
             raise ConfigError.out_of_range("workers", "generate", 1, None, self.workers, next_step)
 
     def __call__(
-        self, job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
+        self, job: Work, tasks: Iterable[HasShard], location: Location, on_done: OnDone
     ) -> Generator[ShardRecord]:
         """Make shards; see `Executor`. Records come in the order in which they are finished.
 
         Raises:
-            DatasetError: Workers cannot be started or die, or do not see the place.
+            DatasetError: Workers cannot be started or die, or do not see the location.
             OSError: A shard cannot be written.
         """
-        run = _Run(job.for_one_core(), str(place.resolved()), on_done)
+        run = _Run(job.for_one_core(), str(location.resolved()), on_done)
         given = iter(tasks)
         try:
             for task in islice(given, self.workers):
@@ -171,15 +171,15 @@ class _Run:
 def main(parent: Parent) -> None:
     """Run a worker process: make shards, and report to the parent.
 
-    Each message is a job (`Work`), the text of a place, and a task. The answers to each are numbers
-    of simulations that are done, then its record or an exception.
+    Each message is a job (`Work`), the text of a location, and a task. The answers to each are
+    numbers of simulations that are done, then its record or an exception.
     """
     # An `OSError` is one of the pipe: the parent has ended.
     with suppress(Terminated, OSError), termination_raises():
         for job, where, task in parent:
             outcome: ShardRecord | Exception
             try:
-                outcome = job.make(task, job.place(where), parent.send)
+                outcome = job.make(task, job.location(where), parent.send)
             except Exception as error:
                 outcome = _portable(error)
             parent.send(outcome)

@@ -1,6 +1,6 @@
 """Processes of a Ray cluster, on this machine or on many, that make one shard after the other.
 
-A worker gets a job and a task, and puts the files of one shard into a place that all workers see.
+A worker gets a job and a task, and puts the files of one shard where all workers see them.
 It has no state: one that dies is replaced, and its shard is made again from the beginning.
 """
 
@@ -16,8 +16,8 @@ from importlib.metadata import version
 from typing import Any
 
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError, OvertakingError
+from overtaking.data.location import Location
 from overtaking.data.manifest import ShardRecord
-from overtaking.data.place import Place
 from overtaking.data.work import HasShard, OnDone, Work
 from overtaking.sim.version import MODEL_VERSION
 
@@ -92,13 +92,13 @@ class RayExecutor:
             raise _no_cluster(self.address, error) from None
 
     def __call__(
-        self, job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
+        self, job: Work, tasks: Iterable[HasShard], location: Location, on_done: OnDone
     ) -> Generator[ShardRecord]:
         """Make shards; see `Executor`. Records come in the order in which they are finished.
 
         Raises:
             ConfigError: There is no such cluster, or a worker has other versions of packages.
-            DatasetError: A worker does not see the place, or too many workers died.
+            DatasetError: A worker does not see the location, or too many workers died.
             MissingExtraError: Ray is not installed.
             OSError: A shard cannot be written.
         """
@@ -107,8 +107,8 @@ class RayExecutor:
             shared = ray.put((job.for_one_core(), _packages()))
             make = ray.remote(_make).options(num_cpus=1, max_retries=MAX_RETRIES)
             most = TASKS_AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
-            given = (make.remote(shared, task, str(place.resolved())) for task in tasks)
-            for record in _finished(ray, given, most, place, is_left=is_left):
+            given = (make.remote(shared, task, str(location.resolved())) for task in tasks)
+            for record in _finished(ray, given, most, location, is_left=is_left):
                 on_done(record.simulations)
                 yield record
 
@@ -117,9 +117,9 @@ def _make(shared: tuple[Work, dict[str, str]], task: HasShard, where: str) -> Sh
     """Make one shard on a worker."""
     job, packages = shared
     os.environ.setdefault("RAYON_NUM_THREADS", "1")  # The engine looks when it is first called.
-    place = job.place(where)
+    location = job.location(where)
     _compare(packages)
-    return job.make(task, place, lambda _: None)
+    return job.make(task, location, lambda _: None)
 
 
 @cache
@@ -143,7 +143,7 @@ def _compare(packages: dict[str, str]) -> None:
 
 
 def _finished(
-    ray: Any, given: Iterator[Any], most: int, place: Place, *, is_left: bool
+    ray: Any, given: Iterator[Any], most: int, location: Location, *, is_left: bool
 ) -> Iterator[ShardRecord]:
     """The records of workers, with at most `most` tasks submitted at a time.
 
@@ -159,13 +159,13 @@ def _finished(
             if not underway:
                 return
             (done, *_), underway = ray.wait(underway, num_returns=1)
-            yield _record(ray, done, place)
+            yield _record(ray, done, location)
     finally:
         if underway and not is_left:
             ray.wait(underway, num_returns=len(underway))
 
 
-def _record(ray: Any, done: Any, place: Place) -> ShardRecord:
+def _record(ray: Any, done: Any, location: Location) -> ShardRecord:
     """The record that a worker returned; raises what the worker raised."""
     try:
         return ray.get(done)
@@ -176,7 +176,7 @@ def _record(ray: Any, done: Any, place: Place) -> ShardRecord:
     except ray.exceptions.RayError as error:
         raise DatasetError.of(
             what="shard",
-            where=str(place),
+            where=str(location),
             expected="a worker that lives until it is finished",
             got=f"{type(error).__name__} after {MAX_RETRIES} more tries",
             next_step="see whether the workers have enough memory; --resume goes on",

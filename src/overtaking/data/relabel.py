@@ -8,7 +8,7 @@ from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.load import Dataset, load
-from overtaking.data.place import Folder
+from overtaking.data.location import Folder
 from overtaking.data.recipe import Simulator
 from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
@@ -29,7 +29,7 @@ def relabel(
     """Write the tables of labels of a data set anew, from what it recorded.
 
     New files wait in a folder of their own until all of them are there; only then they take the
-    place of the old ones. Whatever ends the work before that changes nothing.
+    location of the old ones. Whatever ends the work before that changes nothing.
 
     Args:
         path: Its folder.
@@ -42,21 +42,21 @@ def relabel(
             the process was asked to end.
         KeyboardInterrupt: Ctrl-C.
     """
-    data, place = load(path, simulator), Folder(path)
+    data, location = load(path, simulator), Folder(path)
     after = "label it again; it is as it was"
-    with all_or_nothing(path, "time to label it", after), place.locked():
+    with all_or_nothing(path, "time to label it", after), location.locked():
         try:
-            _relabel(data, place, Steps(len(data), progress), errors)
+            _relabel(data, location, Steps(len(data), progress), errors)
         finally:
-            place.sweep()
+            location.sweep()
     return load(path, simulator)
 
 
-def _relabel(data: Dataset, place: Folder, step: Steps, errors: Errors | None) -> None:
+def _relabel(data: Dataset, location: Folder, step: Steps, errors: Errors | None) -> None:
     """Write the files of all shards, then put them into place and complete the manifest."""
     planned = plan.shards(len(data), data.manifest.identity.shard_size)
-    place.prepare(LABEL_TABLES)
-    with place.staging() as staging:
+    location.prepare(LABEL_TABLES)
+    with location.staging() as staging:
         step(0)
         batches, schemas = data.batches(), {name: SCHEMAS[name] for name in LABEL_TABLES}
         written = [
@@ -64,12 +64,12 @@ def _relabel(data: Dataset, place: Folder, step: Steps, errors: Errors | None) -
             for shard in planned
         ]
         for shard in planned:
-            shards.put_into_place(place, staging, shard, LABEL_TABLES)
+            shards.put_into_place(location, staging, shard, LABEL_TABLES)
     records = tuple(
         record.model_copy(update={"tables": dict(sorted({**record.tables, **new}.items()))})
         for record, new in zip(data.manifest.shards, written, strict=True)
     )
-    complete(place, data.manifest, records, data.manifest.balance)
+    complete(location, data.manifest, records, data.manifest.balance)
 
 
 def _pieces(

@@ -20,8 +20,8 @@ import pyarrow as pa
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.data import plan
 from overtaking.data.ahead import pool_of
+from overtaking.data.location import Location
 from overtaking.data.manifest import Manifest, ShardRecord
-from overtaking.data.place import Place
 from overtaking.data.plan import Shard
 from overtaking.data.tables.digest import content_of
 from overtaking.data.tables.files import FileFacts, TableWriter, facts_of, read_notes, read_table
@@ -47,7 +47,7 @@ def name_of(table: str, shard: Shard) -> str:
 
 
 def write_shard(
-    place: Place,
+    location: Location,
     shard: Shard,
     pieces: Iterable[Piece],
     *,
@@ -59,7 +59,7 @@ def write_shard(
     """Write the files of a shard and put them into place.
 
     Args:
-        place: Where the data set lies, prepared for its tables.
+        location: Where the data set lies, prepared for its tables.
         shard: Which simulations.
         pieces: Their tables, a few simulations at a time, in order.
         schemas: The schema of each table to write.
@@ -70,10 +70,10 @@ def write_shard(
     Raises:
         OSError: The disk is full or cannot be written.
     """
-    with place.staging() as staging:
+    with location.staging() as staging:
         marked = partial(_marked, fingerprint=fingerprint, clipped=clipped)
         facts = write_files(staging, shard, pieces, schemas, on_piece, marked)
-        put_into_place(place, staging, shard, schemas)
+        put_into_place(location, staging, shard, schemas)
     return _record(shard, facts, None if clipped is None else sum(clipped))
 
 
@@ -109,27 +109,27 @@ def unfinished(staging: Path, table: str, shard: Shard) -> Path:
     return staging / f"{table}-{shard.file_name}"
 
 
-def put_into_place(place: Place, staging: Path, shard: Shard, tables: Iterable[str]) -> None:
+def put_into_place(location: Location, staging: Path, shard: Shard, tables: Iterable[str]) -> None:
     """Put the finished files of a shard where they belong, the commit mark last."""
     for name in sorted(tables, key=lambda name: name == MARK):
-        place.put(unfinished(staging, name, shard), name_of(name, shard))
+        location.put(unfinished(staging, name, shard), name_of(name, shard))
 
 
 def finished_shard(
-    place: Place, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
+    location: Location, shard: Shard, *, tables: tuple[str, ...], fingerprint: str
 ) -> ShardRecord | None:
     """The record of a shard that is there and intact; None if it has to be written.
 
     Every file is read, so that files damaged since are written again.
 
     Args:
-        place: Where the data set lies.
+        location: Where the data set lies.
         shard: Which simulations.
         tables: The tables that it must have.
         fingerprint: Of the identity that it must belong to.
     """
     try:
-        mark = place.fetch(name_of(MARK, shard))
+        mark = location.fetch(name_of(MARK, shard))
         notes, rows = read_notes(mark, MARK), read_table(mark, MARK)
     except (FileNotFoundError, SchemaError):
         return None
@@ -140,7 +140,9 @@ def finished_shard(
     facts[MARK] = facts_of(mark, rows.num_rows, content)
     if not facts.keys() >= set(tables):  # Made before there were all of these tables.
         return None
-    intact = (is_intact(partial(place.open, name_of(name, shard)), facts[name]) for name in tables)
+    intact = (
+        is_intact(partial(location.open, name_of(name, shard)), facts[name]) for name in tables
+    )
     count = None if clipped is None else int(clipped)
     return _record(shard, facts, count) if all(intact) else None
 
@@ -225,13 +227,13 @@ class ShardFiles:
     """Opens the files of a data set for reading.
 
     Args:
-        place: Where they lie.
+        location: Where they lie.
         manifest: Their rows and checksums.
     """
 
-    def __init__(self, place: Place, manifest: Manifest) -> None:
+    def __init__(self, location: Location, manifest: Manifest) -> None:
         """Read nothing yet."""
-        self._place, self._manifest = place, manifest
+        self._location, self._manifest = location, manifest
         self._intact: set[str] = set()
         self.shards = plan.shards(manifest.num_simulations, manifest.identity.shard_size)
 
@@ -276,25 +278,25 @@ class ShardFiles:
             raise self._older(table)
         name = name_of(table, shard)
         try:
-            return self._place.fetch(name)
+            return self._location.fetch(name)
         except OSError as error:
             raise self._damaged(name, error.strerror or str(error)) from None
 
     def _damaged(self, name: str, got: str) -> DatasetError:
         return DatasetError.of(
             what="file",
-            where=self._place.at(name),
+            where=self._location.at(name),
             expected="the bytes that were written",
             got=got,
-            next_step=f"run: overtaking generate --resume --out {self._place}",
+            next_step=f"run: overtaking generate --resume --out {self._location}",
         )
 
     def _older(self, table: str) -> DatasetError:
         """The error for a table that is newer than the data set."""
         return DatasetError.of(
             what=f"table {table}",
-            where=str(self._place),
+            where=str(self._location),
             expected="one of this version",
             got="a data set that was made before there was such a table",
-            next_step=f"run: overtaking label {self._place}",
+            next_step=f"run: overtaking label {self._location}",
         )

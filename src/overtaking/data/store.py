@@ -1,4 +1,4 @@
-"""A place in a store that a URL names: S3, Google Cloud, Azure, memory and whatever fsspec knows.
+"""A location in a store that a URL names: S3, Google Cloud, Azure, memory, or another of fsspec.
 
 Object stores show an object when all of it is there, so nothing has to be renamed. They cannot be
 locked: see `Store.put_text`, and ADR 21.
@@ -18,7 +18,7 @@ from overtaking.core.errors import ConfigError, MissingExtraError
 
 
 class Store:
-    """A part of a store; see `place.Folder` for what each method promises."""
+    """A part of a store; see `location.Folder` for what each method promises."""
 
     def __init__(self, url: str) -> None:
         """Nothing is read or made yet.
@@ -73,7 +73,7 @@ class Store:
             return files.open(self._key(name), "rb")
 
     def fetch(self, name: str) -> Path:
-        """A copy that lives as long as this place is in use."""
+        """A copy that lives as long as this location is in use."""
         if self._copies is None:
             self._copies = Path(tempfile.mkdtemp(prefix="overtaking-"))
             weakref.finalize(self, shutil.rmtree, self._copies, ignore_errors=True)
@@ -162,7 +162,7 @@ def _reached(url: str) -> tuple[Any, str]:
         ) from None
     except Exception as error:
         raise ConfigError.of(
-            what="place",
+            what="location",
             where=url,
             expected="a folder, or a URL such as s3://bucket/data",
             got=str(error),

@@ -29,7 +29,7 @@ _SCHEMA = pa.schema(
         ("undecidable", pa.list_(pa.string())),
     ]
 )
-"""`illegal` and `undecidable` are the codes of all rules with that verdict, whatever the policy."""
+"""`illegal` and `undecidable` are the codes of all rules with that verdict, under any policy."""
 
 
 def written(batches: Iterable[Judged], law: str, out: Path) -> Iterator[Judged]:

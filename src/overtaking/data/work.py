@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from overtaking.core.errors import DatasetError
 from overtaking.data import plan, shards
 from overtaking.data.ahead import in_order
+from overtaking.data.location import Location, location_of
 from overtaking.data.manifest import ShardRecord, read_manifest
-from overtaking.data.place import Place, place_of
 from overtaking.data.plan import Shard
 from overtaking.data.recipe import Keep, Recipe, Simulator
 from overtaking.data.tables.encode_labels import contents
@@ -45,13 +45,13 @@ class Job:
         """The same job for a process that has one core: simulated with one thread."""
         return dataclasses.replace(self, simulator=dataclasses.replace(self.simulator, threads=1))
 
-    def place(self, where: str) -> Place:
-        """The place of the data set; see `visible_place`."""
-        return visible_place(where, self.fingerprint)
+    def location(self, where: str) -> Location:
+        """The location of the data set; see `visible_location`."""
+        return visible_location(where, self.fingerprint)
 
-    def make(self, task: "Task", place: Place, on_done: OnDone) -> ShardRecord:
+    def make(self, task: "Task", location: Location, on_done: OnDone) -> ShardRecord:
         """Make a shard; see `make_shard`."""
-        return make_shard(self, task, place, on_done)
+        return make_shard(self, task, location, on_done)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,11 +87,11 @@ class Work(Protocol):
         """The same for a process that has one core."""
         ...
 
-    def place(self, where: str) -> Place:
-        """The place of the result, as the process sees it that makes a shard."""
+    def location(self, where: str) -> Location:
+        """The location of the result, as the process sees it that makes a shard."""
         ...
 
-    def make(self, task: Any, place: Place, on_done: OnDone) -> ShardRecord:
+    def make(self, task: Any, location: Location, on_done: OnDone) -> ShardRecord:
         """Put the shard of a task into its place."""
         ...
 
@@ -100,14 +100,14 @@ class Executor(Protocol):
     """Carries out tasks, in any processes and in any order."""
 
     def __call__(
-        self, job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
+        self, job: Work, tasks: Iterable[HasShard], location: Location, on_done: OnDone
     ) -> Generator[ShardRecord]:
         """Make shards.
 
         Args:
             job: What all shards share.
             tasks: The shards.
-            place: Where to put them.
+            location: Where to put them.
             on_done: Called whenever some simulations are done.
 
         Yields:
@@ -117,14 +117,14 @@ class Executor(Protocol):
 
 
 def in_this_process(
-    job: Work, tasks: Iterable[HasShard], place: Place, on_done: OnDone
+    job: Work, tasks: Iterable[HasShard], location: Location, on_done: OnDone
 ) -> Generator[ShardRecord]:
     """The `Executor` that carries out one task after the other, with the simulator's threads."""
     for task in tasks:
-        yield job.make(task, place, on_done)
+        yield job.make(task, location, on_done)
 
 
-def make_shard(job: Job, task: Task, place: Place, on_done: OnDone) -> ShardRecord:
+def make_shard(job: Job, task: Task, location: Location, on_done: OnDone) -> ShardRecord:
     """Put a shard into its place, unless it is there and intact.
 
     Raises:
@@ -132,13 +132,15 @@ def make_shard(job: Job, task: Task, place: Place, on_done: OnDone) -> ShardReco
     """
     tables = job.recipe.tables
     if job.is_resumed:
-        known = shards.finished_shard(place, task.shard, tables=tables, fingerprint=job.fingerprint)
+        known = shards.finished_shard(
+            location, task.shard, tables=tables, fingerprint=job.fingerprint
+        )
         if known is not None and task.known in (None, known):
             on_done(task.shard.num_simulations)
             return known
     clipped: list[int] = []
     return shards.write_shard(
-        place,
+        location,
         task.shard,
         _pieces(job, task, clipped),
         fingerprint=job.fingerprint,
@@ -149,25 +151,25 @@ def make_shard(job: Job, task: Task, place: Place, on_done: OnDone) -> ShardReco
 
 
 @cache
-def visible_place(where: str, fingerprint: str) -> Place:
-    """The place of a data set, if this process sees the same one as the process that sent a task.
+def visible_location(where: str, fingerprint: str) -> Location:
+    """The location of a data set, if this process sees the same one as the sender of the task.
 
     Args:
-        where: The text of its resolved place.
+        where: The text of its resolved location.
         fingerprint: Of the identity of the data set.
 
     Raises:
         DatasetError: Something else is there, or nothing.
     """
-    place = place_of(where)
+    location = location_of(where)
     try:
-        found = read_manifest(place).identity.fingerprint
+        found = read_manifest(location).identity.fingerprint
     except DatasetError:
         found = None
     if found == fingerprint:
-        return place
+        return location
     raise DatasetError.of(
-        what="place",
+        what="location",
         where=where,
         expected="one that every worker sees",
         got=f"{'nothing' if found is None else 'another data set'} there on {socket.gethostname()}",

@@ -24,7 +24,7 @@ class Column:
     Attributes:
         name: Its name in `OWN`, or role and name in `AROUND`, such as `lead.gap`.
         unit: Its unit.
-        least: Smallest value; what is smaller is told as this.
+        least: Smallest value; smaller ones are clipped to it.
         most: Largest value.
         scale: What it is divided by where scaled numbers are asked for.
     """

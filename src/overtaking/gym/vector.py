@@ -54,7 +54,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         scaled: Whether observations are divided by the scales of `COLUMNS`.
         first: Number of the first simulation: training and evaluation should not share any.
         overrides: Dotted keys of the specification with other values.
-        road: A road in place of the profile's.
+        road: A road instead of the profile's.
         autoreset_mode: What happens after the end of an episode, as Gymnasium defines it.
         render_mode: None; films are drawn of data sets.
 

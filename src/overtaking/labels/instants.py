@@ -143,12 +143,12 @@ def _recorded_around(
         return earlier, later
     ends = [frames.astype(np.int32)] * 2
     for step in range(1, int(np.max(half, initial=0)) + 1):
-        for place, (sign, limit) in enumerate(((-1, earlier), (1, later))):
-            next_one = ends[place] + np.int32(sign)
+        for side, (sign, limit) in enumerate(((-1, earlier), (1, later))):
+            next_one = ends[side] + np.int32(sign)
             inside = (limit - next_one) * sign >= 0
-            there = run.present[rows, slot, np.where(inside, next_one, ends[place])]
-            reached = np.abs(ends[place] - frames) == step - 1
-            ends[place] = np.where(inside & there & reached, next_one, ends[place])
+            there = run.present[rows, slot, np.where(inside, next_one, ends[side])]
+            reached = np.abs(ends[side] - frames) == step - 1
+            ends[side] = np.where(inside & there & reached, next_one, ends[side])
     return ends[0], ends[1]
 
 
@@ -206,11 +206,11 @@ def across_at(
         frames: A frame of each, same shape.
     """
     states, bodies, own = run.states, run.scenario.vehicles, (rows, frames)
-    place = (rows, slot, frames)
+    side = (rows, slot, frames)
     across, reach = footprint(
         run.road,
-        states.d[place],
-        states.heading[place],
+        states.d[side],
+        states.heading[side],
         bodies.length[rows, slot],
         bodies.width[rows, slot],
     )

@@ -121,12 +121,12 @@ def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Ta
     )
 
 
-def encounter(case: Case, place: Around | Index, rows: Index, frames: Index) -> Encounter:
+def encounter(case: Case, neighbour: Around | Index, rows: Index, frames: Index) -> Encounter:
     """The ego and a neighbour at single frames, with the measures of the follower.
 
     Args:
         case: The batch.
-        place: Place around the ego, or one for each instant.
+        neighbour: Which neighbour, or one for each instant.
         rows: Simulations, shape (instant,).
         frames: A recorded frame of each, same shape.
 
@@ -139,7 +139,7 @@ def encounter(case: Case, place: Around | Index, rows: Index, frames: Index) -> 
     names, vehicle = _core.encounter_fields(), np.empty(len(rows), np.uint8)
     out = np.empty((len(names), len(rows)), np.float32)
     instants = np.empty((3, len(rows)), np.int64)
-    instants[:] = rows, np.broadcast_to(np.int64(place), np.shape(rows)), frames
+    instants[:] = rows, np.broadcast_to(np.int64(neighbour), np.shape(rows)), frames
     _core.encounters(
         recorded=packed(case),
         neighbours=_flat(case.signals.vehicle),

@@ -122,9 +122,9 @@ class _Door:
                 self._check_range(value, field, field.range, path)
         for demand in one.constraints():
             if np.any(demand.broken):
-                place = _first(demand.broken)
+                index = _first(demand.broken)
                 axes = values.declarations(type(one))[demand.field].axes
-                got = _at(place, demand.got[place], axes)
+                got = _at(index, demand.got[index], axes)
                 self._refuse(_path(name, demand.field), demand.expected, got)
 
     def plain(self, value: Any, hint: Any, name: str) -> Any:
@@ -163,8 +163,8 @@ class _Door:
     ) -> None:
         high = self._high(allowed)
         if not allowed.holds_all(array, high):
-            place = _first(allowed.outside(array, high))
-            self._refuse(name, allowed.described(high), _at(place, array[place], field.axes))
+            index = _first(allowed.outside(array, high))
+            self._refuse(name, allowed.described(high), _at(index, array[index], field.axes))
 
     def _high(self, allowed: Range) -> float:
         return self._sizes[allowed.high][0] - 1 if isinstance(allowed.high, str) else allowed.high
@@ -190,8 +190,8 @@ def _first(wrong: NDArray[np.bool_]) -> tuple[int, ...]:
     return tuple(int(i) for i in np.unravel_index(int(wrong.argmax()), wrong.shape))
 
 
-def _at(place: tuple[int, ...], value: Any, axes: Axes) -> str:
+def _at(index: tuple[int, ...], value: Any, axes: Axes) -> str:
     """A value and its place, such as `-5 in simulation 3, vehicle 2`."""
     names = [axis if isinstance(axis, str) else "entry" for axis in axes]
-    text = ", ".join(f"{name} {i}" for name, i in zip(names, place, strict=False))
+    text = ", ".join(f"{name} {i}" for name, i in zip(names, index, strict=False))
     return f"{values.number(value)} in {text}" if text else values.number(value)

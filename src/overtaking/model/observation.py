@@ -40,7 +40,7 @@ AROUND: Final = {
     "truck": ("flag", "It is a truck"),
     "two_wheeler": ("flag", "It is a motorcycle or bicycle"),
 }
-"""Unit and meaning of each number of a neighbour, zero where nobody is seen, but for the gap."""
+"""Unit and meaning of each number of a neighbour, zero where none is seen, but for the gap."""
 
 ROLES: Final = (
     "lead",
@@ -53,7 +53,7 @@ ROLES: Final = (
     "behind_oncoming",
 )
 """Neighbours: ahead and behind in its lane, in the next faster and slower one, and on the other
-carriageway, where nobody is as long as roads run one way."""
+carriageway, where no vehicle is as long as roads run one way."""
 
 WIDTH: Final = len(OWN) + len(ROLES) * len(AROUND)
 """Numbers that a simulation has."""

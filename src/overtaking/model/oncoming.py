@@ -16,8 +16,8 @@ from overtaking.model.values import documented, meant
 class Oncoming(Batch):
     """Measures of a batch against the nearest vehicle that comes; arrays have shape (simulation,).
 
-    NaN on one-way roads, where the ego never came to the other side, and where nobody came. A time
-    to meet is a distance over both speeds.
+    NaN on one-way roads, where the ego never came to the other side, and where no vehicle came. A
+    time to meet is a distance over both speeds.
     """
 
     distance_out: Annotated[F32, meant("Gap to who comes as the ego comes to the other side", "m")]

@@ -51,7 +51,7 @@ class Scenario(Batch):
         start_s: Position of the centre at the first frame, (simulation, vehicle) [m].
         start_lane: Lane index, 0 the slowest, (simulation, vehicle).
         start_speed: Speed at the first frame, (simulation, vehicle) [m/s].
-        pushes: How weather acts in place of its physics, the same for the batch; None for physics.
+        pushes: How weather acts instead of by physics, the same for the batch; None for physics.
     """
 
     profile: str

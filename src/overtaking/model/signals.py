@@ -19,7 +19,7 @@ U8 = NDArray[np.uint8]
 
 
 class Around(IntEnum):
-    """Places around the ego, the order of the `neighbour` axis.
+    """Neighbours of the ego, the order of the `neighbour` axis.
 
     A leader's centre is not behind the ego's centre, a follower's is; each is the nearest one whose
     centre lies in that lane. Alongside, a gap is negative.
@@ -96,9 +96,9 @@ class Signals(Delayed):
         """Number of frames of the longest simulation."""
         return self.lane.shape[1]
 
-    def has(self, place: Around) -> Mask:
+    def has(self, neighbour: Around) -> Mask:
         """Whether a vehicle is at a position around the ego, shape (simulation, time)."""
-        return self.valid & (self.vehicle[:, place] != NO_VEHICLE)
+        return self.valid & (self.vehicle[:, neighbour] != NO_VEHICLE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,7 +42,7 @@ def assumed_bodies(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpe
 
 
 def assumed_drivers(shape: tuple[int, int]) -> Drivers:
-    """Drivers of whom nothing is known, shape (simulation, vehicle)."""
+    """Assumed drivers of recorded vehicles, shape (simulation, vehicle)."""
     values: dict[str, Any] = {
         name: np.zeros(shape, np.bool_) if one.is_flag else np.ones(shape, np.float32)
         for name, one in declarations(Drivers).items()

@@ -136,7 +136,7 @@ def equilibrium(
 ) -> tuple[F32, F32]:
     """Positions [m] and speeds [m/s] at which everyone follows, (simulation, vehicle).
 
-    Nobody is faster than they want, or nearer than they like: who was drawn so starts farther back.
+    No vehicle is faster or nearer than its driver wants: one that was drawn so starts farther back.
     Who is farther behind may be closing in, as fast as comfortable braking makes up for.
 
     Args:

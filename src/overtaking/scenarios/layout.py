@@ -90,7 +90,7 @@ def draw_layout(traffic: Traffic, zone: Zone, seed: int, index: U64, kind: U8) -
     """Number of vehicles, their lanes, positions and speeds, each on its own.
 
     The ego and its leader get the smaller and the larger of two positions. Anyone else who comes
-    to lie between them in their lane takes the leader's place, and the leader theirs.
+    to lie between them in their lane takes the leader's position, and the leader theirs.
 
     Args:
         traffic: What the specification says about vehicles.
@@ -104,23 +104,23 @@ def draw_layout(traffic: Traffic, zone: Zone, seed: int, index: U64, kind: U8) -
     fewest, most = traffic.vehicles
     count = fewest + noise.integer(most - fewest + 1)
     own_lane = np.array(zone.ego_lanes, np.uint8)[noise.integer(len(zone.ego_lanes))]
-    places: list[F32] = []
+    positions: list[F32] = []
     lanes: list[U8] = []
     speeds: list[F32] = []
     kept: list[F32] = []
     for slot in slots:
-        places.append(spread(noise.uniform(), zone.low, zone.high))
+        positions.append(spread(noise.uniform(), zone.low, zone.high))
         lanes.append(noise.integer(zone.num_lanes).astype(np.uint8))
         speeds.append(_speed(traffic, noise.uniform(), kind[:, slot], is_lead=slot == LEAD_SLOT))
         kept.append(spread(noise.uniform(), 0.0, MOST_KEPT))
     lanes[Role.EGO] = lanes[LEAD_SLOT] = own_lane
     valid = [slot < count for slot in slots]
     _limit_lanes(lanes, valid, zone)
-    _put_lead_next(places, lanes, valid)
+    _put_lead_next(positions, lanes, valid)
     return Draft(
         valid=np.stack(valid, axis=1),
         lane=np.stack(lanes, axis=1),
-        s=np.stack(places, axis=1),
+        s=np.stack(positions, axis=1),
         speed=np.stack(speeds, axis=1),
         kept=np.stack(kept, axis=1),
     )
@@ -182,16 +182,18 @@ def _limit_lanes(lanes: list[U8], valid: list[Mask], zone: Zone) -> None:
             others += (lane == number) & present
 
 
-def _put_lead_next(places: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
-    """Order the ego, its leader and the vehicles between them; changes `places`."""
-    first, second = places[Role.EGO], places[LEAD_SLOT]
+def _put_lead_next(positions: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
+    """Order the ego, its leader and the vehicles between them; changes `positions`."""
+    first, second = positions[Role.EGO], positions[LEAD_SLOT]
     ego, lead = minimum(first, second), maximum(first, second)
-    for slot in range(LEAD_SLOT + 1, len(places)):
-        place = places[slot]
-        between = valid[slot] & (lanes[slot] == lanes[Role.EGO]) & (place >= ego) & (place < lead)
-        places[slot] = np.where(between, lead, place)
-        lead = np.where(between, place, lead)
-    places[Role.EGO], places[LEAD_SLOT] = ego, lead
+    for slot in range(LEAD_SLOT + 1, len(positions)):
+        position = positions[slot]
+        between = (
+            valid[slot] & (lanes[slot] == lanes[Role.EGO]) & (position >= ego) & (position < lead)
+        )
+        positions[slot] = np.where(between, lead, position)
+        lead = np.where(between, position, lead)
+    positions[Role.EGO], positions[LEAD_SLOT] = ego, lead
 
 
 @dataclass(slots=True, kw_only=True)
@@ -228,7 +230,7 @@ def _push_apart(row: _Row, zone: Zone) -> list[F32]:
     """Move vehicles forward until no gap is too small, then back into the zone.
 
     Returns:
-        The rearmost place for each that leaves room in the zone for all behind it [m].
+        The rearmost position for each that leaves room in the zone for all behind it [m].
     """
     count = len(row.s)
     rearmost = [np.full_like(row.s[0], zone.low) for _ in range(count)]
@@ -251,19 +253,19 @@ def _make_avoidable(row: _Row, rearmost: list[F32]) -> None:
     Who comes too fast starts farther back, as far as there is room, and then slower. The vehicle
     ahead is taken to have the lowest speed of all ahead in its lane from the first moment on, which
     is worse than any braking of its own down to that speed. A follower at that speed is safe, so
-    nobody gets slower than the slowest was drawn.
+    no vehicle gets slower than the slowest was drawn.
     """
     lowest = list(row.speed)  # Of the vehicle and of all ahead of it in its lane.
     for follower in reversed(range(len(row.s) - 1)):
         bumper, ahead = _ahead(row, follower, lowest)
         reaction, decel = row.reaction[follower], row.decel[follower]
         closing = maximum(row.speed[follower] - ahead, np.zeros_like(ahead))
-        place = minimum(row.s[follower], bumper - row.min_gap)
-        wanted = minimum(place, bumper - _avoiding_gap(closing, reaction, decel))
-        room = place - rearmost[follower]
-        place = maximum(wanted, rearmost[follower] + row.kept[follower] * room)
-        row.s[follower] = place
-        closing = _avoidable_closing(bumper - place, reaction, decel)
+        position = minimum(row.s[follower], bumper - row.min_gap)
+        wanted = minimum(position, bumper - _avoiding_gap(closing, reaction, decel))
+        room = position - rearmost[follower]
+        position = maximum(wanted, rearmost[follower] + row.kept[follower] * room)
+        row.s[follower] = position
+        closing = _avoidable_closing(bumper - position, reaction, decel)
         row.speed[follower] = minimum(row.speed[follower], ahead + closing)
         lowest[follower] = minimum(row.speed[follower], ahead)
 

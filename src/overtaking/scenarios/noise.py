@@ -80,7 +80,7 @@ def choose(u: F32, weights: Sequence[float]) -> U8:
     # Added one by one: since Python 3.12 `sum` rounds differently.
     *below, total = itertools.accumulate(weights)
     chosen = np.zeros(u.shape, np.uint8)
-    last = max(place for place, weight in enumerate(weights) if weight > 0.0)
+    last = max(index for index, weight in enumerate(weights) if weight > 0.0)
     for reached in below[:last]:
         chosen += u >= np.float32(reached / total)
     return chosen

@@ -23,7 +23,7 @@ LEAD_SLOT = 1
 def sample_traits(
     people: People, seed: int, index: U64, kind: U8, bend: Bend = as_met
 ) -> dict[str, F32]:
-    """What each driver is like, before anything is known about speeds.
+    """The traits of each driver, before speeds are drawn.
 
     Args:
         people: What the specification says about drivers.

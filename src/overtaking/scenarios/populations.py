@@ -109,7 +109,7 @@ def population(name: str) -> Population:
 
 
 def drawn_range(name: str, trait: str) -> tuple[float, float]:
-    """Least and largest number that a population has for a trait, whatever its drivers drive."""
+    """Least and largest number that a population has for a trait, in any vehicle."""
     who = population(name)
     ends = (who.careful[trait], who.reckless[trait])
     factors = as_f32(who.factors.get(trait, (1.0,)))

@@ -171,7 +171,7 @@ class PresetWeather(Section):
     Attributes:
         mode: Says which of the two kinds of weather this is.
         presets: Weights of CARLA's named weathers.
-        pushes: How weather acts in place of its physics; None for physics.
+        pushes: How weather acts instead of by physics; None for physics.
     """
 
     mode: Literal["presets"]
@@ -204,7 +204,7 @@ class IndependentWeather(Section):
         rain_weibull: Scale and shape of rain.
         wind_weibull: Scale and shape of wind.
         puddles_weibull: Scale and shape of the water that lies on the road.
-        pushes: How weather acts in place of its physics; None for physics.
+        pushes: How weather acts instead of by physics; None for physics.
     """
 
     mode: Literal["independent"]

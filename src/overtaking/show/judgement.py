@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from overtaking.labels.label import Labelled
 
 Values = dict[str, Any]
-"""What becomes a JSON object: names with units, plain Python values."""
+"""A JSON object: names with units, plain Python values."""
 
 
 class EventWords(NamedTuple):

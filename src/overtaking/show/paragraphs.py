@@ -96,7 +96,7 @@ def _told(rule: Rule, verdict: Verdict, labelled: Labelled, values: Values, pack
 
 
 def _of_breach(one: Values, values: Values, facts: Values) -> list[str]:
-    """What there is to say of a breach, whose facts are filled in."""
+    """Sentences on a breach, with its facts filled in."""
     told = breach_words(one, values, _DASH)
     facts["severity"] = words(one["severity"])
     facts["when"] = f"from {one['from_s']:.2f} s to {one['to_s']:.2f} s"

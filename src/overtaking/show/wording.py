@@ -245,7 +245,7 @@ def _plain(change: Values, _: Values) -> Told:
 
 
 def _told(text: str, digits: int = 1, *, whole: bool = True) -> Callable[[Values, Values], Told]:
-    """Tells by how much, and of whom; `whole` is whether with both values."""
+    """Says by how much, and of which vehicle; `whole` is whether with both values."""
 
     def tell(change: Values, _: Values) -> Told:
         by, both = _numbers(change, digits)

@@ -1,1 +1,1 @@
-"""The same scenarios on simulators that people use; see `sim` for the package's own."""
+"""The same scenarios on SUMO and CARLA; see `sim` for the package's own simulator."""

@@ -1,4 +1,4 @@
-"""What every compiled function of ours is given: the SIMD level and the constants."""
+"""The common arguments of all compiled functions: the SIMD level and the constants."""
 
 import os
 from typing import Any

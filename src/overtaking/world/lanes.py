@@ -1,4 +1,4 @@
-"""The road as the step sees it: lateral axis towards the fast side, padded to a fixed size."""
+"""The road for the step: lateral axis towards the fast side, padded to a fixed size."""
 
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""How near two vehicles are to touching: gaps as times, distances and decelerations.
+"""Measures of conflict between two vehicles: times, distances and decelerations.
 
 One vehicle follows another along the road. `gap` is from bumper to bumper, negative while they
 overlap; `closing_speed` is positive while the gap shrinks. Every function takes arrays that

@@ -1,4 +1,4 @@
-"""Weather with something taken away: rain with all that it brings, wind, fog, night, a low sun."""
+"""Removes a factor from weather: rain with its effects, wind, fog, night, or a low sun."""
 
 from collections.abc import Callable, Iterable
 

@@ -1,4 +1,4 @@
-"""How far one sees: extinction, contrast, lamps, glare."""
+"""Sight distances: extinction, contrast, lamps, glare."""
 
 from functools import cache
 

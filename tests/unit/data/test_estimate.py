@@ -14,7 +14,7 @@ from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import plan
 from overtaking.data.estimate import LARGE_SIMULATIONS, Estimate, estimate, refuse_too_large
 from overtaking.data.generate import generate
-from overtaking.data.place import Folder, Store
+from overtaking.data.location import Folder, Store
 from overtaking.data.recipe import Keep, Recipe
 
 if TYPE_CHECKING:
@@ -26,10 +26,10 @@ ENGINE = simulator_of("engine")
 @pytest.mark.parametrize("keep", Keep)
 def test_an_estimate_is_near_the_truth(recipe: Recipe, keep: Keep, tmp_path: Path):
     few = dataclasses.replace(recipe, num_simulations=600, shard_size=600, keep=keep, seed=3)
-    place = Folder(tmp_path / "data")
-    found = estimate(few, place, ENGINE)
+    location = Folder(tmp_path / "data")
+    found = estimate(few, location, ENGINE)
     assert not (tmp_path / "data").exists()
-    data = generate(few, place, ENGINE)
+    data = generate(few, location, ENGINE)
     facts = [one for shard in data.manifest.shards for one in shard.tables.values()]
     assert found.rows == pytest.approx(sum(one.rows for one in facts), rel=0.3)
     assert found.size_bytes == pytest.approx(sum(one.size_bytes for one in facts), rel=0.3)
@@ -48,18 +48,18 @@ def large(recipe: Recipe) -> Recipe:
 
 
 def test_a_large_one_has_to_be_allowed(recipe: Recipe, tmp_path: Path):
-    place, asked = Folder(tmp_path / "data"), list[Estimate]()
+    location, asked = Folder(tmp_path / "data"), list[Estimate]()
 
     def answer(found: Estimate) -> bool:
         asked.append(found)
         return len(asked) > 1
 
     with pytest.raises(ConfigError, match=r"got 1,000,001 .*; add --yes \(allow_large=True"):
-        refuse_too_large(large(recipe), place, ENGINE, allowed=False)
+        refuse_too_large(large(recipe), location, ENGINE, allowed=False)
     with pytest.raises(ConfigError, match="add --yes"):
-        refuse_too_large(large(recipe), place, ENGINE, answer)
-    refuse_too_large(large(recipe), place, ENGINE, answer)
-    refuse_too_large(large(recipe), place, ENGINE, allowed=True)
+        refuse_too_large(large(recipe), location, ENGINE, answer)
+    refuse_too_large(large(recipe), location, ENGINE, answer)
+    refuse_too_large(large(recipe), location, ENGINE, allowed=True)
     assert len(asked) == 2
     assert asked[0].simulations == LARGE_SIMULATIONS + 1
     assert asked[0].is_large

@@ -1,4 +1,4 @@
-"""Who makes a data set is chosen by its size, its simulator and its place."""
+"""Who makes a data set is chosen by its size, its simulator and its location."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from overtaking.api.choices import simulator_of
 from overtaking.core import processors
 from overtaking.core.errors import ConfigError
 from overtaking.data.executors import MIN_PIECES, executor_of
-from overtaking.data.place import Folder, Place
+from overtaking.data.location import Folder, Location
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.data.store import Store
@@ -44,9 +44,9 @@ def recipe(num_simulations: int, shard_size: int = 4096) -> Recipe:
     )
 
 
-def chosen(place: Path | Place, made: Recipe, engine: str = "auto", **changes):
+def chosen(location: Path | Location, made: Recipe, engine: str = "auto", **changes):
     simulator = dataclasses.replace(simulator_of("engine"), **changes.pop("simulator", {}))
-    there = Folder(place) if not hasattr(place, "put") else place
+    there = Folder(location) if not hasattr(location, "put") else location
     return executor_of(engine, made, simulator, there, **changes)
 
 

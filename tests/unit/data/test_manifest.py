@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.data.location import PARTIAL, Folder
 from overtaking.data.manifest import (
     FILE_NAME,
     VERSION,
@@ -19,7 +20,6 @@ from overtaking.data.manifest import (
     read_manifest,
     write_manifest,
 )
-from overtaking.data.place import PARTIAL, Folder
 from overtaking.data.recipe import Keep
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios import spec

@@ -1,1 +1,1 @@
-"""What the law says of many overtakes: how it turns on tolerances, and where two laws part."""
+"""The law over many overtakes: the effect of tolerances, and differences between two laws."""

@@ -1,4 +1,4 @@
-"""How many overtakes are legal as tolerances are relaxed, and which rule alone decides."""
+"""The share of legal overtakes as tolerances grow, and those that one rule alone decides."""
 
 from __future__ import annotations
 
@@ -129,14 +129,14 @@ def curve(batches: Iterable[tuple[Labelled, Case]], pack: Pack, policy: Policy) 
 
 def _found(labelled: Labelled, case: Case, pack: Pack, policy: Policy) -> _Found:
     findings = labelled.findings
-    place = [findings.rules.index(code) for code in policy.required]
+    columns = [findings.rules.index(code) for code in policy.required]
     done = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)
-    lasting = np.stack([duration(findings, one, case) for one in place], axis=1)
+    lasting = np.stack([duration(findings, one, case) for one in columns], axis=1)
     return _Found(
-        counted=breaches(findings, policy, pack, case)[done][:, place],
-        excess=-findings.margin[done][:, place],
+        counted=breaches(findings, policy, pack, case)[done][:, columns],
+        excess=-findings.margin[done][:, columns],
         lasting=lasting[done],
-        doubtful=(findings.verdict == Verdict.UNDECIDABLE)[done][:, place],
+        doubtful=(findings.verdict == Verdict.UNDECIDABLE)[done][:, columns],
     )
 
 
@@ -154,10 +154,10 @@ def _curve(found: _Found, pack: Pack, policy: Policy, version: str) -> Curve:
 
     single = counted.sum(axis=1) == 1
     by_rule = {}
-    for place, code in enumerate(policy.required):
-        of_unit = [name for name, (unit, _, _) in STEPS.items() if unit == units[place]]
+    for column, code in enumerate(policy.required):
+        of_unit = [name for name, (unit, _, _) in STEPS.items() if unit == units[column]]
         if of_unit:
-            by_rule[code] = relaxed(of_unit[0], np.arange(len(units)) == place)
+            by_rule[code] = relaxed(of_unit[0], np.arange(len(units)) == column)
     return Curve(
         pack=version,
         policy=policy.name,

@@ -1,4 +1,4 @@
-"""Where two laws part: the same overtakes, legal under one and illegal under the other."""
+"""Differences between two laws: overtakes that are legal under one and illegal under the other."""
 
 from __future__ import annotations
 
@@ -89,15 +89,15 @@ def compared(
         overtakes += int((said[0].labels.outcome == Outcome.COMPLETED).sum())
         for pack, labelled in zip(packs, said, strict=True):
             versions[pack.name] = labelled.findings.version
-            for place, name in enumerate(names):
-                found = (OvertakeClass(one).title for one in labelled.labels.classes[:, place])
+            for column, name in enumerate(names):
+                found = (OvertakeClass(one).title for one in labelled.labels.classes[:, column])
                 classes[pack.name, name].update(found)
-                conduct[pack.name, name].update(_conduct(labelled, place))
+                conduct[pack.name, name].update(_conduct(labelled, column))
         for i, j in permutations(range(len(packs)), 2):
             batch = (numbers, case, said[i], said[j])
-            for place, name in enumerate(names):
+            for column, name in enumerate(names):
                 one = parted[packs[i].name, packs[j].name, name]
-                _part(one, place, batch, packs[j], policies[j][place])
+                _part(one, column, batch, packs[j], policies[j][column])
     return {
         "simulations": total,
         "overtakes": overtakes,
@@ -115,10 +115,10 @@ def compared(
     }
 
 
-def _conduct(labelled: Labelled, place: int) -> dict[str, int]:
+def _conduct(labelled: Labelled, column: int) -> dict[str, int]:
     """Simulations, overtake or not, by whether required rules are broken, or in doubt."""
-    broken = labelled.labels.num_broken[:, place] > 0
-    doubtful = ~broken & (labelled.labels.num_undecidable[:, place] > 0)
+    broken = labelled.labels.num_broken[:, column] > 0
+    doubtful = ~broken & (labelled.labels.num_undecidable[:, column] > 0)
     return {
         "kept": int((~broken & ~doubtful).sum()),
         "broken": int(broken.sum()),
@@ -128,15 +128,15 @@ def _conduct(labelled: Labelled, place: int) -> dict[str, int]:
 
 def _part(
     into: Parted,
-    place: int,
+    column: int,
     batch: tuple[NDArray[np.integer], Case, Labelled, Labelled],
     pack: Pack,
     policy: Policy,
 ) -> None:
     """Count the overtakes of a batch that part in one direction."""
     numbers, case, legal, illegal = batch
-    parts = legal.labels.classes[:, place] == OvertakeClass.SUCCESS_L
-    parts &= illegal.labels.classes[:, place] == OvertakeClass.SUCCESS_I
+    parts = legal.labels.classes[:, column] == OvertakeClass.SUCCESS_L
+    parts &= illegal.labels.classes[:, column] == OvertakeClass.SUCCESS_I
     rows, findings = np.flatnonzero(parts), illegal.findings
     counted = breaches(findings, policy, pack, case)
     into.count += len(rows)

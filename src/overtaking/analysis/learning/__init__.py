@@ -1,1 +1,1 @@
-"""What decides an overtake: rules for people, models for comparison, and the factors in order."""
+"""Predicts the outcome of overtakes: rules for people, models for comparison, ranked factors."""

@@ -1,4 +1,4 @@
-"""Baselines of a task: what anybody who predicts has to beat."""
+"""Baselines of a task, which a predictor has to beat."""
 
 import math
 from dataclasses import dataclass

@@ -159,20 +159,20 @@ class _Search(NamedTuple):
         found = rules
         for _ in range(_MAX_PASSES):
             before = found
-            for place in range(len(before)):
-                found = self._replaced(found, place)
+            for index in range(len(before)):
+                found = self._replaced(found, index)
             found = self.rules(found)
             if found == before:
                 break
         return found
 
-    def _replaced(self, rules: list[Numbers], place: int) -> list[Numbers]:
+    def _replaced(self, rules: list[Numbers], index: int) -> list[Numbers]:
         """The rules with a better one at an index, if there is one."""
-        if place >= len(rules):
+        if index >= len(rules):
             return rules
-        others = rules[:place] + rules[place + 1 :]
+        others = rules[:index] + rules[index + 1 :]
         rule = self.best_rule(~self.covered(others))
-        tried = [*others[:place], rule, *others[place:]] if rule else others
+        tried = [*others[:index], rule, *others[index:]] if rule else others
         return tried if self.worth(tried) > self.worth(rules) else rules
 
     def best_rule(self, is_open: Mask) -> Numbers:
@@ -186,9 +186,9 @@ class _Search(NamedTuple):
             if not grown:
                 break
             values = np.where(hits >= _LEAST_NEW, self.gain * hits - self.cost * misses, -np.inf)
-            place = int(np.argmax(values))
-            if values[place] > best[0] + self.least:
-                best = (float(values[place]), grown[place])
+            index = int(np.argmax(values))
+            if values[index] > best[0] + self.least:
+                best = (float(values[index]), grown[index])
             beam = _kept(grown, values, hits - share * (hits + misses))
         return best[1]
 
@@ -204,10 +204,10 @@ class _Search(NamedTuple):
         rows, columns = np.nonzero(may_join)
         rules = [tuple(sorted((*beam[r], int(c)))) for r, c in zip(rows, columns, strict=True)]
         first = {rule: n for n, rule in reversed(list(enumerate(rules)))}
-        places = np.array(sorted(first.values()), dtype=np.int64)
-        at = rows[places], columns[places]
+        indices = np.array(sorted(first.values()), dtype=np.int64)
+        at = rows[indices], columns[indices]
         hits, misses = (_inside(part, beam) @ part for part in (hit, miss))
-        found = [rules[n] for n in places]
+        found = [rules[n] for n in indices]
         return found, hits[at].astype(np.float64), misses[at].astype(np.float64)
 
     def _needed(self, rules: list[Numbers]) -> list[Numbers]:

@@ -51,10 +51,10 @@ def _cut(total: I64, positives: I64, part: tuple[int, int], depth: int, found: l
     first, last = part
     if depth == 0 or last - first < 2:
         return
-    place = _best(total[first : last + 1], positives[first : last + 1])
-    if place is None:
+    index = _best(total[first : last + 1], positives[first : last + 1])
+    if index is None:
         return
-    middle = first + place
+    middle = first + index
     found.append(middle)
     _cut(total, positives, (first, middle), depth - 1, found)
     _cut(total, positives, (middle, last), depth - 1, found)
@@ -67,13 +67,13 @@ def _best(total: I64, positives: I64) -> int | None:
     high, high_hits = size - low, hits - low_hits
     below, above = entropy(low_hits, low), entropy(high_hits, high)
     mean = (low * below + high * above) / size
-    place = int(np.argmin(mean))
+    index = int(np.argmin(mean))
     whole = entropy(np.array([hits]), np.array([size]))[0]
-    kinds = [_kinds(*pair) for pair in ((hits, size), (low_hits[place], low[place]))]
-    kinds.append(_kinds(high_hits[place], high[place]))
-    parts = kinds[0] * whole - kinds[1] * below[place] - kinds[2] * above[place]
+    kinds = [_kinds(*pair) for pair in ((hits, size), (low_hits[index], low[index]))]
+    kinds.append(_kinds(high_hits[index], high[index]))
+    parts = kinds[0] * whole - kinds[1] * below[index] - kinds[2] * above[index]
     cost = (np.log2(size - 1) + np.log2(3.0 ** kinds[0] - 2.0) - parts) / size
-    return place + 1 if whole - mean[place] > cost else None
+    return index + 1 if whole - mean[index] > cost else None
 
 
 def entropy(hits: I64, size: I64) -> F64:

@@ -55,11 +55,11 @@ class Examples:
 
     def with_attributes(self, names: tuple[str, ...]) -> "Examples":
         """The same with some of the attributes."""
-        places = [n for n, one in enumerate(self.attributes) if one.name in names]
+        indices = [n for n, one in enumerate(self.attributes) if one.name in names]
         return replace(
             self,
-            attributes=tuple(self.attributes[n] for n in places),
-            values=self.values[:, places],
+            attributes=tuple(self.attributes[n] for n in indices),
+            values=self.values[:, indices],
         )
 
     def column(self, name: str) -> F64:

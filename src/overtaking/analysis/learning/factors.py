@@ -1,4 +1,4 @@
-"""What decides: models that predict the outcome, their calibration, and the factors in order."""
+"""Models that predict the outcome, their calibration, and the factors in order."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -241,9 +241,9 @@ def reliability(probability: F64, truth: I64) -> tuple[Bin, ...]:
         truth: Number of the outcome that occurred, shape (example,).
     """
     confidence, right = probability.max(axis=1), probability.argmax(axis=1) == truth
-    places = np.minimum((confidence * BINS).astype(np.int64), BINS - 1)
-    counts = np.bincount(places)
-    sums = np.bincount(places, confidence), np.bincount(places, right.astype(np.float64))
+    indices = np.minimum((confidence * BINS).astype(np.int64), BINS - 1)
+    counts = np.bincount(indices)
+    sums = np.bincount(indices, confidence), np.bincount(indices, right.astype(np.float64))
     return tuple(
         Bin(
             confidence=float(sums[0][n] / counts[n]),

@@ -38,7 +38,7 @@ LEAKS = (
     Leak("OT", "how long the overtake took is known when it is over", ("OT_s",)),
     Leak(
         "C",
-        "whom the ego collided with is the outcome itself",
+        "the vehicle that the ego collided with is the outcome itself",
         ("collision", "collided_with", "partner"),
     ),
     Leak(

@@ -93,15 +93,15 @@ def _most_telling(
     """The conditions that deviate most from the mean, in the order of the attributes."""
     share = float(positive.mean())
 
-    def unusual(place: int) -> float:
-        holds = conditions[place].holds(examples)
+    def unusual(index: int) -> float:
+        holds = conditions[index].holds(examples)
         return abs(float((holds & positive).sum()) - share * float(holds.sum()))
 
-    order = sorted(range(len(conditions)), key=lambda place: -unusual(place))
+    order = sorted(range(len(conditions)), key=lambda index: -unusual(index))
     chosen: dict[str, int] = {}
-    for place in order:  # Two borders that are told alike are one predicate.
-        chosen.setdefault(predicate(conditions[place]), place)
-    return [conditions[place] for place in sorted(list(chosen.values())[:MAX_PREDICATES])]
+    for index in order:  # Two borders with the same text are one predicate.
+        chosen.setdefault(predicate(conditions[index]), index)
+    return [conditions[index] for index in sorted(list(chosen.values())[:MAX_PREDICATES])]
 
 
 def _bias(head: str, conditions: list[Condition]) -> Iterator[str]:

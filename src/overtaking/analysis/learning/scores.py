@@ -125,8 +125,8 @@ def grouped_interval(right: Mask, groups: I64) -> tuple[float, float]:
     if not number:
         return wilson(0.0, 0.0)
     share = float(right.mean())
-    _, places = np.unique(groups, return_inverse=True)
-    deviations = np.bincount(places, right - share)
+    _, indices = np.unique(groups, return_inverse=True)
+    deviations = np.bincount(indices, right - share)
     clusters = len(deviations)
     plain = share * (1.0 - share) / number
     if clusters < 2 or plain == 0.0:

@@ -80,8 +80,8 @@ def parts_of(roots: Iterable[str]) -> Names:
         roots: `examples.roots_of` the simulations.
     """
     names, ends = list(PARTS), np.cumsum(list(PARTS.values()))[:-1]
-    places = np.searchsorted(ends, [_number(root) for root in roots], side="right")
-    return np.array(names)[places]
+    indices = np.searchsorted(ends, [_number(root) for root in roots], side="right")
+    return np.array(names)[indices]
 
 
 def _number(root: str) -> float:

@@ -221,16 +221,16 @@ def needed(rules: Iterable[Clause], goals: Iterable[tuple[str, Pattern]]) -> Nee
         goal = waiting.pop()
         if goal not in known:
             known.add(goal)
-            for place, clause in enumerate(everything):
+            for index, clause in enumerate(everything):
                 for binding in clause.bindings(*goal):
-                    used.add(place)
+                    used.add(index)
                     waiting += [(atom.name, atom.pattern(binding)) for atom in clause.body]
     patterns: dict[str, frozenset[Pattern]] = {}
     for name, pattern in known:
         if name in BY_NAME and len(pattern) == len(BY_NAME[name].arguments):
             patterns[name] = patterns.get(name, frozenset()) | {pattern}
     return Needed(
-        clauses=tuple(everything[place] for place in sorted(used)),
+        clauses=tuple(everything[index] for index in sorted(used)),
         demand=Demand(patterns=patterns),
     )
 

@@ -66,8 +66,8 @@ def write_facts(
             path = folder / f"facts-{number:05d}{writing.LANGUAGES[language]}"
             with path.open("xb") as file:
                 file.write(head)
-                for place, part in enumerate(parts):
-                    shared = {} if place else writing.shared_facts(part.case.trajectories, demand)
+                for index, part in enumerate(parts):
+                    shared = {} if index else writing.shared_facts(part.case.trajectories, demand)
                     found = shared | writing.facts(part, demand, every=every)
                     file.write(writing.text(found))
                     num_facts += writing.num_facts(found)

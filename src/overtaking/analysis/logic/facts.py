@@ -50,8 +50,8 @@ class Demand:
     patterns: Mapping[str, frozenset[Pattern]]
 
     @property
-    def places(self) -> frozenset[str]:
-        """The places around the ego that are asked for in every frame."""
+    def neighbours(self) -> frozenset[str]:
+        """The neighbours of the ego that are asked for in every frame."""
         patterns = [*self.patterns.get("spacing", ()), *self.patterns.get("forced_braking", ())]
         asked = {pattern[1] for pattern in patterns}
         return frozenset(one for one in words.PLACE.names if None in asked or one in asked)
@@ -106,7 +106,7 @@ def facts(group: Group, demand: Demand, *, every: int = EVERY) -> dict[str, Colu
     """
     asked = (*words.RECORDED, *words.MEASURED)
     names = [one.name for one in asked if one.name in demand.patterns]
-    return demand.chosen(group_columns(group, names, every=every, places=demand.places))
+    return demand.chosen(group_columns(group, names, every=every, neighbours=demand.neighbours))
 
 
 def num_facts(found: Mapping[str, Columns]) -> int:

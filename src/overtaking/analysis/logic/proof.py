@@ -105,7 +105,7 @@ def proofs(
         MissingExtraError: clingo is not installed.
     """
     asked = needed(program("law.lp"), [("illegal", (None,) * 2)])
-    recorded = [_recorded(place, clause) for place, clause in enumerate(asked.clauses)]
+    recorded = [_recorded(index, clause) for index, clause in enumerate(asked.clauses)]
     text = asked.text + "\n".join(one.text for one in recorded)
     with Reasoner(text, ((_INSTANCE, 4),), timeout_s=timeout_s, memory_mib=memory_mib) as one:
         rows = one.rows(group_text(group, asked.demand, MAX_FRAME))
@@ -113,7 +113,7 @@ def proofs(
     return tuple(derivation.proofs())
 
 
-def _recorded(place: int, clause: Clause) -> _Recorded:
+def _recorded(index: int, clause: Clause) -> _Recorded:
     """A rule and its place, as one that records instances."""
     fresh = count()
     body = [
@@ -127,7 +127,7 @@ def _recorded(place: int, clause: Clause) -> _Recorded:
     read = "".join(f"{literal}," for literal in body if _is_read(literal))
     values = "".join(f"{name}," for name in names)
     condition = "; ".join(str(literal) for literal in body)
-    text = f"{_INSTANCE}({place},{head},({read}),({values})) :- {condition}."
+    text = f"{_INSTANCE}({index},{head},({read}),({values})) :- {condition}."
     return _Recorded(clause=clause, names=names, text=text)
 
 
@@ -152,9 +152,9 @@ class _Derivation:
     def __init__(self, recorded: list[_Recorded], rows: list[list[Any]]) -> None:
         self._recorded = recorded
         self._instances: dict[Ground, list[tuple[int, list[Ground], list[Any]]]] = {}
-        for place, head, read, values in rows:
+        for index, head, read, values in rows:
             body = [_ground(one) for one in read]
-            self._instances.setdefault(_ground(head), []).append((place, body, values))
+            self._instances.setdefault(_ground(head), []).append((index, body, values))
         for found in self._instances.values():
             found.sort(key=lambda one: (str(one[0]).zfill(4), [_order(each) for each in one[2]]))
 
@@ -177,10 +177,10 @@ class _Derivation:
 
     def _step(self, atom: Ground) -> Step:
         """The first instance that concludes an atom, with all that it rests on."""
-        place, body, values = self._instances[atom][0]
-        end, skipped = self._end_of_chain(place, body)
-        clause = self._recorded[place].clause
-        known = dict(zip(self._recorded[place].names, values, strict=True))
+        index, body, values = self._instances[atom][0]
+        end, skipped = self._end_of_chain(index, body)
+        clause = self._recorded[index].clause
+        known = dict(zip(self._recorded[index].names, values, strict=True))
         facts = [_text(one) for one in body if one not in self._instances]
         derived = [one for one in end if one in self._instances]
         return Step(
@@ -199,12 +199,12 @@ class _Derivation:
             num_skipped=skipped,
         )
 
-    def _end_of_chain(self, place: int, body: list[Ground]) -> tuple[list[Ground], int]:
+    def _end_of_chain(self, index: int, body: list[Ground]) -> tuple[list[Ground], int]:
         """What a recursive rule begins with, and how many of its instances lie between."""
         skipped = 0
         while True:
             again = [self._instances[one][0] for one in body if one in self._instances]
-            again = [one for one in again if one[0] == place]
+            again = [one for one in again if one[0] == index]
             if not again:
                 return body, skipped
             body, skipped = again[0][1], skipped + 1

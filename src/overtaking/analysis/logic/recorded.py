@@ -50,7 +50,7 @@ _MOST_BRAKING = np.float32(words.BRAKING.high * 1e-3)
 _WEATHER = ("night", "rain", "fog", "wind")
 
 _AHEAD = (Around.LEADER, Around.LEFT_LEADER, Around.RIGHT_LEADER)
-"""The places in which a neighbour is ahead of the ego."""
+"""The neighbours that are ahead of the ego."""
 
 
 def road_columns(recorded: Trajectories) -> dict[str, Columns]:
@@ -129,7 +129,7 @@ def _lines(road: Road, lane: Lane) -> tuple[RoadMark, RoadMark]:
 
 
 def group_columns(
-    group: Group, names: Collection[str], *, every: int, places: Collection[str]
+    group: Group, names: Collection[str], *, every: int, neighbours: Collection[str]
 ) -> dict[str, Columns]:
     """The facts about a group of simulations, by predicate.
 
@@ -137,22 +137,22 @@ def group_columns(
         group: The simulations.
         names: Predicates of `vocabulary.RECORDED` and `vocabulary.MEASURED`.
         every: Positions are written every so many frames, and wherever something changes.
-        places: The places around the ego that `spacing` and `forced_braking` are asked for.
+        neighbours: The neighbours of the ego that `spacing` and `forced_braking` are asked for.
 
     Returns:
         The columns of the arguments; those that a recording does not tell are missing.
     """
     hidden = {"indicator": "indicators"} | dict.fromkeys(_WEATHER, "weather")
     known = [name for name in names if hidden.get(name) not in group.case.trajectories.unknown]
-    recorded = _Recorded(group, every, places)
+    recorded = _Recorded(group, every, neighbours)
     return {name: getattr(recorded, name.replace("class", "class_"))() for name in known}
 
 
 class _Recorded:
     """A method for each predicate, with its name: the columns of its arguments in order."""
 
-    def __init__(self, group: Group, every: int, places: Collection[str]) -> None:
-        self._group, self._every, self._places = group, every, places
+    def __init__(self, group: Group, every: int, neighbours: Collection[str]) -> None:
+        self._group, self._every, self._neighbours = group, every, neighbours
         self._case, self._numbers = group.case, group.numbers
         self._run, self._seen = group.case.trajectories, group.case.signals
         self._states = self._run.states
@@ -224,8 +224,8 @@ class _Recorded:
     def neighbour(self) -> Columns:
         seen = self._seen
         there = seen.valid[:, None, :] & (seen.vehicle != NO_VEHICLE)
-        row, place, vehicle, first, last = runs(seen.vehicle, there)
-        return self._numbers[row], place, vehicle, first, last
+        row, neighbour, vehicle, first, last = runs(seen.vehicle, there)
+        return self._numbers[row], neighbour, vehicle, first, last
 
     def contact(self) -> Columns:
         row, *others = self._contacts()
@@ -317,8 +317,8 @@ class _Recorded:
         return self._numbers[row], frame, right, left
 
     def spacing(self) -> Columns:
-        places = sorted(self._places, key=words.PLACE.names.index)
-        return _joined([self._spacing(words.PLACE.names.index(one)) for one in places], 6)
+        neighbours = sorted(self._neighbours, key=words.PLACE.names.index)
+        return _joined([self._spacing(words.PLACE.names.index(one)) for one in neighbours], 6)
 
     def _spacing(self, code: int) -> Columns:
         """Lawful gaps at one position; the follower, ego or neighbour, must keep the gap."""
@@ -338,8 +338,8 @@ class _Recorded:
         speed = self._states.speed
         own, others = speed[row, Role.EGO, frame], speed[row, other.astype(np.intp), frame]
         exact = own - others if is_ahead else others - own
-        place = np.full(len(row), code)
-        return self._numbers[row], place, frame, down(gap), exact, beside(lawful, gap)
+        neighbour = np.full(len(row), code)
+        return self._numbers[row], neighbour, frame, down(gap), exact, beside(lawful, gap)
 
     def _there(self, code: int) -> tuple[Index, Index]:
         """Simulations and frames with a vehicle at a position around the ego."""
@@ -350,16 +350,18 @@ class _Recorded:
         return row, frame
 
     def forced_braking(self) -> Columns:
-        behind = [one for one in Around if one not in _AHEAD and one.name.lower() in self._places]
+        behind = [
+            one for one in Around if one not in _AHEAD and one.name.lower() in self._neighbours
+        ]
         return _joined([self._forced(one) for one in behind], 4)
 
-    def _forced(self, place: Around) -> Columns:
-        row, frame = self._there(place)
-        closing = self._seen.closing_speed[row, place, frame]
+    def _forced(self, neighbour: Around) -> Columns:
+        row, frame = self._there(neighbour)
+        closing = self._seen.closing_speed[row, neighbour, frame]
         closes = closing > 0
         row, frame, closing = row[closes], frame[closes], closing[closes]
-        forced = np.minimum(drac(self._seen.gap[row, place, frame], closing), _MOST_BRAKING)
-        return self._numbers[row], np.full(len(row), int(place)), frame, up(forced)
+        forced = np.minimum(drac(self._seen.gap[row, neighbour, frame], closing), _MOST_BRAKING)
+        return self._numbers[row], np.full(len(row), int(neighbour)), frame, up(forced)
 
     def target_lead(self) -> Columns:
         row, slot, frame = self._at_target()
@@ -389,8 +391,8 @@ class _Recorded:
             return nothing, nothing, nothing, np.zeros(0, np.float32)
         row, frame = np.nonzero(self._seen.valid)
         others = others_at(self._case, frame.astype(np.int32), row)
-        at = place, slot = np.nonzero(coming(others))
-        return row[place], frame[place], slot, others.gap[at]
+        at = index, slot = np.nonzero(coming(others))
+        return row[index], frame[index], slot, others.gap[at]
 
     def oncomer(self) -> Columns:
         row, frame, slot, gap = self._coming

@@ -74,8 +74,8 @@ def _inference(scope: str) -> Inference:
     kinds = weathers(tuple(printed))
     numbers = splits(len(kinds), size)
     fits = np.ones(len(numbers), bool)
-    for place, statement in enumerate(printed.values()):
-        means = numbers @ np.array([kind[place] for kind in kinds]) / size
+    for index, statement in enumerate(printed.values()):
+        means = numbers @ np.array([kind[index] for kind in kinds]) / size
         fits &= np.abs(means - statement.quoted) <= statement.resolution
     nights = numbers[fits] @ np.array([kind[-1] for kind in kinds], np.int64)
     return Inference(

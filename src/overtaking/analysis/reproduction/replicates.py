@@ -119,8 +119,8 @@ def _kept(labelled: Labelled) -> dict[str, Array]:
     at, is_flying = flying(labelled.trajectories, labelled.events)
     kept["FLYING"] = np.full(len(kept["SE"]), np.nan)
     kept["FLYING"][at] = is_flying
-    for place, name in enumerate(labelled.labels.policies):
-        kept[name] = labelled.labels.classes[:, place]
+    for column, name in enumerate(labelled.labels.policies):
+        kept[name] = labelled.labels.classes[:, column]
     return kept
 
 

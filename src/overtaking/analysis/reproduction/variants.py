@@ -1,4 +1,4 @@
-"""What becomes of the classes under other starts and pushes, and which vehicles collide."""
+"""Class frequencies under other starts and pushes, and which vehicles collide."""
 
 from __future__ import annotations
 

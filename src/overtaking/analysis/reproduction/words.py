@@ -1,4 +1,4 @@
-"""A reproduction in sentences, which depend on its numbers and claim no more."""
+"""Sentences about a reproduction, made from its numbers."""
 
 from overtaking.analysis.reproduction.hidden import Inference
 from overtaking.analysis.reproduction.measures import POLICY

@@ -47,7 +47,7 @@ class Leak:
             f"No {self.name} among the {self.size:,} simulations with {self.feature} = "
             f"{self.level}, where {self.expected:,.1f} were to be expected if class and feature "
             f"were independent (probability of none: {_small(self.chance)}). Either the world "
-            f"rules it out or the label does: whoever learns {self.name} from these data may "
+            f"rules it out or the label does: a model of {self.name} trained on these data may "
             f"learn {self.feature}."
         )
 

@@ -1,4 +1,4 @@
-"""The features of some simulations, checked once at the door."""
+"""The features of some simulations, checked once when they are given."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

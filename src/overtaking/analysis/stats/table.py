@@ -1,4 +1,4 @@
-"""A table as it will be read: exact values, and how each is written."""
+"""A table: exact values, and the format of each."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

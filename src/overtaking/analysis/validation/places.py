@@ -50,7 +50,7 @@ def next_to(batch: Batch, at: Moments, lane: Array, *, ahead: bool) -> tuple[Arr
         ahead: Whether ahead or behind.
 
     Returns:
-        The gap between the bumpers [m], infinite where nobody is, and the slot.
+        The gap between the bumpers [m], infinite where no vehicle is, and the slot.
     """
     states, length = batch.runs.states, batch.runs.scenario.vehicles.length
     slots = (at.simulation, slice(None), at.frame)

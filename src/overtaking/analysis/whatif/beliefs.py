@@ -57,8 +57,8 @@ class Percept:
     """What the ego notices when it begins: leader, front and rear of the next lane, shape (3,).
 
     Attributes:
-        detected: Whether it has noticed anybody there.
-        vehicle: Whom.
+        detected: Whether it has noticed a vehicle there.
+        vehicle: Which vehicle.
         gap: Believed gap [m].
         closing: Believed speed of approach [m/s].
         true_gap: The gap as it is [m].
@@ -117,7 +117,7 @@ def proposals(
     many = copies(scene.world, frame, count)
     noise = Noise(scene.scenario.seed, many.index, int(Stream.POLICY))
     judged = np.stack([noise.normal(), noise.normal()])
-    # In one frame everybody is somewhere and drives that fast: shape (vehicle,).
+    # Position and speed of every vehicle in one frame, shape (vehicle,).
     place = stayed.states.s[0, :, frame].astype(np.float64) * METRES_PER_STEP
     speed = stayed.states.speed[0, :, frame].astype(np.float64) * METRES_PER_SECOND_PER_STEP
     ahead, faster = _errors_undone(many.scenario, percept, judged)
@@ -168,7 +168,7 @@ def _unnoticed(stayed: Trajectories, frame: int, percept: Percept) -> list[int]:
 
 
 def _anywhere(u: F32, place: NDArray[np.float64], slot: int) -> NDArray[np.float64]:
-    """How far ahead somebody is who may be anywhere around the ego, shape (future,) [m]."""
+    """Distance ahead of a vehicle that may be anywhere around the ego, shape (future,) [m]."""
     return place[Role.EGO] + _AROUND * (2.0 * u.astype(np.float64) - 1.0) - place[slot]
 
 

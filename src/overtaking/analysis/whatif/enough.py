@@ -128,10 +128,10 @@ def enough_of(
         raise _refused(f"one that was not {goal}", was, "choose another simulation or --goal")
     listed = list(quantities(scene))
     found: list[Sufficient] = []
-    for place, one in enumerate(listed):
+    for done, one in enumerate(listed):
         found.append(_found(one, *_classes(scene, one, policy), goal, was))
         if progress is not None:
-            progress(place + 1, len(listed))
+            progress(done + 1, len(listed))
     return Enough(
         number=scene.number,
         goal=goal,
@@ -292,10 +292,10 @@ def _code(labelled: Labelled, policy: str) -> int:
 def _found(
     one: Quantity, steps: Values, codes: NDArray[np.uint8], goal: str, was: str
 ) -> Sufficient:
-    """What is told of a quantity."""
+    """The values to report of a quantity."""
     reached = np.isin(codes, GOALS[goal])
-    places = np.flatnonzero(reached)
-    best = places[np.abs(steps[places]).argmin()] if len(places) else None
+    indices = np.flatnonzero(reached)
+    best = indices[np.abs(steps[indices]).argmin()] if len(indices) else None
     tried = (float(steps.min()), float(steps.max())) if len(steps) else None
     if best is None:
         return Sufficient(

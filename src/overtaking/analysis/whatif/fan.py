@@ -1,4 +1,4 @@
-"""What becomes of an overtake that is begun at each instant: many futures of one simulation."""
+"""Outcomes of an overtake that begins at each instant: many futures of one simulation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class Fan:
         given: A name in `GIVEN`.
         policy: The policy that decides about the classes.
         asked: Futures that were asked for at each instant.
-        time: When the ego is told to begin, while it is sound in its lane, shape (instant,) [s].
+        time: When the ego has to begin, while it is sound in its lane, shape (instant,) [s].
         begun: When it pulls out then, NaN where it cannot, shape (instant,) [s].
         counts: Futures of each class, shape (instant, `OvertakeClass`).
         tried: Worlds that were proposed, shape (instant,).
@@ -90,7 +90,7 @@ def fan_of(
     policy: str = "paper",
     progress: Callable[[int, int], None] | None = None,
 ) -> Fan:
-    """What becomes of an overtake that is begun at each instant.
+    """Outcomes of an overtake that begins at each instant.
 
     Until the instant the ego stays in its lane. Then it begins as soon as it has signalled,
     whatever the gaps, and decides alone from there on. The changes of a branch are made at their

@@ -19,7 +19,7 @@ _APART = np.uint64(1 << 40)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Futures:
-    """What a simulation is from an instant on, once for each future.
+    """The simulation from an instant on, once for each future.
 
     Attributes:
         scenario: The scenarios, shape (future,).

@@ -1,4 +1,4 @@
-"""Simulations of a data set that questions are asked of."""
+"""Simulations of a data set, as the subjects of what-if questions."""
 
 from dataclasses import dataclass, replace
 

@@ -167,7 +167,7 @@ def _changes(scene: Scene, wish: Wish, first: Change) -> list[Change]:
 
 
 def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tuple[Change, ...]:
-    """Changes by which the ego pulls out later, whatever the gaps are then.
+    """Changes by which the ego pulls out later, without regard to the gaps then.
 
     How long it has to signal before depends on what it showed, so starts are tried. The one that
     comes nearest is taken, never before the wish; an indicator that fades in the meantime makes it

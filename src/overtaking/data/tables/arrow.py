@@ -48,7 +48,7 @@ def to_names(codes: Array, names: Sequence[str], missing: Mask | None = None) ->
     """An array of names, of which there are a few.
 
     Args:
-        codes: Place of each name among `names`, shape (row,).
+        codes: Index of each name among `names`, shape (row,).
         names: The names.
         missing: Where it is null, shape (row,).
     """

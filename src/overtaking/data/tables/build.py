@@ -78,13 +78,13 @@ def read_columns(columns: Iterable[Column], batch: Batch, rows: Rows) -> dict[st
     """
 
     @cache
-    def absent(path: str, place: int | None, nothing: int) -> Mask:
-        return rows(_attribute(batch, path, place)) == nothing
+    def absent(path: str, index: int | None, nothing: int) -> Mask:
+        return rows(_attribute(batch, path, index)) == nothing
 
     given: dict[str, Given] = {}
     for one in columns:
-        values = rows(_attribute(batch, one.path, one.place))
-        missing = absent(one.present, one.place, one.nothing) if one.present else None
+        values = rows(_attribute(batch, one.path, one.index))
+        missing = absent(one.present, one.index, one.nothing) if one.present else None
         if one.field.nullable and values.dtype.kind == "f":
             infinite = ~np.isfinite(values)
             missing = infinite if missing is None else missing | infinite
@@ -92,10 +92,10 @@ def read_columns(columns: Iterable[Column], batch: Batch, rows: Rows) -> dict[st
     return given
 
 
-def _attribute(batch: Batch, path: str, place: int | None) -> Array:
+def _attribute(batch: Batch, path: str, index: int | None) -> Array:
     """An attribute; arrays of shape (simulation,) have no last axis to choose from."""
     found: Array = attrgetter(path)(batch)
-    return found if place is None or found.ndim == 1 else found[..., place]
+    return found if index is None or found.ndim == 1 else found[..., index]
 
 
 def _array(given: Given, field: pa.Field) -> pa.Array:

@@ -46,7 +46,7 @@ class Column:
     Attributes:
         field: Name and type; the metadata has unit and meaning.
         path: Attribute of the batch, dotted. What is no attribute is computed by the encoder.
-        place: Index on the last axis of the attribute; None if the table has every axis of it.
+        index: Index on the last axis of the attribute; None if the table has every axis of it.
         present: Attribute that tells where there is a value, dotted; empty if there always is one.
         nothing: Value of `present` where the column is null.
         needs: Names among `model.trajectory.UNKNOWNS`. The column is null throughout in recordings
@@ -56,7 +56,7 @@ class Column:
 
     field: pa.Field
     path: str
-    place: int | None = None
+    index: int | None = None
     present: str = ""
     nothing: int = 0
     needs: tuple[str, ...] = ()

@@ -58,4 +58,4 @@ def _bits(values: pa.ChunkedArray, flags: tuple[str, ...]) -> dict[str, pd.Serie
         unknown = pd.Series(pd.array([pd.NA] * len(values), dtype="boolean"))
         return dict.fromkeys(flags, unknown)
     bits = values.to_numpy()
-    return {name: pd.Series((bits >> place & 1).astype(bool)) for place, name in enumerate(flags)}
+    return {name: pd.Series((bits >> index & 1).astype(bool)) for index, name in enumerate(flags)}

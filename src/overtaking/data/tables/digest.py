@@ -1,4 +1,4 @@
-"""A hash over what a table says, whatever the file or the batches it comes in."""
+"""A hash over the values of a table, independent of its file and batches."""
 
 import hashlib
 
@@ -29,12 +29,12 @@ class ContentDigest:
     def update(self, table: pa.Table) -> None:
         """Add rows."""
         self.num_rows += table.num_rows
-        for place, field in enumerate(self._schema):
-            for chunk in table.column(place).chunks:
+        for index, field in enumerate(self._schema):
+            for chunk in table.column(index).chunks:
                 missing = missing_in(chunk) if field.nullable else None
                 if missing is not None:
-                    self._nulls[place].update(_little_endian(missing))
-                self._values[place].update(_little_endian(_values(chunk, field, missing)))
+                    self._nulls[index].update(_little_endian(missing))
+                self._values[index].update(_little_endian(_values(chunk, field, missing)))
 
     def hexdigest(self) -> str:
         """The hash over all rows so far, 64 hexadecimal digits."""

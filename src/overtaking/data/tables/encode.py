@@ -164,7 +164,7 @@ def actions(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     done = trajectories.actions or Actions.none(len(numbers))
     simulation, action = np.nonzero(done.changes)
     values = done.values[simulation, action]
-    known = {part.name: values[:, place] for place, part in enumerate(done.parts)}
+    known = {part.name: values[:, index] for index, part in enumerate(done.parts)}
     action = action.astype(np.int32)
     known["time"] = action * np.int32(STEP_MS * SUBSTEPS)
     nothing = np.ones(len(action), np.bool_)
@@ -205,7 +205,7 @@ def _state_rows(
     """The recorded states of a batch, in the order of simulations, vehicles and frames.
 
     Returns:
-        Place in the batch, slot and frame of each, shape (row,); and what takes them from an array
+        Index in the batch, slot and frame of each, shape (row,); and what takes them from an array
         of shape (simulation, vehicle, time).
     """
     if run.present is not None:

@@ -140,9 +140,9 @@ def _kept_findings(labelled: Labelled) -> Labelled:
     if labelled.trajectories.road.is_two_way:
         return labelled
     found, two_way = labelled.findings, {one.code for one in PORTUGAL.rules if one.two_way}
-    kept = [place for place, code in enumerate(found.rules) if code not in two_way]
+    kept = [column for column, code in enumerate(found.rules) if code not in two_way]
     columns = {one.name: getattr(found, one.name)[:, kept] for one in fields(Check)}
-    rules = tuple(found.rules[place] for place in kept)
+    rules = tuple(found.rules[column] for column in kept)
     return labelled.replace(findings=found.replace(rules=rules, **columns))
 
 

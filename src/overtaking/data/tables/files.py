@@ -261,11 +261,11 @@ def _opened(path: Path, table: str) -> pq.ParquetFile:
 
 def _as_today(rows: pa.Table, table: str) -> pa.Table:
     """Rows of any version with the types of this one."""
-    for place, want in enumerate(SCHEMAS[table]):
+    for index, want in enumerate(SCHEMAS[table]):
         if want.name not in rows.schema.names:
-            rows = rows.add_column(place, want, pa.nulls(rows.num_rows, want.type))
+            rows = rows.add_column(index, want, pa.nulls(rows.num_rows, want.type))
         elif (want.name, rows.schema.field(want.name).type) in _WIDENED:
-            rows = rows.set_column(place, want, rows[want.name].cast(want.type))
+            rows = rows.set_column(index, want, rows[want.name].cast(want.type))
     return rows
 
 

@@ -46,7 +46,7 @@ def restore_scenario(
         tables: `simulations`, `weather` and `vehicles` of the same simulations, sorted by key.
         road: Their road.
         unknown: What the tables do not tell, names of `UNKNOWNS`.
-        pushes: How weather acts in place of its physics.
+        pushes: How weather acts instead of by physics.
 
     Returns:
         A batch with as many vehicle slots as the sampler makes.
@@ -88,7 +88,7 @@ def restore(
         tables: Every table of the same simulations, sorted by key.
         road: Their road.
         unknown: What the tables do not tell, names of `UNKNOWNS`.
-        pushes: How weather acts in place of its physics.
+        pushes: How weather acts instead of by physics.
 
     Returns:
         A batch with as many vehicle slots as the sampler makes, and as many frames as needed.
@@ -131,8 +131,8 @@ def restore_actions(tables: Tables) -> Actions | None:
     named = [kind for kind, parts in known if _has(table, [columns[p.name] for p in parts])]
     kind = max(named, key=lambda one: len(actions.KINDS[one]))
     rows = np.zeros((table.num_rows, MOST_PARTS), np.int32)
-    for place, part in enumerate(actions.KINDS[kind]):
-        rows[:, place] = _values(table, columns[part.name], 0)
+    for at, part in enumerate(actions.KINDS[kind]):
+        rows[:, at] = _values(table, columns[part.name], 0)
     # Each holds until the next.
     last = np.maximum.accumulate(np.where(grid.present, np.arange(grid.shape[1]), 0), axis=1)
     values = np.take_along_axis(grid.filled(rows), last[:, :, None], axis=1)
@@ -149,11 +149,11 @@ class _Grid:
     """Positions of the rows of a table in arrays whose first axis is the simulation.
 
     Attributes:
-        place: Index arrays of the rows, one for each axis, shape (row,).
+        at: Index arrays of the rows, one for each axis, shape (row,).
         shape: Shape of the arrays.
     """
 
-    place: tuple[Array, ...]
+    at: tuple[Array, ...]
     shape: tuple[int, ...]
 
     @classmethod
@@ -161,25 +161,25 @@ class _Grid:
         """Arrays over the simulations and the keys of a table named in `axes`, long enough."""
         table = tables[name]
         numbers = _numbers(tables["simulations"], "simulation")
-        places = [_numbers(table, axis) for axis in axes]
+        indices = [_numbers(table, axis) for axis in axes]
         # A table knows nothing of slots without a vehicle, which a sampled batch has.
-        ends = [int(place.max()) + 1 if len(place) else 0 for place in places]
+        ends = [int(at.max()) + 1 if len(at) else 0 for at in indices]
         lengths = [
             slots_for(end) if axis == "vehicle" else end
             for axis, end in zip(axes, ends, strict=True)
         ]
         simulation = np.searchsorted(numbers, _numbers(table, "simulation"))
-        return cls(place=(simulation, *places), shape=(len(numbers), *lengths))
+        return cls(at=(simulation, *indices), shape=(len(numbers), *lengths))
 
     @property
     def present(self) -> NDArray[np.bool_]:
         """Mask of the positions that have a row."""
-        return self.filled(np.ones(len(self.place[0]), dtype=np.bool_))
+        return self.filled(np.ones(len(self.at[0]), dtype=np.bool_))
 
     def filled(self, values: Array, padding: Any = 0) -> Array:
-        """Values at their places; rows of (row, n) give arrays with a last axis of n."""
+        """Values at their indices; rows of (row, n) give arrays with a last axis of n."""
         array = np.full((*self.shape, *values.shape[1:]), padding, dtype=values.dtype)
-        array[self.place] = values
+        array[self.at] = values
         return array
 
     def like_ego(self, values: Array, padding: Any = 0) -> Array:

@@ -59,7 +59,7 @@ def _frame(name: str, meaning: str, attribute: str, path: str = "") -> Column:
     return _optional(name, INT, meaning, path=path, present=attribute, nothing=int(NEVER))
 
 
-def _percept(place: int, who: str, whose: str) -> list[Column]:
+def _percept(index: int, who: str, whose: str) -> list[Column]:
     """Columns of one neighbour at a decision: the belief of the ego, and the true values."""
     believed = partial(_optional, present="percepts.detected")
     true = partial(_optional, present="percepts.vehicle", nothing=_NOBODY)
@@ -74,11 +74,11 @@ def _percept(place: int, who: str, whose: str) -> list[Column]:
         true("true_gap", INT, f"Bumper gap {in_truth}", "mm"),
         true("true_closing_speed", INT, f"Speed of approach {in_truth}", "mm/s"),
         prefix=f"{who}_",
-        place=place,
+        index=index,
     )
 
 
-def _believed(place: int, who: str, whose: str) -> list[Column]:
+def _believed(index: int, who: str, whose: str) -> list[Column]:
     """Columns of one vehicle: the belief of the driver at the last decision to pull out."""
     seen = partial(_optional, present="believed.detected")
     return attributes(
@@ -89,7 +89,7 @@ def _believed(place: int, who: str, whose: str) -> list[Column]:
         seen("gap", FLOAT, f"Gap to {whose} as the driver believed it", "m"),
         seen("closing_speed", FLOAT, "Speed of approach as the driver believed it", "m/s"),
         prefix=f"believed_{who}_",
-        place=place,
+        index=index,
         needs=("percepts",),
     )
 

@@ -145,9 +145,9 @@ class BreachFacts:
         """From the first to the last frame of the breach."""
         return np.arange(self.first, self.last + 1)
 
-    def beside(self, place: Around) -> Index:
-        """Frames of the breach with a neighbour in a place."""
-        vehicle = self.case.signals.vehicle[0, place, self.frames]
+    def beside(self, neighbour: Around) -> Index:
+        """Frames of the breach with this neighbour."""
+        vehicle = self.case.signals.vehicle[0, neighbour, self.frames]
         return self.frames[vehicle != NO_VEHICLE]
 
     def within(self, frames: Index) -> Index:

@@ -69,7 +69,7 @@ def explain(
 
     Args:
         labelled: A batch with its findings.
-        simulation: Its place in the batch.
+        simulation: Its index in the batch.
         pack: The rules that the findings are of.
         policies: Which of the rules count for which reading.
     """
@@ -98,9 +98,9 @@ def case_of(labelled: Labelled) -> Case:
 
 def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -> Breach:
     findings = one.findings
-    place = (0, findings.rules.index(rule.code))
-    margin = float(findings.margin[place])
-    first, last = int(findings.first[place]), int(findings.last[place])
+    at = (0, findings.rules.index(rule.code))
+    margin = float(findings.margin[at])
+    first, last = int(findings.first[at]), int(findings.last[at])
     facts = BreachFacts(case=case, margin=margin, first=first, last=last)
     return Breach(
         rule=rule,
@@ -108,8 +108,8 @@ def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -
         margin=margin,
         first=first,
         last=last,
-        severity=Severity(int(findings.severity[place])),
-        belief=Belief(int(findings.belief[place])),
+        severity=Severity(int(findings.severity[at])),
+        belief=Belief(int(findings.belief[at])),
         remedies=remedies_of(rule.code, facts, _REMEDIES),
     )
 

@@ -40,20 +40,20 @@ def safe_distance(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def room_ahead(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L4: more distance to the one ahead on the left, or slower."""
-    place, frames = Around.LEFT_LEADER, np.array([facts.first])
-    gap, closing = _gaps(facts, place, frames)
+    neighbour, frames = Around.LEFT_LEADER, np.array([facts.first])
+    gap, closing = _gaps(facts, neighbour, frames)
     ahead = facts.case.signals.speed[0, frames] - closing
     in_time = ahead + gap / known("law.entry.ttc")
     allowed = np.minimum(_lawful_speed(gap, ahead, _decel(facts, frames)), in_time)
-    farther = more_distance(facts, place, facts.first, facts.margin)
+    farther = more_distance(facts, neighbour, facts.first, facts.margin)
     return *farther, *facts.slower(frames, np.where(gap < 0, _NONE, allowed))
 
 
 def room_behind(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L5: more distance to the one behind on the left, or faster where the limit allows it."""
-    place, frames = Around.LEFT_FOLLOWER, np.array([facts.first])
-    farther = more_distance(facts, place, facts.first, facts.margin)
-    gap, closing = _gaps(facts, place, frames)
+    neighbour, frames = Around.LEFT_FOLLOWER, np.array([facts.first])
+    farther = more_distance(facts, neighbour, facts.first, facts.margin)
+    gap, closing = _gaps(facts, neighbour, frames)
     rear = facts.case.signals.speed[0, frames] + closing
     slowest = _speed_before(np.maximum(gap, 0), rear, _decel(facts, frames))[0]
     if gap[0] < 0 or slowest > speed_limits(facts.case)[1][0]:
@@ -64,24 +64,24 @@ def room_behind(facts: BreachFacts) -> tuple[Remedy, ...]:
 def safe_return(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L8: more distance to those in the lane of the return, to both if both were too near."""
     frame, changes = np.array([facts.first]), list[Change]()
-    for place, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
-        found = float(_margins(facts, place, frame, margin)[0])
-        if facts.case.signals.vehicle[0, place, facts.first] != NO_VEHICLE and found < 0:
-            changes += more_distance(facts, place, facts.first, found)[0]
+    for neighbour, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
+        found = float(_margins(facts, neighbour, frame, margin)[0])
+        if facts.case.signals.vehicle[0, neighbour, facts.first] != NO_VEHICLE and found < 0:
+            changes += more_distance(facts, neighbour, facts.first, found)[0]
     return (tuple(changes),)
 
 
 def no_obstruction(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L23: so much more distance to the one behind that it need not brake hard."""
-    place, limit = Around.FOLLOWER, known("law.obstruction.braking")
-    frames = facts.beside(place)
-    gap, closing = _gaps(facts, place, frames)
+    neighbour, limit = Around.FOLLOWER, known("law.obstruction.braking")
+    frames = facts.beside(neighbour)
+    gap, closing = _gaps(facts, neighbour, frames)
     forced = np.minimum(drac(gap, closing), known("law.obstruction.most"))
     needed = closing * closing / (_TWO * limit)
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
     lacking = np.where(np.isclose(limit - forced, facts.margin), needed - gap, -np.inf)
     worst = int(lacking.argmax())
-    return more_distance(facts, place, frames[worst], gap[worst] - needed[worst])
+    return more_distance(facts, neighbour, frames[worst], gap[worst] - needed[worst])
 
 
 def oncoming(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -106,7 +106,7 @@ def time_to_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def to_return(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L27: more distance between those between whom the ego would return."""
+    """L27: more distance between the two vehicles between which the ego would return."""
     gap = float(gap_to_return(facts.case)[1][0])
     return sole(Quantity.GAP_TO_RETURN, gap, gap - facts.margin, facts.first)
 
@@ -141,24 +141,24 @@ def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
 
 
 def more_distance(
-    facts: BreachFacts, place: Around, frame: int | np.integer, margin: float | np.floating
+    facts: BreachFacts, neighbour: Around, frame: int | np.integer, margin: float | np.floating
 ) -> tuple[Remedy]:
     """More distance to a neighbour, by what the margin lacks."""
-    seen, ahead = facts.case.signals, place in (Around.LEADER, Around.LEFT_LEADER)
+    seen, ahead = facts.case.signals, neighbour in (Around.LEADER, Around.LEFT_LEADER)
     quantity = Quantity.GAP_AHEAD if ahead else Quantity.GAP_BEHIND
-    gap = float(seen.gap[0, place, frame])
-    return sole(quantity, gap, gap - float(margin), frame, int(seen.vehicle[0, place, frame]))
+    gap = float(seen.gap[0, neighbour, frame])
+    return sole(quantity, gap, gap - float(margin), frame, int(seen.vehicle[0, neighbour, frame]))
 
 
-def _margins(facts: BreachFacts, place: Around, frames: Index, margin: Margin) -> F32:
-    gap, closing = _gaps(facts, place, frames)
+def _margins(facts: BreachFacts, neighbour: Around, frames: Index, margin: Margin) -> F32:
+    gap, closing = _gaps(facts, neighbour, frames)
     return margin(gap, facts.case.signals.speed[0, frames], closing, _decel(facts, frames))
 
 
-def _gaps(facts: BreachFacts, place: Around, frames: Index) -> tuple[F32, F32]:
+def _gaps(facts: BreachFacts, neighbour: Around, frames: Index) -> tuple[F32, F32]:
     """Gap and closing speed of a neighbour, shape (frame,)."""
     seen = facts.case.signals
-    return seen.gap[0, place, frames], seen.closing_speed[0, place, frames]
+    return seen.gap[0, neighbour, frames], seen.closing_speed[0, neighbour, frames]
 
 
 def _decel(facts: BreachFacts, frames: Index) -> F32:

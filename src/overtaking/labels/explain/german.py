@@ -54,9 +54,9 @@ def _faster(facts: BreachFacts) -> tuple[Remedy, ...]:
     return facts.speed(facts.first, speed - np.float32(facts.margin))
 
 
-def _behind(place: Around) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
+def _behind(neighbour: Around) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
     """O6 and O12: more distance to the one behind."""
-    return lambda facts: gaps.more_distance(facts, place, facts.first, facts.margin)
+    return lambda facts: gaps.more_distance(facts, neighbour, facts.first, facts.margin)
 
 
 GERMAN: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {

@@ -38,13 +38,13 @@ def margins(labelled: Labelled) -> dict[str, F64]:
 
 
 def _all(case: Case) -> dict[str, F64]:
-    seen, span, beside, place = case.signals, conduct(case), alongside(case), Around.LEADER
+    seen, span, beside, neighbour = case.signals, conduct(case), alongside(case), Around.LEADER
     side = np.full(seen.num_frames, np.nan)
     side[beside.frames] = beside.lateral_gap - known("law.side.motor")
     stop = stop_distance(seen.speed, seen.friction)
-    gap, closing = seen.gap[:, place], seen.closing_speed[:, place]
+    gap, closing = seen.gap[:, neighbour], seen.closing_speed[:, neighbour]
     follow = margin_of_gap(gap, seen.speed, closing, sure_decel(seen.friction))
-    counts = (seen.vehicle[0, place] != NO_VEHICLE) & ~after_cut_ins(case)[0]
+    counts = (seen.vehicle[0, neighbour] != NO_VEHICLE) & ~after_cut_ins(case)[0]
     return {
         "L3": np.where(counts, _within(settled(case), follow), np.nan),
         "L10": side,

@@ -127,7 +127,7 @@ def _excess(
     frame: int | None = None,
     of: int | None = None,
 ) -> tuple[Remedy, ...]:
-    """What was more than the most that is lawful, by the margin."""
+    """A quantity that exceeded its limit by the margin."""
     return sole(quantity, most - facts.margin, most, frame, of)
 
 

@@ -49,7 +49,7 @@ class Thought:
 
 
 def thoughts(case: Case) -> tuple[Thought, ...]:
-    """What the law says of everybody whom the ego of one simulation considered.
+    """What the law says of each vehicle that the ego of one simulation considered.
 
     Args:
         case: One simulation.
@@ -72,9 +72,9 @@ def thoughts(case: Case) -> tuple[Thought, ...]:
 
 
 def _thought(case: Case, row: int, whom: int, code: str, margin: Margin) -> Thought:
-    percepts, place = case.trajectories.percepts, (slice(0, 1), row, whom)
+    percepts, at = case.trajectories.percepts, (slice(0, 1), row, whom)
     decision = decision_at(case, np.array([row]), np.array([True]), percepts.time[:1, row])
-    true, believed = (float(one[0]) for one in margins_of(percepts, place, decision, margin))
+    true, believed = (float(one[0]) for one in margins_of(percepts, at, decision, margin))
     return Thought(
         decision=row,
         whom=whom,

@@ -1,4 +1,4 @@
-"""What there is to know when an overtake begins, or might have begun; nothing of what comes after.
+"""The state when an overtake begins, or might have begun, without what follows.
 
 The instant is `t_a`, or the one of `matched` that stands for it where nothing was attempted. Each
 number comes from one frame, that of the instant, or from a decision before it.
@@ -193,14 +193,14 @@ def _believed(case: Case, frame: I32) -> Believed:
     if "percepts" in case.trajectories.unknown or not fits.shape[1]:
         return _nothing(count)
     row = fits.shape[1] - 1 - fits[:, ::-1].argmax(axis=1)
-    place = (np.arange(count), row)
-    exists = fits[place]
+    entry = (np.arange(count), row)
+    exists = fits[entry]
     return Believed(
         exists=exists,
-        age=as_f32(now - percepts.time[place]) / np.float32(1000.0),
-        detected=percepts.detected[place] & exists[:, None],
-        gap=as_f32(percepts.gap[place]) * METRES,
-        closing_speed=as_f32(percepts.closing_speed[place]) * METRES,
+        age=as_f32(now - percepts.time[entry]) / np.float32(1000.0),
+        detected=percepts.detected[entry] & exists[:, None],
+        gap=as_f32(percepts.gap[entry]) * METRES,
+        closing_speed=as_f32(percepts.closing_speed[entry]) * METRES,
     )
 
 

@@ -165,9 +165,9 @@ def _waiting_times(profile: str) -> F32:
 def _quantile(quantiles: F32, share: F32) -> F32:
     """Value below which a share lies, linear between evenly spaced quantiles."""
     steps = np.float32(len(quantiles) - 1)
-    place = share * steps
-    low = np.minimum(place.astype(np.int32), len(quantiles) - 2)
-    part = place - as_f32(low)
+    rank = share * steps
+    low = np.minimum(rank.astype(np.int32), len(quantiles) - 2)
+    part = rank - as_f32(low)
     return quantiles[low] + part * (quantiles[low + 1] - quantiles[low])
 
 

@@ -179,7 +179,7 @@ def _bins(one: Comparison, width: float) -> tuple[F64, F64]:
 
 
 def percent(percentile: float) -> str:
-    """A percentile in few letters; the ends are said to be ends."""
+    """A percentile in few letters; the ends are marked as ends."""
     if percentile != percentile:
         return ""
     if percentile <= 0.0:

@@ -1,8 +1,8 @@
 """One design for all figures: colours, marks, type, and how a figure becomes a file.
 
 The colours of the classes are from the palette of Okabe and Ito, which people with any kind of
-colour vision can tell apart; each class has a marker and a hatching too, so nothing is told by
-colour alone.
+colour vision can tell apart; each class has a marker and a hatching too, so no
+information depends on colour alone.
 
 Source:
     M. Okabe and K. Ito, Color universal design, 2002 (revised 2008).

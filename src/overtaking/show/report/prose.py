@@ -1,4 +1,4 @@
-"""The words of the report. They depend on the numbers, and claim no more than these."""
+"""Sentences of the report, made from its numbers."""
 
 from collections.abc import Iterable, Iterator
 from html import escape

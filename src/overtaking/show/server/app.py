@@ -79,7 +79,7 @@ def app(library: Library, hosts: tuple[str, ...], keys: Keys) -> Starlette:
 
 
 class _Answers:
-    """What each path answers; work is done in threads."""
+    """The answer of each path, computed in threads."""
 
     def __init__(self, library: Library, keys: Keys) -> None:
         self._library, self._keys = library, keys

@@ -1,4 +1,4 @@
-"""Who may ask: this page in the browser that was given the token, and nobody else.
+"""Refuses requests that do not come from this page, in the browser that has the token.
 
 Any page that a browser shows may send requests to this machine. So `Host` must be the address that
 is listened on (against DNS rebinding), requests that carry something must come from the page itself

@@ -1,4 +1,4 @@
-"""What the list tells of every simulation, as columns in memory: a filter of a million is quick.
+"""The columns of the list, in memory, so that a filter of a million simulations is quick.
 
 Files are read one after another, in a thread; until all are read, the list has the first ones.
 """

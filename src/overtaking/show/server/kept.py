@@ -1,4 +1,4 @@
-"""Results that are asked for again."""
+"""A cache of results."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Library:
         self._querying, self._fanning = threading.Lock(), threading.Lock()
 
     def read(self) -> None:
-        """Read what the list needs; a failure is told to the page."""
+        """Read what the list needs; the page shows a failure."""
         try:
             self._index.read()
         except OvertakingError as error:
@@ -71,7 +71,7 @@ class Library:
             raise
 
     def start(self) -> dict[str, Any]:
-        """What the page is told at first."""
+        """What the page needs at its start."""
         return {
             "title": self._data.name,
             "policy": self._policy,
@@ -129,7 +129,7 @@ class Library:
             return branch(labelled, number, packed["values"], asked)
 
     def fan(self, number: int, asked: Futures) -> dict[str, Any]:
-        """What becomes of an overtake that is begun at each instant of one simulation."""
+        """Outcomes of an overtake that begins at each instant of one simulation."""
         return self._fans.get((self._checked(number), asked))
 
     def _fan(self, key: tuple[int, Futures]) -> dict[str, Any]:

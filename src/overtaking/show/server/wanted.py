@@ -1,4 +1,4 @@
-"""What a page asks for, checked once where it comes in."""
+"""Checks the requests of a page, once, where they come in."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Branch(_Asked):
 
 
 class Futures(_Asked):
-    """What becomes of an overtake that is begun at each instant."""
+    """Outcomes of an overtake that begins at each instant."""
 
     given: Literal["truth", "belief"] = "truth"
     policy: Name = POLICIES[0].name

@@ -1,4 +1,4 @@
-"""A simulation that goes on otherwise from a frame on, and what becomes of later starts."""
+"""Branches of a simulation from a frame on, and the outcomes of later starts."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def changed(scenario: Scenario, changes: Sequence[Change]) -> Trajectories:
 
 
 def futures(scene: Scene, asked: Futures) -> dict[str, Any]:
-    """What becomes of an overtake that is begun at each of some instants.
+    """Outcomes of an overtake that begins at each of some instants.
 
     Args:
         scene: The simulation.

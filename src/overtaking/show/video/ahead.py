@@ -1,4 +1,4 @@
-"""The next kilometre of a two-way road: who comes, the line, places, sight, where one will meet."""
+"""The next kilometre of a two-way road: oncoming vehicles, line, places, sight, meeting point."""
 
 import math
 from collections.abc import Iterator

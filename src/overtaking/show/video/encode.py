@@ -146,7 +146,7 @@ def _opened(
 
 
 def _options() -> dict[str, str]:
-    """What the encoder is told on this processor; the film is the same on all."""
+    """The options of the encoder on this processor; the film is the same on all."""
     options = dict(_OPTIONS)
     if dict(_core.simd_levels()).get("avx512"):
         options["x264-params"] += _PARAMETERS_WITH_AVX512

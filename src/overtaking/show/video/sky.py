@@ -1,4 +1,4 @@
-"""Weather and light as they are seen: tone, shadows, veil of fog or sun, rain, and the night."""
+"""Draws weather and light: tone, shadows, the veil of fog or sun, rain, and the night."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Texts, drawn once and kept."""
+"""A cache of drawn texts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a vehicle looks like from above: body, shadow, lamps, and the marks of ego and target."""
+"""Vehicles from above: body, shadow, lamps, and the marks of ego and target."""
 
 from __future__ import annotations
 

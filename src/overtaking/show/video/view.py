@@ -1,4 +1,4 @@
-"""Where things are on the screen: a camera along the road, and one scale for both axes."""
+"""From road to screen: a camera along the road, and one scale for both axes."""
 
 from dataclasses import dataclass
 from typing import TypeVar

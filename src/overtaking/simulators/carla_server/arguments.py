@@ -44,8 +44,8 @@ def read(taken: TypeAdapter[tuple[Any, ...]], values: list[Any]) -> tuple[Any, .
         return taken.validate_python(values)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        place = ".".join(str(k + 1) for k in first["loc"] if isinstance(k, int))
-        what = f"argument {place}" if place else "arguments"
+        index = ".".join(str(k + 1) for k in first["loc"] if isinstance(k, int))
+        what = f"argument {index}" if index else "arguments"
         raise ArgumentError(f"{what}: {first['msg'].removeprefix('Value error, ')}") from None
 
 

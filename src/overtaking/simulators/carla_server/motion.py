@@ -11,7 +11,7 @@ from overtaking.sim.reference import collisions
 from overtaking.simulators.carla_server.bodies import Body
 
 LEVELS_APART = 3.0
-"""What differs by more in height is on another level: a bridge, or out of sight below [m]."""
+"""A larger difference in height means another level, such as a bridge [m]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -189,7 +189,7 @@ def _same(one: object, other: object) -> bool:
 
 
 def _frontal_area(vehicle: Vehicle) -> float:
-    """What CARLA's drag coefficient is multiplied with: width times height [m^2]."""
+    """The area of CARLA's drag: width times height [m^2]."""
     return vehicle.body["width"] * vehicle.body["height"]
 
 

@@ -1,4 +1,4 @@
-"""What a ray meets: the ground and the boxes of vehicles."""
+"""Intersections of rays with the ground and the boxes of vehicles."""
 
 import math
 from collections.abc import Callable

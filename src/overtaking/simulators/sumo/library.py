@@ -1,7 +1,7 @@
 """libsumo as it is safe to use: found when it is asked for, by one simulation at a time.
 
-libsumo is SUMO itself inside this process, with one world in global variables. Whoever else has one
-open, in another thread or in code around this package, would be overwritten.
+libsumo is SUMO itself inside this process, with one world in global variables. A second
+simulation, in another thread or in code around this package, would overwrite the first.
 """
 
 import contextlib

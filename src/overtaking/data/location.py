@@ -1,6 +1,6 @@
-"""The place of a data set: a folder, or a store that a URL names.
+"""The location of a data set: a folder, or a store that a URL names.
 
-Files have names, such as `labels/part-00000.parquet`. What is put into a place appears whole or
+Files have names, such as `labels/part-00000.parquet`. What is put into a location appears whole or
 not at all; unfinished files lie in a staging folder on a disk of this machine.
 """
 
@@ -43,11 +43,11 @@ class Folder:
         return self.path.resolve().name
 
     def __str__(self) -> str:
-        """Its path; `place_of` finds it again by that, on any machine that sees it."""
+        """Its path; `location_of` finds it again by that, on any machine that sees it."""
         return str(self.path)
 
     def resolved(self) -> "Folder":
-        """The same, whatever the working directory is."""
+        """The same, independent of the working directory."""
         return Folder(self.path.resolve())
 
     def at(self, name: str) -> str:
@@ -149,12 +149,12 @@ class Folder:
                 (self.path / lock.FILE_NAME).unlink()
 
 
-Place = Folder | Store
-"""The place of one data set."""
+Location = Folder | Store
+"""The location of one data set."""
 
 
-def place_of(where: str | Path | Place) -> Place:
-    """The place of a data set.
+def location_of(where: str | Path | Location) -> Location:
+    """The location of a data set.
 
     Args:
         where: A folder, or the URL of one in a store, such as `s3://bucket/data`. (`file://` is a
@@ -193,11 +193,11 @@ def folder_of(where: str | Path, purpose: str) -> Path:
     Raises:
         ConfigError: It is in a store.
     """
-    place = place_of(where) if is_url(where) else Folder(Path(where))
-    if isinstance(place, Folder):
-        return place.path
+    location = location_of(where) if is_url(where) else Folder(Path(where))
+    if isinstance(location, Folder):
+        return location.path
     raise ConfigError.of(
-        what="place",
+        what="location",
         where=str(where),
         expected=f"a folder of this machine to {purpose}",
         got="one in a store",
