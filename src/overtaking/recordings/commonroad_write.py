@@ -7,7 +7,6 @@ enough digits to come back the same; what CommonRoad has no place for is left ou
 
 from collections.abc import Iterator
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from overtaking.model.road import Road, RoadMark
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.commonroad_lanes import MARKS
+from overtaking.recordings.xml import quoted
 
 FORMAT = "commonroad"
 
@@ -70,7 +70,7 @@ def _lines(trajectories: Trajectories, place: int, number: int) -> Iterator[str]
     yield (
         f'<commonRoad timeStepSize="{scenario.frame_interval_ms / 1000:g}" '
         f'commonRoadVersion="2020a" author="overtaking" affiliation="overtaking" '
-        f'source={quoteattr(source)} benchmarkID="{scenario_id(number)}" date="{DATE}">'
+        f'source={quoted(source)} benchmarkID="{scenario_id(number)}" date="{DATE}">'
     )
     yield "<location><geoNameId>-999</geoNameId>"
     yield "<gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>"

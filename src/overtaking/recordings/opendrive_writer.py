@@ -6,12 +6,12 @@ file; where lane ids say that traffic runs against the line, the line runs the o
 
 from math import cos, pi, remainder, sin, tau
 from typing import NamedTuple
-from xml.sax.saxutils import quoteattr
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.opendrive_lanes import MARKS
+from overtaking.recordings.xml import quoted
 
 _NAMES = {mark: name for name, mark in MARKS.items()}
 _NAMES[RoadMark.OTHER] = "none"  # OpenDRIVE has no word for an unknown mark.
@@ -53,7 +53,7 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     inner = _inner_edge(road) * (1.0 if along else -1.0)
     limit = kmh_from_mps(road.speed_limit)
     side = "right" if right else "left"
-    name = quoteattr(road.name)
+    name = quoted(road.name)
     rule = "RHT" if road.driving_side is DrivingSide.RIGHT else "LHT"
     stations = [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
     links = [("successor",), ("predecessor",)] if len(stations) > 1 else [()]
@@ -68,9 +68,9 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         f'<OpenDRIVE><header revMajor="1" revMinor="7" name={name} version="1.00">'
         f"<geoReference><![CDATA[{_NO_PLACE}]]></geoReference></header>\n"
-        f'<road name={name} length="{road.length!r}" id={quoteattr(road_id)} junction="-1"'
+        f'<road name={name} length="{road.length!r}" id={quoted(road_id)} junction="-1"'
         f' rule="{rule}">\n'
-        f'<type s="0" type={quoteattr(road.kind)}><speed max="{limit:.13g}" unit="km/h"/></type>\n'
+        f'<type s="0" type={quoted(road.kind)}><speed max="{limit:.13g}" unit="km/h"/></type>\n'
         f'<planView><geometry s="0" x="{x!r}" y="{y!r}" hdg="{heading!r}"'
         f' length="{road.length!r}"><line/></geometry></planView>\n'
         '<elevationProfile><elevation s="0" a="0" b="0" c="0" d="0"/></elevationProfile>\n'
@@ -142,7 +142,7 @@ def _lane(strip: _Strip, linked: tuple[str, ...] = ()) -> str:
         f' color="standard" width="{_MARK_WIDTH}" laneChange="{_allowed(strip)}"/>'
     )
     return (
-        f'<lane id="{strip.lane_id}" type={quoteattr(strip.kind)} level="false">'
+        f'<lane id="{strip.lane_id}" type={quoted(strip.kind)} level="false">'
         f"{link}{width}{mark}</lane>\n"
     )
 

@@ -10,7 +10,6 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from overtaking.model.trajectory import STEPS, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.recordings.openscenario_weather import environments
+from overtaking.recordings.xml import quoted
 
 FORMAT = "openscenario"
 
@@ -130,7 +130,7 @@ def _lines(
         f' description="Simulation {number} of overtaking"><Properties>'
     )
     for name, value in facts.items():
-        yield f'<Property name="{name}" value={quoteattr(str(value))}/>'
+        yield f'<Property name="{name}" value={quoted(str(value))}/>'
     yield "</Properties></FileHeader>"
     yield "<ParameterDeclarations/><CatalogLocations/>"
     yield f'<RoadNetwork><LogicFile filepath="simulation-{number:06d}.xodr"/></RoadNetwork>'

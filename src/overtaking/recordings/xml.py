@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
+from xml.sax.saxutils import quoteattr
 
 from overtaking.core.errors import ImportFormatError
 from overtaking.recordings.messages import refused, shown
@@ -23,6 +24,9 @@ from overtaking.recordings.messages import refused, shown
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 WHITE_SPACE = " \t\r\n"
 """What XML calls white space."""
+
+_UNWRITABLE = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What no XML 1.0 document may hold, however it is escaped (section 2.2)."""
 
 _MAX_NUMBER_CHARACTERS = 64
 MAX_MAGNITUDE = 1.0e8
@@ -329,3 +333,8 @@ class _Builder:
         """An error at the place where the parser stands."""
         line = max(self._parser.ErrorLineNumber, 1)
         return refused(f"{self._file}: line {line}", what, expected, got, next_step)
+
+
+def quoted(text: str) -> str:
+    """Text as the value of an attribute, in quotes; U+FFFD for what XML cannot hold."""
+    return quoteattr(_UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", text))

@@ -72,8 +72,9 @@ def test_ids_that_opendrive_does_not_allow_are_refused():
         write_opendrive(dataclasses.replace(wide_road(), lanes=lanes))
 
 
-def test_names_may_hold_what_xml_reserves(tmp_path: Path):
-    road = dataclasses.replace(wide_road(), name='a "b" <c> & d')
+@pytest.mark.parametrize("name", ['a "b" <c> & d', "a\x01b\x1b[31m", "a\ud800\uffff"])
+def test_names_may_hold_what_xml_reserves_or_does_not_know(name: str, tmp_path: Path):
+    road = dataclasses.replace(wide_road(), name=name)
     assert written(road, tmp_path).lanes == road.lanes
 
 

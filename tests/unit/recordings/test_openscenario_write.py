@@ -184,6 +184,15 @@ def test_the_head_names_simulation_and_events(runs, tmp_path):
     }
 
 
+def test_a_name_may_hold_what_xml_does_not_know(runs, tmp_path):
+    run = one(runs)
+    named = dataclasses.replace(run, scenario=dataclasses.replace(run.scenario, profile="a\x07<b>"))
+    told = {
+        each.get("name"): each.get("value") for each in written(named, tmp_path).iter("Property")
+    }
+    assert told["profile"] == "a\N{REPLACEMENT CHARACTER}<b>"
+
+
 def test_a_data_set_becomes_the_same_bytes_again(tmp_path):
     data = api.generate("pinto2023-physical", 3, 1, tmp_path / "data")
     for name in ("a", "b"):
