@@ -14,6 +14,7 @@ import argparse
 import importlib
 import importlib.util
 import json
+import multiprocessing
 import os
 import re
 import shutil
@@ -242,6 +243,13 @@ def load_engine(library: Path) -> Any:
     return importlib.import_module("tests.reference.situations")
 
 
+def _expected() -> list[Any]:
+    """What the reference records of each situation."""
+    situations = importlib.import_module("tests.reference.situations")
+    reference = importlib.import_module("overtaking.sim.reference")
+    return [one.run(one.scenario(one.share), reference.run) for one in situations.SITUATIONS]
+
+
 class Sweep:
     """Runs the instrumented engine in a process for each flip, and compares with the reference."""
 
@@ -250,26 +258,30 @@ class Sweep:
         self.situations = situations
         self.memory = memory
         self.engine = importlib.import_module("overtaking.sim.engine")
-        reference = importlib.import_module("overtaking.sim.reference")
-        self.expected = [
-            (one, one.run(one.scenario(one.share), reference.run)) for one in situations.SITUATIONS
-        ]
+        # In a process of its own: an engine asks once which operator is flipped, and compiled code
+        # draws the scenarios. What is forked from one that has asked would flip nothing.
+        with multiprocessing.get_context("fork").Pool(1) as apart:
+            self.expected = apart.apply(_expected)
 
     def noticed(self) -> int:
         """Number of the first situation that differs, from 1; 0 if none does."""
-        for number, (situation, expected) in enumerate(self.expected, 1):
+        known = zip(self.situations.SITUATIONS, self.expected, strict=True)
+        for number, (situation, expected) in enumerate(known, 1):
             run = situation.run(expected.scenario, self.engine.run)
             if self.situations.difference(run, expected):
                 return number
         return 0
 
     def hashes(self, scale: int) -> int:
-        """Write the trace hashes of `scale` times as many simulations to `self.memory`."""
+        """Write trace hashes and indices of `scale` times as many simulations to `self.memory`."""
         runs = [
             one.run(one.scenario(one.share * scale), self.engine.run)
             for one in self.situations.SITUATIONS
         ]
-        self.memory.write_bytes(b"".join(run.trace_hash.tobytes() for run in runs))
+        hashes = np.concatenate([run.trace_hash for run in runs])
+        np.savez(
+            self.memory, hashes=hashes, index=np.concatenate([run.scenario.index for run in runs])
+        )
         return 0
 
     def search(self, flip: Flip, scale: int) -> str:
@@ -277,16 +289,12 @@ class Sweep:
         found: list[Any] = []
         for each in (None, flip):
             self.result(self.start(each, lambda: self.hashes(scale)))
-            words = np.frombuffer(self.memory.read_bytes(), np.uint32)
-            found.append(words.reshape(-1, 4))
-        different = np.flatnonzero((found[0] != found[1]).any(axis=1))
+            found.append(dict(np.load(self.memory)))
+        hashes = [one["hashes"] for one in found]
+        different = np.flatnonzero((hashes[0] != hashes[1]).any(axis=1))
         names = [one for one in self.situations.SITUATIONS for _ in range(one.share * scale)]
-        where = [f"{len(different)} of {len(names)}"]
-        for at in different[:4]:
-            situation = names[at]
-            index = situation.scenario(situation.share * scale).index[at - names.index(situation)]
-            where.append(f"{situation.name} {index}")
-        return ", ".join(where)
+        where = [f"{names[at].name} {found[0]['index'][at]}" for at in different[:4]]
+        return ", ".join([f"{len(different)} of {len(names)}", *where])
 
     def start(self, flip: Flip | None, act: Callable[[], int] | None = None) -> int:
         """Start a process that does something with `flip` flipped; its number."""
@@ -310,7 +318,7 @@ class Sweep:
                 code = os.waitstatus_to_exitcode(status)
                 if code == 0:
                     return ""
-                return self.expected[code - 1][0].name if 0 < code < PANIC else "panic"
+                return self.situations.SITUATIONS[code - 1].name if 0 < code < PANIC else "panic"
             time.sleep(0.005)
         os.kill(child, 9)
         os.waitpid(child, 0)
@@ -329,7 +337,7 @@ def main() -> int:
     os.environ.setdefault("RAYON_NUM_THREADS", "1")
     with tempfile.TemporaryDirectory() as name:
         library, flips, left_out = instrumented_engine(Path(name))
-        sweep = Sweep(load_engine(library), Path(name) / "hashes")
+        sweep = Sweep(load_engine(library), Path(name) / "hashes.npz")
         if sweep.result(sweep.start(None)):
             raise SystemExit(
                 "the instrumented engine differs from the reference with nothing flipped"
