@@ -36,6 +36,7 @@ class Film:
         findings: What the rules say of it; breaches are shown as they happen.
         policy: Which rules count; breaches of others are grey.
         label: Class of the simulation under this policy.
+        axis: Frames that the time axis spans at least, for films beside each other.
 
     Raises:
         ConfigError: The batch holds another number of simulations than one.
@@ -50,6 +51,7 @@ class Film:
         findings: Findings | None = None,
         policy: Policy = POLICIES[0],
         label: OvertakeClass | None = None,
+        axis: int = 0,
     ) -> None:
         """Prepare the layers that many frames share."""
         self.scene = scene(run, events)
@@ -62,7 +64,7 @@ class Film:
         subtitle = run.scenario.profile + ("" if label is None else f" · {label.title}")
         meaning = "" if label is None else explained(label.title, policy.name)
         self._header = Header(title, subtitle, meaning, seen.text)
-        self._timeline = Timeline(self.scene, told)
+        self._timeline = Timeline(self.scene, told, max(axis, self.num_frames))
         self._road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
         self._ahead = Ahead(self.scene) if self.scene.road.is_two_way else None
         self._fog, self._glare = sky.fog(seen, self.view.scale), sky.glare(seen)

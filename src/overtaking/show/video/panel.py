@@ -87,13 +87,16 @@ class Timeline:
     Args:
         scene: The drawn simulation.
         breaches: Breaches of the law, those that count first.
+        num_frames: Of the time axis, at least those of the scene.
     """
 
-    def __init__(self, scene: FilmScene, breaches: Sequence[Note]) -> None:
+    def __init__(self, scene: FilmScene, breaches: Sequence[Note], num_frames: int) -> None:
         """Draw past and future once."""
         self._scene, self._lead = scene, scene.lead
-        self._past = _plots(scene, breaches, 1.0)
-        self._future = _plots(scene, breaches, _FUTURE)
+        self._columns = np.linspace(_LEFT, _RIGHT, max(num_frames, 2)).tolist()
+        known = self._columns[: max(scene.num_frames, 2)]
+        self._past = _plots(scene, breaches, known, 1.0)
+        self._future = _plots(scene, breaches, known, _FUTURE)
         self._cursor = Drawing()
         self._cursor.rect(
             (0.0, 2.0), (SCENE_BOTTOM + 8.0, SCENE_BOTTOM + _BREACH_ROWS[1]), palette.TEXT
@@ -112,7 +115,7 @@ class Timeline:
 
     def column(self, frame: int) -> int:
         """Column of the cursor."""
-        return round(_LEFT + (_RIGHT - _LEFT) * frame / max(self._scene.num_frames - 1, 1))
+        return round(self._columns[frame])
 
     def _speeds(self, canvas: Canvas, frame: int) -> None:
         """How fast ego and target are."""
@@ -139,10 +142,11 @@ class Timeline:
             canvas.draw(side.drawing, end, row)
 
 
-def _plots(scene: FilmScene, breaches: Sequence[Note], opacity: float) -> Canvas:
+def _plots(
+    scene: FilmScene, breaches: Sequence[Note], columns: list[float], opacity: float
+) -> Canvas:
     """The strip with its curves as they are left or right of the cursor."""
     drawing = Drawing()
-    columns = np.linspace(_LEFT, _RIGHT, max(scene.num_frames, 2)).tolist()
     _speeds(drawing, scene, columns, opacity)
     _gap(drawing, scene, columns, opacity)
     _stages(drawing, scene, columns, opacity)

@@ -6,7 +6,7 @@ from overtaking.model.labels import OvertakeClass
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.show.video.film import Film
-from overtaking.show.video.scene import RATE
+from overtaking.show.video.scene import RATE, scene
 from overtaking.show.video.text import line
 
 _BAR = 32
@@ -26,6 +26,7 @@ class TwinFilm:
     def __init__(self, one: Twin, policy: str = "paper") -> None:
         """Prepare both films."""
         counted = policy_named(policy)
+        axis = max(scene(told.run).num_frames for told in one.told)
         self._films: list[Film] = []
         for told, labelled in zip(one.told, one.labelled, strict=True):
             codes = labelled.labels.classes[0]
@@ -37,6 +38,7 @@ class TwinFilm:
                     findings=labelled.findings,
                     policy=counted,
                     label=OvertakeClass(int(codes[labelled.labels.policies.index(policy)])),
+                    axis=axis,
                 )
             )
         self._above = Canvas(WIDTH, HEIGHT, "#000000")

@@ -18,6 +18,8 @@ from overtaking.analysis.whatif.scenes import class_of, pull_out, scene_of
 from overtaking.core.errors import ConfigError
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import Stage
+from overtaking.show.video.twin import TwinFilm
+from overtaking.show.video.view import SCENE_BOTTOM
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -311,6 +313,17 @@ def test_twins_are_filmed_one_above_the_other(data: ot.Dataset, begun: int, tmp_
         first = next(film.decode(video=0)).to_ndarray(format="rgb24").astype(int)
     # Before they part both halves show the same road.
     assert np.abs(first[60:270] - first[492:702]).mean() < 2.0
+
+
+def test_films_of_twins_have_one_time_axis(data: ot.Dataset, begun: int):
+    found = ot.twin(data, begun, stay=True)
+    frames = [int(told.run.num_frames[0]) for told in found.told]
+    assert min(frames) < max(frames)
+    picture = TwinFilm(found).draw(min(frames) - 1).rgb().astype(int)
+    # The cursor is the column that is bright in every row of the curves.
+    strips = [picture[top + SCENE_BOTTOM + 12 : top + SCENE_BOTTOM + 90] for top in (0, 432)]
+    above, below = [int(strip.sum(axis=2).min(axis=0).argmax()) for strip in strips]
+    assert above == below
 
 
 @pytest.mark.parametrize("name", ["twin.svg", "twin.png"])
