@@ -136,7 +136,7 @@ def test_a_target_that_was_passed_is_behind():
 
 
 def test_the_cursor_moves_from_the_first_to_the_last_column(film):
-    timeline = Timeline(film.scene, [])
+    timeline = Timeline(film.scene, [], film.num_frames)
     columns = [timeline.column(frame) for frame in range(film.num_frames)]
     assert (columns[0], columns[-1]) == (80, 1096)
     assert columns == sorted(columns)
