@@ -5,7 +5,7 @@
     python benchmarks/logic_law.py --data data/us101        # a data set, of recordings too
     python benchmarks/logic_law.py --law de                 # German law
 
-Every verdict of the twelve rules of a law that are there twice is compared, and the first frame of
+Every verdict of the rules of a law that are there twice is compared, and the first frame of
 every breach. Simulations are drawn, judged and forgotten in groups, so that memory is flat. Exits
 with 1 if there is a difference.
 """
