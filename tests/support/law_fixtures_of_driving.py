@@ -264,7 +264,7 @@ OF_DRIVING: list[tuple[str, Verdict, str, Any]] = [
     ("L23", APART, "nobody behind", lambda: crossing(ego={"lane": LATE})),
     ("L24", LEGAL, "oncoming traffic far off", lambda: against(60.0)),
     ("L24", BREACH, "oncoming traffic near", lambda: against(35.0)),
-    ("L24", APART, "nobody oncoming", lambda: overtake(road=two_way_road())),
+    ("L24", APART, "no oncoming vehicle", lambda: overtake(road=two_way_road())),
     ("L24", APART, "lanes of one direction", overtake),
 ]
 """Rule, verdict, what happens, and what makes the case."""

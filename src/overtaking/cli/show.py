@@ -258,7 +258,7 @@ def _decisions(values: Values) -> Iterator[RenderableType]:
     table = open_table(*columns, header_style="underline")
     for one in values["decisions"]:
         near = [(index, of) for index, of in one["neighbours"].items() if of is not None]
-        rows = [percept_words(index, of) for index, of in near] or [("nobody near",)]
+        rows = [percept_words(index, of) for index, of in near] or [("no vehicle near",)]
         for number, row in enumerate(rows):
             first = ("", "") if number else (f"{one['time_s']:.2f} s", words(one["kind"]))
             table.add_row(*first, *row)

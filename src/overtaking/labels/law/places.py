@@ -1,6 +1,6 @@
 """Rules about places and signs: L17, L29."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -94,8 +94,26 @@ def away_from(case: Case, along: list[Along], about: Mask) -> Check:
     return decided(about & span.exists & (low < ENDLESS), low, first, last, longest=longest)
 
 
+def away_from_each(
+    case: Case, about: Mapping[PlaceKind, Mask], before: Callable[[PlaceKind], float]
+) -> Check:
+    """The ego does not overtake in places of some kinds.
+
+    Args:
+        case: The batch.
+        about: The simulations that count for each kind, shape (simulation,).
+        before: How long before a place of a kind its stretch begins [m].
+    """
+    return together(
+        [
+            away_from(case, stretches_of(case, [kind], before), counts)
+            for kind, counts in about.items()
+        ]
+    )
+
+
 def _lawful_place(case: Case) -> Check:
-    """Nobody is overtaken in a place of Article 41, nor who overtakes a third."""
+    """The ego does not overtake in a place of Article 41, nor a vehicle that itself overtakes."""
     run = case.trajectories
     if not (run.road.is_two_way or run.road.course or "road_kind" in run.unknown):
         return inapplicable(case.signals.num_simulations)
@@ -188,11 +206,9 @@ def _no_sign(case: Case) -> Check:
         PlaceKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.T),
         PlaceKind.NO_OVERTAKING_MOTORCYCLE: motorcycle,
     }
-    found = [
-        away_from(case, _places_of(case, [kind]), about & (case.target.vehicle != NO_VEHICLE))
-        for kind, about in signs.items()
-    ]
-    return together(found)
+    there = case.target.vehicle != NO_VEHICLE
+    about_target = {kind: about & there for kind, about in signs.items()}
+    return away_from_each(case, about_target, immediately_before)
 
 
 def of_two_wheels(case: Case) -> Mask:

@@ -120,7 +120,9 @@ def _told(values: Values) -> Values:
 def _decision(one: Values) -> Values:
     """Beliefs at a decision: a row for each neighbour."""
     near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
-    rows = [wording.percept_words(place, of) for place, of in near] or [("nobody near", "", "", "")]
+    rows = [wording.percept_words(place, of) for place, of in near] or [
+        ("no vehicle near", "", "", "")
+    ]
     return {"kind": wording.words(one["kind"]), "rows": rows}
 
 

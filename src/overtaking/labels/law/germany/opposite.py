@@ -8,12 +8,10 @@ from overtaking.labels.law.frames import instant
 from overtaking.labels.law.opposite import L25, L26
 from overtaking.labels.law.others import ego_may_be, target_may_be
 from overtaking.labels.law.places import (
-    away_from,
+    away_from_each,
     immediately_before,
     of_two_wheels,
     place_spread,
-    stretches_of,
-    together,
 )
 from overtaking.labels.law.rule import Check, Grade, Rule, Spread, decided, inapplicable
 from overtaking.labels.law.sight import passing_margin, pull_out_frame, sight_error
@@ -46,12 +44,7 @@ def _signs(case: Case) -> Check:
         PlaceKind.NO_OVERTAKING: tracks,
         PlaceKind.NO_OVERTAKING_HEAVY: tracks & ego_may_be(case, VehicleKind.T),
     }
-    return together(
-        [
-            away_from(case, stretches_of(case, [kind], immediately_before), about)
-            for kind, about in signs.items()
-        ]
-    )
+    return away_from_each(case, signs, immediately_before)
 
 
 O9 = Rule(
@@ -129,7 +122,7 @@ def _before(kind: PlaceKind) -> float:
 
 
 def _no_crossing(case: Case) -> Check:
-    """Nobody is overtaken at crossings of pedestrians, no motor vehicle before the railway."""
+    """The ego overtakes no vehicle where pedestrians cross, no motor vehicle where rails cross."""
     if not case.trajectories.road.course:
         return inapplicable(case.signals.num_simulations)
     there = case.target.vehicle != NO_VEHICLE
@@ -137,12 +130,7 @@ def _no_crossing(case: Case) -> Check:
         PlaceKind.PEDESTRIAN_CROSSING: there,
         PlaceKind.LEVEL_CROSSING: there & target_may_be(case, bicycle=False),
     }
-    return together(
-        [
-            away_from(case, stretches_of(case, [kind], _before), about)
-            for kind, about in crossings.items()
-        ]
-    )
+    return away_from_each(case, crossings, _before)
 
 
 O17 = Rule(
@@ -150,8 +138,8 @@ O17 = Rule(
     code="O17",
     law="§ 19(1) sentence 3 and § 26(3) StVO",
     title="Crossings",
-    gloss="Nobody is overtaken at crossings of pedestrians, and no motor vehicle at level "
-    "crossings, from their sign on.",
+    gloss="Drivers do not overtake at crossings of pedestrians, and do not overtake motor vehicles "
+    "at level crossings, from their sign on.",
     predicate="From line_crossed until the target is passed and the ego back on its side: the "
     "ego's front is not in a crossing of pedestrians or 50 m before it, nor, the target being no "
     "bicycle, in a level crossing or 240 m before it.",
