@@ -5,9 +5,11 @@ use fearless_simd::prelude::*;
 
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::dynamics::Motion;
-use crate::lanes::{M, V, outlined, splat};
+use crate::lanes::{M, V, min, outlined, splat};
 use crate::neighbours::{Body, Neighbours, find_neighbours};
+use crate::oncoming::{Oncoming, give_way, look_ahead};
 use crate::orders::Orders;
+use crate::passing::held_back;
 use crate::perception::Beliefs;
 use crate::recording::Recorder;
 use crate::state::{EGO, Each, State, Stride, World};
@@ -23,6 +25,8 @@ pub struct Minds<S: Simd, const N: usize> {
     near: [Neighbours<S>; N],
     believed: [Beliefs<S>; N],
     looks: [M<S>; N],
+    /// Who comes the other way; unused on roads of one direction.
+    oncoming: [Oncoming<S>; N],
     /// Whether the ego would let somebody first who signals for the same place.
     waits: M<S>,
     /// Where everybody was before a step, if anybody is near anybody.
@@ -37,6 +41,7 @@ impl<S: Simd, const N: usize> Minds<S, N> {
             near: [Neighbours::nobody(simd); N],
             believed: [Beliefs::nothing(simd); N],
             looks: [never(simd); N],
+            oncoming: [Oncoming::nobody(simd); N],
             waits: never(simd),
             before: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
         }
@@ -48,6 +53,7 @@ impl<S: Simd, const N: usize> Minds<S, N> {
 pub struct Mind<'a, S: Simd> {
     pub near: &'a Neighbours<S>,
     pub believed: &'a Beliefs<S>,
+    pub oncoming: &'a Oncoming<S>,
     pub looks: M<S>,
     pub waits: M<S>,
 }
@@ -58,6 +64,7 @@ impl<S: Simd, const N: usize> Minds<S, N> {
         Mind {
             near: &self.near[EGO],
             believed: &self.believed[EGO],
+            oncoming: &self.oncoming[EGO],
             looks: self.looks[EGO],
             waits: self.waits,
         }
@@ -103,9 +110,11 @@ pub fn perceive<S: Simd, const N: usize>(
         near,
         believed,
         looks,
+        oncoming,
         waits,
         ..
     } = minds;
+    let two_way = w.road.ways.two_way;
     outlined!(w.simd, {
         for i in 0..w.count {
             bodies[i] = Body::new(state, w, i);
@@ -119,6 +128,10 @@ pub fn perceive<S: Simd, const N: usize>(
                 perception::draw_check(state, w, i, drawn, decision);
             }
             looks[i] = perception::looks_around(state, w, i, decision);
+            if two_way && i == EGO {
+                // Who is in the lane of others looks all the time.
+                looks[i] |= state.lane[i].simd_ge(1.0);
+            }
             let changing = state.path_time[i].simd_lt(state.path_duration[i]);
             // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
             let forced = w.q.command.simd_gt(0.0);
@@ -130,6 +143,12 @@ pub fn perceive<S: Simd, const N: usize>(
                 find_neighbours::<S, N, 1>(state, w, bodies, i, near);
             }
         });
+        if two_way {
+            let oncoming = &mut oncoming[i];
+            outlined!(w.simd, {
+                *oncoming = look_ahead(state, w, bodies, near, i, decision as usize);
+            });
+        }
         // Written in place: what a function with other features returns goes through memory twice.
         outlined!(w.simd, {
             let (decision, looks) = (decision as usize, looks[i]);
@@ -154,11 +173,19 @@ pub fn drive_others<S: Simd, const N: usize>(
         near,
         believed,
         looks,
+        oncoming,
         ..
     } = minds;
     let mut leader = [splat(w.simd, 0.0); N];
     for i in 1..w.count {
         leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
+    }
+    if w.road.ways.two_way {
+        for i in 1..w.count {
+            outlined!(w.simd, {
+                leader[i] = min(leader[i], give_way(state, w, i, &oncoming[i]));
+            });
+        }
     }
     for i in 1..w.count {
         outlined!(
@@ -194,7 +221,11 @@ pub fn drive_ego<S: Simd, const N: usize>(
 ) {
     outlined!(w.simd, {
         let wanted = orders.and_then(Orders::accel).unwrap_or_else(|| {
-            let leader = control::behind_leader(state, w, EGO, mind.believed);
+            let mut leader = control::behind_leader(state, w, EGO, mind.believed);
+            if w.road.ways.two_way {
+                leader = min(leader, give_way(state, w, EGO, mind.oncoming));
+                leader = min(leader, held_back(state, w, mind.believed));
+            }
             control::wanted(state, w, EGO, mind.near, mind.believed, leader)
         });
         control::press(state, w, EGO, wanted);
