@@ -34,7 +34,7 @@ struct Corpus<S: Simd> {
 
 /// Which pairs may touch before the next decision.
 #[inline(always)]
-pub fn near_pairs<S: Simd, const N: usize>(
+pub fn near_pairs<S: Simd, const N: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     pairs: &mut Pairs<S>,
@@ -43,7 +43,7 @@ pub fn near_pairs<S: Simd, const N: usize>(
     pairs.clear();
     for i in 0..w.count {
         for j in i + 1..w.count {
-            let (s, d) = state.seen_from(w, i, j);
+            let (s, d) = state.seen_from::<TWO_WAY>(w, i, j);
             let along = (s - state.s[i])
                 .abs()
                 .simd_lt(p[i].half_length + p[j].half_length + c.near_gap);

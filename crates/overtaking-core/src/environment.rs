@@ -178,22 +178,23 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
 
 /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
 #[inline(always)]
-fn shelter<S: Simd, const N: usize>(
+fn shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
 ) -> V<S> {
     let c = w.c;
+    let wind = facing(w, i, w.q.wind_across);
     let mut share = splat(w.simd, 1.0);
     for j in 0..w.count {
         if i == j {
             continue;
         }
         let other = &w.p[j];
-        let (s, d) = state.seen_from(w, i, j);
+        let (s, d) = state.seen_from::<TWO_WAY>(w, i, j);
         let aside = state.d[i] - d;
         let reach = c.shelter_reach + w.p[i].half_width + other.half_width;
-        let upwind = (aside * facing(w, i, w.q.wind_across)).simd_gt(0.0);
+        let upwind = (aside * wind).simd_gt(0.0);
         let beside = other.shelters.simd_gt(0.0)
             & other.valid.simd_gt(0.0)
             & upwind
@@ -255,7 +256,12 @@ pub fn wind<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
             strength += q.gust_gain * gust_bump(state, w, i);
         }
         let strength = at_least(strength, 0.0);
-        let across = facing(w, i, q.wind_across) * strength * shelter(state, w, i);
+        let open = if w.road.ways.two_way {
+            shelter::<S, N, true>(state, w, i)
+        } else {
+            shelter::<S, N, false>(state, w, i)
+        };
+        let across = facing(w, i, q.wind_across) * strength * open;
         state.tail_wind[i] = facing(w, i, q.wind_along) * strength;
         let along = at_least(state.vx[i] - state.tail_wind[i], LEAST_AIR_SPEED);
         let angle = atan(across.abs() / along);

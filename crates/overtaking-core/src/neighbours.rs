@@ -119,7 +119,7 @@ pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<
 /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
 /// number of lanes `WATCHED` is 1, only the one ahead in the own lane: no driver looks at the others.
 #[inline(always)]
-pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize>(
+pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     bodies: &[Body<S>; N],
@@ -144,7 +144,7 @@ pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize>(
         let beside = state.d[j] - state.d[i];
         let other = &bodies[j];
         let shift = state.lane[j] - lane;
-        let there = if w.road.ways.two_way {
+        let there = if TWO_WAY {
             other.valid & w.p[j].direction.simd_eq(w.p[i].direction)
         } else {
             other.valid

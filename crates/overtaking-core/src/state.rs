@@ -378,10 +378,17 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
     }
 
     /// Where vehicle `j` is in the frame of vehicle `i`: that of oncoming vehicles is turned by half a turn.
+    ///
+    /// `TWO_WAY` is for loops over pairs, which roads of one direction go through without a question for each.
     #[inline(always)]
-    pub fn seen_from(&self, w: &World<'_, S, N>, i: usize, j: usize) -> (V<S>, V<S>) {
+    pub fn seen_from<const TWO_WAY: bool>(
+        &self,
+        w: &World<'_, S, N>,
+        i: usize,
+        j: usize,
+    ) -> (V<S>, V<S>) {
         let (s, d) = (self.s[j], self.d[j]);
-        if !w.road.ways.two_way {
+        if !TWO_WAY {
             return (s, d);
         }
         let turned = w.p[j].direction.simd_ne(w.p[i].direction);

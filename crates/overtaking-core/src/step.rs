@@ -138,9 +138,9 @@ pub fn perceive<S: Simd, const N: usize>(
             let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
             let is_asked = i == EGO && (any_time || told);
             if is_asked || (looks[i] | changing).any_true() {
-                find_neighbours::<S, N, 3>(state, w, bodies, i, near);
+                watch::<S, N, 3>(state, w, bodies, i, near);
             } else {
-                find_neighbours::<S, N, 1>(state, w, bodies, i, near);
+                watch::<S, N, 1>(state, w, bodies, i, near);
             }
         });
         if two_way {
@@ -159,6 +159,22 @@ pub fn perceive<S: Simd, const N: usize>(
         w.simd,
         *waits = mobil::must_wait(state, w, bodies, EGO, state.wanted[EGO])
     );
+}
+
+/// `find_neighbours` on a road of one direction or of two.
+#[inline(always)]
+fn watch<S: Simd, const N: usize, const WATCHED: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
+    i: usize,
+    near: &mut Neighbours<S>,
+) {
+    if w.road.ways.two_way {
+        find_neighbours::<S, N, WATCHED, true>(state, w, bodies, i, near);
+    } else {
+        find_neighbours::<S, N, WATCHED, false>(state, w, bodies, i, near);
+    }
 }
 
 /// What everybody but the ego decides.
@@ -231,7 +247,13 @@ pub fn drive_ego<S: Simd, const N: usize>(
         control::press(state, w, EGO, wanted);
     });
     outlined!(w.simd, ego::decide(state, w, mind, recorder, step, orders));
-    outlined!(w.simd, near_pairs(state, w, pairs));
+    outlined!(w.simd, {
+        if w.road.ways.two_way {
+            near_pairs::<S, N, true>(state, w, pairs);
+        } else {
+            near_pairs::<S, N, false>(state, w, pairs);
+        }
+    });
 }
 
 /// In no simulation.
