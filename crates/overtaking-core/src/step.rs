@@ -122,27 +122,26 @@ pub fn perceive<S: Simd, const N: usize>(
     });
     for i in 0..w.count {
         let (near, believed) = (&mut near[i], &mut believed[i]);
+        let looks = &mut looks[i];
+        let mut everywhere = false;
         outlined!(w.simd, {
-            if step == 0 {
-                let drawn = w.p[i].valid.simd_gt(0.0);
-                perception::draw_check(state, w, i, drawn, decision);
-            }
-            looks[i] = perception::looks_around(state, w, i, decision);
-            if two_way && i == EGO {
-                // Who is in the lane of others looks all the time.
-                looks[i] |= state.lane[i].simd_ge(1.0);
-            }
-            let changing = state.path_time[i].simd_lt(state.path_duration[i]);
-            // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
-            let forced = w.q.command.simd_gt(0.0);
-            let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
-            let is_asked = i == EGO && (any_time || told);
-            if is_asked || (looks[i] | changing).any_true() {
-                watch::<S, N, 3>(state, w, bodies, i, near);
-            } else {
-                watch::<S, N, 1>(state, w, bodies, i, near);
-            }
+            everywhere = turn_head(state, w, (i, decision, any_time), looks);
         });
+        // The four loops are compiled apart: together they do not have registers enough.
+        match (everywhere, two_way) {
+            (false, false) => outlined!(w.simd, {
+                find_neighbours::<S, N, 1, false>(state, w, bodies, i, near);
+            }),
+            (true, false) => outlined!(w.simd, {
+                find_neighbours::<S, N, 3, false>(state, w, bodies, i, near);
+            }),
+            (false, true) => outlined!(w.simd, {
+                find_neighbours::<S, N, 1, true>(state, w, bodies, i, near);
+            }),
+            (true, true) => outlined!(w.simd, {
+                find_neighbours::<S, N, 3, true>(state, w, bodies, i, near);
+            }),
+        }
         if two_way {
             let oncoming = &mut oncoming[i];
             outlined!(w.simd, {
@@ -151,8 +150,8 @@ pub fn perceive<S: Simd, const N: usize>(
         }
         // Written in place: what a function with other features returns goes through memory twice.
         outlined!(w.simd, {
-            let (decision, looks) = (decision as usize, looks[i]);
-            perception::perceive(state, w, bodies, near, i, decision, looks, believed);
+            let decision = decision as usize;
+            perception::perceive(state, w, bodies, near, i, decision, *looks, believed);
         });
     }
     outlined!(
@@ -161,20 +160,29 @@ pub fn perceive<S: Simd, const N: usize>(
     );
 }
 
-/// `find_neighbours` on a road of one direction or of two.
+/// Where the driver of vehicle `i` looks at a decision; whether in any simulation it is at all lanes.
 #[inline(always)]
-fn watch<S: Simd, const N: usize, const WATCHED: usize>(
-    state: &State<'_, S, N>,
+fn turn_head<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    bodies: &[Body<S>; N],
-    i: usize,
-    near: &mut Neighbours<S>,
-) {
-    if w.road.ways.two_way {
-        find_neighbours::<S, N, WATCHED, true>(state, w, bodies, i, near);
-    } else {
-        find_neighbours::<S, N, WATCHED, false>(state, w, bodies, i, near);
+    (i, decision, any_time): (usize, u32, bool),
+    looks: &mut M<S>,
+) -> bool {
+    if decision == 0 {
+        let drawn = w.p[i].valid.simd_gt(0.0);
+        perception::draw_check(state, w, i, drawn, decision);
     }
+    *looks = perception::looks_around(state, w, i, decision);
+    if w.road.ways.two_way && i == EGO {
+        // Who is in the lane of others looks all the time.
+        *looks |= state.lane[i].simd_ge(1.0);
+    }
+    let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+    // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
+    let forced = w.q.command.simd_gt(0.0);
+    let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
+    let is_asked = i == EGO && (any_time || told);
+    is_asked || (*looks | changing).any_true()
 }
 
 /// What everybody but the ego decides.
