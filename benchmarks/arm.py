@@ -59,6 +59,7 @@ def write(path: Path, given: Parameters, later: Sequence[tuple[int, Parameters]]
     parts = [
         *constants.values(),
         *(road[name] for name in ("boundaries", "film_path", "side", "pose")),
+        *(road[name] for name in ("own_lanes", "two_way", "far_end", "across", "sight", "line")),
     ]
     for each in (given, changed) if changed else (given,):
         parts += [each.vehicle, each.simulation]

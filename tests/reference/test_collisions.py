@@ -180,8 +180,9 @@ def crash(
     old = copied(state)
     near = {(0, 1): np.array([True])}
     c, during = given_.constants, (7, np.float32(STEP))
-    hit = collisions._contact(copied(state), c, p, near[0, 1], before, during, (0, 1))
-    collisions.collide(state, c, p, near, before, *during)
+    frame = collisions.frame_of(given_.road, p, 0, 1)
+    hit = collisions._contact(copied(state), c, p, near[0, 1], before, during, (0, 1), frame)
+    collisions.collide(state, c, given_.road, p, near, before, *during)
     return Crash(before=old, after=state, p=p, hit=hit)
 
 

@@ -71,7 +71,9 @@ class World:
             before = (state.s, state.d)
             angle = steering.steer(state, c, self.p, self.q.side_accel, c.step)
             dynamics.move(state, c, self.p, angle, c.step)
-            collisions.collide(state, c, self.p, pairs, before, 10 * self.step + k, c.step)
+            collisions.collide(
+                state, c, self.given.road, self.p, pairs, before, 10 * self.step + k, c.step
+            )
         self.step += SUBSTEPS
 
 

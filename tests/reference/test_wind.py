@@ -139,7 +139,7 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
     q = given.of_simulations
     return (
         places,
-        environment.gust_bump(state, given, q)[0].astype(np.float64),
+        environment.gust_bump(state, given, given.of_vehicles, q)[0].astype(np.float64),
         float(q.gust_length[0]),
     )
 

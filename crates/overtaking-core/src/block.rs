@@ -32,6 +32,9 @@ pub struct Scratch<const N: usize> {
 }
 
 /// Simulate the share of one thread.
+///
+/// Not inlined: what divides the shares calls itself, and would have room for all of this each time.
+#[inline(never)]
 pub fn run<'a, S: Simd, const N: usize>(
     simd: S,
     inputs: &Inputs<'a>,

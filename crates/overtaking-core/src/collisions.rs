@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::sincos;
 use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
-use crate::state::{EGO, Each, State, Stride, World, stage};
+use crate::state::{EGO, Each, State, Stride, World, stage, turned_round};
 
 /// Keeps the instant of contact finite without relative motion [m].
 const TINY: f32 = 1e-6;
@@ -34,7 +34,7 @@ struct Corpus<S: Simd> {
 
 /// Which pairs may touch before the next decision.
 #[inline(always)]
-pub fn near_pairs<S: Simd, const N: usize>(
+pub fn near_pairs<S: Simd, const N: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     pairs: &mut Pairs<S>,
@@ -43,10 +43,11 @@ pub fn near_pairs<S: Simd, const N: usize>(
     pairs.clear();
     for i in 0..w.count {
         for j in i + 1..w.count {
-            let along = (state.s[j] - state.s[i])
+            let (s, d) = state.seen_from::<TWO_WAY>(w, i, j);
+            let along = (s - state.s[i])
                 .abs()
                 .simd_lt(p[i].half_length + p[j].half_length + c.near_gap);
-            let aside = (state.d[j] - state.d[i])
+            let aside = (d - state.d[i])
                 .abs()
                 .simd_lt(p[i].half_width + p[j].half_width + c.near_side);
             let near = along & aside & p[i].valid.simd_gt(0.0) & p[j].valid.simd_gt(0.0);
@@ -126,8 +127,10 @@ fn collide_pair<S: Simd, const N: usize>(
     (i, j): (usize, usize),
 ) {
     let (c, p) = (w.c, &w.p);
-    let (a, b) = (corpus(state, w, i), corpus(state, w, j));
-    let then = (before.0[j] - before.0[i], before.1[j] - before.1[i]);
+    let turn = turn_of(w, i, j);
+    let (a, b) = (corpus(state, w, i, None), corpus(state, w, j, turn));
+    let was = placed(w, turn, before.0[j], before.1[j]);
+    let then = (was.0 - before.0[i], was.1 - before.1[i]);
     let now = (b.s - a.s, b.d - a.d);
     let near = near & !stay_apart(&a, &b, then, now);
     if !near.any_true() {
@@ -139,17 +142,18 @@ fn collide_pair<S: Simd, const N: usize>(
         return;
     }
     let share = 1.0 - clamp_to(overlap.0, 0.0, 1.0);
-    let a = earlier(state, w, i, before, share, share * stride.length);
-    let b = earlier(state, w, j, before, share, share * stride.length);
+    let a = earlier(state, w, i, before, (share, share * stride.length), None);
+    let b = earlier(state, w, j, before, (share, share * stride.length), turn);
     let (enter, leave, along, across) = first_contact(&a, &b, then, now);
     let within = is_within(enter, leave);
     let enter = clamp_to(enter, 0.0, 1.0);
     // Levers of any other instant than the one that the pair goes on from would make spin.
     let turned = share * stride.length;
-    let a = earlier(state, w, i, before, 1.0 - enter, turned);
-    let b = earlier(state, w, j, before, 1.0 - enter, turned);
+    let a = earlier(state, w, i, before, (1.0 - enter, turned), None);
+    let b = earlier(state, w, j, before, (1.0 - enter, turned), turn);
     let (arm_a, arm_b) = contact_arms(&a, &b);
-    let (velocity_a, velocity_b) = (velocity(state, i, arm_a), velocity(state, j, arm_b));
+    let velocity_a = velocity(state, i, arm_a, None);
+    let velocity_b = velocity(state, j, arm_b, turn);
     let approach = (velocity_a.0 - velocity_b.0) * along + (velocity_a.1 - velocity_b.1) * across;
     let instant = step as f32 * c.step + enter * stride.length;
     let runs = instant.simd_lt(state.end_step * c.step);
@@ -167,7 +171,9 @@ fn collide_pair<S: Simd, const N: usize>(
     let impulse = choose(hit, (1.0 + c.restitution) * approach / softness, zero);
     let left = (1.0 - enter) * stride.length;
     push(state, w, i, -impulse, (along, across), lever_a, (hit, left));
-    push(state, w, j, impulse, (along, across), lever_b, (hit, left));
+    let (theirs, lever_b) =
+        turn.map_or((impulse, lever_b), |turn| (turn * impulse, turn * lever_b));
+    push(state, w, j, theirs, (along, across), lever_b, (hit, left));
     for (own, other) in [(i, j), (j, i)] {
         let sooner =
             state.contact_partner[own].simd_lt(0.0) | instant.simd_lt(state.contact_time[own]);
@@ -179,6 +185,29 @@ fn collide_pair<S: Simd, const N: usize>(
         state.contact_speed[own] = choose(first, approach, state.contact_speed[own]);
         state.crashed[own] = choose(hit, splat(w.simd, 1.0), state.crashed[own]);
     }
+}
+
+/// How vehicle `j` is seen from vehicle `i`: 1, or -1 where its axes point the other way; none on a road of
+/// one direction.
+type Turn<S> = Option<V<S>>;
+
+#[inline(always)]
+fn turn_of<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, j: usize) -> Turn<S> {
+    w.road
+        .ways
+        .two_way
+        .then(|| w.p[i].direction * w.p[j].direction)
+}
+
+/// A position of the second vehicle of a pair in the frame of the first.
+#[inline(always)]
+fn placed<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    turn: Turn<S>,
+    s: V<S>,
+    d: V<S>,
+) -> Vector<S> {
+    turn.map_or((s, d), |turn| turned_round(w, turn.simd_lt(0.0), s, d))
 }
 
 /// Whether boxes overlap at some time of the step.
@@ -215,14 +244,16 @@ fn corpus<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
+    turn: Turn<S>,
 ) -> Corpus<S> {
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
     let (half_length, half_width) = (w.p[i].half_length, w.p[i].half_width);
+    let (s, d) = placed(w, turn, state.s[i], state.d[i]);
     Corpus {
-        s: state.s[i],
-        d: state.d[i],
-        sine,
-        cosine,
+        s,
+        d,
+        sine: turn.map_or(sine, |turn| turn * sine),
+        cosine: turn.map_or(cosine, |turn| turn * cosine),
         half_length,
         half_width,
     }
@@ -235,15 +266,18 @@ fn earlier<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     i: usize,
     before: &(Each<S, N>, Each<S, N>),
-    share: V<S>,
-    left: V<S>,
+    (share, left): (V<S>, V<S>),
+    turn: Turn<S>,
 ) -> Corpus<S> {
     let (sine, cosine) = sincos(state.psi[i] - left * state.r[i]);
+    let s = state.s[i] - share * (state.s[i] - before.0[i]);
+    let d = state.d[i] - share * (state.d[i] - before.1[i]);
+    let (s, d) = placed(w, turn, s, d);
     Corpus {
-        s: state.s[i] - share * (state.s[i] - before.0[i]),
-        d: state.d[i] - share * (state.d[i] - before.1[i]),
-        sine,
-        cosine,
+        s,
+        d,
+        sine: turn.map_or(sine, |turn| turn * sine),
+        cosine: turn.map_or(cosine, |turn| turn * cosine),
         half_length: w.p[i].half_length,
         half_width: w.p[i].half_width,
     }
@@ -322,17 +356,19 @@ fn nearest_point<S: Simd>(box_: &Corpus<S>, ahead: V<S>, aside: V<S>) -> Vector<
     )
 }
 
-/// Velocity along and across the road of a point of vehicle `i`.
+/// Velocity of a point of vehicle `i`, along and across, in a frame that is turned or not.
 #[inline(always)]
 fn velocity<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     i: usize,
     arm: Vector<S>,
+    turn: Turn<S>,
 ) -> Vector<S> {
     let (sine, cosine) = (state.sine[i], state.cosine[i]);
-    let along = state.vx[i] * cosine - state.vy[i] * sine - state.r[i] * arm.1;
-    let across = state.vx[i] * sine + state.vy[i] * cosine + state.r[i] * arm.0;
-    (along, across)
+    let along = state.vx[i] * cosine - state.vy[i] * sine;
+    let across = state.vx[i] * sine + state.vy[i] * cosine;
+    let (along, across) = turn.map_or((along, across), |turn| (turn * along, turn * across));
+    (along - state.r[i] * arm.1, across + state.r[i] * arm.0)
 }
 
 /// Change the motion of vehicle `i` by an impulse, and its place by what is left of the step.
@@ -348,7 +384,7 @@ fn push<S: Simd, const N: usize>(
 ) {
     let zero = splat(w.simd, 0.0);
     let change = impulse * w.p[i].inverse_mass;
-    let (along, across) = velocity(state, i, (zero, zero));
+    let (along, across) = velocity(state, i, (zero, zero), None);
     let (along, across) = (along + change * normal.0, across + change * normal.1);
     let spin = impulse * lever * w.p[i].inverse_inertia;
     state.s[i] += left * (change * normal.0);

@@ -6,6 +6,8 @@ use fearless_simd::prelude::*;
 use crate::following::follow;
 use crate::lanes::{M, V, at_least, choose, clamp, max, min, pick, splat};
 use crate::neighbours::Neighbours;
+use crate::oncoming::is_passed;
+use crate::passing::speed_of_pass;
 use crate::perception::Beliefs;
 use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
 
@@ -23,8 +25,17 @@ fn desired_speed<S: Simd, const N: usize>(
     i: usize,
 ) -> V<S> {
     let p = &w.p[i];
+    let two_way = w.road.ways.two_way;
     if i == EGO {
-        choose(is_passing(state), p.pass_speed, p.desired_speed)
+        let passing = if two_way {
+            speed_of_pass(state, w)
+        } else {
+            p.pass_speed
+        };
+        choose(is_passing(state), passing, p.desired_speed)
+    } else if two_way {
+        let passed = is_passed(state, w, i);
+        choose(passed, p.desired_speed * p.passed_factor, p.desired_speed)
     } else {
         p.desired_speed
     }
@@ -70,12 +81,14 @@ pub fn behind_leader<S: Simd, const N: usize>(
     );
     if i == EGO {
         let eager = is_passing(state) & wanted.simd_gt(0.0);
-        wanted
-            * choose(
-                eager,
-                splat(w.simd, w.c.accelerate_gain),
-                splat(w.simd, 1.0),
-            )
+        let usual = splat(w.simd, w.c.accelerate_gain);
+        let gain = if w.road.ways.two_way {
+            let hurried = splat(w.simd, w.c.hurry_gain);
+            choose(state.hurries.simd_gt(0.0), hurried, usual)
+        } else {
+            usual
+        };
+        wanted * choose(eager, gain, splat(w.simd, 1.0))
     } else {
         wanted
     }

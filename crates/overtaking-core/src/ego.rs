@@ -9,7 +9,9 @@ use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
 use crate::mobil::{change_of, soon, time_left, turn_to_lane};
 use crate::names::Vehicle;
 use crate::neighbours::Neighbours;
+use crate::oncoming::Oncoming;
 use crate::orders::{self, Orders};
+use crate::passing::{may_meet, weigh};
 use crate::recording::{Kind, Recorder};
 use crate::state::{
     EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage,
@@ -100,6 +102,10 @@ fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) 
     let room = view.gap[SLOW_LEAD] - own.lane_change_duration * at_least(ahead, 0.0);
     let front = own_braking(w, view, room, ahead).simd_ge(-own.decel);
     let worth = view.gap[SLOW_LEAD].simd_gt(w.c.stay_time * view.closing[SLOW_LEAD]);
+    // Nobody stays in the lane of others to pass one more.
+    if w.road.ways.two_way {
+        return rear & front;
+    }
     rear & front & worth
 }
 
@@ -118,6 +124,45 @@ fn must_abort<S: Simd, const N: usize>(
     let steady = splat(w.simd, 0.0);
     let back = needed_braking(c, view.speed, view.gap[lead], view.closing[lead], steady);
     bad & back.simd_ge(-own.hardest_decel) & view.gap[rear].simd_gt(c.smallest_rear_gap)
+}
+
+/// What oncoming traffic lets the ego do.
+struct Meeting<S: Simd> {
+    /// The other lane is believed to be free for long enough to pass.
+    may_go: M<S>,
+    /// Little time is left to be past.
+    hurries: M<S>,
+    /// It is in a hurry, and there is room to squeeze back in.
+    squeezes: M<S>,
+    /// It gives up, and there is room to fall in behind the other.
+    falls_in: M<S>,
+}
+
+#[inline(always)]
+fn meet<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    near: &Neighbours<S>,
+    view: &View<'_, S>,
+    oncoming: &Oncoming<S>,
+) -> Meeting<S> {
+    let c = w.c;
+    let leader = (view.gap[LEAD], view.leader_speed);
+    let may_go = may_meet(state, w, near, oncoming, leader, view.impatience);
+    let plight = weigh(state, w, oncoming);
+    let rear = view.gap[SLOW_REAR];
+    let steady = splat(w.simd, 0.0);
+    let closing = view.closing[SLOW_LEAD];
+    let room = view.gap[SLOW_LEAD] - w.q.hasty_change * at_least(closing, 0.0);
+    let ahead = needed_braking(c, view.speed, room, closing, steady);
+    Meeting {
+        may_go,
+        hurries: plight.hurries,
+        squeezes: plight.hurries
+            & rear.simd_gt(c.squeeze_gap)
+            & ahead.simd_ge(-(c.abort_factor * view.own.decel)),
+        falls_in: plight.yields & plight.fits & rear.simd_gt(c.smallest_rear_gap),
+    }
 }
 
 /// What the ego sets out to do at a decision.
@@ -175,10 +220,15 @@ pub fn decide<S: Simd, const N: usize>(
         ordered: told & believed.detected[LEAD] & faster(state, w, near).simd_gt(own.passing_gain),
     };
     wait(state, w, &view);
+    let two_way = w.road.ways.two_way;
     let intent = match orders {
-        None => intend(state, w, &view, mind.looks, mind.waits),
+        None => {
+            let meets = two_way.then(|| meet(state, w, near, &view, mind.oncoming));
+            intend(state, w, &view, mind.looks, mind.waits, meets.as_ref())
+        }
         Some(orders) => orders::obey(state, w, orders),
     };
+    let oncoming = two_way.then_some(mind.oncoming);
     let (out, back) = ([LEAD, FAST_LEAD, FAST_REAR], [LEAD, SLOW_LEAD, SLOW_REAR]);
     recorder.percepts(
         state,
@@ -189,6 +239,7 @@ pub fn decide<S: Simd, const N: usize>(
         Kind::PullOut,
         out,
         step,
+        oncoming,
     );
     recorder.percepts(
         state,
@@ -199,6 +250,7 @@ pub fn decide<S: Simd, const N: usize>(
         Kind::Abort,
         back,
         step,
+        None,
     );
     recorder.percepts(
         state,
@@ -209,6 +261,7 @@ pub fn decide<S: Simd, const N: usize>(
         Kind::Abort,
         out,
         step,
+        None,
     );
     recorder.percepts(
         state,
@@ -219,11 +272,16 @@ pub fn decide<S: Simd, const N: usize>(
         Kind::Return,
         back,
         step,
+        None,
     );
     let old = state.stage;
     let next = next_stage(state, w, near, &intent);
     let left = time_left(view.gap[LEAD], view.closing[LEAD]);
-    act(state, w, near, &intent, left, step / SUBSTEPS);
+    let hasty = two_way.then(|| {
+        let hurried = state.hurries.simd_gt(0.0) | state.yields.simd_gt(0.0);
+        choose(hurried, w.q.hasty_change, splat(w.simd, 0.0))
+    });
+    act(state, w, near, &intent, left, hasty, step / SUBSTEPS);
     if let Some(orders) = orders {
         orders::show(state, orders);
     }
@@ -276,6 +334,7 @@ fn intend<S: Simd, const N: usize>(
     view: &View<'_, S>,
     looks: M<S>,
     waits: M<S>,
+    meets: Option<&Meeting<S>>,
 ) -> Intent<S> {
     let (c, q) = (w.c, &w.q);
     let told = view.told;
@@ -286,7 +345,10 @@ fn intend<S: Simd, const N: usize>(
         & state.since_change[EGO].simd_ge(c.abort_cooldown)
         & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32);
     let held = state.wanted[EGO];
-    let seen = wants_to_pass(w, view) & may_pull_out(w, view);
+    let mut seen = wants_to_pass(w, view) & may_pull_out(w, view);
+    if let Some(meets) = meets {
+        seen &= meets.may_go;
+    }
     let seen = chosen(told, view.ordered, seen);
     let wanted = chosen(looks | told, seen, held.simd_gt(0.0)) & q.command.simd_ne(STAY);
     let forced = q.command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0);
@@ -295,23 +357,37 @@ fn intend<S: Simd, const N: usize>(
     let slower_lane = in_stage(state, stage::PASS) & state.lane[EGO].simd_ge(1.0);
     let passed = has_passed(state, w);
     let stuck = state.stage_time.simd_gt(c.give_up_after) & is_behind(state, w);
-    let rested = state.since_change[EGO].simd_ge(c.abort_cooldown);
-    let seen = chosen(told, passed, may_return(w, view) & (passed | stuck)) & rested;
+    let mut rested = state.since_change[EGO].simd_ge(c.abort_cooldown);
+    let mut may = may_return(w, view) & (passed | stuck);
+    if let Some(meets) = meets {
+        let hurried = meets.squeezes & passed;
+        may |= hurried;
+        rested |= hurried;
+    }
+    let seen = chosen(told, passed, may) & rested;
     let wanted = chosen(looks | told, seen, held.simd_lt(0.0));
     let back = slower_lane & (wanted | q.command.simd_eq(RETURN_NOW));
     signal(state, w, start, back);
     let ready = state.signalled.simd_gt(view.own.signal_time);
     let danger = heeds & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
-    let abort = can_abort(state, w) & (danger | q.command.simd_eq(ABORT_NOW));
+    let mut abort = can_abort(state, w) & (danger | q.command.simd_eq(ABORT_NOW));
     let danger = heeds & must_abort(w, view, FAST_LEAD, FAST_REAR) & q.command.simd_ne(RETURN_NOW);
     let sure = (looks & !waits) | told;
+    let mut remain = can_remain(state, w) & danger;
+    let mut back_now = ready;
+    if let Some(meets) = meets {
+        back_now |= meets.hurries;
+        abort |= meets.falls_in;
+        // The other lane is no place to stay.
+        remain &= !remain;
+    }
     Intent {
         start,
         back,
         go_out: start & ready & (sure | q.command.simd_eq(PULL_OUT_NOW)),
-        go_back: back & ready & (sure | q.command.simd_eq(RETURN_NOW)),
+        go_back: back & back_now & (sure | q.command.simd_eq(RETURN_NOW)),
         abort,
-        remain: can_remain(state, w) & danger,
+        remain,
         passed,
         arrived,
     }
@@ -422,6 +498,7 @@ fn act<S: Simd, const N: usize>(
     near: &Neighbours<S>,
     intent: &Intent<S>,
     left: V<S>,
+    hasty: Option<V<S>>,
     decision: u32,
 ) {
     let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
@@ -430,7 +507,7 @@ fn act<S: Simd, const N: usize>(
     state.attempted = choose(intent.go_out, one, state.attempted);
     let broken_off = intent.abort | intent.remain;
     let sides = (faster, slower, broken_off);
-    turn_to_lane(state, w, EGO, sides, left, decision);
+    turn_to_lane(state, w, EGO, sides, left, hasty, decision);
     let moved = faster | slower;
     let kept = choose(state.signalled.simd_gt(0.0), state.indicator[EGO], zero);
     let used = w.p[EGO].uses_indicator;

@@ -8,6 +8,7 @@ use crate::lanes::LANES;
 use crate::names::{Constants, SIMULATION_NAMES};
 use crate::orders::Script;
 use crate::output::Output;
+use crate::state::Ways;
 use crate::{MAX_VEHICLES, SLOTS};
 
 /// Blocks that one thread advances together. More of them waste fewer lanes, until their states no
@@ -40,6 +41,8 @@ pub struct Inputs<'a> {
     pub side: f32,
     /// x, y, heading of the road, cosine and sine.
     pub pose: [f32; 5],
+    /// Its directions.
+    pub ways: Ways,
     /// Key of the random numbers.
     pub seed: u64,
     /// Steps between recorded frames.

@@ -43,7 +43,7 @@ pub fn move_random_processes<S: Simd, const N: usize>(
             MOTION + i as u32,
             decision,
         );
-        let along = state.vx[i] - q.wind_along;
+        let along = state.vx[i] - facing(w, i, q.wind_along);
         let air_speed = (along * along + q.wind_across * q.wind_across).sqrt();
         let keep = kept * exp(-(air_speed * c.decision) / c.gust_length_scale);
         state.gust[i] = relaxed(state.gust[i], keep, uniform(w.simd, gust));
@@ -54,6 +54,16 @@ pub fn move_random_processes<S: Simd, const N: usize>(
         );
         state.speed_error[i] = relaxed(state.speed_error[i], keep_error, uniform(w.simd, speed));
         state.wander[i] = relaxed(state.wander[i], keep_wander, uniform(w.simd, lane));
+    }
+}
+
+/// A number along or across the road, in the direction of vehicle `i`.
+#[inline(always)]
+fn facing<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, value: V<S>) -> V<S> {
+    if w.road.ways.two_way {
+        w.p[i].direction * value
+    } else {
+        value
     }
 }
 
@@ -150,12 +160,14 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
             (state.mu_fast[i], state.mu_slow[i]) = (friction, friction);
             continue;
         }
+        let (s, d) = state.on_the_road(w, i);
         for (offset, friction) in [
             (p.half_track, &mut state.mu_fast[i]),
             (-p.half_track, &mut state.mu_slow[i]),
         ] {
-            let wheel_path = floor((state.d[i] + offset - road.boundaries[0]) / width);
-            let depth = puddle(w, state.s[i], wheel_path);
+            let offset = facing(w, i, offset);
+            let wheel_path = floor((d + offset - road.boundaries[0]) / width);
+            let depth = puddle(w, s, wheel_path);
             *friction = min(
                 at_film(w.c, &columns, water + w.q.puddle_film * depth),
                 p.most_friction,
@@ -166,21 +178,23 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
 
 /// Share of the side wind left beside high-sided vehicles upwind of vehicle `i`.
 #[inline(always)]
-fn shelter<S: Simd, const N: usize>(
+fn shelter<S: Simd, const N: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
 ) -> V<S> {
     let c = w.c;
+    let wind = facing(w, i, w.q.wind_across);
     let mut share = splat(w.simd, 1.0);
     for j in 0..w.count {
         if i == j {
             continue;
         }
         let other = &w.p[j];
-        let aside = state.d[i] - state.d[j];
+        let (s, d) = state.seen_from::<TWO_WAY>(w, i, j);
+        let aside = state.d[i] - d;
         let reach = c.shelter_reach + w.p[i].half_width + other.half_width;
-        let upwind = (aside * w.q.wind_across).simd_gt(0.0);
+        let upwind = (aside * wind).simd_gt(0.0);
         let beside = other.shelters.simd_gt(0.0)
             & other.valid.simd_gt(0.0)
             & upwind
@@ -188,7 +202,7 @@ fn shelter<S: Simd, const N: usize>(
         if !beside.any_true() {
             continue;
         }
-        let beyond = (state.s[i] - state.s[j]).abs() - other.half_length;
+        let beyond = (state.s[i] - s).abs() - other.half_length;
         let u = clamp_to(
             beyond / (c.shelter_release * 2.0 * other.half_length),
             0.0,
@@ -207,7 +221,8 @@ fn gust_bump<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     i: usize,
 ) -> V<S> {
-    let cell = state.s[i] / w.c.gust_spacing + w.q.gust_phase;
+    let (s, _) = state.on_the_road(w, i);
+    let cell = s / w.c.gust_spacing + w.q.gust_phase;
     let inside = (cell - floor(cell)) * w.c.gust_spacing / w.q.gust_length;
     let (_, cosine) = sincos(core::f32::consts::TAU * at_most(inside, 1.0));
     choose(inside.simd_lt(1.0), 0.5 - 0.5 * cosine, splat(w.simd, 0.0))
@@ -224,7 +239,7 @@ pub fn push<S: Simd, const N: usize>(
     let cell = decision as f32 * q.push_rate + q.push_phase;
     let pushed = q.push_accel.simd_ne(0.0) & (cell - floor(cell)).simd_lt(q.push_share);
     for i in 0..w.count {
-        let force = state.wind_force[i] + q.push_accel * w.p[i].mass;
+        let force = state.wind_force[i] + facing(w, i, q.push_accel) * w.p[i].mass;
         state.wind_force[i] = choose(pushed, force, state.wind_force[i]);
     }
 }
@@ -241,8 +256,13 @@ pub fn wind<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
             strength += q.gust_gain * gust_bump(state, w, i);
         }
         let strength = at_least(strength, 0.0);
-        let across = q.wind_across * strength * shelter(state, w, i);
-        state.tail_wind[i] = q.wind_along * strength;
+        let open = if w.road.ways.two_way {
+            shelter::<S, N, true>(state, w, i)
+        } else {
+            shelter::<S, N, false>(state, w, i)
+        };
+        let across = facing(w, i, q.wind_across) * strength * open;
+        state.tail_wind[i] = facing(w, i, q.wind_along) * strength;
         let along = at_least(state.vx[i] - state.tail_wind[i], LEAST_AIR_SPEED);
         let angle = atan(across.abs() / along);
         let (sine, _) = sincos(at_most(

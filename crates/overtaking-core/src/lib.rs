@@ -25,8 +25,10 @@ mod lanes;
 mod mobil;
 mod neighbours;
 pub mod observation;
+mod oncoming;
 pub mod orders;
 mod output;
+mod passing;
 mod perception;
 mod philox;
 mod recording;
@@ -44,6 +46,7 @@ pub use engine::{Inputs, Later, available_levels, current_level, simulate, suppo
 pub use lanes::LANES;
 pub use names::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use output::{MAX_PERCEPTS, Output};
+pub use state::{MAX_KNOTS, Ways};
 
 /// Vehicle slots that the engine is compiled for.
 pub const SLOTS: [usize; 3] = [8, 16, 32];

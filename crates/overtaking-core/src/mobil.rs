@@ -163,7 +163,7 @@ pub fn change_lanes<S: Simd, const N: usize>(
     let back = back & looks;
     let (fast, slow) = (fast | (back & !to_fast), slow | (back & to_fast));
     let left = time_left(believed.gap[LEAD], believed.closing[LEAD]);
-    turn_to_lane(state, w, i, (fast, slow, back), left, decision);
+    turn_to_lane(state, w, i, (fast, slow, back), left, None, decision);
 }
 
 /// Whether vehicle `i` lets somebody first who signals for the same place from the other side of it.
@@ -266,7 +266,7 @@ pub fn time_left<S: Simd>(gap: V<S>, closing: V<S>) -> V<S> {
 }
 
 /// Begin a lane change of vehicle `i` in the masked simulations, to the fast side, to the slow side or back;
-/// in less than its usual time where the leader would be reached before.
+/// in less than its usual time where the leader would be reached before, or in a time for who is in a hurry.
 #[inline(always)]
 pub fn turn_to_lane<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
@@ -274,6 +274,7 @@ pub fn turn_to_lane<S: Simd, const N: usize>(
     i: usize,
     (fast, slow, back): (M<S>, M<S>, M<S>),
     left: V<S>,
+    hasty: Option<V<S>>,
     decision: u32,
 ) {
     let moved = fast | slow;
@@ -291,6 +292,9 @@ pub fn turn_to_lane<S: Simd, const N: usize>(
     );
     let usual = min(p.lane_change_duration, hurried);
     let duration = choose(back, c.retreat_share * p.lane_change_duration, usual);
+    let duration = hasty.map_or(duration, |hasty| {
+        choose(hasty.simd_gt(0.0), hasty, duration)
+    });
     begin_path(state, i, moved, 0.5 * (low + high), duration);
     state.indicator[i] = choose(moved, step * p.uses_indicator, state.indicator[i]);
     state.wanted[i] = choose(moved, splat(w.simd, 0.0), state.wanted[i]);

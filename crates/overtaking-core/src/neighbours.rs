@@ -49,7 +49,7 @@ pub struct Body<S: Simd> {
     low_side: V<S>,
     high_side: V<S>,
     /// Whether it changes lanes and can be seen to.
-    shows: M<S>,
+    pub shows: M<S>,
     /// Its lane, and to which side it signals without moving over yet.
     pub lane: V<S>,
     pub claims: V<S>,
@@ -119,7 +119,7 @@ pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<
 /// The nearest vehicle ahead and behind of vehicle `i`, in the own, the faster and the slower lane; if the
 /// number of lanes `WATCHED` is 1, only the one ahead in the own lane: no driver looks at the others.
 #[inline(always)]
-pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize>(
+pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     bodies: &[Body<S>; N],
@@ -144,11 +144,16 @@ pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize>(
         let beside = state.d[j] - state.d[i];
         let other = &bodies[j];
         let shift = state.lane[j] - lane;
+        let there = if TWO_WAY {
+            other.valid & w.p[j].direction.simd_eq(w.p[i].direction)
+        } else {
+            other.valid
+        };
         for k in 0..WATCHED {
             let (low, high) = bands[k];
             let overlaps = other.high_side.simd_gt(low + c.corridor_margin)
                 & other.low_side.simd_lt(high - c.corridor_margin);
-            let inside = other.valid & (overlaps | (other.shows & shift.simd_eq(SHIFTS[k])));
+            let inside = there & (overlaps | (other.shows & shift.simd_eq(SHIFTS[k])));
             let front = inside & ahead.simd_ge(0.0) & ahead.simd_lt(nearest[2 * k]);
             nearest[2 * k] = choose(front, ahead, nearest[2 * k]);
             slot[2 * k] = choose(front, splat(w.simd, j as f32), slot[2 * k]);

@@ -13,17 +13,17 @@ use crate::philox::{GLANCES, uniform, words};
 use crate::state::{EGO, FAST_LEAD, HISTORY, LEAD, ROLES, ROOM, State, UNKNOWN, World};
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
-const NEAREST: f32 = 1.0;
+pub const NEAREST: f32 = 1.0;
 /// Beyond this every limit of sight has been passed [m].
-const FARTHEST: f32 = 1e4;
+pub const FARTHEST: f32 = 1e4;
 /// Nothing is seen through e^-40; larger exponents only overflow.
-const DEEPEST: f32 = 40.0;
+pub const DEEPEST: f32 = 40.0;
 /// What is left of the logarithm of the contrast of something as large as a vehicle near by.
-const LEAST_CONTRAST: f32 = 0.02;
+pub const LEAST_CONTRAST: f32 = 0.02;
 /// Keeps the growth finite where all looming is seen [rad/s].
-const LEAST_LOOMING: f32 = 1e-9;
+pub const LEAST_LOOMING: f32 = 1e-9;
 /// Keeps sight lines finite alongside [m].
-const LEAST_REACH: f32 = 0.1;
+pub const LEAST_REACH: f32 = 0.1;
 
 /// What one driver acts on, by role.
 #[derive(Clone, Copy)]
@@ -112,7 +112,7 @@ pub fn draw_check<S: Simd, const N: usize>(
 }
 
 #[inline(always)]
-fn optical_depth<S: Simd, const N: usize>(
+pub fn optical_depth<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     near: &Neighbours<S>,
@@ -260,7 +260,7 @@ fn numbered<S: Simd>(simd: S) -> V<S> {
 
 /// Where and how fast the vehicles in `slot` were, `row` giving the line of the history.
 #[inline(always)]
-fn recall<S: Simd, const N: usize>(
+pub fn recall<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     simd: S,
     row: V<S>,
@@ -286,7 +286,7 @@ fn recall<S: Simd, const N: usize>(
 
 /// Line of the history that was written at decision `then`.
 #[inline(always)]
-fn row_of<S: Simd>(then: V<S>) -> V<S> {
+pub fn row_of<S: Simd>(then: V<S>) -> V<S> {
     then - HISTORY as f32 * floor(then * (1.0 / HISTORY as f32))
 }
 

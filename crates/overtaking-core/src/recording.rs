@@ -5,9 +5,10 @@ use fearless_simd::{Simd, i32x16, u32x16};
 
 use crate::lanes::{LANES, M, Seats, choose, splat};
 use crate::neighbours::Neighbours;
+use crate::oncoming::Oncoming;
 use crate::output::{MAX_PERCEPTS, Output};
 use crate::perception::Beliefs;
-use crate::state::{EGO, State, World};
+use crate::state::{EGO, FAST_LEAD, State, World};
 use crate::tile::{self, PACKED, Row, TILE, Tile, packed, put_tile, transposed};
 use crate::trace::{self, digest, mix, mix_word};
 use crate::words::{INT32_LIMIT, NO_VEHICLE, THOUSAND, rounded, vehicle_words};
@@ -169,6 +170,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         kind: Kind,
         roles: [usize; 3],
         step: u32,
+        oncoming: Option<&Oncoming<S>>,
     ) {
         let now = splat(w.simd, step as f32);
         let mask =
@@ -178,19 +180,27 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
         let (own, _) = state.road_velocity(EGO);
         for (column, role) in roles.into_iter().enumerate() {
-            let slot = near.slot[role];
+            // Who comes stands for the front of the lane that is pulled out to.
+            let comes = oncoming.filter(|_| role == FAST_LEAD);
+            let slot = comes.map_or(near.slot[role], |one| one.slot);
             let mut speed = state.road_velocity(0).0;
             for j in 1..w.count {
                 speed = choose(slot.simd_eq(j as f32), state.road_velocity(j).0, speed);
             }
-            let closing = if role.is_multiple_of(2) {
+            let closing = if comes.is_some() {
+                own + speed
+            } else if role.is_multiple_of(2) {
                 own - speed
             } else {
                 speed - own
             };
-            let gap = rounded(believed.gap[role], THOUSAND, INT32_LIMIT);
-            let believed_closing = rounded(believed.closing[role], THOUSAND, INT32_LIMIT);
-            let true_gap = rounded(near.gap[role], THOUSAND, INT32_LIMIT);
+            let gap = comes.map_or(believed.gap[role], |one| one.believed_gap);
+            let gap = rounded(gap, THOUSAND, INT32_LIMIT);
+            let believed_closing = comes.map_or(believed.closing[role], |one| one.closing);
+            let believed_closing = rounded(believed_closing, THOUSAND, INT32_LIMIT);
+            let true_gap = comes.map_or(near.gap[role], |one| one.gap);
+            let true_gap = rounded(true_gap, THOUSAND, INT32_LIMIT);
+            let detected = comes.map_or(believed.detected[role], |one| one.detected);
             let true_closing = rounded(closing, THOUSAND, INT32_LIMIT);
             for (lane, out) in self.out.iter_mut().enumerate() {
                 let Some(out) = out.as_mut().filter(|_| mask.test(lane)) else {
@@ -199,7 +209,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 let at = state.num_percepts[lane] as usize * 3 + column;
                 let nobody = slot[lane] < 0.0;
                 out.percept_vehicle[at] = if nobody { 255 } else { slot[lane] as u8 };
-                out.percept_detected[at] = u8::from(believed.detected[role].test(lane));
+                out.percept_detected[at] = u8::from(detected.test(lane));
                 out.percept_gap[at] = gap[lane];
                 out.percept_closing_speed[at] = believed_closing[lane];
                 out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };

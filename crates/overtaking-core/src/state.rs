@@ -1,9 +1,10 @@
 //! The state of a block between two steps; see `overtaking.sim.reference.state`.
 
 use fearless_simd::Simd;
+use fearless_simd::prelude::*;
 
 use crate::engine::Inputs;
-use crate::lanes::{LANES, Seats, V, splat};
+use crate::lanes::{LANES, M, Seats, V, choose, splat};
 use crate::names::{Constants, Simulation, Vehicle};
 
 /// Decisions whose kinematics are remembered.
@@ -64,6 +65,28 @@ pub struct Road {
     pub side: f32,
     /// World x, y of the road's origin [m], heading [rad], its cosine and sine.
     pub pose: [f32; 5],
+    /// Its directions.
+    pub ways: Ways,
+}
+
+/// Most stations between which sight, or the line between the directions, changes.
+pub const MAX_KNOTS: usize = 64;
+
+/// The directions of a road.
+#[derive(Clone, Copy, Debug)]
+pub struct Ways {
+    /// Lanes of the road's own direction.
+    pub own_lanes: usize,
+    /// Whether others may come the other way.
+    pub two_way: bool,
+    /// Station from which oncoming vehicles count theirs [m].
+    pub far_end: f32,
+    /// Sum of the edges: what an oncoming vehicle takes its lateral position from [m].
+    pub across: f32,
+    /// Stations, how far one sees there [m], and how much more per metre.
+    pub sight: [[f32; MAX_KNOTS]; 3],
+    /// Stations, and 1 from where on the line is not to be crossed.
+    pub line: [[f32; MAX_KNOTS]; 2],
 }
 
 impl Road {
@@ -75,6 +98,7 @@ impl Road {
             film_path: inputs.film_path,
             side: inputs.side,
             pose: inputs.pose,
+            ways: inputs.ways,
         }
     }
 }
@@ -243,11 +267,32 @@ state_fields! {
     attempted: V<S>,
     end_step: V<S>,
     num_percepts: V<S>,
+    oncoming_id: Each<S, N>,
+    oncoming_time: Each<S, N>,
+    aside: Each<S, N>,
+    flashes: Each<S, N>,
+    yields: V<S>,
+    hurries: V<S>,
     /// Sine and cosine of `psi`.
     sine: Each<S, N>,
     cosine: Each<S, N>,
     /// How far the front wheels turn from the slip angle at most: on this friction, until the next decision.
     reach: Each<S, N>,
+}
+
+/// A place in the frame of the other direction, where the mask holds.
+#[inline(always)]
+pub fn turned_round<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    turned: M<S>,
+    s: V<S>,
+    d: V<S>,
+) -> (V<S>, V<S>) {
+    let ways = &w.road.ways;
+    (
+        choose(turned, ways.far_end - s, s),
+        choose(turned, ways.across - d, d),
+    )
 }
 
 impl<'a, S: Simd, const N: usize> State<'a, S, N> {
@@ -306,6 +351,12 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             attempted: zero,
             end_step: w.q.last_step,
             num_percepts: zero,
+            oncoming_id: each(UNKNOWN),
+            oncoming_time: each(0.0),
+            aside: each(0.0),
+            flashes: each(0.0),
+            yields: zero,
+            hurries: zero,
             sine: each(0.0),
             cosine: each(1.0),
             reach: each(0.0),
@@ -324,6 +375,34 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             moment[0] += ahead;
             moment[1] += faster;
         }
+    }
+
+    /// Where vehicle `j` is in the frame of vehicle `i`: that of oncoming vehicles is turned by half a turn.
+    ///
+    /// `TWO_WAY` is for loops over pairs, which roads of one direction go through without a question for each.
+    #[inline(always)]
+    pub fn seen_from<const TWO_WAY: bool>(
+        &self,
+        w: &World<'_, S, N>,
+        i: usize,
+        j: usize,
+    ) -> (V<S>, V<S>) {
+        let (s, d) = (self.s[j], self.d[j]);
+        if !TWO_WAY {
+            return (s, d);
+        }
+        let turned = w.p[j].direction.simd_ne(w.p[i].direction);
+        turned_round(w, turned, s, d)
+    }
+
+    /// Where vehicle `i` is in the frame of the road.
+    #[inline(always)]
+    pub fn on_the_road(&self, w: &World<'_, S, N>, i: usize) -> (V<S>, V<S>) {
+        let (s, d) = (self.s[i], self.d[i]);
+        if !w.road.ways.two_way {
+            return (s, d);
+        }
+        turned_round(w, w.p[i].direction.simd_lt(0.0), s, d)
     }
 
     /// Velocity of vehicle `i` along and across the road [m/s].

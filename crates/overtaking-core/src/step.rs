@@ -5,9 +5,11 @@ use fearless_simd::prelude::*;
 
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::dynamics::Motion;
-use crate::lanes::{M, V, outlined, splat};
+use crate::lanes::{M, V, min, outlined, splat};
 use crate::neighbours::{Body, Neighbours, find_neighbours};
+use crate::oncoming::{Oncoming, give_way, look_ahead};
 use crate::orders::Orders;
+use crate::passing::held_back;
 use crate::perception::Beliefs;
 use crate::recording::Recorder;
 use crate::state::{EGO, Each, State, Stride, World};
@@ -23,6 +25,8 @@ pub struct Minds<S: Simd, const N: usize> {
     near: [Neighbours<S>; N],
     believed: [Beliefs<S>; N],
     looks: [M<S>; N],
+    /// Who comes the other way; unused on roads of one direction.
+    oncoming: [Oncoming<S>; N],
     /// Whether the ego would let somebody first who signals for the same place.
     waits: M<S>,
     /// Where everybody was before a step, if anybody is near anybody.
@@ -37,6 +41,7 @@ impl<S: Simd, const N: usize> Minds<S, N> {
             near: [Neighbours::nobody(simd); N],
             believed: [Beliefs::nothing(simd); N],
             looks: [never(simd); N],
+            oncoming: [Oncoming::nobody(simd); N],
             waits: never(simd),
             before: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
         }
@@ -48,6 +53,7 @@ impl<S: Simd, const N: usize> Minds<S, N> {
 pub struct Mind<'a, S: Simd> {
     pub near: &'a Neighbours<S>,
     pub believed: &'a Beliefs<S>,
+    pub oncoming: &'a Oncoming<S>,
     pub looks: M<S>,
     pub waits: M<S>,
 }
@@ -58,6 +64,7 @@ impl<S: Simd, const N: usize> Minds<S, N> {
         Mind {
             near: &self.near[EGO],
             believed: &self.believed[EGO],
+            oncoming: &self.oncoming[EGO],
             looks: self.looks[EGO],
             waits: self.waits,
         }
@@ -103,9 +110,11 @@ pub fn perceive<S: Simd, const N: usize>(
         near,
         believed,
         looks,
+        oncoming,
         waits,
         ..
     } = minds;
+    let two_way = w.road.ways.two_way;
     outlined!(w.simd, {
         for i in 0..w.count {
             bodies[i] = Body::new(state, w, i);
@@ -113,33 +122,67 @@ pub fn perceive<S: Simd, const N: usize>(
     });
     for i in 0..w.count {
         let (near, believed) = (&mut near[i], &mut believed[i]);
+        let looks = &mut looks[i];
+        let mut everywhere = false;
         outlined!(w.simd, {
-            if step == 0 {
-                let drawn = w.p[i].valid.simd_gt(0.0);
-                perception::draw_check(state, w, i, drawn, decision);
-            }
-            looks[i] = perception::looks_around(state, w, i, decision);
-            let changing = state.path_time[i].simd_lt(state.path_duration[i]);
-            // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
-            let forced = w.q.command.simd_gt(0.0);
-            let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
-            let is_asked = i == EGO && (any_time || told);
-            if is_asked || (looks[i] | changing).any_true() {
-                find_neighbours::<S, N, 3>(state, w, bodies, i, near);
-            } else {
-                find_neighbours::<S, N, 1>(state, w, bodies, i, near);
-            }
+            everywhere = turn_head(state, w, (i, decision, any_time), looks);
         });
+        // The four loops are compiled apart: together they do not have registers enough.
+        match (everywhere, two_way) {
+            (false, false) => outlined!(w.simd, {
+                find_neighbours::<S, N, 1, false>(state, w, bodies, i, near);
+            }),
+            (true, false) => outlined!(w.simd, {
+                find_neighbours::<S, N, 3, false>(state, w, bodies, i, near);
+            }),
+            (false, true) => outlined!(w.simd, {
+                find_neighbours::<S, N, 1, true>(state, w, bodies, i, near);
+            }),
+            (true, true) => outlined!(w.simd, {
+                find_neighbours::<S, N, 3, true>(state, w, bodies, i, near);
+            }),
+        }
+        if two_way {
+            let oncoming = &mut oncoming[i];
+            outlined!(w.simd, {
+                *oncoming = look_ahead(state, w, bodies, near, i, decision as usize);
+            });
+        }
         // Written in place: what a function with other features returns goes through memory twice.
         outlined!(w.simd, {
-            let (decision, looks) = (decision as usize, looks[i]);
-            perception::perceive(state, w, bodies, near, i, decision, looks, believed);
+            let decision = decision as usize;
+            perception::perceive(state, w, bodies, near, i, decision, *looks, believed);
         });
     }
     outlined!(
         w.simd,
         *waits = mobil::must_wait(state, w, bodies, EGO, state.wanted[EGO])
     );
+}
+
+/// Where the driver of vehicle `i` looks at a decision; whether in any simulation it is at all lanes.
+#[inline(always)]
+fn turn_head<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    (i, decision, any_time): (usize, u32, bool),
+    looks: &mut M<S>,
+) -> bool {
+    if decision == 0 {
+        let drawn = w.p[i].valid.simd_gt(0.0);
+        perception::draw_check(state, w, i, drawn, decision);
+    }
+    *looks = perception::looks_around(state, w, i, decision);
+    if w.road.ways.two_way && i == EGO {
+        // Who is in the lane of others looks all the time.
+        *looks |= state.lane[i].simd_ge(1.0);
+    }
+    let changing = state.path_time[i].simd_lt(state.path_duration[i]);
+    // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
+    let forced = w.q.command.simd_gt(0.0);
+    let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
+    let is_asked = i == EGO && (any_time || told);
+    is_asked || (*looks | changing).any_true()
 }
 
 /// What everybody but the ego decides.
@@ -154,11 +197,19 @@ pub fn drive_others<S: Simd, const N: usize>(
         near,
         believed,
         looks,
+        oncoming,
         ..
     } = minds;
     let mut leader = [splat(w.simd, 0.0); N];
     for i in 1..w.count {
         leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
+    }
+    if w.road.ways.two_way {
+        for i in 1..w.count {
+            outlined!(w.simd, {
+                leader[i] = min(leader[i], give_way(state, w, i, &oncoming[i]));
+            });
+        }
     }
     for i in 1..w.count {
         outlined!(
@@ -194,13 +245,23 @@ pub fn drive_ego<S: Simd, const N: usize>(
 ) {
     outlined!(w.simd, {
         let wanted = orders.and_then(Orders::accel).unwrap_or_else(|| {
-            let leader = control::behind_leader(state, w, EGO, mind.believed);
+            let mut leader = control::behind_leader(state, w, EGO, mind.believed);
+            if w.road.ways.two_way {
+                leader = min(leader, give_way(state, w, EGO, mind.oncoming));
+                leader = min(leader, held_back(state, w, mind.believed));
+            }
             control::wanted(state, w, EGO, mind.near, mind.believed, leader)
         });
         control::press(state, w, EGO, wanted);
     });
     outlined!(w.simd, ego::decide(state, w, mind, recorder, step, orders));
-    outlined!(w.simd, near_pairs(state, w, pairs));
+    outlined!(w.simd, {
+        if w.road.ways.two_way {
+            near_pairs::<S, N, true>(state, w, pairs);
+        } else {
+            near_pairs::<S, N, false>(state, w, pairs);
+        }
+    });
 }
 
 /// In no simulation.

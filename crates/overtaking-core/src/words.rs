@@ -19,6 +19,7 @@ const TEN_THOUSAND: f32 = 10000.0;
 const INDICATOR_LEFT: i32 = 1;
 const INDICATOR_RIGHT: i32 = 2;
 const BRAKE: i32 = 4;
+const HIGH_BEAM: i32 = 16;
 
 /// A number in steps, the nearest, within limits.
 #[inline(always)]
@@ -43,10 +44,11 @@ pub fn vehicle_words<S: Simd, const N: usize>(
 ) -> [i32x16<S>; WORDS] {
     let (road, p) = (w.road, &w.p[i]);
     let [x0, y0, heading, cosine, sine] = road.pose;
-    let d = road.side * state.d[i];
+    let (s, from_slow) = state.on_the_road(w, i);
+    let d = road.side * from_slow;
     let mut lane = i32x16::splat(w.simd, NO_VEHICLE);
-    for k in 0..=road.num_lanes {
-        let beyond = state.d[i].simd_ge(road.boundaries[k]);
+    for k in 0..=road.ways.own_lanes {
+        let beyond = from_slow.simd_ge(road.boundaries[k]);
         lane = beyond.select(i32x16::splat(w.simd, k as i32), lane);
     }
     let speed = (state.vx[i] * state.vx[i] + state.vy[i] * state.vy[i]).sqrt();
@@ -55,17 +57,18 @@ pub fn vehicle_words<S: Simd, const N: usize>(
         splat(w.simd, 0.0),
         state.wheel[i],
     );
+    let mut course = heading + road.side * state.psi[i];
+    if road.ways.two_way {
+        let half_turn = splat(w.simd, core::f32::consts::PI);
+        course += choose(p.direction.simd_lt(0.0), half_turn, splat(w.simd, 0.0));
+    }
     [
-        rounded(x0 + state.s[i] * cosine - d * sine, THOUSAND, INT32_LIMIT),
-        rounded(y0 + state.s[i] * sine + d * cosine, THOUSAND, INT32_LIMIT),
-        rounded(state.s[i], THOUSAND, INT32_LIMIT),
+        rounded(x0 + s * cosine - d * sine, THOUSAND, INT32_LIMIT),
+        rounded(y0 + s * sine + d * cosine, THOUSAND, INT32_LIMIT),
+        rounded(s, THOUSAND, INT32_LIMIT),
         rounded(d, THOUSAND, INT32_LIMIT),
         rounded(speed, THOUSAND, INT32_LIMIT),
-        rounded(
-            wrapped(heading + road.side * state.psi[i]),
-            TEN_THOUSAND,
-            INT16_LIMIT,
-        ),
+        rounded(wrapped(course), TEN_THOUSAND, INT16_LIMIT),
         rounded(road.side * wheel, TEN_THOUSAND, INT16_LIMIT),
         rounded(state.a_lon[i], THOUSAND, INT16_LIMIT),
         rounded(road.side * state.a_lat[i], THOUSAND, INT16_LIMIT),
@@ -92,5 +95,13 @@ fn lights<S: Simd, const N: usize>(
     );
     let braking = state.accel[i].simd_lt(-w.c.stop_lamp_decel) | state.crashed[i].simd_gt(0.0);
     let base: i32x16<S> = w.p[i].lights.to_int();
-    base + left + right + braking.select(i32x16::splat(w.simd, BRAKE), i32x16::splat(w.simd, 0))
+    let shown = base
+        + left
+        + right
+        + braking.select(i32x16::splat(w.simd, BRAKE), i32x16::splat(w.simd, 0));
+    if !w.road.ways.two_way {
+        return shown;
+    }
+    let flashes = state.flashes[i].simd_gt(0.0);
+    shown + flashes.select(i32x16::splat(w.simd, HIGH_BEAM), i32x16::splat(w.simd, 0))
 }

@@ -8,7 +8,8 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 
 use overtaking_core::{
-    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, supported, with_outputs,
+    Constants, Inputs, Later, Output, SIMULATION_NAMES, VEHICLE_NAMES, Ways, supported,
+    with_outputs,
 };
 use overtaking_portable::simulate_at;
 
@@ -88,6 +89,15 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
     constants.friction_films = floats(file)?;
     let (boundaries, film_path) = (floats(file)?, floats(file)?);
     let ([side], pose) = (floats(file)?, floats(file)?);
+    let [own_lanes, two_way, far_end, across] = floats(file)?;
+    let ways = Ways {
+        own_lanes: own_lanes as usize,
+        two_way: two_way > 0.0,
+        far_end,
+        across,
+        sight: [floats(file)?, floats(file)?, floats(file)?],
+        line: [floats(file)?, floats(file)?],
+    };
     let mut parameters = || -> Outcome<_> {
         let of_vehicles = VEHICLE_NAMES.len() * slots * simulations;
         let of_simulations = SIMULATION_NAMES.len() * simulations;
@@ -113,6 +123,7 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         film_path,
         side,
         pose,
+        ways,
         seed,
         record_every: record_every as u32,
         script: None,

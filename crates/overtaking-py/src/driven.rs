@@ -51,6 +51,7 @@ impl Driven<'_> {
             film_path: self.road.film_path,
             side: self.road.side,
             pose: self.road.pose,
+            ways: self.road.ways(),
             seed: self.seed,
             record_every: 1,
             script: None,

@@ -14,8 +14,8 @@ mod stepper;
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use overtaking_core::orders::{Kind, PARTS, Script};
 use overtaking_core::{
-    Constants, Inputs, Later, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES, VEHICLE_NAMES,
-    supported, with_outputs,
+    Constants, Inputs, Later, MAX_KNOTS, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES,
+    VEHICLE_NAMES, Ways, supported, with_outputs,
 };
 use overtaking_portable::simulate_at;
 use pyo3::exceptions::PyValueError;
@@ -33,6 +33,25 @@ struct Road {
     film_path: [f32; 8],
     side: f32,
     pose: [f32; 5],
+    own_lanes: usize,
+    two_way: bool,
+    far_end: f32,
+    across: f32,
+    sight: [[f32; MAX_KNOTS]; 3],
+    line: [[f32; MAX_KNOTS]; 2],
+}
+
+impl Road {
+    fn ways(&self) -> Ways {
+        Ways {
+            own_lanes: self.own_lanes.clamp(1, 8),
+            two_way: self.two_way,
+            far_end: self.far_end,
+            across: self.across,
+            sight: self.sight,
+            line: self.line,
+        }
+    }
 }
 
 /// The constants of the model.
@@ -164,6 +183,7 @@ fn simulate(
         film_path: road.film_path,
         side: road.side,
         pose: road.pose,
+        ways: road.ways(),
         seed,
         record_every,
         script: script.transpose()?,

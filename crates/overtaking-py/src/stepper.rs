@@ -91,6 +91,7 @@ impl Kept {
             film_path: self.road.film_path,
             side: self.road.side,
             pose: self.road.pose,
+            ways: self.road.ways(),
             seed: self.seed,
             record_every: self.record_every,
             script: None,

@@ -49,7 +49,8 @@ class Scenario(Batch):
         drivers: People, (simulation, vehicle).
         weather: Weather, (simulation,).
         start_s: Position of the centre at the first frame, (simulation, vehicle) [m].
-        start_lane: Lane index, 0 the slowest, (simulation, vehicle).
+        start_lane: Lane index, 0 the slowest; on a two-way road the number of its lanes stands for
+            the lane of who comes the other way, (simulation, vehicle).
         start_speed: Speed at the first frame, (simulation, vehicle) [m/s].
         pushes: How weather acts instead of by physics, the same for the batch; None for physics.
     """
@@ -66,7 +67,7 @@ class Scenario(Batch):
     drivers: Drivers
     weather: Weather
     start_s: Annotated[F32, within(-MAX_LENGTH, MAX_LENGTH, "m", axes=_EACH)]
-    start_lane: Annotated[NDArray[np.uint8], within(0, "lane", axes=_EACH)]
+    start_lane: Annotated[NDArray[np.uint8], within(0, "lane or oncoming", axes=_EACH)]
     start_speed: Annotated[F32, within(0.0, 150.0, "m/s", axes=_EACH)]
     pushes: Pushes | None = None
 
@@ -97,7 +98,9 @@ class Scenario(Batch):
 
     def sizes(self) -> Mapping[str, int]:
         """Lanes of the road; a place may also be beyond the fastest one."""
-        return {"lane": self.road.num_lanes, "lane or beyond": self.road.num_lanes + 1}
+        lanes = self.road.num_lanes
+        ways = {"lane": lanes, "lane or beyond": lanes + 1}
+        return ways | {"lane or oncoming": lanes + self.road.is_two_way}
 
     def constraints(self) -> Iterable[Constraint]:
         """Vehicles start before the end of the road."""

@@ -17,6 +17,7 @@ from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.commonroad_lanes import MARKS
 from overtaking.recordings.xml import quoted
+from overtaking.world.lanes import refuse_oncoming
 
 FORMAT = "commonroad"
 
@@ -49,8 +50,10 @@ def write_commonroad(trajectories: Trajectories, numbers: NDArray[np.integer], f
         Number of states written.
 
     Raises:
+        ConfigError: Others come the other way.
         OSError: A file cannot be written.
     """
+    refuse_oncoming(trajectories.scenario, "export to CommonRoad")
     for place, number in enumerate(numbers.tolist()):
         text = "\n".join(_lines(trajectories, place, number)) + "\n"
         put_file(folder / f"{scenario_id(number)}.xml", text)

@@ -25,6 +25,7 @@ from overtaking.core.folders import put_file
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.table_road import NO_LIMIT
+from overtaking.world.lanes import refuse_oncoming
 
 F64 = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -90,8 +91,10 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
         Number of states written.
 
     Raises:
+        ConfigError: Others come the other way.
         OSError: A file cannot be written.
     """
+    refuse_oncoming(trajectories.scenario, "export to highD")
     written = 0
     for place, number in enumerate(numbers.tolist()):
         image = image_tracks(trajectories, place)

@@ -46,6 +46,8 @@ class Start:
         zone: Where they may start.
         deadline: A simulation without an attempt ends here, shape (simulation,) [s].
         pace: Positions [m] and speeds [m/s] from the speeds that drivers want in their weather.
+        turned: Whose positions count from the end of the road, as they come the other way; None
+            for nobody's.
     """
 
     vehicles: VehicleSpecs
@@ -55,6 +57,7 @@ class Start:
     zone: Zone
     deadline: F32
     pace: Callable[[F32], tuple[F32, F32]]
+    turned: Mask | None = None
 
 
 def start(spec: Spec, flow: Flow, road: Road, seed: int, index: U64, bend: Bend) -> Start:

@@ -15,7 +15,7 @@ from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.model.batch import Batch, concatenate
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.scenarios import natural
+from overtaking.scenarios import natural, ways
 from overtaking.scenarios.bodies import (
     lifted,
     longest,
@@ -30,8 +30,10 @@ from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
 from overtaking.scenarios.proposal import Bending
 from overtaking.scenarios.schema import Spec, Traffic
 from overtaking.scenarios.schema_flow import Flow
+from overtaking.scenarios.schema_ways import TwoWay
 from overtaking.scenarios.weather import sample_weather
 from overtaking.world.conditions import acting
+from overtaking.world.lanes import has_two_directions
 from overtaking.world.people import wanted_speed
 
 T = TypeVar("T", bound=np.generic)
@@ -93,12 +95,12 @@ def zone_of(spec: Spec, road: Road) -> Zone:
         ConfigError: The zone or a lane is not on the road, or the traffic has no zone.
         InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
     """
-    if isinstance(spec.traffic, Flow):
+    if not isinstance(spec.traffic, Traffic):
         raise ConfigError.of(
             what="traffic.mode",
             where=f"specification {spec.name}",
             expected="vehicles that are placed in a zone",
-            got="flow",
+            got=spec.traffic.mode,
             next_step="leave the mode out and give the zone",
         )
     return _zone(spec, spec.traffic, road)
@@ -212,6 +214,19 @@ def _check_flow(spec: Spec, flow: Flow, road: Road) -> None:
         )
 
 
+def _check_ways(spec: Spec, road: Road) -> None:
+    """ConfigError unless the road has one lane in each direction."""
+    if not has_two_directions(road):
+        raise ConfigError.of(
+            what="traffic.mode",
+            where=f"specification {spec.name} on road {road.name}",
+            expected="a two-way road with one lane in each direction",
+            got=f"{road.num_lanes} lanes in one direction"
+            + (" beside oncoming traffic" if road.is_two_way else ""),
+            next_step="choose the road rural, or another profile",
+        )
+
+
 def _needed_length(spec: Spec, traffic: Traffic, road: Road, zone: Zone) -> float:
     """Length of a road that no vehicle leaves before the horizon [m]."""
     fastest = PASSING_MARGIN * fastest_wish(spec.drivers, traffic)
@@ -234,6 +249,10 @@ def _starter(spec: Spec, road: Road) -> tuple[Starter, Road]:
         _check_flow(spec, traffic, road)
         long_road = road.extended(max(road.length, _round(natural.road_length(spec, traffic))))
         return partial(natural.start, spec, traffic, long_road), long_road
+    if isinstance(traffic, TwoWay):
+        _check_ways(spec, road)
+        long_road = road.extended(max(road.length, _round(ways.road_length(spec, traffic))))
+        return partial(ways.start, spec, traffic, long_road), long_road
     zone = _zone(spec, traffic, road)
     long_road = road.extended(_needed_length(spec, traffic, road, zone))
     return partial(_placed, spec, traffic, zone), long_road
@@ -299,10 +318,13 @@ def _block(
     scenario = scenario if changed is None else changed(scenario)
     s, speed = start.pace(wanted_speed(scenario))
     draft = Draft(valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept)
+    lane = start.lane if start.turned is None else np.where(start.turned, np.uint8(0), start.lane)
     followers = Followers(
         length=scenario.vehicles.length,
         reaction_time=scenario.drivers.reaction_time,
-        decel=usable_decel(scenario.vehicles, acting(scenario).weather, road, start.lane, speed),
+        decel=usable_decel(scenario.vehicles, acting(scenario).weather, road, lane, speed),
     )
     s, speed = settle(draft, followers, spec.starts, start.zone)
+    if start.turned is not None:
+        s = np.where(start.turned, np.float32(road.length) - s, s)
     return scenario.replace(start_s=s, start_speed=speed)

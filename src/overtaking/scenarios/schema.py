@@ -42,6 +42,7 @@ from overtaking.scenarios.fields import (
 )
 from overtaking.scenarios.populations import KEPT_TRAITS, drawn_range
 from overtaking.scenarios.schema_flow import Component, Flow, FlowLane, Proposal
+from overtaking.scenarios.schema_ways import TwoWay
 
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
 Weibull = (
@@ -53,7 +54,7 @@ Weibull = (
 def _kind_of_traffic(given: Any) -> str:
     """The mode of the traffic; without one, vehicles are placed independently, as in the study."""
     mode = given.get("mode") if isinstance(given, dict) else getattr(given, "mode", None)
-    return "flow" if mode == "flow" else "placed"
+    return mode if mode in ("flow", "two-way") else "placed"
 
 
 class Profile(Section):
@@ -336,7 +337,9 @@ class Spec(Section):
     profile: Profile
     time: Time
     traffic: Annotated[
-        Annotated[Traffic, Tag("placed")] | Annotated[Flow, Tag("flow")],
+        Annotated[Traffic, Tag("placed")]
+        | Annotated[Flow, Tag("flow")]
+        | Annotated[TwoWay, Tag("two-way")],
         Discriminator(_kind_of_traffic),
     ]
     weather: Annotated[PresetWeather | IndependentWeather, Field(discriminator="mode")]
@@ -387,7 +390,7 @@ def known_keys(section: tuple[str, ...], mode: str | None = None) -> tuple[str, 
     if section == ("weather",):
         model = PresetWeather if mode == "presets" else IndependentWeather
     elif section == ("traffic",):
-        model = Flow if mode == "flow" else Traffic
+        model = {"flow": Flow, "two-way": TwoWay}.get(mode or "", Traffic)
     else:
         model = _SECTIONS[tuple(part for part in section if not part.isdigit())]
     return tuple(model.model_fields)

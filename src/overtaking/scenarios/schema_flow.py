@@ -33,6 +33,7 @@ BENT = (
     "sun",
     "sun_direction",
     "density",
+    "flow",
     "ego_temper",
     "others_temper",
 )

@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from overtaking.core.elementary import F32
+from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.philox import U64
 from overtaking.model.changes import Branched, Change
@@ -176,7 +177,8 @@ def changed(scenario: Scenario, change: Change) -> Scenario:
     _check_vehicle(scenario, change)
     slot, start, drivers = change.vehicle, scenario.start_s, _drivers(scenario.drivers, change)
     speed = _moved(scenario.start_speed, slot, change.faster)
-    place = _moved(start, slot, change.ahead)
+    comes = _oncoming(scenario)[:, slot]
+    place = _moved(start, slot, np.where(comes, -change.ahead, change.ahead))
     if change.removed:
         place[:, slot] = _AWAY - _APART * np.float32(slot)
     return found.replace(drivers=drivers, start_s=place, start_speed=speed)
@@ -197,10 +199,15 @@ def _drivers(drivers: Drivers, change: Change) -> Drivers:
     return drivers.replace(desired_speed=np.where(wish < 0, np.float32(0.0), wish))
 
 
-def _moved(values: F32, slot: int, by: float) -> F32:
+def _oncoming(scenario: Scenario) -> Mask:
+    """Whose way ahead is against that of the road, (simulation, vehicle)."""
+    return scenario.start_lane == scenario.road.num_lanes
+
+
+def _moved(values: F32, slot: int, by: ArrayLike) -> F32:
     """Values with a number added to those of one vehicle."""
     found = values.copy()
-    found[:, slot] = found[:, slot] + np.float32(by)
+    found[:, slot] = found[:, slot] + np.asarray(by, np.float32)
     return found
 
 

@@ -102,6 +102,12 @@ def road_values(given: Parameters) -> dict[str, Any]:
         "film_path": road.film_path.tolist(),
         "side": float(road.side),
         "pose": [float(number) for number in pose],
+        "own_lanes": road.own_lanes,
+        "two_way": road.two_way,
+        "far_end": float(road.far_end),
+        "across": float(road.across),
+        "sight": road.sight.tolist(),
+        "line": road.line.tolist(),
     }
 
 

@@ -163,12 +163,17 @@ def _bit(on: NDArray[np.bool_], light: Lights) -> F32:
 
 
 def _start(scenario: Scenario) -> Rows:
-    borders = road_parameters(scenario.road).boundaries
+    road = road_parameters(scenario.road)
+    borders = road.boundaries
     # An empty slot may name any lane.
     lane = np.minimum(scenario.start_lane, MAX_LANES - 1).astype(np.int64)
+    opposed = road.two_way & (lane == road.own_lanes)
+    # In its own frame an oncoming vehicle starts in the slowest lane.
+    lane = np.where(opposed, 0, lane)
     return {
-        "start_s": scenario.start_s,
+        "start_s": np.where(opposed, road.far_end - scenario.start_s, scenario.start_s),
         "start_d": _HALF * (borders[lane] + borders[lane + 1]),
         "start_speed": scenario.start_speed,
-        "start_lane": scenario.start_lane,
+        "start_lane": lane,
+        "direction": np.where(opposed, -_ONE, _ONE),
     }

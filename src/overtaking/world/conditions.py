@@ -57,6 +57,13 @@ class SimulationParameters(NamedTuple):
         command: Decision that is forced on the ego, 0 for none (`parameters.with_command`).
         ring: Length of a road that closes on itself, 0 for a road with ends [m].
         inverse_ring: One over that length, 0 for a road with ends [1/m].
+        oncoming_error: Coefficient of variation of judged distances to oncoming vehicles [1].
+        oncoming_sight: How far an oncoming car is seen in this weather and light [m].
+        usual_speed: At which drivers believe that others come until it looms [m/s].
+        need_factor: What the ego believes that passing takes, over what it does [1].
+        spare: Time that it wants beyond, over what it believes that passing takes [1].
+        heeds_lines: Whether it starts no pass across a solid line.
+        hasty_change: Shortest change of lane in an emergency [s].
 
     Every array has shape (simulation,).
     """
@@ -92,6 +99,25 @@ class SimulationParameters(NamedTuple):
     command: F32
     ring: F32
     inverse_ring: F32
+    oncoming_error: F32
+    oncoming_sight: F32
+    usual_speed: F32
+    need_factor: F32
+    spare: F32
+    heeds_lines: F32
+    hasty_change: F32
+
+
+PASSING = (
+    "oncoming_error",
+    "oncoming_sight",
+    "usual_speed",
+    "need_factor",
+    "spare",
+    "heeds_lines",
+    "hasty_change",
+)
+"""What only two-way roads have; `passing` works it out there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,6 +174,7 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
         command=zero,
         ring=zero,
         inverse_ring=zero,
+        **dict.fromkeys(PASSING, zero),
         **_sight(felt, ahead, effects),
         **wind,
         **ahead.film,

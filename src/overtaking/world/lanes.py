@@ -1,14 +1,27 @@
 """The road for the step: lateral axis towards the fast side, padded to a fixed size."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from overtaking.core.elementary import F32, as_f32, sincos
-from overtaking.model.road import MAX_LANES, DrivingSide, Road
+from overtaking.core.errors import ConfigError
+from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
+from overtaking.model.scenario import Scenario
 from overtaking.world import film
 from overtaking.world.constants import known
+
+MAX_KNOTS = 64
+"""Most stations between which sight, or the line between the directions, changes."""
+
+_SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
+"""Lines that are not crossed from their first side."""
+
+_FAR = 1e9
+"""Where a road does not limit sight [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +29,13 @@ class RoadParameters:
     """The road as the step sees it, lateral axis towards the fast side.
 
     Attributes:
-        num_lanes: Driving lanes.
+        num_lanes: Driving lanes; on a two-way road that of oncoming traffic is one of them.
+        own_lanes: Those of the road's own direction.
+        two_way: Whether others may come the other way.
+        far_end: Station from which oncoming vehicles count theirs, the end of the road [m].
+        across: Sum of the edges: what an oncoming vehicle takes its lateral position from [m].
+        sight: Stations, how far one sees there [m], and how much more per metre; (3, MAX_KNOTS).
+        line: Stations, and 1 from where on the line is not to be crossed; (2, MAX_KNOTS).
         boundaries: Lane borders from slow to fast, padded with the last, shape (MAX_LANES + 1,)
             [m].
         film_path: `film.film_per_path` of each lane, padded, shape (MAX_LANES,).
@@ -29,6 +48,12 @@ class RoadParameters:
     """
 
     num_lanes: int
+    own_lanes: int
+    two_way: bool
+    far_end: np.float32
+    across: np.float32
+    sight: F32
+    line: F32
     boundaries: F32
     film_path: F32
     side: np.float32
@@ -43,13 +68,26 @@ class RoadParameters:
 def road_parameters(road: Road) -> RoadParameters:
     """The road as the step sees it; all callers share its arrays, which must not be changed."""
     side = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
-    borders = _padded(side * as_f32(road.boundaries))
+    borders = side * as_f32(road.boundaries)
+    two_way = has_two_directions(road)
+    if two_way:
+        borders = np.append(borders, borders[-1] + _opposite_width(road))
+    across = borders[0] + borders[-1]
+    num_lanes = len(borders) - 1
+    borders = _padded(borders)
+    crown = borders[road.num_lanes] if two_way else borders[-1]
     heading = np.float32(road.heading)
     sine, cosine = sincos(heading)
     return RoadParameters(
-        num_lanes=road.num_lanes,
+        num_lanes=num_lanes,
+        own_lanes=road.num_lanes,
+        two_way=two_way,
+        far_end=np.float32(road.length),
+        across=across,
+        sight=_sight(road) if two_way else np.zeros((3, MAX_KNOTS), np.float32),
+        line=_line(road) if two_way else np.zeros((2, MAX_KNOTS), np.float32),
         boundaries=borders,
-        film_path=film.film_per_path(_drainage_path(borders)),
+        film_path=film.film_per_path(_drainage_path(borders, crown)),
         side=side,
         x0=np.float32(road.x0),
         y0=np.float32(road.y0),
@@ -64,7 +102,91 @@ def _padded(borders: F32) -> F32:
     return np.concatenate([borders, np.full(MAX_LANES + 1 - len(borders), borders[-1], np.float32)])
 
 
-def _drainage_path(borders: F32) -> F32:
-    """How far water has run from the fast edge, the crown, to the middle of each lane [m]."""
+def _drainage_path(borders: F32, crown: np.float32) -> F32:
+    """How far water has run from the crown to the middle of each lane [m].
+
+    The crown is the fast edge, and on a two-way road the line between the directions.
+    """
     middle = (borders[1:] + borders[:-1]) * np.float32(0.5)
-    return np.maximum(borders[-1] - middle, known("model.water.shortest_path"))
+    return np.maximum(np.abs(crown - middle), known("model.water.shortest_path"))
+
+
+def has_two_directions(road: Road) -> bool:
+    """Whether traffic of both directions can be simulated: one lane each.
+
+    Elsewhere vehicles keep to the lanes of the road's own direction.
+    """
+    return road.is_two_way and road.num_lanes == 1
+
+
+def refuse_oncoming(scenario: Scenario, where: str) -> None:
+    """ConfigError for vehicles that come the other way.
+
+    Args:
+        scenario: A batch of scenarios.
+        where: A part of the package that knows one direction only.
+    """
+    road = scenario.road
+    if (scenario.vehicles.valid & (scenario.start_lane == road.num_lanes)).any():
+        raise ConfigError.of(
+            what=f"traffic on road {road.name}",
+            where=where,
+            expected="vehicles that all drive the same way",
+            got="oncoming ones",
+            next_step="choose another profile",
+        )
+
+
+def _opposite_width(road: Road) -> np.float32:
+    """Width of the lane of oncoming traffic, which has to be that of the other [m].
+
+    Raises:
+        ConfigError: It is not.
+    """
+    width, beyond = road.lanes[0].width, road.fast_side_neighbour
+    if beyond is None or beyond.width != width:
+        raise ConfigError.of(
+            what="width of the oncoming lane",
+            where=f"road {road.name}",
+            expected=f"{width:g} m, as the lane of the other direction has",
+            got="no lane" if beyond is None else f"{beyond.width:g} m",
+            next_step="make both lanes equally wide, or simulate another road",
+        )
+    return np.float32(width)
+
+
+def _sight(road: Road) -> F32:
+    """Stations, sight there, and its change per metre; the last knot is repeated."""
+    table = road.course.sight if road.course else ()
+    stations = np.array([s for s, _ in table] or [0.0], np.float64)
+    seen = np.array([distance for _, distance in table] or [_FAR], np.float64)
+    change = np.append(np.diff(seen) / np.diff(stations), 0.0)
+    # Before the first station sight is as there.
+    rows = [np.append(-_FAR, stations), np.append(seen[0], seen), np.append(0.0, change)]
+    return _knots(road, "sight", rows)
+
+
+def _line(road: Road) -> F32:
+    """Stations, and whether the line is solid for the road's own direction from there on."""
+    marks = road.fast_edge_marks
+    stations = [max(start, -_FAR) for start, _ in marks]
+    return _knots(road, "lines", [stations, [float(mark in _SOLID) for _, mark in marks]])
+
+
+def _knots(road: Road, what: str, rows: Sequence[ArrayLike]) -> F32:
+    """Rows of `MAX_KNOTS` numbers, the last station repeated.
+
+    Raises:
+        ConfigError: There are more.
+    """
+    table = np.array([np.asarray(row, np.float64) for row in rows])
+    if table.shape[1] > MAX_KNOTS:
+        raise ConfigError.of(
+            what=f"{what} of the course",
+            where=f"road {road.name}",
+            expected=f"at most {MAX_KNOTS - 1} stations to be simulated",
+            got=table.shape[1] - 1,
+            next_step="simulate a shorter part of the road",
+        )
+    rest = np.repeat(table[:, -1:], MAX_KNOTS - table.shape[1], axis=1)
+    return np.concatenate([table, rest], axis=1).astype(np.float32)

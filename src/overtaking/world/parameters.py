@@ -26,6 +26,7 @@ from overtaking.world.conditions import SimulationParameters, acting, world_of
 from overtaking.world.constants import Constants, constants
 from overtaking.world.effects import Effects, ablated
 from overtaking.world.lanes import RoadParameters, road_parameters
+from overtaking.world.passing import passing_parameters
 from overtaking.world.people import driver_parameters
 
 __all__ = [
@@ -121,6 +122,9 @@ class VehicleParameters(NamedTuple):
     start_d: F32
     start_speed: F32
     start_lane: F32
+    direction: F32
+    makes_room: F32
+    passed_factor: F32
 
     def of(self, slot: int) -> "VehicleParameters":
         """The parameters of one vehicle, shape (simulation,)."""
@@ -191,9 +195,11 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     vehicle = _unchanged(scenario.vehicles) | _unchanged(scenario.drivers)
     vehicle |= body_parameters(scenario, c, world, effects)
     vehicle |= driver_parameters(acting(scenario), c, world, effects)
+    own, others = passing_parameters(scenario, world, effects)
+    vehicle |= others
     return Parameters(
         vehicle=_stacked(vehicle, VEHICLE_FIELDS),
-        simulation=_stacked(world.step._asdict(), SIMULATION_FIELDS),
+        simulation=_stacked(world.step._asdict() | own, SIMULATION_FIELDS),
         road=road_parameters(scenario.road),
         constants=c,
         seed=scenario.seed,

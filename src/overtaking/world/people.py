@@ -114,15 +114,17 @@ def _limits(scenario: Scenario, c: Constants) -> Rows:
 def _lane_changes(scenario: Scenario, world: World, effects: Effects) -> Rows:
     p = scenario.drivers
     threshold = p.lane_change_threshold
-    quickest = _quickest_change(scenario, world)[:, None]
+    quickest = quickest_change(scenario, world)[:, None]
+    # The others overtake nobody against oncoming traffic.
+    mobil = effects.mobil and not road_parameters(scenario.road).two_way
     return {
-        "threshold": threshold if effects.mobil else np.full_like(threshold, _NEVER),
+        "threshold": threshold if mobil else np.full_like(threshold, _NEVER),
         "bias": p.right_bias,
         "lane_change_duration": maximum(p.lane_change_duration, quickest),
     }
 
 
-def _quickest_change(scenario: Scenario, world: World) -> F32:
+def quickest_change(scenario: Scenario, world: World) -> F32:
     """Shortest lane change that the believed grip allows, shape (simulation,) [s]."""
     borders = road_parameters(scenario.road).boundaries
     width = borders[1] - borders[0]

@@ -9,6 +9,7 @@ from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants
+from overtaking.world.lanes import RoadParameters
 
 _TINY = np.float32(1e-6)  # Keeps the instant of contact finite without relative motion [m].
 _EVER = np.float32(1e9)  # Steps before and after which nothing happens.
@@ -26,10 +27,37 @@ class Box:
     half_width: F32
 
 
-def is_near(state: State, c: Constants, p: Fields, i: int, j: int) -> Mask:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """How the second vehicle of a pair is seen from the first; arrays of shape (simulation,).
+
+    Attributes:
+        turn: 1, or -1 for vehicles of opposite directions: axes of the second point the other way.
+        far_end: Sum of their positions along the road where they meet [m].
+        across: Sum of their positions across it where they meet [m].
+    """
+
+    turn: F32
+    far_end: np.float32
+    across: np.float32
+
+    def place(self, s: F32, d: F32) -> tuple[F32, F32]:
+        """A position of the second vehicle in the frame of the first [m]."""
+        turned = self.turn < 0
+        return np.where(turned, self.far_end - s, s), np.where(turned, self.across - d, d)
+
+
+def frame_of(road: RoadParameters, p: Fields, i: int, j: int) -> Frame:
+    """How vehicle `j` is seen from vehicle `i`."""
+    turn = p.direction[i] * p.direction[j]
+    return Frame(turn=turn, far_end=road.far_end, across=road.across)
+
+
+def is_near(state: State, c: Constants, road: RoadParameters, p: Fields, i: int, j: int) -> Mask:
     """Whether a pair may touch before the next decision."""
-    along = np.abs(state.s[j] - state.s[i]) < p.half_length[i] + p.half_length[j] + c.near_gap
-    aside = np.abs(state.d[j] - state.d[i]) < p.half_width[i] + p.half_width[j] + c.near_side
+    s, d = frame_of(road, p, i, j).place(state.s[j], state.d[j])
+    along = np.abs(s - state.s[i]) < p.half_length[i] + p.half_length[j] + c.near_gap
+    aside = np.abs(d - state.d[i]) < p.half_width[i] + p.half_width[j] + c.near_side
     return along & aside & (p.valid[i] > 0) & (p.valid[j] > 0)
 
 
@@ -59,6 +87,7 @@ def end_with_ego(state: State, c: Constants, crashed: Mask, step: int) -> None:
 def collide(
     state: State,
     c: Constants,
+    road: RoadParameters,
     p: Fields,
     pairs: dict[tuple[int, int], Mask],
     before: tuple[F32, F32],
@@ -72,6 +101,7 @@ def collide(
     Args:
         state: State after the step.
         c: Constants.
+        road: The road.
         p: Parameters.
         pairs: Near pairs, `is_near` at the last decision.
         before: Positions `s` and `d` before the step.
@@ -81,13 +111,14 @@ def collide(
     was_sound = state.crashed[Role.EGO] == 0
     for (i, j), near in pairs.items():
         if near.any():
-            _collide_pair(state, c, p, near, before, (step, length), (i, j))
+            frame = frame_of(road, p, i, j)
+            _collide_pair(state, c, p, near, before, (step, length), (i, j), frame)
     end_with_ego(state, c, was_sound & (state.crashed[Role.EGO] > 0), step)
 
 
 @dataclass(slots=True, kw_only=True)
 class Hit:
-    """A contact of two vehicles in each simulation; arrays of shape (simulation,).
+    """A contact of two vehicles in the frame of the first; arrays of shape (simulation,).
 
     Attributes:
         mask: Where there is one.
@@ -116,12 +147,13 @@ def _collide_pair(
     before: tuple[F32, F32],
     during: tuple[int, np.float32],
     pair: tuple[int, int],
+    frame: Frame,
 ) -> None:
     i, j = pair
-    hit = _contact(state, c, p, near, before, during, pair)
+    hit = _contact(state, c, p, near, before, during, pair, frame)
     impulse = _impulse(c, p, hit, i, j)
     _push(state, p, hit, i, -impulse, hit.lever_a)
-    _push(state, p, hit, j, impulse, hit.lever_b)
+    _push(state, p, hit, j, frame.turn * impulse, frame.turn * hit.lever_b)
     for own, other in ((i, j), (j, i)):
         _write_down(state, hit, impulse, own, other)
 
@@ -134,6 +166,7 @@ def _contact(
     before: tuple[F32, F32],
     during: tuple[int, np.float32],
     pair: tuple[int, int],
+    frame: Frame,
 ) -> Hit:
     """Whether, when, where and how fast a pair touched during the step; none once it is over.
 
@@ -142,21 +175,26 @@ def _contact(
     """
     (step, length), (i, j) = during, pair
     one = np.float32(1.0)
-    then = (before[0][j] - before[0][i], before[1][j] - before[1][i])
-    now = (state.s[j] - state.s[i], state.d[j] - state.d[i])
+    was_s, was_d = frame.place(before[0][j], before[1][j])
+    is_s, is_d = frame.place(state.s[j], state.d[j])
+    then = (was_s - before[0][i], was_d - before[1][i])
+    now = (is_s - state.s[i], is_d - state.d[i])
     zero = np.zeros_like(now[0])
-    a, b = (_box(state, p, before, k, zero, zero) for k in pair)
+    unturned = Frame(turn=np.ones_like(zero), far_end=frame.far_end, across=frame.across)
+    frames = (i, unturned), (j, frame)
+    a, b = (_box(state, p, before, k, zero, zero, own) for k, own in frames)
     overlap = first_contact(a, b, then, now)
     near = near & _is_within(overlap)
     share = one - clamp(overlap[0], np.float32(0.0), one)
-    a, b = (_box(state, p, before, k, share, share * length) for k in pair)
+    a, b = (_box(state, p, before, k, share, share * length, own) for k, own in frames)
     overlap = first_contact(a, b, then, now)
     enter, _, along, across = overlap
     enter = clamp(enter, np.float32(0.0), one)
     # Levers of any other instant than the one that the pair goes on from would make spin.
-    a, b = (_box(state, p, before, k, one - enter, share * length) for k in pair)
+    a, b = (_box(state, p, before, k, one - enter, share * length, own) for k, own in frames)
     arm_a, arm_b = _contact_arms(a, b)
-    velocity_a, velocity_b = _velocity(state, i, arm_a), _velocity(state, j, arm_b)
+    velocity_a = _velocity(state, i, arm_a, unturned.turn)
+    velocity_b = _velocity(state, j, arm_b, frame.turn)
     approach = (velocity_a[0] - velocity_b[0]) * along + (velocity_a[1] - velocity_b[1]) * across
     instant = np.float32(step) * c.step + enter * length
     runs = instant < state.end_step * c.step
@@ -203,14 +241,25 @@ def _write_down(state: State, hit: Hit, impulse: F32, own: int, other: int) -> N
     state.crashed[own] = np.where(hit.mask, np.float32(1.0), state.crashed[own])
 
 
-def _box(state: State, p: Fields, before: tuple[F32, F32], i: int, share: F32, left: F32) -> Box:
+def _box(
+    state: State,
+    p: Fields,
+    before: tuple[F32, F32],
+    i: int,
+    share: F32,
+    left: F32,
+    frame: Frame,
+) -> Box:
     """A vehicle as it was when a `share` of the step, a time `left` [s], was still to come."""
     sine, cosine = sincos(state.psi[i] - left * state.r[i])
+    s = state.s[i] - share * (state.s[i] - before[0][i])
+    d = state.d[i] - share * (state.d[i] - before[1][i])
+    s, d = frame.place(s, d)
     return Box(
-        s=state.s[i] - share * (state.s[i] - before[0][i]),
-        d=state.d[i] - share * (state.d[i] - before[1][i]),
-        sine=sine,
-        cosine=cosine,
+        s=s,
+        d=d,
+        sine=frame.turn * sine,
+        cosine=frame.turn * cosine,
         half_length=p.half_length[i],
         half_width=p.half_width[i],
     )
@@ -290,11 +339,11 @@ def _nearest_point(box: Box, ahead: F32, aside: F32) -> tuple[F32, F32]:
     return along * box.cosine - across * box.sine, along * box.sine + across * box.cosine
 
 
-def _velocity(state: State, i: int, arm: tuple[F32, F32]) -> tuple[F32, F32]:
-    """Velocity along and across the road of a point of a vehicle."""
+def _velocity(state: State, i: int, arm: tuple[F32, F32], turn: F32) -> tuple[F32, F32]:
+    """Velocity of a point of a vehicle, along and across, in a frame that is turned or not."""
     sine, cosine = sincos(state.psi[i])
-    along = state.vx[i] * cosine - state.vy[i] * sine - state.r[i] * arm[1]
-    across = state.vx[i] * sine + state.vy[i] * cosine + state.r[i] * arm[0]
+    along = turn * (state.vx[i] * cosine - state.vy[i] * sine) - state.r[i] * arm[1]
+    across = turn * (state.vx[i] * sine + state.vy[i] * cosine) + state.r[i] * arm[0]
     return along, across
 
 
@@ -302,7 +351,7 @@ def _push(state: State, p: Fields, hit: Hit, i: int, impulse: F32, lever: F32) -
     """Change the motion of a vehicle by an impulse, and its position over the rest of the step."""
     zero = np.zeros_like(lever)
     change = impulse * p.inverse_mass[i]
-    along, across = _velocity(state, i, (zero, zero))
+    along, across = _velocity(state, i, (zero, zero), np.ones_like(lever))
     along, across = along + change * hit.along, across + change * hit.across
     spin = impulse * lever * p.inverse_inertia[i]
     state.s[i] = state.s[i] + hit.left * (change * hit.along)

@@ -7,6 +7,8 @@ from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.oncoming import is_passed
+from overtaking.sim.reference.passing import speed_of_pass
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
 from overtaking.world.constants import Constants
@@ -17,12 +19,13 @@ _FREE = np.float32(1e9)
 
 def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs) -> F32:
     """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2]."""
-    desired = _desired_speed(state, p)
+    desired = _desired_speed(state, given, p)
     c = given.constants
     gap, closing = believed.gap[LEAD], believed.closing[LEAD]
     kept = _time_gap(state, c, p)
     wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEAD])
-    gain = np.where(_is_passing(state)[None, :] & (wanted > 0), c.accelerate_gain, np.float32(1.0))
+    eager = np.where(state.hurries > 0, c.hurry_gain, c.accelerate_gain)
+    gain = np.where(_is_passing(state)[None, :] & (wanted > 0), eager, np.float32(1.0))
     gain[1:] = np.float32(1.0)
     return wanted * gain
 
@@ -41,9 +44,13 @@ def _time_gap(state: State, c: Constants, p: Fields) -> F32:
     return kept
 
 
-def _desired_speed(state: State, p: Fields) -> F32:
+def _desired_speed(state: State, given: Parameters, p: Fields) -> F32:
     desired = p.desired_speed.copy()
-    desired[Role.EGO] = np.where(_is_passing(state), p.pass_speed[Role.EGO], desired[Role.EGO])
+    passing = p.pass_speed[Role.EGO]
+    if given.road.two_way:
+        passing = speed_of_pass(state, given, p)
+        desired = np.where(is_passed(state, given, p), desired * p.passed_factor, desired)
+    desired[Role.EGO] = np.where(_is_passing(state), passing, desired[Role.EGO])
     return desired
 
 
@@ -68,7 +75,8 @@ def behind_old_leader(
     left = maximum(c.clear_fraction * state.path_duration - state.path_time, np.float32(0.0))
     needed = _braking_to_clear(c, gap - p.min_gap, closing, left + c.clear_margin) - accel
     matters = changing & (slot >= 0) & overlaps & (needed > 0)
-    kept = follow(c, p, state.vx, _desired_speed(state, p), gap, closing, p.time_gap, accel)
+    desired = _desired_speed(state, given, p)
+    kept = follow(c, p, state.vx, desired, gap, closing, p.time_gap, accel)
     return np.where(matters, maximum(kept, -needed), _FREE)
 
 

@@ -44,7 +44,7 @@ def weather(
 ) -> None:
     """Gusts, friction under the wheels and wind on the side, as they are for the next tick."""
     turned = _turned(state, q)
-    environment.move_random_processes(state, given, turned, decision)
+    environment.move_random_processes(state, given, p, turned, decision)
     environment.grip(state, given, p, turned)
     environment.wind(state, given, p, turned)
 

@@ -26,13 +26,16 @@ from overtaking.sim.reference.mobil import (
     turn_to_lane,
 )
 from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.orders import Orders, obey, show
+from overtaking.sim.reference.passing import may_meet, weigh
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import (
     FAST_LEAD,
     FAST_REAR,
     LEAD,
+    ONCOMING,
     REAR,
     SLOW_LEAD,
     SLOW_REAR,
@@ -113,6 +116,23 @@ def faster(state: State, near: Neighbours) -> F32:
     return state.vx[Role.EGO] - pick(state.vx, near.slot[LEAD, Role.EGO])
 
 
+@dataclass(slots=True, kw_only=True)
+class Meeting:
+    """What oncoming traffic lets the ego do; masks of shape (simulation,).
+
+    Attributes:
+        may_go: The other lane is believed to be free for long enough to pass.
+        hurries: Little time is left to be past.
+        squeezes: It is in a hurry, and there is room to squeeze back in.
+        falls_in: It gives up, and there is room to fall in behind the other.
+    """
+
+    may_go: Mask
+    hurries: Mask
+    squeezes: Mask
+    falls_in: Mask
+
+
 def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
     """Acceleration that a vehicle ahead forces on the ego at the gap demanded now."""
     time_gap = view.own.time_gap * view.demand
@@ -160,7 +180,8 @@ def may_return(given: Parameters, view: View) -> Mask:
     room = view.gap[SLOW_LEAD] - own.lane_change_duration * maximum(ahead, zero)
     front = own_braking(given, view, room, ahead) >= -own.decel
     worth = view.gap[SLOW_LEAD] > given.constants.stay_time * view.closing[SLOW_LEAD]
-    return rear & front & worth
+    # Nobody stays in the lane of others to pass one more.
+    return rear & front & (worth | given.road.two_way)
 
 
 def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
@@ -192,30 +213,68 @@ def decide(
     recorder: Recorder | None,
     step: int,
     orders: Orders | None = None,
+    oncoming: Oncoming | None = None,
 ) -> None:
     """One decision of every ego; what it intends holds until it looks around again."""
     view = look(state, given, p, near, believed)
     _wait(state, given, view)
     if orders is None:
         waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
-        intent = _intend(state, given, p, q, view, looks, waits)
+        meets = _meet(state, given, p, q, near, view, oncoming)
+        intent = _intend(state, given, p, q, view, looks, waits, meets)
     else:
         intent = obey(state, given, p, orders)
+    front = FAST_LEAD if oncoming is None else ONCOMING
     for mask, kind, roles in (
-        (intent.go_out, DecisionKind.PULL_OUT, (LEAD, FAST_LEAD, FAST_REAR)),
+        (intent.go_out, DecisionKind.PULL_OUT, (LEAD, front, FAST_REAR)),
         (intent.abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
         (intent.remain, DecisionKind.ABORT, (LEAD, FAST_LEAD, FAST_REAR)),
         (intent.go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
     ):
         if recorder is not None:
-            recorder.percepts(state, near, believed, mask, kind, roles, step)
+            recorder.percepts(state, near, believed, mask, kind, roles, step, oncoming)
     next_stage = _next_stage(state, given, near, intent)
-    _act(state, given, p, near, view, intent, step // SUBSTEPS)
+    hasty = None if oncoming is None else _haste(state, q)
+    _act(state, given, p, near, view, intent, step // SUBSTEPS, hasty)
     if orders is not None:
         show(state, orders)
     _end(state, given, q, intent, next_stage, step)
     state.stage_time = np.where(next_stage != state.stage, np.float32(0.0), state.stage_time)
     state.stage = next_stage
+
+
+def _meet(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    near: Neighbours,
+    view: View,
+    oncoming: Oncoming | None,
+) -> Meeting | None:
+    """What oncoming traffic lets the ego do; None where there is none on the road."""
+    if oncoming is None:
+        return None
+    leader = view.gap[LEAD], view.leader_speed
+    may_go = may_meet(state, given, p, q, near, oncoming, leader, view.impatience)
+    plight = weigh(state, given, p, q, oncoming)
+    squeezed = view.gap[SLOW_REAR] > given.constants.squeeze_gap
+    c, closing = given.constants, view.closing[SLOW_LEAD]
+    room = view.gap[SLOW_LEAD] - q.hasty_change * maximum(closing, _STEADY)
+    ahead = needed_braking(c, view.speed, room, closing, _STEADY)
+    return Meeting(
+        may_go=may_go,
+        hurries=plight.hurries,
+        squeezes=plight.hurries & squeezed & (ahead >= -(c.abort_factor * view.own.decel)),
+        falls_in=plight.yields & plight.fits & (view.gap[SLOW_REAR] > c.smallest_rear_gap),
+    )
+
+
+def _haste(state: State, q: SimulationParameters) -> F32:
+    """How long a hurried ego takes to change lanes, 0 for everybody else [s]."""
+    hasty = np.zeros_like(state.s)
+    hasty[Role.EGO] = np.where((state.hurries > 0) | (state.yields > 0), q.hasty_change, _STEADY)
+    return hasty
 
 
 def _wait(state: State, given: Parameters, view: View) -> None:
@@ -235,22 +294,30 @@ def _intend(
     view: View,
     looks: Mask,
     waits: Mask,
+    meets: Meeting | None,
 ) -> Intent:
     """What the ego wants, and what of it is done now that it has signalled long enough."""
     arrived = has_arrived(state)
     passed = has_passed(state, given, p)
-    start = _starts(state, given, q, view, arrived, looks)
-    back = _turns_back(state, given, q, view, passed, looks)
+    start = _starts(state, given, q, view, arrived, looks, meets)
+    back = _turns_back(state, given, q, view, passed, looks, meets)
     signal(state, given, start, back)
     ready = state.signalled > view.own.signal_time
     sure = (looks & ~waits) | view.told
+    abort = _gives_up(state, given, q, view, looks)
+    remain = _stays_out(state, given, q, view, looks)
+    back_now = ready
+    if meets is not None:
+        back_now = ready | meets.hurries
+        abort = abort | meets.falls_in
+        remain = np.zeros_like(remain)  # The other lane is no place to stay.
     return Intent(
         start=start,
         back=back,
         go_out=start & ready & (sure | (q.command == Decision.PULL_OUT)),
-        go_back=back & ready & (sure | (q.command == Decision.RETURN)),
-        abort=_gives_up(state, given, q, view, looks),
-        remain=_stays_out(state, given, q, view, looks),
+        go_back=back & back_now & (sure | (q.command == Decision.RETURN)),
+        abort=abort,
+        remain=remain,
         passed=passed,
         arrived=arrived,
     )
@@ -263,6 +330,7 @@ def _starts(
     view: View,
     arrived: Mask,
     looks: Mask,
+    meets: Meeting | None,
 ) -> Mask:
     """Whether an overtake is wanted and looked possible, or is forced by a branch."""
     c = given.constants
@@ -270,6 +338,8 @@ def _starts(
     has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
     free = in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
     seen = wants_to_pass(given, view) & may_pull_out(given, view)
+    if meets is not None:
+        seen = seen & meets.may_go
     seen = np.where(view.told, view.ordered, seen)
     wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] > 0) & (
         q.command != Decision.STAY
@@ -284,6 +354,7 @@ def _turns_back(
     view: View,
     passed: Mask,
     looks: Mask,
+    meets: Meeting | None,
 ) -> Mask:
     """Whether the ego may return: past the target, or stuck beside it, or forced by a branch."""
     c = given.constants
@@ -291,7 +362,11 @@ def _turns_back(
     late = state.stage_time > c.give_up_after
     stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
-    seen = np.where(view.told, passed, may_return(given, view) & (passed | stuck)) & rested
+    may = may_return(given, view) & (passed | stuck)
+    if meets is not None:
+        hurried = meets.squeezes & passed
+        may, rested = may | hurried, rested | hurried
+    seen = np.where(view.told, passed, may) & rested
     wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] < 0)
     return has_lane & (wanted | (q.command == Decision.RETURN))
 
@@ -337,6 +412,7 @@ def _act(
     view: View,
     intent: Intent,
     decision: int,
+    hasty: F32 | None,
 ) -> None:
     """Move over and show it; who pulls out remembers whom it is overtaking."""
     state.target = np.where(intent.go_out, near.slot[LEAD, Role.EGO], state.target)
@@ -347,7 +423,7 @@ def _act(
     back[Role.EGO] = intent.abort | intent.remain
     left = np.zeros_like(state.s)
     left[Role.EGO] = time_left(view.gap[LEAD], view.closing[LEAD])
-    turn_to_lane(state, given, p, (fast, slow, back), left, decision)
+    turn_to_lane(state, given, p, (fast, slow, back), left, decision, hasty)
     _show(state, view, intent, (fast | slow)[Role.EGO])
 
 

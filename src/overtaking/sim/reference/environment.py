@@ -4,7 +4,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, atan, clamp, exp, maximum, minimum, sincos
 from overtaking.core.philox import Stream, uniform, words
-from overtaking.sim.reference.state import Fields, State
+from overtaking.sim.reference.state import Fields, State, on_the_road, seen_from_each
 from overtaking.world import film, friction
 from overtaking.world.parameters import Parameters, SimulationParameters
 
@@ -25,13 +25,13 @@ def _relaxed(process: F32, keep: F32, word: F32) -> F32:
 
 
 def move_random_processes(
-    state: State, given: Parameters, q: SimulationParameters, decision: int
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, decision: int
 ) -> None:
     """Advance gusts, errors of judgement and wander in the lane by one decision."""
     c = given.constants
     slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
     draw = [uniform(word) for word in words(given.seed, given.index[None, :], slots, decision)]
-    along = state.vx - q.wind_along
+    along = state.vx - p.direction * q.wind_along
     air_speed = np.sqrt(along * along + q.wind_across * q.wind_across)
     # The first draw is the stationary state: nothing of a past is kept.
     kept = np.float32(0.0 if decision == 0 else 1.0)
@@ -62,11 +62,10 @@ def grip(state: State, given: Parameters, p: Fields, q: SimulationParameters) ->
     columns = friction.speed_columns(c, state.vx, p.wear, p.truck)
     width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(2 * road.num_lanes)
     sides = []
+    s, d = on_the_road(state, given, p)
     for offset in (p.half_track, -p.half_track):
-        wheel_path = film.floor((state.d + offset - road.boundaries[0]) / width)
-        depth = film.puddle(
-            c, state.s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach
-        )
+        wheel_path = film.floor((d + p.direction * offset - road.boundaries[0]) / width)
+        depth = film.puddle(c, s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach)
         found = friction.at_film(c, columns, water + q.puddle_film * depth)
         sides.append(minimum(found, p.most_friction))
     state.mu_fast, state.mu_slow = sides
@@ -83,30 +82,32 @@ def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters)
     share = np.ones_like(state.s)
     one = np.float32(1.0)
     for j in range(state.s.shape[0]):
-        beyond = np.abs(state.s - state.s[j]) - p.half_length[j]
+        other_s, other_d = seen_from_each(state, given, p, j)
+        beyond = np.abs(state.s - other_s) - p.half_length[j]
         u = clamp(
             beyond / (c.shelter_release * np.float32(2.0) * p.half_length[j]), np.float32(0.0), one
         )
         open_share = c.shelter_factor + (one - c.shelter_factor) * (
             u * u * (np.float32(3.0) - np.float32(2.0) * u)
         )
-        aside = state.d - state.d[j]
+        aside = state.d - other_d
         reach = c.shelter_reach + p.half_width + p.half_width[j]
-        upwind = aside * q.wind_across > 0
+        upwind = aside * (p.direction * q.wind_across) > 0
         beside = (p.shelters[j] > 0) & (p.valid[j] > 0) & upwind & (np.abs(aside) < reach)
         beside[j] = False
         share = np.where(beside, minimum(share, open_share), share)
     return share
 
 
-def gust_bump(state: State, given: Parameters, q: SimulationParameters) -> F32:
+def gust_bump(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:
     """The single gusts of bridges and cuttings, 0 to 1: one every `gust_spacing`, 1 - cos shaped.
 
     Source:
         The shape of discrete gusts in certification rules, such as EASA CS-25.341.
     """
     c = given.constants
-    cell = state.s / c.gust_spacing + q.gust_phase
+    s, _ = on_the_road(state, given, p)
+    cell = s / c.gust_spacing + q.gust_phase
     inside = (cell - film.floor(cell)) * c.gust_spacing / q.gust_length
     _, cosine = sincos(_TURN * minimum(inside, np.float32(1.0)))
     return np.where(
@@ -123,10 +124,11 @@ def wind(state: State, given: Parameters, p: Fields, q: SimulationParameters) ->
     """
     c = given.constants
     one = np.float32(1.0)
-    strength = one + c.turbulence_intensity * state.gust + q.gust_gain * gust_bump(state, given, q)
+    bumps = q.gust_gain * gust_bump(state, given, p, q)
+    strength = one + c.turbulence_intensity * state.gust + bumps
     strength = maximum(strength, np.float32(0.0))
-    across = q.wind_across * strength * shelter(state, given, p, q)
-    state.tail_wind = q.wind_along * strength
+    across = p.direction * q.wind_across * strength * shelter(state, given, p, q)
+    state.tail_wind = p.direction * q.wind_along * strength
     along = maximum(state.vx - state.tail_wind, _LEAST_AIR_SPEED)
     angle = atan(np.abs(across) / along)
     sine, _ = sincos(minimum(c.wind_angle_factor * angle, _QUARTER_TURN))
@@ -145,4 +147,5 @@ def push(state: State, p: Fields, q: SimulationParameters, decision: int) -> Non
     """
     cell = np.float32(decision) * q.push_rate + q.push_phase
     pushed = (q.push_accel != 0) & (cell - film.floor(cell) < q.push_share)
-    state.wind_force = np.where(pushed, state.wind_force + q.push_accel * p.mass, state.wind_force)
+    force = state.wind_force + p.direction * q.push_accel * p.mass
+    state.wind_force = np.where(pushed, force, state.wind_force)

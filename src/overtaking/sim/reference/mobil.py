@@ -218,6 +218,7 @@ def turn_to_lane(
     sides: tuple[Mask, Mask, Mask],
     left: F32,
     decision: int,
+    hasty: F32 | None = None,
 ) -> None:
     """Begin a lane change of the masked vehicles, with the indicator where it is used.
 
@@ -231,6 +232,7 @@ def turn_to_lane(
             change and so has less far to go; each (vehicle, simulation).
         left: `time_left` to the leader, (vehicle, simulation) [s].
         decision: Number of the decision.
+        hasty: How long it takes who is in a hurry, 0 for who is not, (vehicle, simulation) [s].
     """
     c, (fast, slow, back) = given.constants, sides
     step, moved = _side(fast, slow), fast | slow
@@ -239,6 +241,8 @@ def turn_to_lane(
     hurried = maximum((left - c.clear_margin) / c.clear_fraction, c.quickest_change)
     usual = minimum(p.lane_change_duration, hurried)
     duration = np.where(back, c.retreat_share * p.lane_change_duration, usual)
+    if hasty is not None:
+        duration = np.where(hasty > 0, hasty, duration)
     begin_path(state, moved, np.float32(0.5) * (low + high), duration)
     state.indicator = np.where(moved, step * p.uses_indicator, state.indicator)
     state.wanted = np.where(moved, np.float32(0.0), state.wanted)

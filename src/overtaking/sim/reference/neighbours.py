@@ -1,4 +1,4 @@
-"""Neighbours of each vehicle: six, by lane and direction."""
+"""Neighbours of each vehicle: six, by lane, ahead and behind, of its own direction."""
 
 from dataclasses import dataclass
 
@@ -57,9 +57,9 @@ def find_neighbours(state: State, given: Parameters, p: Fields) -> Neighbours:
     found = _Nearest(state.s.shape)
     for j in range(state.s.shape[0]):
         ahead, beside = along(given, state.s[j] - state.s), state.d[j] - state.d
-        others = np.broadcast_to(p.valid[j] > 0, ahead.shape).copy()
+        others = (p.valid[j] > 0) & (p.direction[j] == p.direction)
         others[j] = False
-        shows = _shows(state, given, j)
+        shows = shows_change(state, given, j)
         for k, (low, high) in enumerate(bands):
             heading = shows & (state.lane[j] - state.lane == _SHIFTS[k])
             inside = others & (_overlaps(state, given, p, j, low, high) | heading)
@@ -84,7 +84,7 @@ def along(given: Parameters, distance: F32) -> F32:
     return distance - ring * np.rint(distance * inverse)
 
 
-def _shows(state: State, given: Parameters, j: int) -> Mask:
+def shows_change(state: State, given: Parameters, j: int) -> Mask:
     """Whether others can tell to which lane vehicle `j` is changing."""
     changing = (state.path_time[j] < state.path_duration[j]) & (state.crashed[j] == 0)
     moves = state.path_time[j] > given.constants.visible_fraction * state.path_duration[j]

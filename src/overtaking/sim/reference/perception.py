@@ -23,12 +23,12 @@ from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters, SimulationParameters
 
 # The engine has these numbers too.
-_NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
-_FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
-_DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
-_LEAST_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
-_LEAST_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
-_LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
+NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
+FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
+DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
+LEAST_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
+LEAST_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
+LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -105,9 +105,9 @@ def optical_depth(
 def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
     """Whether a high leader stands between a driver and the neighbour ahead in `role`."""
     lead, other = near.slot[LEAD], near.slot[role]
-    reach = maximum(near.distance[LEAD] - near.half_length[LEAD], _LEAST_REACH)
+    reach = maximum(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH)
     distance = near.distance[role]
-    crossing = near.aside[role] * (reach / maximum(distance, _LEAST_REACH))
+    crossing = near.aside[role] * (reach / maximum(distance, LEAST_REACH))
     offset = np.abs(crossing - near.aside[LEAD])
     blocked = (distance > reach) & (offset < pick(p.half_width, lead)) & (other != lead)
     return (lead >= 0) & (pick(p.tall, lead) > 0) & blocked
@@ -131,16 +131,16 @@ def strain(
     c = given.constants
     is_front = role % 2 == 0
     slot = near.slot[role]
-    distance = clamp(near.gap[role], _NEAREST, _FARTHEST)
+    distance = clamp(near.gap[role], NEAREST, FARTHEST)
     depth = depths[0] * distance
     if is_front:
         depth = depth + depths[1] * minimum(distance, c.spray_reach)
     sensitivity = q.sight_front if is_front else q.sight_rear
-    by_contrast = depth / maximum(pick(p.contrast, slot) + sensitivity, _LEAST_CONTRAST)
+    by_contrast = depth / maximum(pick(p.contrast, slot) + sensitivity, LEAST_CONTRAST)
     by_contrast = maximum(by_contrast, distance * q.inverse_lit_range)
     lamp = _tail_lamp(state, c, p, slot) if is_front else pick(p.inverse_head_lamp, slot)
     by_lamp = np.sqrt(
-        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _DEEPEST))
+        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, DEEPEST))
     )
     return minimum(by_contrast, by_lamp)
 
@@ -238,12 +238,12 @@ def perceive(
         ahead = along(given, place - state.s if role % 2 == 0 else state.s - place)
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
-        distance = maximum(gap, _NEAREST)
+        distance = maximum(gap, NEAREST)
         expansion = pick(p.loom_width, slot) * np.abs(closing) / (distance * distance)
         excess = expansion - c.looming_threshold
-        span = maximum(c.looming_growth * c.looming_threshold, _LEAST_LOOMING)
+        span = maximum(c.looming_growth * c.looming_threshold, LEAST_LOOMING)
         clear = clamp(excess / span, np.float32(0.0), np.float32(1.0))
-        fading = maximum(closing * c.error_fade_time, _NEAREST)
+        fading = maximum(closing * c.error_fade_time, NEAREST)
         share = minimum(distance / fading, np.float32(1.0))
         sensed = closing * (np.float32(1.0) + share * (q.speed_error * state.speed_error))
         error = (judged - np.float32(1.0)) * share

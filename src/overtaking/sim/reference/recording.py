@@ -20,8 +20,16 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.perception import Beliefs
-from overtaking.sim.reference.state import Fields, State, pick, road_velocity
+from overtaking.sim.reference.state import (
+    ONCOMING,
+    Fields,
+    State,
+    on_the_road,
+    pick,
+    road_velocity,
+)
 from overtaking.world.clock import STEP_MS
 from overtaking.world.parameters import Parameters
 
@@ -31,6 +39,7 @@ MAX_PERCEPTS = 4
 _INT16_LIMIT = np.float32(32767.0)
 _INT32_LIMIT = np.float32(2.0e9)
 _TURN = np.float32(6.283_185_5)
+_HALF_TURN = np.float32(3.141_592_7)
 _TURNS_PER_RADIAN = np.float32(0.159_154_94)
 _THOUSAND = np.float32(1000.0)
 _TEN_THOUSAND = np.float32(10000.0)
@@ -73,6 +82,24 @@ def _belief_and_truth(
         "closing_speed": rounded(believed.closing[role, Role.EGO], _THOUSAND),
         "true_gap": np.where(nobody, zero, true_gap),
         "true_closing_speed": np.where(nobody, zero, rounded(closing, _THOUSAND)),
+    }
+
+
+def _oncoming_and_truth(state: State, oncoming: Oncoming) -> dict[str, NDArray[Any]]:
+    """What the ego believes of who comes, and the truth, by field of `Percepts`."""
+    ego = Role.EGO
+    slot = oncoming.slot[ego]
+    nobody = slot < 0
+    speed, _ = road_velocity(state)
+    zero = np.int32(0)
+    closing = rounded(speed[ego] + pick(speed, slot), _THOUSAND)
+    return {
+        "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
+        "detected": oncoming.detected[ego],
+        "gap": rounded(oncoming.believed_gap[ego], _THOUSAND),
+        "closing_speed": rounded(oncoming.closing[ego], _THOUSAND),
+        "true_gap": np.where(nobody, zero, rounded(oncoming.gap[ego], _THOUSAND)),
+        "true_closing_speed": np.where(nobody, zero, closing),
     }
 
 
@@ -130,18 +157,20 @@ class Recorder:
 
     def _values(self, state: State, p: Fields) -> dict[str, NDArray[np.int32]]:
         road, side = self.given.road, self.given.road.side
-        d = side * state.d
+        s, from_slow = on_the_road(state, self.given, p)
+        d = side * from_slow
         lane = np.full(d.shape, np.int32(BEYOND_SLOW_EDGE))
-        for k in range(road.num_lanes + 1):
-            lane = np.where(state.d >= road.boundaries[k], np.int32(k), lane)
+        for k in range(road.own_lanes + 1):
+            lane = np.where(from_slow >= road.boundaries[k], np.int32(k), lane)
+        turned = np.where(p.direction < 0, _HALF_TURN, np.float32(0.0))
         return {
-            "x": rounded(road.x0 + state.s * road.cosine - d * road.sine, _THOUSAND),
-            "y": rounded(road.y0 + state.s * road.sine + d * road.cosine, _THOUSAND),
-            "s": rounded(state.s, _THOUSAND),
+            "x": rounded(road.x0 + s * road.cosine - d * road.sine, _THOUSAND),
+            "y": rounded(road.y0 + s * road.sine + d * road.cosine, _THOUSAND),
+            "s": rounded(s, _THOUSAND),
             "d": rounded(d, _THOUSAND),
             "speed": rounded(np.sqrt(state.vx * state.vx + state.vy * state.vy), _THOUSAND),
             "heading": rounded(
-                wrapped(road.heading + side * state.psi), _TEN_THOUSAND, _INT16_LIMIT
+                wrapped(road.heading + side * state.psi + turned), _TEN_THOUSAND, _INT16_LIMIT
             ),
             "wheel_angle": rounded(
                 side * np.where(p.two_wheeler > 0, np.float32(0.0), state.wheel),
@@ -165,6 +194,7 @@ class Recorder:
             + left
             + right
             + np.where(braking, np.int32(Lights.BRAKE), np.int32(0))
+            + np.where(state.flashes > 0, np.int32(Lights.HIGH_BEAM), np.int32(0))
         )
 
     def percepts(
@@ -176,6 +206,7 @@ class Recorder:
         kind: DecisionKind,
         roles: tuple[int, int, int],
         step: int,
+        oncoming: Oncoming | None = None,
     ) -> None:
         """Write down what the ego believed at a decision, as long as there is room."""
         mask = mask & (state.num_percepts < MAX_PERCEPTS) & (np.float32(step) <= state.end_step)
@@ -187,7 +218,11 @@ class Recorder:
         b.valid[rows, at], b.kind[rows, at] = True, np.uint8(kind)
         b.time[rows, at] = np.int32(step * STEP_MS)
         for column, role in enumerate(roles):
-            for name, numbers in _belief_and_truth(state, near, believed, role).items():
+            if role == ONCOMING and oncoming is not None:
+                told = _oncoming_and_truth(state, oncoming)
+            else:
+                told = _belief_and_truth(state, near, believed, role)
+            for name, numbers in told.items():
                 array = getattr(b, name)
                 array[rows, at, column] = numbers[rows].astype(array.dtype)
         state.num_percepts = np.where(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import Mask
+from overtaking.core.elementary import Mask, minimum
 from overtaking.model.actions import Actions
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
@@ -22,7 +22,9 @@ from overtaking.sim.reference import (
     steering,
 )
 from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
+from overtaking.sim.reference.oncoming import Oncoming, give_way, look_ahead
 from overtaking.sim.reference.orders import Orders, orders_at, pedals, wheel
+from overtaking.sim.reference.passing import held_back
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
@@ -121,12 +123,14 @@ class Moment:
         believed: What they believe of them.
         looks: Who looks around, (vehicle, simulation).
         claims: `mobil.claimed` before anyone decides.
+        oncoming: Who comes the other way; None on roads of one direction.
     """
 
     near: Neighbours
     believed: Beliefs
     looks: Mask
     claims: mobil.Claims
+    oncoming: Oncoming | None
 
 
 def perceive(
@@ -141,7 +145,7 @@ def perceive(
     state.stage_time = state.stage_time + c.decision
     collisions.leave_road(state, c, p, road.boundaries[[0, road.num_lanes]], step)
     perception.remember(state, decision)
-    environment.move_random_processes(state, given, q, decision)
+    environment.move_random_processes(state, given, p, q, decision)
     environment.grip(state, given, p, q)
     environment.wind(state, given, p, q)
     steering.hold_against_wind(state, c, p, step)
@@ -150,8 +154,14 @@ def perceive(
     if step == 0:
         perception.draw_check(state, given, p, p.valid > 0, decision)
     looks = perception.looks_around(state, c, p, decision)
+    oncoming = None
+    if road.two_way:
+        # Who is in the lane of others looks all the time.
+        looks[Role.EGO] = looks[Role.EGO] | (state.lane[Role.EGO] >= np.float32(1.0))
+        oncoming = look_ahead(state, given, p, q, near, decision)
     believed = perception.perceive(state, given, p, q, near, decision, looks)
-    return Moment(near=near, believed=believed, looks=looks, claims=mobil.claimed(state))
+    claims = mobil.claimed(state)
+    return Moment(near=near, believed=believed, looks=looks, claims=claims, oncoming=oncoming)
 
 
 def act(
@@ -167,13 +177,20 @@ def act(
     """What everybody decides; what the ego does, where another driver has it, `orders` say."""
     near, believed, looks, claims = moment.near, moment.believed, moment.looks, moment.claims
     leader = control.behind_leader(state, given, p, believed)
+    oncoming = moment.oncoming
+    if oncoming is not None:
+        leader = minimum(leader, give_way(state, given, p, oncoming))
+        leader[Role.EGO] = minimum(leader[Role.EGO], held_back(state, given, p, believed))
     old_leader = control.behind_old_leader(state, given, p, near, believed)
     control.set_acceleration(state, given, p, *pedals(orders, leader, old_leader))
     mobil.change_lanes(state, given, p, believed, leader, looks, claims, step // SUBSTEPS)
-    ego.decide(state, given, p, q, near, believed, looks[Role.EGO], claims, recorder, step, orders)
-    count = len(p.valid)
+    looks_now = looks[Role.EGO]
+    ego.decide(
+        state, given, p, q, near, believed, looks_now, claims, recorder, step, orders, oncoming
+    )
+    c, road, count = given.constants, given.road, len(p.valid)
     every = [(i, j) for i in range(count) for j in range(i + 1, count)]
-    return {(i, j): collisions.is_near(state, given.constants, p, i, j) for i, j in every}
+    return {(i, j): collisions.is_near(state, c, road, p, i, j) for i, j in every}
 
 
 def advance(
@@ -192,4 +209,4 @@ def advance(
     before = (state.s, state.d)
     angle = steering.steer(state, c, p, q.side_accel, length, wheel(orders))
     dynamics.move(state, c, p, angle, length)
-    collisions.collide(state, c, p, pairs, before, step, length)
+    collisions.collide(state, c, given.road, p, pairs, before, step, length)

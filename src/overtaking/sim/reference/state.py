@@ -17,6 +17,9 @@ UNKNOWN = np.float32(-2.0)
 LEAD, REAR, FAST_LEAD, FAST_REAR, SLOW_LEAD, SLOW_REAR = range(6)
 """Neighbours of a vehicle: in its lane, in the next lane to the fast side, and to the slow side."""
 
+ONCOMING = 6
+"""Who comes the other way, among the roles of a decision that is written down."""
+
 NOBODY = np.float32(-1.0)
 """Slot of a neighbour, a target or a partner that does not exist."""
 
@@ -69,6 +72,12 @@ class State:
         attempted: 1 once an overtake was begun.
         end_step: Last step of the simulation.
         num_percepts: Decisions written down.
+        oncoming_id, oncoming_time: Oncoming vehicle in view, `UNKNOWN` at first, `NOBODY` for none,
+            and for how long it has been that.
+        aside: How far to the edge a driver moves within the lane for another [m].
+        flashes: 1 while a driver flashes at who comes in its lane.
+        yields: 1 while the ego falls back, as it would not be past before an oncomer is there.
+        hurries: 1 while it is short of time to be past.
         history_s, history_v: Position and speed along the road at the last decisions,
             (HISTORY, vehicle, simulation).
     """
@@ -118,6 +127,12 @@ class State:
     attempted: F32
     end_step: F32
     num_percepts: F32
+    oncoming_id: F32
+    oncoming_time: F32
+    aside: F32
+    flashes: F32
+    yields: F32
+    hurries: F32
     history_s: F32
     history_v: F32
 
@@ -175,6 +190,12 @@ def initial_state(given: Parameters) -> State:
         attempted=ego.copy(),
         end_step=q.last_step.copy(),
         num_percepts=ego.copy(),
+        oncoming_id=np.full_like(zero, UNKNOWN),
+        oncoming_time=zero.copy(),
+        aside=zero.copy(),
+        flashes=zero.copy(),
+        yields=ego.copy(),
+        hurries=ego.copy(),
         history_s=np.zeros((HISTORY, *zero.shape), np.float32),
         history_v=np.zeros((HISTORY, *zero.shape), np.float32),
     )
@@ -189,6 +210,23 @@ def pick(values: F32, slot: F32) -> F32:
     """
     index = np.where(slot < 0, np.float32(0.0), slot).astype(np.int64)
     return values[index, np.arange(values.shape[1])]
+
+
+def seen_from_each(state: State, given: Parameters, p: Fields, j: int) -> tuple[F32, F32]:
+    """Where vehicle `j` is in the frame of each vehicle, (vehicle, simulation) [m].
+
+    Everybody has a frame of its own direction: that of oncoming vehicles is turned by half a turn.
+    """
+    road, turned = given.road, p.direction[j] != p.direction
+    along = np.where(turned, road.far_end - state.s[j], state.s[j])
+    return along, np.where(turned, road.across - state.d[j], state.d[j])
+
+
+def on_the_road(state: State, given: Parameters, p: Fields) -> tuple[F32, F32]:
+    """Where each vehicle is in the frame of the road [m]."""
+    road, turned = given.road, p.direction < 0
+    along = np.where(turned, road.far_end - state.s, state.s)
+    return along, np.where(turned, road.across - state.d, state.d)
 
 
 def road_velocity(state: State) -> tuple[F32, F32]:

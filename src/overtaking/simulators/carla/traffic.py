@@ -4,6 +4,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.simulators.carla import processes
 from overtaking.simulators.carla.manager import UNKNOWN
+from overtaking.world.lanes import refuse_oncoming
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]
 
@@ -35,4 +36,5 @@ def simulate(scenario: Scenario) -> Trajectories:
         ConfigError: The server is not there, of another version, or has no such map.
         SimulationLostError: Some could not be run in several attempts; the message names them.
     """
+    refuse_oncoming(scenario, "CARLA")
     return processes.simulate(scenario, DRIVER)

@@ -355,7 +355,7 @@ class Fleet:
         every = {pair: np.ones(1, np.bool_) for pair in pairs}
         with self._placed():
             c = mover.constants
-            collisions.collide(state, c, self._fields, every, before, 0, c.step)
+            collisions.collide(state, c, self._given.road, self._fields, every, before, 0, c.step)
         state.crashed[:] = _ZERO
         touches: list[Touch] = []
         for row, (along, across) in was.items():

@@ -23,6 +23,7 @@ from overtaking.simulators.sumo.recording import RAW, UNKNOWN, Recording, Run
 from overtaking.simulators.sumo.stage import Sight, Watch
 from overtaking.simulators.sumo.traffic import Traffic, routes, speed_factor
 from overtaking.world.constants import constants
+from overtaking.world.lanes import refuse_oncoming
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "step_ms", "version"]
 
@@ -58,8 +59,10 @@ def simulate(scenario: Scenario) -> Trajectories:
 
     Raises:
         MissingExtraError: libsumo is not installed.
-        ConfigError: libsumo is in use by others in this process, or refuses the scenario.
+        ConfigError: libsumo is in use by others in this process, or refuses the scenario; or others
+            come the other way.
     """
+    refuse_oncoming(scenario, "SUMO")
     library()  # A missing package is reported before any work.
     interval = scenario.frame_interval_ms
     ends = np.floor(scenario.horizon.astype(np.float64) * 1000.0 / interval + 1e-6)

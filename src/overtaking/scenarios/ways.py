@@ -1,0 +1,193 @@
+"""Draws the traffic of a two-way road: who goes along with the ego, and who comes.
+
+Every vehicle has a position in the frame of its own direction while it is placed: oncoming ones
+count from the end of the road. Arrivals come at random times, no nearer than a headway, and whoever
+would drive into a slower one ahead follows it.
+"""
+
+from functools import partial
+
+import numpy as np
+
+from overtaking.core.compiled import log, minimum
+from overtaking.core.elementary import F32
+from overtaking.core.philox import U64, Stream
+from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge import VEHICLE_CLASS_ORDER, number
+from overtaking.model.road import Road
+from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.scenarios.bodies import sample_bodies, top_speeds
+from overtaking.scenarios.flow import FlowLayout, equilibrium
+from overtaking.scenarios.layout import Zone
+from overtaking.scenarios.natural import MARGIN, PASSING_MARGIN, RETURN_TIME, Start
+from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
+from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
+from overtaking.scenarios.proposal import Bend
+from overtaking.scenarios.schema import Spec
+from overtaking.scenarios.schema_ways import TwoWay
+
+LONGEST_HEADWAY = number("starts.toml", "two_way.longest_headway")
+"""Arrivals are no farther apart than this [s]; what comes later is not met anyway."""
+
+HELD_UP_LONGEST = number("starts.toml", "two_way.held_up_longest")
+"""Who is held up follows within this time [s]."""
+
+_OWN, _OTHER = np.uint8(0), np.uint8(1)
+
+
+def start(spec: Spec, traffic: TwoWay, road: Road, seed: int, index: U64, bend: Bend) -> Start:
+    """Traffic in both directions, the ego one of it.
+
+    Args:
+        spec: What to sample.
+        traffic: Its traffic.
+        road: The road, as long as it takes.
+        seed: Seed of the data set.
+        index: Simulation numbers, shape (simulation,).
+        bend: Draws from where more happens.
+    """
+    bodies = sample_bodies(
+        partial(_kinds, traffic), traffic.colours, seed, index, traffic.vehicles[1]
+    )
+    traits = sample_traits(spec.drivers, seed, index, bodies.kind, bend)
+    noise = Noise(seed, index, Stream.LAYOUT)
+    wishes = _wishes(traffic, noise, traits["cruise_factor"], bodies.kind)
+    wishes = minimum(wishes, top_speeds()[bodies.kind])
+    own, other = _headways(traffic, noise, bend)
+    begin = spread(noise.uniform(), *traffic.start_s_m)
+    lane = np.zeros(bodies.kind.shape, np.uint8)
+    lane[:, 1 + traffic.ahead + traffic.behind :] = _OTHER
+    pace = _usual_speed(traffic)
+    places = _along(traffic, noise, own, begin, pace)
+    coming = _against(traffic, noise, other, np.float32(road.length) - begin, pace)
+    s = np.stack([*places, *coming], axis=1)
+    # Who would start beyond an end of the road is met by nobody.
+    valid = (s > np.float32(MARGIN)) & (s < np.float32(road.length - MARGIN))
+    around = FlowLayout(
+        valid=valid,
+        lane=lane,
+        s=s,
+        time=np.full(index.shape, spec.time.horizon_s, np.float32),
+    )
+
+    def paced(wanted: F32) -> tuple[F32, F32]:
+        return equilibrium(
+            around, 0.5 * bodies.length, wanted, traits["time_gap"], traits["min_gap"]
+        )
+
+    first = coming[-1] if coming else np.full_like(begin, -np.inf)
+    ahead = np.float32(road.length) - first - begin
+    closing = np.float32(2.0 * fastest(spec, traffic))
+    seen = (ahead - np.float32(traffic.sight_m)) / closing - np.float32(RETURN_TIME)
+    deadline = minimum(seen, np.full_like(seen, spec.time.attempt_deadline_s))
+    return Start(
+        vehicles=bodies.replace(valid=valid),
+        drivers=drivers_with(traits, wishes),
+        lane=lane,
+        kept=np.zeros_like(wishes),
+        zone=_everywhere(road),
+        deadline=np.where(deadline < 1.0, np.float32(1.0), deadline),
+        pace=paced,
+        turned=lane == _OTHER,
+    )
+
+
+def road_length(spec: Spec, traffic: TwoWay) -> float:
+    """Length of a road that nobody leaves before the horizon [m]."""
+    most = PASSING_MARGIN * fastest(spec, traffic)
+    arrivals = traffic.oncoming * LONGEST_HEADWAY * float(_usual_speed(traffic))
+    met = traffic.sight_m + 2.0 * most * spec.time.horizon_s
+    platoon = traffic.ahead * HELD_UP_LONGEST * most
+    return traffic.start_s_m[1] + platoon + min(arrivals, met) + MARGIN
+
+
+def fastest(spec: Spec, traffic: TwoWay) -> float:
+    """The highest speed that anyone may want [m/s]."""
+    return most_cruise(spec.drivers) * mps_from_kmh(max(traffic.free_speed_kmh.values()))
+
+
+def _kinds(traffic: TwoWay, u: F32) -> U8:
+    """Vehicle types from uniform numbers (simulation, vehicle)."""
+    kind = choose(u, weights_of(traffic.types, VEHICLE_CLASS_ORDER))
+    kind[:, Role.EGO] = choose(u[:, Role.EGO], weights_of(traffic.ego_types, VEHICLE_CLASS_ORDER))
+    return kind
+
+
+def _usual_speed(traffic: TwoWay) -> np.float32:
+    """The mean of what drivers want, by which headways become distances [m/s]."""
+    total = sum(traffic.types.values())
+    mean = sum(traffic.free_speed_kmh[name] * share for name, share in traffic.types.items())
+    return np.float32(mps_from_kmh(mean / total))
+
+
+def _wishes(traffic: TwoWay, noise: Noise, cruise_factor: F32, kind: U8) -> F32:
+    """The speed that each driver wants on a free road, (simulation, vehicle) [m/s]."""
+    free = [mps_from_kmh(traffic.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_ORDER]
+    wish = np.array(free, np.float32)[kind] * cruise_factor
+    low, high = (mps_from_kmh(one) for one in traffic.slow_speed_kmh)
+    for slot in range(Role.EGO + 1, kind.shape[1]):
+        is_slow = noise.uniform() < np.float32(traffic.slow_share)
+        is_slow = is_slow & ~np.isin(kind[:, slot], (VehicleKind.MC, VehicleKind.B))
+        slow = spread(noise.uniform(), low, high)
+        wish[:, slot] = np.where(is_slow, minimum(slow, wish[:, slot]), wish[:, slot])
+    return wish
+
+
+def _headways(traffic: TwoWay, noise: Noise, bend: Bend) -> tuple[F32, F32]:
+    """Mean time between arrivals in the own and in the other direction, (simulation,) [s]."""
+    flow = spread(bend("flow", noise.uniform()), *traffic.flow_vph)
+    split = spread(noise.uniform(), *traffic.split)
+    is_busier = noise.uniform() < np.float32(0.5)
+    own = np.where(is_busier, split, np.float32(1.0) - split)
+    hour = np.float32(3600.0 / 2.0)
+    return hour / (flow * own), hour / (flow * (np.float32(1.0) - own))
+
+
+def _headway(traffic: TwoWay, noise: Noise, mean: F32) -> F32:
+    """The time between two arrivals: a least one, and the rest at random [s]."""
+    least = np.float32(traffic.least_headway_s)
+    drawn = least - (mean - least) * log(noise.uniform())
+    return minimum(drawn, np.full_like(drawn, LONGEST_HEADWAY))
+
+
+def _along(traffic: TwoWay, noise: Noise, mean: F32, begin: F32, pace: np.float32) -> list[F32]:
+    """Where those of the own direction start: the ego, those ahead, those behind [m]."""
+    places, front, rear = [begin], begin, begin
+    held_up = noise.uniform() < np.float32(traffic.held_up)
+    near = spread(noise.uniform(), traffic.least_headway_s, HELD_UP_LONGEST)
+    for rank in range(traffic.ahead):
+        headway = _headway(traffic, noise, mean)
+        if rank == 0:
+            headway = np.where(held_up, near, headway)
+        front = front + headway * pace
+        places.append(front)
+    for _ in range(traffic.behind):
+        rear = rear - _headway(traffic, noise, mean) * pace
+        places.append(rear)
+    return places
+
+
+def _against(traffic: TwoWay, noise: Noise, mean: F32, ego: F32, pace: np.float32) -> list[F32]:
+    """Where those who come start, in their own direction, the nearest first [m].
+
+    Args:
+        traffic: What the specification says.
+        noise: Random numbers.
+        mean: Mean time between arrivals [s].
+        ego: Position of the ego in the frame of the other direction [m].
+        pace: Speed by which times become distances [m/s].
+    """
+    places: list[F32] = []
+    place = ego
+    for rank in range(traffic.oncoming):
+        headway = _headway(traffic, noise, mean)
+        if rank == 0:
+            headway = headway * noise.uniform()  # The ego comes at any time between two of them.
+        place = place - headway * pace
+        places.append(place)
+    return places
+
+
+def _everywhere(road: Road) -> Zone:
+    """Unbounded zone: only checks of safe starts move vehicles."""
+    return Zone(low=-road.length, high=road.length, ego_lanes=(0,), num_lanes=2, most_in_lane=255)

@@ -1,0 +1,197 @@
+"""How the ego passes against oncoming traffic: the decision, giving it up, and being in a hurry."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from overtaking.core.elementary import F32, Mask, maximum, minimum
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
+from overtaking.sim.reference.following import follow
+from overtaking.sim.reference.intent import in_stage
+from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.oncoming import Oncoming
+from overtaking.sim.reference.perception import Beliefs
+from overtaking.sim.reference.state import (
+    LEAD,
+    SLOW_LEAD,
+    Fields,
+    State,
+    pick,
+    road_velocity,
+)
+from overtaking.world.parameters import Parameters, SimulationParameters
+
+_FAR = np.float32(1e9)
+_SLOWEST = np.float32(0.5)  # Least surplus of speed to be past with [m/s].
+_LEAST_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_TWO = np.float32(2.0)
+
+
+def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
+    """Time to gain a way on another vehicle, at constant acceleration up to a top speed [s].
+
+    Args:
+        way: The way [m].
+        faster: How much faster one is now [m/s].
+        top: How much faster one gets at most [m/s].
+        accel: Acceleration [m/s^2].
+    """
+    a, most = maximum(accel, _LEAST_ACCEL), maximum(top, _SLOWEST)
+    v = minimum(maximum(faster, _ZERO), most)
+    ramp = (most - v) / a
+    covered = _HALF * (v + most) * ramp
+    within = (np.sqrt(v * v + _TWO * a * way) - v) / a
+    return np.where(way < covered, within, ramp + (way - covered) / most)
+
+
+def top_speed(own: Fields, c_surplus: np.float32, leader: F32) -> F32:
+    """The speed that is passed at: well above that of the other, if the vehicle can [m/s]."""
+    return minimum(maximum(own.pass_speed, leader + c_surplus), own.max_speed)
+
+
+def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
+    """The speed that an ego which passes wants now, (simulation,) [m/s]."""
+    c, own = given.constants, p.of(Role.EGO)
+    along, _ = road_velocity(state)
+    top = top_speed(own, c.passing_surplus, pick(along, state.target))
+    return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), own.max_speed)
+
+
+def may_meet(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    near: Neighbours,
+    oncoming: Oncoming,
+    believed: tuple[F32, F32],
+    impatience: F32,
+) -> Mask:
+    """Whether the other lane is believed to be free for long enough, (simulation,).
+
+    The time that passing takes, as the ego misjudges it, with something to spare, is held against
+    the time until the nearest oncomer is met; a road that is not seen counts as an oncomer.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        near: Neighbours.
+        oncoming: Who comes.
+        believed: Gap to the leader [m], and its speed [m/s].
+        impatience: What waiting has left of the ego's demands, 1 at first [1].
+    """
+    c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
+    speed, (gap, leader) = state.vx[ego], believed
+    bodies = _TWO * (near.half_length[LEAD, ego] + own.half_length)
+    way = gap + bodies + own.return_time_gap * impatience * leader
+    top = top_speed(own, c.passing_surplus, leader) - leader
+    gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel)
+    need = q.need_factor * (gaining + _HALF * own.lane_change_duration)
+    seen = minimum(oncoming.believed_gap[ego], oncoming.sight)
+    closing = oncoming.closing[ego] + _HALF * maximum(top + leader - speed, _ZERO)
+    enough = seen > need * (np.float32(1.0) + q.spare * impatience) * closing
+    returns = (own.return_time_gap * impatience + c.fit_share * own.time_gap) * leader
+    room = (
+        _room_ahead(state, p, near.slot[LEAD, ego])
+        > _TWO * own.half_length + c.squeeze_gap + returns
+    )
+    solid = _is_solid(state, given, c.line_ahead * speed)
+    return enough & oncoming.sure[ego] & room & ~(solid & (q.heeds_lines > 0))
+
+
+def _room_ahead(state: State, p: Fields, slot: F32) -> F32:
+    """Gap between the vehicle in a slot and the one ahead of it, (simulation,) [m]."""
+    place = pick(state.s, slot)
+    front = place + pick(p.half_length, slot)
+    room = np.full_like(front, _FAR)
+    for j in range(Role.EGO + 1, len(state.s)):
+        beyond = (p.valid[j] > 0) & (p.direction[j] == p.direction[Role.EGO])
+        beyond = beyond & (state.s[j] > place) & (slot != np.float32(j))
+        room = np.where(beyond, minimum(room, (state.s[j] - p.half_length[j]) - front), room)
+    return room
+
+
+def _is_solid(state: State, given: Parameters, ahead: F32) -> Mask:
+    """Whether the line is not to be crossed here, or a way ahead, (simulation,)."""
+    stations, solid = given.road.line
+    found = []
+    for place in (state.s[Role.EGO], state.s[Role.EGO] + ahead):
+        here = np.zeros_like(place)
+        for k in range(len(stations)):
+            here = np.where(place >= stations[k], solid[k], here)
+        found.append(here > 0)
+    return found[0] | found[1]
+
+
+@dataclass(slots=True, kw_only=True)
+class Plight:
+    """How an ego in the other lane stands; masks of shape (simulation,).
+
+    Attributes:
+        yields: It falls back behind the vehicle that it was to pass.
+        hurries: It is short of time to be past.
+        fits: There is room behind that vehicle to fall in.
+    """
+
+    yields: Mask
+    hurries: Mask
+    fits: Mask
+
+
+def weigh(
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, oncoming: Oncoming
+) -> Plight:
+    """Whether the ego goes on with its pass, and how; remembers it.
+
+    Until it is abreast it gives up where it would not be back before the oncomer is there, and
+    falling back lacks less time than going on; later where there is no more room to return to. It
+    is in a hurry where little would be to spare.
+    """
+    c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
+    out = in_stage(state, Stage.PULL_OUT) | in_stage(state, Stage.PASS)
+    along, _ = road_velocity(state)
+    speed, other = along[ego], pick(along, state.target)
+    lead = pick(state.s, state.target) - state.s[ego]
+    bodies = own.half_length + pick(p.half_length, state.target) + c.squeeze_gap
+    faster, top = speed - other, top_speed(own, c.passing_surplus, other) - other
+    aside = _HALF * q.hasty_change
+    onwards = maximum(lead + bodies, _ZERO)
+    rest = time_to_gain(onwards, faster, top, c.accelerate_gain * own.accel) + aside
+    brake = c.fall_back_share * own.hardest_decel
+    backwards = maximum(bodies - lead, _ZERO)
+    back = (faster + np.sqrt(faster * faster + _TWO * brake * backwards)) / brake + aside
+    there = np.where(
+        oncoming.detected[ego], oncoming.believed_gap[ego] / oncoming.closing[ego], _FAR
+    )
+    gives_up = (lead > 0) & (rest > there) & (back < rest)
+    room = _room_ahead(state, p, state.target) > _TWO * (own.half_length + c.squeeze_gap)
+    trapped = (lead <= 0) & oncoming.detected[ego] & ~room
+    yields = (gives_up | trapped | (state.yields > 0)) & out
+    hurries = (out | in_stage(state, Stage.RETURN)) & ~yields & (there - rest < c.calm_margin)
+    state.yields = np.where(yields, np.float32(1.0), _ZERO)
+    state.hurries = np.where(hurries, np.float32(1.0), _ZERO)
+    return Plight(yields=yields, hurries=hurries, fits=lead > bodies)
+
+
+def held_back(state: State, given: Parameters, p: Fields, believed: Beliefs) -> F32:
+    """The acceleration that an ego in the other lane does not go beyond, (simulation,) [m/s^2].
+
+    Who falls back brakes until it is slower than the vehicle that it was to pass. Who is past that
+    keeps behind the next one, as it has to fit in between.
+    """
+    c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
+    along, _ = road_velocity(state)
+    slow = along[ego] < pick(along, state.target) - c.fall_back_speed
+    brake = np.where(slow, _ZERO, -(c.fall_back_share * own.hardest_decel))
+    past = in_stage(state, Stage.PASS) & (state.s[ego] > pick(state.s, state.target))
+    gap, closing = believed.gap[SLOW_LEAD, ego], believed.closing[SLOW_LEAD, ego]
+    kept, wished = c.fit_share * own.time_gap, speed_of_pass(state, given, p)
+    fitting = follow(
+        c, own, state.vx[ego], wished, gap, closing, kept, believed.accel[SLOW_LEAD, ego]
+    )
+    return np.where(state.yields > 0, brake, np.where(past, fitting, _FAR))

@@ -1,0 +1,103 @@
+"""Parameters of passing against oncoming traffic: what is believed, wanted and granted.
+
+They are drawn from streams of their own and are no columns of a data set: only two-way roads have
+them, and a simulation is as it was on any other.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core.elementary import F32, exp, log, maximum, minimum
+from overtaking.core.philox import Draws, Stream
+from overtaking.model.scenario import Scenario
+from overtaking.world import visibility
+from overtaking.world.bodies import Rows
+from overtaking.world.conditions import World, acting
+from overtaking.world.constants import known
+from overtaking.world.effects import Effects
+from overtaking.world.lanes import refuse_oncoming, road_parameters
+from overtaking.world.people import quickest_change
+
+_ONE = np.float32(1.0)
+_ZERO = np.float32(0.0)
+_FAINTEST = np.float32(1e-12)  # Keeps the range of lamps finite where light has no limit [lx].
+_MOST = 2.5  # Deviations are cut off there.
+
+
+def passing_parameters(
+    scenario: Scenario, world: World, effects: Effects
+) -> tuple[dict[str, NDArray[Any]], Rows]:
+    """The fields of `SimulationParameters` and of `VehicleParameters` for two directions.
+
+    Args:
+        scenario: A batch of scenarios.
+        world: Its weather and light.
+        effects: Ablations.
+    """
+    if not road_parameters(scenario.road).two_way:
+        refuse_oncoming(scenario, "more than one lane in a direction")
+        shape = scenario.start_s
+        return {}, {"makes_room": np.zeros_like(shape), "passed_factor": np.ones_like(shape)}
+    return _of_the_ego(scenario, world, effects), _of_the_passed(scenario)
+
+
+def _of_the_ego(scenario: Scenario, world: World, effects: Effects) -> dict[str, NDArray[Any]]:
+    """How the ego judges distance, speed, need and spare time.
+
+    Source:
+        Gordon and Mart 1968 (need is underestimated), Attwood 1976 (more scatter in the dark).
+    """
+    draws = Draws(scenario.seed, scenario.index, Stream.PASSING)
+    night = scenario.weather.night
+    day, dark = known("model.oncoming.distance_cv_day"), known("model.oncoming.distance_cv_night")
+    error = np.where(night, dark, day) if effects.distance_error else np.zeros(night.shape)
+    median, sigma = known("model.oncoming.need_median"), known("model.oncoming.need_sigma")
+    need = draws.lognormal(log(median), float(sigma))
+    spare = known("model.oncoming.spare_mean") + known(
+        "model.oncoming.spare_sigma"
+    ) * draws.truncated_normal(_MOST)
+    heeds = draws.uniform() < known("model.oncoming.heeds_lines")
+    limit = np.float32(scenario.road.speed_limit)
+    return {
+        "oncoming_error": error,
+        "oncoming_sight": _sight(scenario, world),
+        "usual_speed": np.full_like(need, known("model.oncoming.usual_share") * limit),
+        "need_factor": need,
+        "spare": spare,
+        "heeds_lines": heeds,
+        "hasty_change": maximum(
+            quickest_change(scenario, world), known("model.oncoming.hasty_change")
+        ),
+    }
+
+
+def _sight(scenario: Scenario, world: World) -> F32:
+    """How far an oncoming car of middling colour with low beams is seen, (simulation,) [m]."""
+    step = world.step
+    rain = known("model.speed_choice.rain_sight_factor") * step.rain_extinction
+    extinction = step.fog_extinction + rain
+    contrast = exp(step.sight_front) * known("model.speed_choice.contrast")
+    by_contrast = visibility.contrast_range(extinction, contrast, np.ones_like(extinction))
+    lamps = np.full_like(extinction, known("model.lights.headlamp"))
+    by_lamp = visibility.lamp_range(extinction, lamps, maximum(step.lamp_threshold, _FAINTEST))
+    lit = acting(scenario).weather.night | (world.rain_rate > 0)
+    by_day = np.where(lit, maximum(by_contrast, by_lamp), by_contrast)
+    seen = np.where(scenario.weather.night, by_lamp, by_day)
+    return minimum(seen, known("model.oncoming.range"))
+
+
+def _of_the_passed(scenario: Scenario) -> Rows:
+    """What each driver does while being passed: makes room, yields, or speeds up."""
+    slots = np.uint32(Stream.PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
+    draws = Draws(scenario.seed, scenario.index[:, None], slots)
+    moves = draws.uniform() < known("model.oncoming.makes_room_share")
+    manner = draws.uniform()
+    yields = manner < known("model.oncoming.yields_share")
+    races = manner > _ONE - known("model.oncoming.races_share")
+    yielding, racing = known("model.oncoming.yields_factor"), known("model.oncoming.races_factor")
+    return {
+        "makes_room": np.where(moves, known("model.oncoming.makes_room"), _ZERO),
+        "passed_factor": np.where(yields, yielding, np.where(races, racing, _ONE)),
+    }

@@ -1,0 +1,220 @@
+"""Two directions on one road: frames, contacts, both engines, and who gives way to whom."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.worlds import Vehicle, scenario
+
+from overtaking import _core
+from overtaking.core.errors import ConfigError
+from overtaking.model.known_roads import known_road
+from overtaking.model.trajectory import Lights, Stage
+from overtaking.recordings.roads import load_road
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine, reference
+from overtaking.sim.stepping import stepper
+from overtaking.world.parameters import SIMULATION_FIELDS, parameters
+
+from .situations import difference
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+    from overtaking.model.trajectory import Trajectories
+
+RURAL = Path(__file__).parents[2] / "calibration" / "rural.toml"
+LEVELS = [name for name, available in _core.simd_levels() if available]
+
+KEEN = {
+    "desired_speed": 27.0, "passing_gain": 1.0, "patience": 10.0, "lane_change_duration": 4.5,
+    "return_time_gap": 0.8, "reaction_time": 0.8,
+}  # fmt: skip
+ORDERED = KEEN | {"gap_acceptance": 0.0}
+"""Told to pull out, whoever comes."""
+COMES = {"desired_speed": 25.0}
+
+
+@cache
+def road(*, is_open: bool = True) -> Road:
+    """The rural road; an open one does not limit sight, and its line is broken."""
+    rural = known_road("rural").extended(8000.0)
+    return dataclasses.replace(rural, course=None) if is_open else rural
+
+
+def pair(*gaps: float, lead: float = 18.0, comes: float = 25.0, **ego: float) -> list[Vehicle]:
+    """An ego behind a slower van, and others who come from these distances."""
+    others = [
+        Vehicle(s=1000.0 + gap, lane=1, speed=comes, driver={"desired_speed": comes})
+        for gap in gaps
+    ]
+    leader = Vehicle(kind="L", s=1035.0, speed=lead, driver={"desired_speed": lead})
+    return [Vehicle(s=1000.0, speed=lead + 3.0, driver=KEEN | ego), leader, *others]
+
+
+def simulated(
+    *scenes: list[Vehicle], horizon: float = 25.0, on: Road | None = None
+) -> Trajectories:
+    world = scenario(*scenes, road=on or road(), horizon=horizon)
+    return engine.run(world, parameters(world))
+
+
+SCENES = (
+    pair(300.0),
+    pair(900.0, gap_acceptance=0.0),
+    pair(250.0, gap_acceptance=0.0),
+    pair(560.0, 640.0, comes=38.0, gap_acceptance=0.3),
+    pair(),
+)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_both_engines_record_the_same_bits_by_hand(mirrored):
+    on = road(is_open=False)
+    on = on.mirrored() if mirrored else on
+    world = scenario(*SCENES, road=on, horizon=12.0, num_slots=5)
+    given = parameters(world)
+    expected = reference.run(world, given)
+    for level in LEVELS:
+        assert not (found := difference(engine.run(world, given, level=level), expected)), (
+            f"{level}: {found}"
+        )
+
+
+@pytest.mark.ci
+def test_both_engines_record_the_same_bits_in_rough_weather():
+    rough = {
+        "time.horizon_s": 12.0, "time.attempt_deadline_s": 11.0, "traffic.held_up": 1.0,
+        "weather.wind_percent": [40.0, 100.0], "weather.puddles_percent": [60.0, 100.0],
+    }  # fmt: skip
+    world = sample(spec(RURAL, rough), load_road("rural"), 3, [20, 36, 44, 122, 142, 240, 250, 303])
+    given = parameters(world)
+    expected = reference.run(world, given)
+    assert (given.of_vehicles.direction < 0).any()
+    assert (expected.stage == Stage.PULL_OUT).any()
+    for level in LEVELS:
+        assert not (found := difference(engine.run(world, given, level=level), expected)), (
+            f"{level}: {found}"
+        )
+
+
+def test_who_comes_is_who_goes_seen_from_the_other_end():
+    storm = {"wind": 60.0, "wind_direction": 1.0}
+    alone = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
+    goes = [Vehicle(s=s, speed=v, driver=COMES) for s, v in ((300.0, 20.0), (200.0, 25.0))]
+    comes = [dataclasses.replace(one, s=8000.0 - one.s, lane=1) for one in goes]
+    away = dataclasses.replace(alone, s=100.0)
+    calm = {"wind": 60.0, "wind_direction": 1.0 + float(np.pi)}
+    # Half a turn of the wind is what half a turn of the road is to the drivers.
+    there = run_in([alone, *goes], storm)
+    back = run_in([away, *comes], calm)
+    s, d = (there.states.s[0, 1:3], there.states.d[0, 1:3])
+    np.testing.assert_allclose(back.states.s[0, 1:3], 8_000_000 - s, atol=1)
+    np.testing.assert_array_equal(back.states.d[0, 1:3], -d)
+    for name in ("speed", "accel_lon", "accel_lat", "yaw_rate", "wheel_angle", "lights"):
+        np.testing.assert_array_equal(
+            getattr(back.states, name)[0, 1:3], getattr(there.states, name)[0, 1:3], err_msg=name
+        )
+    turned = back.states.heading[0, 1:3].astype(int) - there.states.heading[0, 1:3]
+    assert (np.abs(np.abs(turned) - 31416) <= 1).all()
+    assert (back.states.lane[0, 1:3] == 1).all()
+    assert (there.states.lane[0, 1:3] == 0).all()
+
+
+def run_in(scene: list[Vehicle], weather: dict[str, float]) -> Trajectories:
+    world = scenario(scene, road=road(), horizon=15.0, weather=weather)
+    given = parameters(world)
+    # Gusts stand where they stand on the road, which is not the same from both ends.
+    return reference.run(world, without_fields(given))
+
+
+def without_fields(given):
+    simulation = given.simulation.copy()
+    simulation[SIMULATION_FIELDS.index("gust_gain")] = 0.0
+    return dataclasses.replace(given, simulation=simulation)
+
+
+def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
+    gaps = np.arange(200.0, 800.0, 25.0)
+    many = simulated(*(pair(gap, comes=60.0, gap_acceptance=0.0) for gap in gaps))
+    hit = np.flatnonzero(many.contacts.partner[:, 0] == 2)
+    assert len(hit)
+    hardest = hit[many.contacts.closing_speed[hit, 0].argmax()]
+    run = many.select(np.array([hardest]))
+    contacts = run.contacts
+    assert contacts.partner[0, 2] == 0
+    assert contacts.time[0, 0] == contacts.time[0, 2]
+    frame = int(contacts.time[0, 0] // 50)
+    speed = run.states.speed[0].astype(float)
+    met = speed[0, frame] + speed[2, frame]
+    assert contacts.closing_speed[0, 0] == pytest.approx(met, rel=0.15)
+    mass = run.scenario.vehicles.mass[0, [0, 2]]
+    before = mass @ (speed[[0, 2], frame] * (1, -1)) / 1e3
+    cosine = np.cos(run.states.heading[0, [0, 2], frame + 1] / 1e4)
+    place = run.states.s[0, [0, 2]].astype(float)
+    after = mass @ ((place[:, frame + 2] - place[:, frame + 1]) / 50.0)
+    assert (np.sign(cosine) == (1, -1)).all()
+    assert float(after) == pytest.approx(float(before), abs=0.8 * float(mass.sum()))
+
+
+def test_the_ego_waits_for_who_comes_and_goes_behind_it():
+    run = simulated(pair(300.0), pair(), pair(900.0), horizon=40.0)
+    starts = [np.flatnonzero(stage == Stage.PULL_OUT)[:1] for stage in run.stage]
+    assert all(len(first) for first in starts)
+    met = np.flatnonzero(run.states.s[0, 2] < run.states.s[0, 0])[0]
+    assert starts[0][0] >= met
+    assert starts[1][0] * 0.05 < 5.0
+    assert (run.stage == Stage.CRASHED).sum() == 0
+
+
+def test_an_ego_that_meets_an_unusually_fast_one_falls_back():
+    scenes = [pair(gap, comes=75.0) for gap in np.arange(200.0, 1500.0, 25.0)]
+    run = simulated(*scenes, horizon=20.0)
+    aborted = (run.stage == Stage.ABORT).any(axis=1)
+    assert aborted.any()
+    for row in np.flatnonzero(aborted):
+        frame = np.flatnonzero(run.stage[row] == Stage.ABORT)[0]
+        assert run.states.s[row, 0, frame] < run.states.s[row, 1, frame]
+
+
+def test_who_meets_an_overtaker_flashes_brakes_and_moves_aside():
+    run = simulated(pair(420.0, gap_acceptance=0.0, lead=15.0), horizon=12.0)
+    lights, lateral = run.states.lights[0, 2], run.states.d[0, 2] / 1e3
+    flashing = np.flatnonzero(lights & Lights.HIGH_BEAM)
+    assert len(flashing)
+    before = slice(0, flashing[0])
+    assert (run.states.accel_lon[0, 2, before] > -500).all()
+    assert run.states.accel_lon[0, 2].min() < -2500
+    assert lateral.max() > 1.75 + 0.4
+
+
+def test_no_arrival_is_missing_within_sight():
+    world = sample(spec(RURAL), load_road("rural"), 5, np.arange(300))
+    run = engine.run(world, parameters(world))
+    comes = (world.start_lane == 1) & world.vehicles.valid
+    place = np.where(comes[:, :, None], run.states.s, -1)
+    last = place.max(axis=1) / 1e3
+    ego = run.states.s[:, 0] / 1e3
+    # Where not all slots are taken, everybody who could be met before the horizon is there.
+    full = comes.sum(axis=1) == world.num_slots - 10
+    assert 20 < full.sum() < 300
+    sight = np.minimum(world.road.sight(ego), 1000.0)
+    missing = (last - ego < sight) & run.frame_valid & full[:, None]
+    assert not missing.any()
+
+
+def test_a_policy_does_not_drive_among_oncoming_traffic():
+    given = parameters(scenario(pair(500.0), road=road()))
+    with pytest.raises(ConfigError, match="oncoming traffic"):
+        stepper(given, "accel_lane", is_true=True)
+
+
+def test_lanes_of_different_widths_are_refused():
+    beyond = dataclasses.replace(road().fast_side_neighbour, width=3.0)
+    narrow = dataclasses.replace(road(), fast_side_neighbour=beyond)
+    with pytest.raises(ConfigError, match="width of the oncoming lane"):
+        parameters(scenario(pair(), road=narrow))
