@@ -91,7 +91,7 @@ def test_both_engines_record_the_same_bits_in_rough_weather():
         "time.horizon_s": 12.0, "time.attempt_deadline_s": 11.0, "traffic.held_up": 1.0,
         "weather.wind_percent": [40.0, 100.0], "weather.puddles_percent": [60.0, 100.0],
     }  # fmt: skip
-    world = sample(spec(RURAL, rough), load_road("rural"), 3, [20, 36, 44, 122, 142, 240, 250, 303])
+    world = sample(spec(RURAL, rough), load_road("rural"), 3, [20, 36, 112, 145, 183, 250, 303, 456])
     given = parameters(world)
     expected = reference.run(world, given)
     assert (given.of_vehicles.direction < 0).any()
@@ -216,5 +216,5 @@ def test_a_policy_does_not_drive_among_oncoming_traffic():
 def test_lanes_of_different_widths_are_refused():
     beyond = dataclasses.replace(road().fast_side_neighbour, width=3.0)
     narrow = dataclasses.replace(road(), fast_side_neighbour=beyond)
-    with pytest.raises(ConfigError, match="width of the oncoming lane"):
-        parameters(scenario(pair(), road=narrow))
+    with pytest.raises(ConfigError, match="two equally wide lanes"):
+        parameters(scenario(pair(500.0), road=narrow))

@@ -104,7 +104,7 @@ fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) 
     let worth = view.gap[SLOW_LEAD].simd_gt(w.c.stay_time * view.closing[SLOW_LEAD]);
     // Nobody stays in the lane of others to pass one more.
     if w.road.ways.two_way {
-        return rear & front;
+        return rear & front & view.gap[SLOW_LEAD].simd_gt(w.c.squeeze_gap);
     }
     rear & front & worth
 }
@@ -159,7 +159,7 @@ fn meet<S: Simd, const N: usize>(
         may_go,
         hurries: plight.hurries,
         squeezes: plight.hurries
-            & rear.simd_gt(c.squeeze_gap)
+            & min(rear, view.gap[SLOW_LEAD]).simd_gt(c.squeeze_gap)
             & ahead.simd_ge(-(c.abort_factor * view.own.decel)),
         falls_in: plight.yields & plight.fits & rear.simd_gt(c.smallest_rear_gap),
     }

@@ -64,7 +64,7 @@ pub fn may_meet<S: Simd, const N: usize>(
     let way = gap + bodies + own.return_time_gap * impatience * leader;
     let top = top_speed(own, c.passing_surplus, leader) - leader;
     let gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel);
-    let need = q.need_factor * (gaining + 0.5 * own.lane_change_duration);
+    let need = q.need_factor * (gaining + own.lane_change_duration);
     let seen = min(oncoming.believed_gap, oncoming.sight);
     let closing = oncoming.closing + 0.5 * at_least(top + leader - speed, 0.0);
     let enough = seen.simd_gt(need * (1.0 + q.spare * impatience) * closing);
@@ -161,7 +161,8 @@ pub fn weigh<S: Simd, const N: usize>(
     let gives_up = lead.simd_gt(0.0) & rest.simd_gt(there) & back.simd_lt(rest);
     let room = room_ahead(state, w, state.target);
     let room = room.simd_gt(2.0 * (own.half_length + c.squeeze_gap));
-    let trapped = lead.simd_le(0.0) & oncoming.detected & !room;
+    let waits_no_more = there.simd_lt(back + c.calm_margin);
+    let trapped = lead.simd_le(0.0) & oncoming.detected & !room & waits_no_more;
     let yields = (gives_up | trapped | state.yields.simd_gt(0.0)) & out;
     let hurries =
         (out | in_stage(state, stage::RETURN)) & !yields & (there - rest).simd_lt(c.calm_margin);
@@ -175,14 +176,18 @@ pub fn weigh<S: Simd, const N: usize>(
     }
 }
 
-/// The acceleration that an ego in the other lane does not go beyond: falling back, or fitting in.
+/// The acceleration that an ego in the other lane does not go beyond: falling back, or fitting in
+/// where no time is left to pass the next one, too.
 #[inline(always)]
 pub fn held_back<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
+    near: &Neighbours<S>,
+    oncoming: &Oncoming<S>,
     believed: &Beliefs<S>,
 ) -> V<S> {
     let (c, own) = (w.c, &w.p[EGO]);
+    let (gap, closing) = (believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]);
     let [other, place] = pick_each!(w.count, state.target, |j| [
         state.road_velocity(j).0,
         state.s[j]
@@ -197,16 +202,23 @@ pub fn held_back<S: Simd, const N: usize>(
         -(c.fall_back_share * own.hardest_decel),
     );
     let past = in_stage(state, stage::PASS) & state.s[EGO].simd_gt(place);
+    let seen = min(oncoming.believed_gap, oncoming.sight);
+    let next_one = state.vx[EGO] - closing;
+    let top = top_speed(own, c.passing_surplus, next_one) - next_one;
+    let onwards = gap + 2.0 * (near.half_length[SLOW_LEAD] + own.half_length) + c.squeeze_gap;
+    let longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel);
+    let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
+    let fits_in = past & seen.simd_lt(longer * oncoming.closing);
     let fitting = follow(
         c,
         own,
         state.vx[EGO],
         speed_of_pass(state, w),
-        believed.gap[SLOW_LEAD],
-        believed.closing[SLOW_LEAD],
+        gap,
+        closing,
         c.fit_share * own.time_gap,
         believed.accel[SLOW_LEAD],
     );
-    let capped = choose(past, fitting, splat(w.simd, FAR));
+    let capped = choose(fits_in, fitting, splat(w.simd, FAR));
     choose(state.yields.simd_gt(0.0), brake, capped)
 }

@@ -248,7 +248,10 @@ pub fn drive_ego<S: Simd, const N: usize>(
             let mut leader = control::behind_leader(state, w, EGO, mind.believed);
             if w.road.ways.two_way {
                 leader = min(leader, give_way(state, w, EGO, mind.oncoming));
-                leader = min(leader, held_back(state, w, mind.believed));
+                leader = min(
+                    leader,
+                    held_back(state, w, mind.near, mind.oncoming, mind.believed),
+                );
             }
             control::wanted(state, w, EGO, mind.near, mind.believed, leader)
         });

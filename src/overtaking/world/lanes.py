@@ -71,7 +71,7 @@ def road_parameters(road: Road) -> RoadParameters:
     borders = side * as_f32(road.boundaries)
     two_way = has_two_directions(road)
     if two_way:
-        borders = np.append(borders, borders[-1] + _opposite_width(road))
+        borders = np.append(borders, borders[-1] + np.float32(road.lanes[0].width))
     across = borders[0] + borders[-1]
     num_lanes = len(borders) - 1
     borders = _padded(borders)
@@ -112,11 +112,19 @@ def _drainage_path(borders: F32, crown: np.float32) -> F32:
 
 
 def has_two_directions(road: Road) -> bool:
-    """Whether traffic of both directions can be simulated: one lane each.
+    """Whether traffic of both directions can be simulated: one lane each, equally wide.
 
-    Elsewhere vehicles keep to the lanes of the road's own direction.
+    A course may have `MAX_KNOTS` - 1 stations. Elsewhere vehicles keep to the lanes of the road's
+    own direction.
     """
-    return road.is_two_way and road.num_lanes == 1
+    beyond, course = road.fast_side_neighbour, road.course
+    return (
+        road.is_two_way
+        and road.num_lanes == 1
+        and beyond is not None
+        and beyond.width == road.lanes[0].width
+        and max(len(course.sight) if course else 0, len(road.fast_edge_marks)) < MAX_KNOTS
+    )
 
 
 def refuse_oncoming(scenario: Scenario, where: str) -> None:
@@ -137,24 +145,6 @@ def refuse_oncoming(scenario: Scenario, where: str) -> None:
         )
 
 
-def _opposite_width(road: Road) -> np.float32:
-    """Width of the lane of oncoming traffic, which has to be that of the other [m].
-
-    Raises:
-        ConfigError: It is not.
-    """
-    width, beyond = road.lanes[0].width, road.fast_side_neighbour
-    if beyond is None or beyond.width != width:
-        raise ConfigError.of(
-            what="width of the oncoming lane",
-            where=f"road {road.name}",
-            expected=f"{width:g} m, as the lane of the other direction has",
-            got="no lane" if beyond is None else f"{beyond.width:g} m",
-            next_step="make both lanes equally wide, or simulate another road",
-        )
-    return np.float32(width)
-
-
 def _sight(road: Road) -> F32:
     """Stations, sight there, and its change per metre; the last knot is repeated."""
     table = road.course.sight if road.course else ()
@@ -163,30 +153,18 @@ def _sight(road: Road) -> F32:
     change = np.append(np.diff(seen) / np.diff(stations), 0.0)
     # Before the first station sight is as there.
     rows = [np.append(-_FAR, stations), np.append(seen[0], seen), np.append(0.0, change)]
-    return _knots(road, "sight", rows)
+    return _knots(rows)
 
 
 def _line(road: Road) -> F32:
     """Stations, and whether the line is solid for the road's own direction from there on."""
     marks = road.fast_edge_marks
     stations = [max(start, -_FAR) for start, _ in marks]
-    return _knots(road, "lines", [stations, [float(mark in _SOLID) for _, mark in marks]])
+    return _knots([stations, [float(mark in _SOLID) for _, mark in marks]])
 
 
-def _knots(road: Road, what: str, rows: Sequence[ArrayLike]) -> F32:
-    """Rows of `MAX_KNOTS` numbers, the last station repeated.
-
-    Raises:
-        ConfigError: There are more.
-    """
+def _knots(rows: Sequence[ArrayLike]) -> F32:
+    """Rows of `MAX_KNOTS` numbers, the last station repeated."""
     table = np.array([np.asarray(row, np.float64) for row in rows])
-    if table.shape[1] > MAX_KNOTS:
-        raise ConfigError.of(
-            what=f"{what} of the course",
-            where=f"road {road.name}",
-            expected=f"at most {MAX_KNOTS - 1} stations to be simulated",
-            got=table.shape[1] - 1,
-            next_step="simulate a shorter part of the road",
-        )
     rest = np.repeat(table[:, -1:], MAX_KNOTS - table.shape[1], axis=1)
     return np.concatenate([table, rest], axis=1).astype(np.float32)

@@ -37,7 +37,9 @@ def passing_parameters(
         effects: Ablations.
     """
     if not road_parameters(scenario.road).two_way:
-        refuse_oncoming(scenario, "more than one lane in a direction")
+        refuse_oncoming(
+            scenario, "a road that is not two equally wide lanes, one in each direction"
+        )
         shape = scenario.start_s
         return {}, {"makes_room": np.zeros_like(shape), "passed_factor": np.ones_like(shape)}
     return _of_the_ego(scenario, world, effects), _of_the_passed(scenario)

@@ -179,9 +179,10 @@ def may_return(given: Parameters, view: View) -> Mask:
     rear = left & (their_braking(given, view, gap, closing) >= -view.imposes)
     room = view.gap[SLOW_LEAD] - own.lane_change_duration * maximum(ahead, zero)
     front = own_braking(given, view, room, ahead) >= -own.decel
-    worth = view.gap[SLOW_LEAD] > given.constants.stay_time * view.closing[SLOW_LEAD]
-    # Nobody stays in the lane of others to pass one more.
-    return rear & front & (worth | given.road.two_way)
+    c = given.constants
+    if given.road.two_way:  # Nobody stays in the lane of others to pass one more.
+        return rear & front & (view.gap[SLOW_LEAD] > c.squeeze_gap)
+    return rear & front & (view.gap[SLOW_LEAD] > c.stay_time * view.closing[SLOW_LEAD])
 
 
 def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
@@ -258,8 +259,8 @@ def _meet(
     leader = view.gap[LEAD], view.leader_speed
     may_go = may_meet(state, given, p, q, near, oncoming, leader, view.impatience)
     plight = weigh(state, given, p, q, oncoming)
-    squeezed = view.gap[SLOW_REAR] > given.constants.squeeze_gap
     c, closing = given.constants, view.closing[SLOW_LEAD]
+    squeezed = minimum(view.gap[SLOW_REAR], view.gap[SLOW_LEAD]) > c.squeeze_gap
     room = view.gap[SLOW_LEAD] - q.hasty_change * maximum(closing, _STEADY)
     ahead = needed_braking(c, view.speed, room, closing, _STEADY)
     return Meeting(

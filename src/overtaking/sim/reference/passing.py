@@ -73,7 +73,8 @@ def may_meet(
     """Whether the other lane is believed to be free for long enough, (simulation,).
 
     The time that passing takes, as the ego misjudges it, with something to spare, is held against
-    the time until the nearest oncomer is met; a road that is not seen counts as an oncomer.
+    the time until the nearest oncomer is met; a road that is not seen counts as an oncomer. Passing
+    takes half a lane change before speed is gained, and half of one back at its end.
 
     Args:
         state: State at a decision.
@@ -91,7 +92,7 @@ def may_meet(
     way = gap + bodies + own.return_time_gap * impatience * leader
     top = top_speed(own, c.passing_surplus, leader) - leader
     gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel)
-    need = q.need_factor * (gaining + _HALF * own.lane_change_duration)
+    need = q.need_factor * (gaining + own.lane_change_duration)
     seen = minimum(oncoming.believed_gap[ego], oncoming.sight)
     closing = oncoming.closing[ego] + _HALF * maximum(top + leader - speed, _ZERO)
     enough = seen > need * (np.float32(1.0) + q.spare * impatience) * closing
@@ -149,8 +150,8 @@ def weigh(
     """Whether the ego goes on with its pass, and how; remembers it.
 
     Until it is abreast it gives up where it would not be back before the oncomer is there, and
-    falling back lacks less time than going on; later where there is no more room to return to. It
-    is in a hurry where little would be to spare.
+    falling back lacks less time than going on; later where there is no room to return to, once
+    falling back takes nearly all the time left. It is in a hurry where little would be to spare.
     """
     c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
     out = in_stage(state, Stage.PULL_OUT) | in_stage(state, Stage.PASS)
@@ -170,7 +171,8 @@ def weigh(
     )
     gives_up = (lead > 0) & (rest > there) & (back < rest)
     room = _room_ahead(state, p, state.target) > _TWO * (own.half_length + c.squeeze_gap)
-    trapped = (lead <= 0) & oncoming.detected[ego] & ~room
+    waits_no_more = there < back + c.calm_margin
+    trapped = (lead <= 0) & oncoming.detected[ego] & ~room & waits_no_more
     yields = (gives_up | trapped | (state.yields > 0)) & out
     hurries = (out | in_stage(state, Stage.RETURN)) & ~yields & (there - rest < c.calm_margin)
     state.yields = np.where(yields, np.float32(1.0), _ZERO)
@@ -178,11 +180,28 @@ def weigh(
     return Plight(yields=yields, hurries=hurries, fits=lead > bodies)
 
 
-def held_back(state: State, given: Parameters, p: Fields, believed: Beliefs) -> F32:
+def held_back(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    near: Neighbours,
+    oncoming: Oncoming,
+    believed: Beliefs,
+) -> F32:
     """The acceleration that an ego in the other lane does not go beyond, (simulation,) [m/s^2].
 
     Who falls back brakes until it is slower than the vehicle that it was to pass. Who is past that
-    keeps behind the next one, as it has to fit in between.
+    keeps behind the next one, as it has to fit in between, unless time is left to pass that, too.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        near: Neighbours.
+        oncoming: Who comes.
+        believed: What drivers believe of their neighbours.
     """
     c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
     along, _ = road_velocity(state)
@@ -191,7 +210,14 @@ def held_back(state: State, given: Parameters, p: Fields, believed: Beliefs) -> 
     past = in_stage(state, Stage.PASS) & (state.s[ego] > pick(state.s, state.target))
     gap, closing = believed.gap[SLOW_LEAD, ego], believed.closing[SLOW_LEAD, ego]
     kept, wished = c.fit_share * own.time_gap, speed_of_pass(state, given, p)
+    seen = minimum(oncoming.believed_gap[ego], oncoming.sight)
+    next_one = state.vx[ego] - closing
+    top = top_speed(own, c.passing_surplus, next_one) - next_one
+    onwards = gap + _TWO * (near.half_length[SLOW_LEAD, ego] + own.half_length) + c.squeeze_gap
+    longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel)
+    longer = longer + _HALF * q.hasty_change + c.calm_margin
+    fits_in = past & (seen < longer * oncoming.closing[ego])
     fitting = follow(
         c, own, state.vx[ego], wished, gap, closing, kept, believed.accel[SLOW_LEAD, ego]
     )
-    return np.where(state.yields > 0, brake, np.where(past, fitting, _FAR))
+    return np.where(state.yields > 0, brake, np.where(fits_in, fitting, _FAR))

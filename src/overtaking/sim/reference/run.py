@@ -180,7 +180,8 @@ def act(
     oncoming = moment.oncoming
     if oncoming is not None:
         leader = minimum(leader, give_way(state, given, p, oncoming))
-        leader[Role.EGO] = minimum(leader[Role.EGO], held_back(state, given, p, believed))
+        kept = held_back(state, given, p, q, near, oncoming, believed)
+        leader[Role.EGO] = minimum(leader[Role.EGO], kept)
     old_leader = control.behind_old_leader(state, given, p, near, believed)
     control.set_acceleration(state, given, p, *pedals(orders, leader, old_leader))
     mobil.change_lanes(state, given, p, believed, leader, looks, claims, step // SUBSTEPS)
