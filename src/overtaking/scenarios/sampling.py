@@ -88,26 +88,13 @@ def sample(
     return concatenate(blocks) if len(blocks) > 1 else blocks[0]
 
 
-def zone_of(spec: Spec, road: Road) -> Zone:
+def _zone(spec: Spec, traffic: Traffic, road: Road) -> Zone:
     """Where vehicles may start on a road.
 
     Raises:
-        ConfigError: The zone or a lane is not on the road, or the traffic has no zone.
+        ConfigError: The zone or a lane is not on the road.
         InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
     """
-    if not isinstance(spec.traffic, Traffic):
-        raise ConfigError.of(
-            what="traffic.mode",
-            where=f"specification {spec.name}",
-            expected="vehicles that are placed in a zone",
-            got=spec.traffic.mode,
-            next_step="leave the mode out and give the zone",
-        )
-    return _zone(spec, spec.traffic, road)
-
-
-def _zone(spec: Spec, traffic: Traffic, road: Road) -> Zone:
-    """`zone_of` traffic that has one."""
     lanes = _ego_lanes(spec, traffic, road)
     low, high = _stretch(spec, traffic, road)
     _check_speeds(spec, traffic)
