@@ -101,7 +101,7 @@ def generate(
     chosen = simulator_of(simulator) if driver is None else driven_by(driver, simulator)
     recipe = Recipe(
         spec=spec,
-        road=road_of(road or spec.road),
+        road=scenarios.long_enough(spec, road_of(road or spec.road)),
         seed=seed,
         num_simulations=simulations,
         keep=_keep(keep),

@@ -4,6 +4,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from overtaking.model.scenario import MAX_VEHICLES
+
 SHARD_SIZE = 4096
 """Simulations a shard: files of some ten megabytes, and at most that much to do again."""
 
@@ -75,7 +77,9 @@ def chunk_size(spec: Mapping[str, Any], most: int = CHUNK_SIZE) -> int:
     if not spec:
         return RECORDED_CHUNK_SIZE
     frames = 1000.0 * spec["time"]["horizon_s"] / spec["profile"]["frame_interval_ms"] + 1.0
-    states = spec["traffic"]["vehicles"][1] * frames
+    # Two-way traffic does not count its vehicles: it fills the slots.
+    vehicles = spec["traffic"].get("vehicles", (1, MAX_VEHICLES))
+    states = vehicles[1] * frames
     return max(1, min(most, int(CHUNK_STATES / states)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from overtaking.scenarios.reading import profile_names, spec
-from overtaking.scenarios.sampling import sample
+from overtaking.scenarios.sampling import long_enough, sample
 from overtaking.scenarios.schema import Spec
 
-__all__ = ["Spec", "profile_names", "sample", "spec"]
+__all__ = ["Spec", "long_enough", "profile_names", "sample", "spec"]

@@ -225,6 +225,16 @@ def _round(length: float) -> float:
     return math.ceil(length / _ROAD_STEP) * _ROAD_STEP
 
 
+def long_enough(spec: Spec, road: Road) -> Road:
+    """The road that a data set of a specification has: oncoming vehicles start at its far end.
+
+    On roads of one direction how long the road is changes nothing, and it is kept as it was given.
+    """
+    if not isinstance(spec.traffic, TwoWay):
+        return road
+    return _starter(spec, road)[1]
+
+
 Starter = Callable[[int, "U64", Bending], Start]
 """Seed, numbers and proposal to what starts."""
 

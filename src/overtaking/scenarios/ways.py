@@ -5,9 +5,12 @@ count from the end of the road. Arrivals come at random times, no nearer than a 
 would drive into a slower one ahead follows it.
 """
 
+from dataclasses import fields
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking.core.compiled import log, minimum
 from overtaking.core.elementary import F32
@@ -63,6 +66,16 @@ def start(spec: Spec, traffic: TwoWay, road: Road, seed: int, index: U64, bend: 
     s = np.stack([*places, *coming], axis=1)
     # Who would start beyond an end of the road is met by nobody.
     valid = (s > np.float32(MARGIN)) & (s < np.float32(road.length - MARGIN))
+    order = np.argsort(~valid, axis=1, kind="stable")
+
+    def filled_first(values: NDArray[Any]) -> NDArray[Any]:
+        return np.take_along_axis(values, order, axis=1)
+
+    valid, lane, s, wishes = (filled_first(one) for one in (valid, lane, s, wishes))
+    traits = {name: filled_first(one) for name, one in traits.items()}
+    bodies = bodies.replace(
+        **{one.name: filled_first(getattr(bodies, one.name)) for one in fields(bodies)}
+    )
     around = FlowLayout(
         valid=valid,
         lane=lane,

@@ -10,7 +10,7 @@ from overtaking.data.tables.arrow import Array, Mask, Masked, to_texts
 from overtaking.data.tables.build import Given, Rows, Texts, build
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.derived import derived_weather
-from overtaking.data.tables.lanes import lane_columns
+from overtaking.data.tables.lanes import lane_columns, start_lane_ids
 from overtaking.data.tables.schemas import (
     COLUMNS,
     NUM_INDICATOR_BITS,
@@ -95,7 +95,7 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
         "simulation": numbers[simulation],
         "vehicle": slot.astype(np.uint8),
         "role": (slot != Role.EGO).astype(np.int32),
-        "start_lane_id": lane_columns(scenario.road)["lane_id"].values[rows(scenario.start_lane)],
+        "start_lane_id": start_lane_ids(scenario.road, rows(scenario.start_lane)),
     }
     return build("vehicles", trajectories, rows, computed, trajectories.unknown)
 

@@ -38,6 +38,27 @@ def lane_columns(road: Road) -> dict[str, Masked]:
     }
 
 
+def start_lane_ids(road: Road, start_lane: NDArray[np.integer]) -> NDArray[np.int16]:
+    """OpenDRIVE ids of the lanes that vehicles start in, also in the lane of the other direction.
+
+    Returns:
+        Ids of the shape of `start_lane`; 0 beyond the lanes.
+    """
+    table = lane_columns(road)["lane_id"].values.copy()
+    if road.is_two_way and road.fast_side_neighbour is not None:
+        table[road.num_lanes] = road.fast_side_neighbour.lane_id
+    return table[start_lane]
+
+
+def start_lane_codes(road: Road, ids: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """The lanes that `start_lane_ids` was given; `BEYOND_SLOW_EDGE` for other ids."""
+    code = np.full(ids.shape, BEYOND_SLOW_EDGE, np.uint8)
+    for lane in range(road.num_lanes + 1):
+        known = start_lane_ids(road, np.array(lane))
+        code[(ids == known) & (known != 0)] = lane
+    return code
+
+
 def lane_codes(road: Road, lane_id: pa.Array, d: NDArray[np.integer]) -> NDArray[np.uint8]:
     """The values of `States.lane` that a `lane_id` column was written from.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from overtaking.core.errors import SchemaError
 from overtaking.data.tables.arrow import column_to_numpy, to_arrow
 from overtaking.data.tables.columns import Column, codes, names_of
-from overtaking.data.tables.lanes import lane_codes
+from overtaking.data.tables.lanes import lane_codes, start_lane_codes
 from overtaking.data.tables.names import INDICATORS, KINDS, STAGES
 from overtaking.data.tables.schemas import COLUMNS, NUM_INDICATOR_BITS
 from overtaking.knowledge import presets
@@ -56,8 +56,7 @@ def restore_scenario(
     """
     rows = tables["simulations"]
     vehicles = _Grid.of(tables, "vehicles", "vehicle")
-    start_lane = _one(tables["vehicles"], "start_lane_id")
-    lane = lane_codes(road, start_lane, np.zeros(len(start_lane), dtype=np.int32))
+    lane = start_lane_codes(road, _numbers(tables["vehicles"], "start_lane_id"))
     return Scenario(
         profile=_shared(rows, "profile"),
         road=road,
