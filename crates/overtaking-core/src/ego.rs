@@ -102,7 +102,7 @@ fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) 
     let room = view.gap[SLOW_LEAD] - own.lane_change_duration * at_least(ahead, 0.0);
     let front = own_braking(w, view, room, ahead).simd_ge(-own.decel);
     let worth = view.gap[SLOW_LEAD].simd_gt(w.c.stay_time * view.closing[SLOW_LEAD]);
-    // Nobody stays in the lane of others to pass one more.
+    // On a two-way road the ego returns even if it will soon catch up with the next vehicle.
     if w.road.ways.two_way {
         return rear & front & view.gap[SLOW_LEAD].simd_gt(w.c.squeeze_gap);
     }

@@ -53,9 +53,8 @@ def start_lane_ids(road: Road, start_lane: NDArray[np.integer]) -> NDArray[np.in
 def start_lane_codes(road: Road, ids: NDArray[np.integer]) -> NDArray[np.uint8]:
     """The lanes that `start_lane_ids` was given; `BEYOND_SLOW_EDGE` for other ids."""
     code = np.full(ids.shape, BEYOND_SLOW_EDGE, np.uint8)
-    for lane in range(road.num_lanes + 1):
-        known = start_lane_ids(road, np.array(lane))
-        code[(ids == known) & (known != 0)] = lane
+    for lane in range(road.num_lanes + road.is_two_way):
+        code[ids == start_lane_ids(road, np.array(lane))] = lane
     return code
 
 

@@ -180,7 +180,8 @@ def may_return(given: Parameters, view: View) -> Mask:
     room = view.gap[SLOW_LEAD] - own.lane_change_duration * maximum(ahead, zero)
     front = own_braking(given, view, room, ahead) >= -own.decel
     c = given.constants
-    if given.road.two_way:  # Nobody stays in the lane of others to pass one more.
+    # On a two-way road the ego returns even if it will soon catch up with the next vehicle.
+    if given.road.two_way:
         return rear & front & (view.gap[SLOW_LEAD] > c.squeeze_gap)
     return rear & front & (view.gap[SLOW_LEAD] > c.stay_time * view.closing[SLOW_LEAD])
 
