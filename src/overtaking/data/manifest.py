@@ -203,6 +203,10 @@ class Identity(_Record):
         said = dump(road)
         if road.course is None:
             del said["course"]
+        else:
+            for name in ("line", "grade"):
+                if not getattr(road.course, name):
+                    del said["course"][name]
         return said
 
     @property

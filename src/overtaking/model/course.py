@@ -1,21 +1,23 @@
-"""What changes along a road: the line between its directions, places, and how far one sees.
+"""What changes along a road: its bends and grades, lines, places, and how far one sees.
 
 Stations are those of the road: `s` grows in the direction of its driving lanes, also where a
 driver who comes the other way is meant. Directions are those of `Lane`: +1 along `s`, -1 against.
 """
 
+import dataclasses
 import enum
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check
+from overtaking.model.line import Piece
 from overtaking.model.values import within
 
 F64 = NDArray[np.float64]
@@ -23,6 +25,11 @@ F64 = NDArray[np.float64]
 MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
 MAX_SIGHT = 10_000.0
 MAX_STRETCHES = 1_000
+MAX_PIECES = 20_000
+MAX_CURVATURE = (
+    0.1  # A radius of 10 m; the model's drivers and boxes are not meant for sharper ones.
+)
+MAX_GRADE = 0.2  # The steepest public roads come near a third, main roads hardly above a tenth.
 
 _STATION = within(0.0, MAX_LENGTH, "m")
 
@@ -107,9 +114,11 @@ class Line:
 class Course:
     """What changes along a road.
 
-    It is the same in a mirrored world: lines are seen from the lane, not from the left.
-
     Attributes:
+        line: Reference line, by pieces that join; empty for a straight road. Beyond its ends it
+            goes on straight.
+        grade: Slope of the road by station: pairs (s, rise per metre) in order of s, linear in
+            between and constant beyond; empty for a level road.
         lines: Stretches of the line between the directions, in order, without overlap. Elsewhere
             the mark of the fast-most driving lane holds.
         places: What stretches of the road are, in any order; they may overlap.
@@ -118,9 +127,12 @@ class Course:
         sight_against: The same for a driver who comes the other way.
 
     Raises:
-        ConfigError: A stretch is empty, or stretches or stations are not in order.
+        ConfigError: A stretch is empty, stretches or stations are not in order, or a bend or grade
+            is beyond `MAX_CURVATURE` [1/m] or `MAX_GRADE`.
     """
 
+    line: tuple[Piece, ...] = ()
+    grade: tuple[tuple[float, float], ...] = ()
     lines: tuple[Line, ...] = ()
     places: tuple[Place, ...] = ()
     sight: tuple[tuple[float, float], ...] = ()
@@ -140,8 +152,16 @@ class Course:
             if one.stop > other.start:
                 got = f"one to {one.stop:g} m, then one from {other.start:g} m"
                 raise _refused("lines", "in order, without overlap", got)
-        for name in ("sight", "sight_against"):
-            _check_sight(name, getattr(self, name))
+        for name in ("sight", "sight_against", "grade"):
+            _check_table(name, getattr(self, name))
+        _check_line(self.line)
+
+    def mirrored(self) -> Self:
+        """The same in a world where left and right are swapped.
+
+        Lines, places and sight stay: they are told from the lane, not from the left.
+        """
+        return dataclasses.replace(self, line=tuple(piece.mirrored() for piece in self.line))
 
     def sight_at(self, s: ArrayLike, direction: int = 1) -> F64:
         """How far a driver sees the road.
@@ -164,14 +184,32 @@ class Course:
         return tuple(one for one in self.places if one.direction in (0, direction))
 
 
-def _check_sight(name: str, table: Sequence[tuple[float, float]]) -> None:
-    """Refuse a table of sight that is not one."""
-    for s, distance in table:
-        if not (0.0 <= s <= MAX_LENGTH and 0.0 < distance <= MAX_SIGHT):  # Also true for NaN.
-            expected = f"0 to {MAX_LENGTH:g} m, and more than 0 and at most {MAX_SIGHT:g} m"
-            raise _refused(name, expected, f"{distance:g} m at {s:g} m")
+def _check_table(name: str, table: Sequence[tuple[float, float]]) -> None:
+    """Refuse a table of sight or grade by station that is not one."""
+    for s, value in table:
+        if name == "grade":
+            fits, bounds = abs(value) <= MAX_GRADE, f"{-MAX_GRADE:g} to {MAX_GRADE:g}"
+            got = f"{value:g} at {s:g} m"
+        else:
+            fits, bounds = 0.0 < value <= MAX_SIGHT, f"more than 0 and at most {MAX_SIGHT:g} m"
+            got = f"{value:g} m at {s:g} m"
+        if not (0.0 <= s <= MAX_LENGTH and fits):  # Also true for NaN.
+            raise _refused(name, f"0 to {MAX_LENGTH:g} m, and {bounds}", got)
     if not all(one < other for (one, _), (other, _) in pairwise(table)):
         raise _refused(name, "stations in order", ", ".join(f"{s:g}" for s, _ in table))
+
+
+def _check_line(line: Sequence[Piece]) -> None:
+    """Refuse a reference line of too many pieces, or of one that is none."""
+    if len(line) > MAX_PIECES:
+        raise _refused("line", f"at most {MAX_PIECES} pieces", len(line))
+    for piece in line:
+        if not (all(map(math.isfinite, piece)) and piece.length > 0.0):
+            raise _refused("line", "pieces of finite numbers and positive length", piece)
+        sharpest = max(abs(piece.curvature), abs(piece.end_curvature))
+        if sharpest > MAX_CURVATURE:
+            expected = f"bends of at least {1.0 / MAX_CURVATURE:g} m radius"
+            raise _refused("line", expected, f"{1.0 / sharpest:.2f} m")
 
 
 def _refused(what: str, expected: str, got: object) -> ConfigError:

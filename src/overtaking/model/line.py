@@ -73,6 +73,12 @@ class Piece(NamedTuple):
     curvature: float = 0.0
     end_curvature: float = 0.0
 
+    def mirrored(self) -> "Piece":
+        """The piece in a world where left and right are swapped."""
+        return Piece(
+            self.x, -self.y, -self.heading, self.length, -self.curvature, -self.end_curvature
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLine:

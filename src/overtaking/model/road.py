@@ -1,4 +1,4 @@
-"""A straight stretch of road whose driving lanes all run the same way, and what is beside them.
+"""A stretch of road whose driving lanes all run the same way, and what is beside them.
 
 ```
         fast side   d = boundaries[n]   ------------------------------  left_mark of lanes[n-1]
@@ -8,7 +8,8 @@
         slow side   d = boundaries[0]   ------------------------------  right_mark of lanes[0]
 ```
 
-`s` grows along the direction of travel and `d` to the left of it, in either kind of traffic. Lanes
+`s` grows along the direction of travel and `d` to the left of it, in either kind of traffic; on a
+road that bends, both are those of its reference line (`model.line`), where `d` is 0. Lanes
 are counted from the slow side: from the right in right-hand traffic, where `side` is +1, and from
 the left in left-hand traffic, where it is -1. On a two-way road the neighbour on the fast side is
 the lane of oncoming traffic; `course` says what changes along a road.
@@ -18,6 +19,7 @@ import dataclasses
 import enum
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Annotated, Self
 
@@ -27,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check
 from overtaking.model.course import MAX_LENGTH, Course, RoadMark, whole_line
-from overtaking.model.line import direction
+from overtaking.model.line import Piece, ReferenceLine, direction
 from overtaking.model.values import within
 
 F64 = NDArray[np.float64]
@@ -37,6 +39,16 @@ MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or
 MAX_NEIGHBOUR_WIDTH = 100.0
 MAX_COORDINATE = 1.0e8  # Wider than any map projection of the Earth in metres.
 MAX_SPEED_LIMIT = 100.0
+MAX_CURVED_WIDTH = (
+    0.5  # |curvature * d|: nearer to the centre of a bend s and d lose their meaning.
+)
+
+
+@lru_cache(maxsize=16)
+def _reference_line(pieces: tuple[Piece, ...]) -> ReferenceLine:
+    """The line of these pieces; all callers share its arrays."""
+    return ReferenceLine.of(pieces)
+
 
 _COORDINATE = within(-MAX_COORDINATE, MAX_COORDINATE, "m")
 
@@ -90,7 +102,7 @@ class Lane:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Road:
-    """A straight, flat, same-direction stretch of road.
+    """A stretch of road of one direction, with the same lanes along all of it.
 
     Attributes:
         name: Name, for people and manifests.
@@ -98,10 +110,11 @@ class Road:
         driving_side: Side that traffic keeps to.
         lanes: Driving lanes, from the slow to the fast side.
         edge_d: `d` of the slow-side edge of `lanes[0]` [m].
-        length: Length of the stretch [m].
+        length: Length of the stretch along the reference line [m].
         x0: World x of (s=0, d=0), right-handed, y to the left of x, as in OpenDRIVE [m].
         y0: World y of (s=0, d=0) [m].
-        heading: Direction of travel, anticlockwise from world x, within one turn of zero [rad].
+        heading: Direction of travel there, anticlockwise from world x, within one turn of zero
+            [rad].
         speed_limit: Limit that is posted for the driving lanes [m/s].
         slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
         fast_side_neighbour: Lane beside `lanes[-1]`, or None.
@@ -180,6 +193,63 @@ class Road:
         """
         return (self.course or Course()).sight_at(s, direction)
 
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The reference line by pieces, empty where the road is straight."""
+        return self.course.line if self.course else ()
+
+    @property
+    def bends(self) -> bool:
+        """Whether the reference line is anything but straight."""
+        return bool(self.pieces)
+
+    def heading_at(self, s: ArrayLike) -> F64:
+        """Direction of the road, anticlockwise from world x [rad].
+
+        Args:
+            s: Station, any shape [m].
+        """
+        if self.bends:
+            return _reference_line(self.pieces).at(s).heading
+        return np.full(np.shape(s), self.heading)
+
+    def curvature_at(self, s: ArrayLike) -> F64:
+        """Change of the direction of the reference line, positive in left bends [1/m].
+
+        Args:
+            s: Station, any shape [m].
+        """
+        if self.bends:
+            return _reference_line(self.pieces).at(s).curvature
+        return np.zeros(np.shape(s))
+
+    def grade_at(self, s: ArrayLike) -> F64:
+        """Slope of the road, positive where it rises along `s`.
+
+        Args:
+            s: Station, any shape [m].
+        """
+        table = self.course.grade if self.course else ()
+        station = np.asarray(s, np.float64)
+        if not table:
+            return np.zeros(station.shape)
+        return np.interp(station, *np.array(table, np.float64).T)
+
+    def height_at(self, s: ArrayLike) -> F64:
+        """Height above the start of the road [m], the integral of the slope.
+
+        Args:
+            s: Station, any shape [m].
+        """
+        station = np.asarray(s, np.float64)
+        knots = np.array(sorted({0.0, *(at for at, _ in (self.course or Course()).grade)}))
+        slopes = self.grade_at(knots)
+        steps = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(knots)
+        heights = np.concatenate([[0.0], np.cumsum(steps)])
+        last = np.clip(np.searchsorted(knots, station, side="right") - 1, 0, None)
+        rise = 0.5 * (slopes[last] + self.grade_at(station)) * (station - knots[last])
+        return heights[last] + rise
+
     def world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
         """World coordinates of points on the road.
 
@@ -190,6 +260,8 @@ class Road:
         Returns:
             x and y in the right-handed world frame [m].
         """
+        if self.bends:
+            return _reference_line(self.pieces).world(s, d)
         along, left = np.asarray(s, dtype=np.float64), np.asarray(d, dtype=np.float64)
         cosine, sine = direction(self.heading)
         return (
@@ -199,6 +271,8 @@ class Road:
 
     def road_coordinates(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Road coordinates (s, d) of world points [m]; the inverse of `world`."""
+        if self.bends:
+            return _reference_line(self.pieces).road_coordinates(x, y)
         east = np.asarray(x, dtype=np.float64) - self.x0
         north = np.asarray(y, dtype=np.float64) - self.y0
         cosine, sine = direction(self.heading)
@@ -234,6 +308,7 @@ class Road:
             heading=-self.heading,
             slow_side_neighbour=slow.mirrored() if slow else None,
             fast_side_neighbour=fast.mirrored() if fast else None,
+            course=self.course and self.course.mirrored(),
         )
 
     def extended(self, length: float) -> Self:
@@ -280,7 +355,7 @@ class Road:
             return
         stretches = (*course.lines, *course.places)
         stations = [one.stop for one in stretches]
-        stations += [s for s, _ in (*course.sight, *course.sight_against)]
+        stations += [s for s, _ in (*course.sight, *course.sight_against, *course.grade)]
         if stations and max(stations) > self.length:
             length = f"at most {self.length:g} m, the length of the road"
             raise self._refused("course", length, f"{max(stations):g} m")
@@ -288,6 +363,25 @@ class Road:
         if not self.is_two_way and (course.lines or against):
             lane = "oncoming traffic: a driving lane with direction -1 beside the fast lane"
             raise self._refused("course", lane, "lines or sight for it, and no such lane")
+        if course.line:
+            self._check_line(course.line)
+
+    def _check_line(self, line: tuple[Piece, ...]) -> None:
+        start = (line[0].x, line[0].y, line[0].heading)
+        if start != (self.x0, self.y0, self.heading):
+            raise self._refused(
+                "start of the line",
+                f"x0, y0, heading: {self.x0}, {self.y0}, {self.heading}",
+                str(start),
+            )
+        sharpest = _reference_line(line).sharpest
+        widest = max(abs(self.edge_d), abs(float(self.boundaries[-1])))
+        if not sharpest * widest < MAX_CURVED_WIDTH:
+            raise self._refused(
+                "bend",
+                f"lanes within {MAX_CURVED_WIDTH:g} of its radius from the reference line",
+                f"an edge {widest:.1f} m beside it in a bend of {1.0 / sharpest:.1f} m",
+            )
 
     def _check_driving(self, lane: Lane) -> None:
         if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:  # Also true for NaN.
