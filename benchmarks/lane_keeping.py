@@ -93,10 +93,11 @@ def swings(run: Trajectories, slot: int) -> Swings:
     """The movements of one vehicle of each simulation."""
     interval = run.scenario.frame_interval_ms
     bodies, states = run.scenario.vehicles, run.states
+    headings, direction = run.headings
     lateral, reach = footprint(
         run.road,
         states.d[:, slot],
-        states.heading[:, slot],
+        (headings[:, slot], direction),
         bodies.length[:, slot, None],
         bodies.width[:, slot, None],
     )

@@ -26,7 +26,7 @@ fn desired_speed<S: Simd, const N: usize>(
 ) -> V<S> {
     let p = &w.p[i];
     let two_way = w.road.ways.two_way;
-    if i == EGO {
+    let desired = if i == EGO {
         let passing = if two_way {
             speed_of_pass(state, w)
         } else {
@@ -38,7 +38,11 @@ fn desired_speed<S: Simd, const N: usize>(
         choose(passed, p.desired_speed * p.passed_factor, p.desired_speed)
     } else {
         p.desired_speed
+    };
+    if w.road.varies() {
+        return min(desired, state.bend_speed[i]);
     }
+    desired
 }
 
 /// Time gap kept; who is about to pull out accepts a smaller one.

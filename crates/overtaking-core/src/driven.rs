@@ -208,8 +208,9 @@ fn drive<S: Simd, const N: usize>(
                     let speed = at_least(state.vx[i] + stride.half * state.a_lon[i], 0.0);
                     press(&mut state, w, i, controls, speed);
                     let angle = turn(&mut state, w, i, controls, speed);
-                    let motion = dynamics::accelerate(&mut state, w, i, angle, stride);
-                    dynamics::integrate(&mut state, w, i, motion, stride);
+                    let motion =
+                        dynamics::accelerate::<S, N, false>(&mut state, w, i, angle, stride);
+                    dynamics::integrate::<S, N, false>(&mut state, w, i, motion, stride);
                 }
             }
             give(&state, table, |_| Some(0));

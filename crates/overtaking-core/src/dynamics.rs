@@ -165,7 +165,7 @@ fn axles<S: Simd, const N: usize>(
 /// Advance vehicle `i` by one step up to its new velocity, with this wheel angle or lean in the middle;
 /// the accelerations are kept in the state.
 #[inline(always)]
-pub fn accelerate<S: Simd, const N: usize>(
+pub fn accelerate<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
@@ -176,9 +176,13 @@ pub fn accelerate<S: Simd, const N: usize>(
     let speed = at_least(state.vx[i] + stride.half * state.a_lon[i], 0.0);
     let inverse_speed = 1.0 / at_least(speed, c.slip_speed);
     let air = speed - state.tail_wind[i];
-    let resistance = p.drag * air * air.abs() + p.rolling;
+    let held_back = p.drag * air * air.abs() + p.rolling;
+    let mut resistance = held_back;
+    if VARIES {
+        resistance += c.gravity * p.mass * state.slope[i];
+    }
     let force = drive_force(w, i, state.accel[i], resistance, speed, inverse_speed);
-    let (front, rear) = axles(state, w, i, force, resistance, angle);
+    let (front, rear) = axles(state, w, i, force, held_back, angle);
     let straight = (front.along + rear.along - resistance) * p.inverse_mass;
     let mut motion = on_four_wheels(
         state,
@@ -323,7 +327,7 @@ fn lean<S: Simd, const N: usize>(
 
 /// New place of vehicle `i` with the mean of the old and the new velocity.
 #[inline(always)]
-pub fn integrate<S: Simd, const N: usize>(
+pub fn integrate<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
@@ -341,20 +345,31 @@ pub fn integrate<S: Simd, const N: usize>(
     }
     let mean_r = choose(wrecked, 0.5 * (state.r[i] + r), motion.mean_r);
     state.psi[i] += stride.length * mean_r;
+    let mut slides = (along, across);
+    if VARIES {
+        let turned = stride.length * (state.curve[i] * (along + stride.half * state.a_lon[i]));
+        state.psi[i] -= turned;
+        let (aside, ahead) = sincos(turned);
+        slides = (
+            along * ahead + across * aside,
+            across * ahead - along * aside,
+        );
+    }
     let (sine, cosine) = sincos(state.psi[i]);
     (state.sine[i], state.cosine[i]) = (sine, cosine);
     let mut new_along = motion.vx * cosine - motion.vy * sine;
     let mut new_across = motion.vx * sine + motion.vy * cosine;
     (state.vx[i], state.vy[i]) = (motion.vx, motion.vy);
     if wrecked.any_true() {
-        new_along = choose(wrecked, along * kept, new_along);
-        new_across = choose(wrecked, across * kept, new_across);
+        new_along = choose(wrecked, slides.0 * kept, new_along);
+        new_across = choose(wrecked, slides.1 * kept, new_across);
         let ahead = new_along * cosine + new_across * sine;
         let aside = new_across * cosine - new_along * sine;
         state.vx[i] = choose(wrecked, ahead, motion.vx);
         state.vy[i] = choose(wrecked, aside, motion.vy);
     }
-    state.s[i] += stride.half * (along + new_along);
+    let way = stride.half * (along + new_along);
+    state.s[i] += if VARIES { way * state.stretch[i] } else { way };
     state.d[i] += stride.half * (across + new_across);
     state.yaw_accel[i] = (r - state.r[i]) * stride.per_second;
     state.r[i] = r;

@@ -43,6 +43,8 @@ pub struct Inputs<'a> {
     pub pose: [f32; 5],
     /// Its directions.
     pub ways: Ways,
+    /// Rows of `Road::course`, one after the other.
+    pub course: &'a [f32],
     /// Key of the random numbers.
     pub seed: u64,
     /// Steps between recorded frames.

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::{atan, exp, sincos};
-use crate::lanes::{V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
+use crate::lanes::{LANES, V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
 use crate::names::Constants;
 use crate::philox::{MOTION, uniform, words};
 use crate::state::{State, World};
@@ -14,6 +14,8 @@ const ROOT_3: f32 = 1.732_050_8;
 /// Phases of neighbouring wheel paths differ by the golden ratio, and by its square.
 const GOLDEN: f32 = 0.618_034;
 const GOLDEN_SQUARE: f32 = 0.381_966;
+/// Keeps the way in a bend finite for who has left the road inwards.
+const LEAST_SHARE: f32 = 0.25;
 /// Keeps the angle of the wind finite at rest [m/s].
 const LEAST_AIR_SPEED: f32 = 1.0;
 
@@ -135,6 +137,44 @@ pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> 
     let value = value + b * (columns[2] - columns[1]);
     let value = value + d * (columns[3] - columns[2]);
     at_least(value, c.friction_floor)
+}
+
+/// What the road does under vehicle `i` until the next decision: it bends, it rises.
+#[inline(always)]
+pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>, i: usize) {
+    let (c, p, ways) = (w.c, &w.p[i], &w.road.ways);
+    let [curvature, slope, along, against] = w.road.course;
+    let turned = p.direction.simd_lt(0.0);
+    let offset = choose(turned, state.d[i] - ways.across, state.d[i]);
+    let soon = 0.5 * c.decision;
+    let late = choose(
+        p.two_wheeler.simd_gt(0.0),
+        splat(w.simd, c.two_wheeler_lag),
+        c.steering_lag + p.side_lag * state.vx[i],
+    );
+    let (s, v) = (state.s[i], state.vx[i]);
+    let (here, there) = (s + soon * v, s + (soon + late) * v);
+    let at = |row: &[f32], s: V<S>| {
+        let last = row.len() - 1;
+        let station = choose(turned, ways.far_end - s, s) * c.per_station;
+        let station = clamp_to(station, 0.0, last as f32);
+        let first = at_most(floor(station), (last - 1) as f32);
+        let (mut low, mut high) = (first, first);
+        for lane in 0..LANES {
+            let k = first[lane] as usize;
+            (low[lane], high[lane]) = (row[k], row[k + 1]);
+        }
+        low + (station - first) * (high - low)
+    };
+    let stretch = |bend: V<S>| 1.0 / at_least(1.0 - bend * offset, LEAST_SHARE);
+    let bend = p.direction * at(curvature, here);
+    let ahead = p.direction * at(curvature, there);
+    state.stretch[i] = stretch(bend);
+    state.curve[i] = bend * state.stretch[i];
+    state.curve_ahead[i] = ahead * stretch(ahead);
+    state.slope[i] = p.direction * at(slope, here);
+    let radius = choose(turned, at(against, s), at(along, s));
+    state.bend_speed[i] = (at_most(w.q.side_accel, c.bend_accel) * radius).sqrt();
 }
 
 /// Friction under the wheels of either side.

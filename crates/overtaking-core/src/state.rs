@@ -34,6 +34,7 @@ pub const UNKNOWN: f32 = -2.0;
 const LONG_AGO: f32 = 10.0;
 /// On friction nothing depends yet.
 const ANY_FRICTION: f32 = 0.8;
+const ANY_SPEED: f32 = 1e9;
 
 /// Slot of the ego.
 pub const EGO: usize = 0;
@@ -54,7 +55,7 @@ pub mod stage {
 
 /// The road as the step sees it, lateral axis towards the fast side.
 #[derive(Clone, Copy, Debug)]
-pub struct Road {
+pub struct Road<'a> {
     /// Driving lanes.
     pub num_lanes: usize,
     /// Lane borders from slow to fast, padded with the last [m].
@@ -67,6 +68,9 @@ pub struct Road {
     pub pose: [f32; 5],
     /// Its directions.
     pub ways: Ways,
+    /// What it does at its stations: curvature, slope, and the radius for the speed along and against it. Empty
+    /// where it is straight and level.
+    pub course: [&'a [f32]; 4],
 }
 
 /// Most stations between which sight, or the line between the directions, changes.
@@ -89,9 +93,11 @@ pub struct Ways {
     pub line: [[f32; MAX_KNOTS]; 2],
 }
 
-impl Road {
+impl<'a> Road<'a> {
     /// That of a batch.
-    pub fn of(inputs: &Inputs<'_>) -> Self {
+    pub fn of(inputs: &Inputs<'a>) -> Self {
+        let stations = inputs.course.len() / 4;
+        let row = |k: usize| &inputs.course[k * stations..(k + 1) * stations];
         Self {
             num_lanes: inputs.num_lanes,
             boundaries: inputs.boundaries,
@@ -99,7 +105,13 @@ impl Road {
             side: inputs.side,
             pose: inputs.pose,
             ways: inputs.ways,
+            course: [row(0), row(1), row(2), row(3)],
         }
+    }
+
+    /// Whether it bends or rises anywhere.
+    pub fn varies(&self) -> bool {
+        !self.course[0].is_empty()
     }
 }
 
@@ -168,7 +180,7 @@ pub struct World<'a, S: Simd, const N: usize> {
     pub simd: S,
     pub c: &'a Constants,
     pub rates: Rates,
-    pub road: &'a Road,
+    pub road: &'a Road<'a>,
     pub p: [Vehicle<S>; N],
     pub q: Simulation<S>,
     /// Slots in use by any simulation of the block.
@@ -273,6 +285,11 @@ state_fields! {
     flashes: Each<S, N>,
     yields: V<S>,
     hurries: V<S>,
+    curve: Each<S, N>,
+    curve_ahead: Each<S, N>,
+    stretch: Each<S, N>,
+    slope: Each<S, N>,
+    bend_speed: Each<S, N>,
     /// Sine and cosine of `psi`.
     sine: Each<S, N>,
     cosine: Each<S, N>,
@@ -357,6 +374,11 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             flashes: each(0.0),
             yields: zero,
             hurries: zero,
+            curve: each(0.0),
+            curve_ahead: each(0.0),
+            stretch: each(1.0),
+            slope: each(0.0),
+            bend_speed: each(ANY_SPEED),
             sine: each(0.0),
             cosine: each(1.0),
             reach: each(0.0),

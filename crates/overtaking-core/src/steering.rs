@@ -90,25 +90,25 @@ pub fn reach<S: Simd, const N: usize>(
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step; the angle in its middle.
 #[inline(always)]
-pub fn steer<S: Simd, const N: usize>(
+pub fn steer<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
     stride: &Stride,
 ) -> V<S> {
-    let wanted = asked(state, w, i, stride.half);
+    let wanted = asked::<S, N, VARIES>(state, w, i, stride.half);
     turn(state, w, i, wanted, stride)
 }
 
 /// The same for the ego, where another driver has ordered an angle of the front wheels.
 #[inline(always)]
-pub fn steer_as_ordered<S: Simd, const N: usize>(
+pub fn steer_as_ordered<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     ordered: V<S>,
     stride: &Stride,
 ) -> V<S> {
-    let (_, lean) = asked(state, w, EGO, stride.half);
+    let (_, lean) = asked::<S, N, VARIES>(state, w, EGO, stride.half);
     let limit = w.c.steering_limit;
     let angle = clamp_to(ordered, -limit, limit);
     turn(state, w, EGO, (angle, lean), stride)
@@ -135,7 +135,7 @@ fn turn<S: Simd, const N: usize>(
 
 /// Wheel angle and lean that the driver of vehicle `i` asks for, a time `ahead`.
 #[inline(always)]
-fn asked<S: Simd, const N: usize>(
+fn asked<S: Simd, const N: usize, const VARIES: bool>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
@@ -160,7 +160,10 @@ fn asked<S: Simd, const N: usize>(
     let wanted = accel + c.velocity_gain * (speed - sideways);
     let aim = place + c.lane_deviation * state.wander[i] - d;
     let wanted = wanted + c.position_gain * aim;
-    let wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
+    let mut wanted = clamp(wanted, -w.q.side_accel, w.q.side_accel);
+    if VARIES {
+        wanted += state.curve_ahead[i] * (vx * vx);
+    }
     let inverse_speed = 1.0 / at_least(vx, c.slip_speed);
     let felt = wanted + c.yaw_gain * (wanted - vx * r);
     let angle =

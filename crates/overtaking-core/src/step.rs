@@ -293,6 +293,11 @@ fn surroundings<S: Simd, const N: usize>(
         w.simd,
         environment::move_random_processes(state, w, decision)
     );
+    if w.road.varies() {
+        for i in 0..w.count {
+            outlined!(w.simd, environment::course(state, w, i));
+        }
+    }
     outlined!(w.simd, environment::grip(state, w));
     outlined!(w.simd, environment::wind(state, w));
     for i in 0..w.count {
@@ -314,6 +319,7 @@ pub fn grip_again<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &Worl
 }
 
 /// Steer, move, collide: one step.
+#[allow(clippy::too_many_arguments)]
 pub fn advance<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
@@ -323,31 +329,51 @@ pub fn advance<S: Simd, const N: usize>(
     stride: &Stride,
     wheel: Option<V<S>>,
 ) {
-    outlined!(w.simd, {
-        if !pairs.is_empty() {
-            for i in 0..w.count {
-                (before.0[i], before.1[i]) = (state.s[i], state.d[i]);
-            }
-        }
-        // Short passes over all vehicles, so that the CPU works on several of them at once.
-        let mut angle = [splat(w.simd, 0.0); N];
-        let mut first = EGO;
-        if let Some(ordered) = wheel {
-            angle[EGO] = steering::steer_as_ordered(state, w, ordered, stride);
-            first += 1;
-        }
-        for i in first..w.count {
-            angle[i] = steering::steer(state, w, i, stride);
-        }
-        let mut motion = [Motion::none(w.simd); N];
-        for i in 0..w.count {
-            motion[i] = dynamics::accelerate(state, w, i, angle[i], stride);
-        }
-        for i in 0..w.count {
-            dynamics::integrate(state, w, i, motion[i], stride);
-        }
-    });
+    // A step on roads that are straight and level is compiled by itself, and pays nothing for bends.
+    if w.road.varies() {
+        outlined!(w.simd, {
+            go_on::<S, N, true>(state, w, pairs, before, stride, wheel);
+        });
+    } else {
+        outlined!(w.simd, {
+            go_on::<S, N, false>(state, w, pairs, before, stride, wheel);
+        });
+    }
     if !pairs.is_empty() {
         outlined!(w.simd, collide(state, w, pairs, before, step, stride));
+    }
+}
+
+/// Steer and move.
+#[inline(always)]
+fn go_on<S: Simd, const N: usize, const VARIES: bool>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    pairs: &Pairs<S>,
+    before: &mut Places<S, N>,
+    stride: &Stride,
+    wheel: Option<V<S>>,
+) {
+    if !pairs.is_empty() {
+        for i in 0..w.count {
+            (before.0[i], before.1[i]) = (state.s[i], state.d[i]);
+        }
+    }
+    // Short passes over all vehicles, so that the CPU works on several of them at once.
+    let mut angle = [splat(w.simd, 0.0); N];
+    let mut first = EGO;
+    if let Some(ordered) = wheel {
+        angle[EGO] = steering::steer_as_ordered::<S, N, VARIES>(state, w, ordered, stride);
+        first += 1;
+    }
+    for i in first..w.count {
+        angle[i] = steering::steer::<S, N, VARIES>(state, w, i, stride);
+    }
+    let mut motion = [Motion::none(w.simd); N];
+    for i in 0..w.count {
+        motion[i] = dynamics::accelerate::<S, N, VARIES>(state, w, i, angle[i], stride);
+    }
+    for i in 0..w.count {
+        dynamics::integrate::<S, N, VARIES>(state, w, i, motion[i], stride);
     }
 }

@@ -147,7 +147,7 @@ fn converse<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) 
 struct Crowd<'a, S: Simd, const N: usize> {
     simd: S,
     inputs: &'a Inputs<'a>,
-    road: &'a Road,
+    road: &'a Road<'a>,
     meaning: (Option<Kind>, Source),
     /// Where the results of each row would go, while nothing runs in it.
     outputs: Vec<Option<Output<'a>>>,

@@ -124,6 +124,7 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         side,
         pose,
         ways,
+        course: &[],
         seed,
         record_every: record_every as u32,
         script: None,

@@ -52,6 +52,7 @@ impl Driven<'_> {
             side: self.road.side,
             pose: self.road.pose,
             ways: self.road.ways(),
+            course: &self.road.course,
             seed: self.seed,
             record_every: 1,
             script: None,

@@ -39,6 +39,7 @@ struct Road {
     across: f32,
     sight: [[f32; MAX_KNOTS]; 3],
     line: [[f32; MAX_KNOTS]; 2],
+    course: Vec<f32>,
 }
 
 impl Road {
@@ -184,6 +185,7 @@ fn simulate(
         side: road.side,
         pose: road.pose,
         ways: road.ways(),
+        course: &road.course,
         seed,
         record_every,
         script: script.transpose()?,

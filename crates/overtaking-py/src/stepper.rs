@@ -92,6 +92,7 @@ impl Kept {
             side: self.road.side,
             pose: self.road.pose,
             ways: self.road.ways(),
+            course: &self.road.course,
             seed: self.seed,
             record_every: self.record_every,
             script: None,

@@ -86,7 +86,7 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         "settled_shift": float(known("labels.motion.settled_shift")),
         "over_line": float(known("labels.attempt.over_line")),
         "follow_time_gap": float(known("labels.phases.follow_time_gap")),
-        "direction": round(HEADINGS * road.heading),
+        "direction": round(HEADINGS * trajectories.headings[1]),
         "spin_angle": round(HEADINGS * float(known("model.departure.spin_angle"))),
     }
 

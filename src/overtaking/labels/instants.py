@@ -68,13 +68,16 @@ def half_lengths(run: Trajectories, rows: Index, slot: Index) -> F32:
     return np.float32(0.5) * (length[rows, Role.EGO] + length[rows, slot])
 
 
-def footprint(road: Road, d: Frames, heading: Frames, length: F32, width: F32) -> tuple[F32, F32]:
+def footprint(
+    road: Road, d: Frames, heading: tuple[Frames, float], length: F32, width: F32
+) -> tuple[F32, F32]:
     """Where bodies lie across the road; all arrays of one shape.
 
     Args:
         road: The road.
         d: Recorded lateral position [mm].
-        heading: Recorded heading [0.1 mrad].
+        heading: Recorded heading, and the direction that it is measured from, as
+            `Trajectories.headings` has them [0.1 mrad, rad].
         length: Of the bodies [m].
         width: Of the bodies [m].
 
@@ -83,7 +86,7 @@ def footprint(road: Road, d: Frames, heading: Frames, length: F32, width: F32) -
         of that [m].
     """
     across = side_of(road) * (as_f32(d) * METRES)
-    sine, cosine = sincos(as_f32(heading) * RADIANS - np.float32(road.heading))
+    sine, cosine = sincos(as_f32(heading[0]) * RADIANS - np.float32(heading[1]))
     half_length, half_width = length * np.float32(0.5), width * np.float32(0.5)
     return across, half_length * np.abs(sine) + half_width * np.abs(cosine)
 
@@ -97,8 +100,9 @@ def oncoming(run: Trajectories) -> Mask:
     if not run.road.is_two_way:
         return np.zeros_like(valid)
     first = np.zeros(valid.shape, np.intp) if run.present is None else run.present.argmax(axis=2)
-    heading = np.take_along_axis(run.states.heading, first[:, :, None], axis=2)[:, :, 0]
-    against = sincos(as_f32(heading) * RADIANS - np.float32(run.road.heading))[1] < 0
+    headings, direction = run.headings
+    heading = np.take_along_axis(headings, first[:, :, None], axis=2)[:, :, 0]
+    against = sincos(as_f32(heading) * RADIANS - np.float32(direction))[1] < 0
     against[:, Role.EGO] = False
     return valid & against
 
@@ -206,11 +210,11 @@ def across_at(
         frames: A frame of each, same shape.
     """
     states, bodies, own = run.states, run.scenario.vehicles, (rows, frames)
-    side = (rows, slot, frames)
+    side, (headings, direction) = (rows, slot, frames), run.headings
     across, reach = footprint(
         run.road,
         states.d[side],
-        states.heading[side],
+        (headings[side], direction),
         bodies.length[rows, slot],
         bodies.width[rows, slot],
     )

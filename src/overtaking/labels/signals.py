@@ -165,7 +165,8 @@ def pack(trajectories: Trajectories) -> dict[str, Any]:
     """
     states, bodies, road = trajectories.states, trajectories.scenario.vehicles, trajectories.road
     interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.present
-    recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "heading", "lane")}
+    recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "lane")}
+    recorded["heading"], direction = trajectories.headings
     recorded |= {"accel": states.accel_lon, "hit": trajectories.collided_with}
     if road.is_two_way:
         recorded["lane"] = _with_opposite_lane(trajectories)
@@ -178,7 +179,7 @@ def pack(trajectories: Trajectories) -> dict[str, Any]:
         **{name: _flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
         "side": float(side_of(road)),
-        "direction": float(np.float32(road.heading)),
+        "direction": float(np.float32(direction)),
         "interval_ms": interval_ms,
         "half_window": half_window(interval_ms),
     }

@@ -293,6 +293,21 @@ class Road:
         offset = self.side * np.asarray(d, dtype=np.float64)
         return np.searchsorted(self.side * self.boundaries, offset, side="right") - 1
 
+    def needs_to_be_straight(self, where: str) -> None:
+        """ConfigError for a road that bends or rises.
+
+        Args:
+            where: A part of the package that knows straight and level roads only.
+        """
+        if self.course and (self.course.line or self.course.grade):
+            raise ConfigError.of(
+                what=f"road {self.name}",
+                where=where,
+                expected="a straight and level one",
+                got="one that bends or rises",
+                next_step="choose another road",
+            )
+
     def mirrored(self) -> Self:
         """The road in a world where left and right are swapped: d, y and heading change sign.
 

@@ -4,6 +4,8 @@ Everything after the simulation reads these values, so that labels from memory a
 agree.
 """
 
+import dataclasses
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
@@ -50,6 +52,7 @@ BEYOND_SLOW_EDGE = 255
 """Lane index of a vehicle beyond the slow edge of the road."""
 
 METRES_PER_STEP = 1e-3
+_MOST = 2.0e9  # Steps that fit into the recorded integers, as the step clamps them.
 METRES_PER_SECOND_PER_STEP = 1e-3
 RADIANS_PER_STEP = 1e-4
 METRES_PER_SECOND_SQUARED_PER_STEP = 1e-3
@@ -217,6 +220,40 @@ class Percepts(Batch):
         )
 
 
+def turned(road: Road, states: States, sign: float) -> NDArray[np.int16]:
+    """Headings with the direction of the road added or taken away, same shape [0.1 mrad].
+
+    Args:
+        road: The road.
+        states: Stations and headings.
+        sign: +1 to add it, -1 to take it away.
+    """
+    direction = road.heading_at(states.s * METRES_PER_STEP)
+    angle = states.heading * RADIANS_PER_STEP + sign * direction
+    angle = angle - math.tau * np.rint(angle / math.tau)
+    return np.rint(angle / RADIANS_PER_STEP).astype(np.int16)
+
+
+def placed(road: Road, states: States, there: NDArray[np.bool_]) -> States:
+    """States on a road that bends, from those in its own coordinates, as the step records them.
+
+    Positions follow from the recorded millimetres by float64 arithmetic in a fixed order, so they
+    have the same bits whatever engine made them.
+
+    Args:
+        road: The road.
+        states: Recorded states, with headings relative to the road.
+        there: Which of them are of a vehicle, same shape.
+    """
+    if not road.bends:
+        return states
+    x, y = road.world(states.s * METRES_PER_STEP, states.d * METRES_PER_STEP)
+    position = (np.rint(one / METRES_PER_STEP).clip(-_MOST, _MOST) for one in (x, y))
+    found = (*(one.astype(np.int32) for one in position), turned(road, states, 1.0))
+    found = (np.where(there, one, np.zeros_like(one)) for one in found)
+    return dataclasses.replace(states, **dict(zip(("x", "y", "heading"), found, strict=True)))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trajectories(Batch):
     """A batch of recorded simulations with everything needed to label them.
@@ -271,6 +308,17 @@ class Trajectories(Batch):
         """
         # By name, as the root does: a noun imports no reader (docs/adr/0040).
         return import_module("overtaking.api.formats").from_frame(table, **options)
+
+    @property
+    def headings(self) -> tuple[NDArray[np.int16], float]:
+        """Recorded headings, and the direction that they are measured from [0.1 mrad, rad].
+
+        The angle to the road is the difference of both: on a straight road they are the heading as
+        it is and the direction of the road, on one that bends the angle itself and 0.
+        """
+        if not self.road.bends:
+            return self.states.heading, self.road.heading
+        return turned(self.road, self.states, -1.0), 0.0
 
     def summary(self) -> Mapping[str, object]:
         """That of the scenario, and the frames."""

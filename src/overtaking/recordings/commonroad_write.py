@@ -50,10 +50,11 @@ def write_commonroad(trajectories: Trajectories, numbers: NDArray[np.integer], f
         Number of states written.
 
     Raises:
-        ConfigError: Others come the other way.
+        ConfigError: Others come the other way, or the road bends.
         OSError: A file cannot be written.
     """
     refuse_oncoming(trajectories.scenario, "export to CommonRoad")
+    trajectories.road.needs_to_be_straight("export to CommonRoad")
     for place, number in enumerate(numbers.tolist()):
         text = "\n".join(_lines(trajectories, place, number)) + "\n"
         put_file(folder / f"{scenario_id(number)}.xml", text)

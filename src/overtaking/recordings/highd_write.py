@@ -91,10 +91,11 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
         Number of states written.
 
     Raises:
-        ConfigError: Others come the other way.
+        ConfigError: Others come the other way, or the road bends.
         OSError: A file cannot be written.
     """
     refuse_oncoming(trajectories.scenario, "export to highD")
+    trajectories.road.needs_to_be_straight("export to highD")
     written = 0
     for place, number in enumerate(numbers.tolist()):
         image = image_tracks(trajectories, place)

@@ -41,8 +41,9 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
         road_id: Its id in the file.
 
     Raises:
-        ConfigError: Its lane ids are not consecutive ones of one side.
+        ConfigError: Its lane ids are not consecutive ones of one side, or it bends.
     """
+    road.needs_to_be_straight("write_opendrive")
     right = road.lanes[0].lane_id < 0
     along = right == (road.driving_side is DrivingSide.RIGHT)
     strips = _strips(road)

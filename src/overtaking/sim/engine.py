@@ -12,7 +12,14 @@ from overtaking.core.elementary import F32
 from overtaking.core.memory import Buffers, Layout
 from overtaking.model.actions import Actions
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import STATE_TYPES, Contacts, Percepts, States, Trajectories
+from overtaking.model.trajectory import (
+    STATE_TYPES,
+    Contacts,
+    Percepts,
+    States,
+    Trajectories,
+    placed,
+)
 from overtaking.model.values import declarations
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.parameters import Parameters, Turn, parameters
@@ -108,6 +115,7 @@ def road_values(given: Parameters) -> dict[str, Any]:
         "across": float(road.across),
         "sight": road.sight.tolist(),
         "line": road.line.tolist(),
+        "course": road.course.reshape(-1).tolist(),
     }
 
 
@@ -135,11 +143,14 @@ def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str,
 
 def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
     longest = int(out["num_frames"].max()) if scenario.num_simulations else 0
+    states = States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_TYPES})
+    running = np.arange(longest) < out["num_frames"][:, None, None]
+    there = scenario.vehicles.valid[:, :, None] & running
     percepts = {name: out[f"percept_{name}"] for name in _BELIEFS if name != "detected"}
     return Trajectories(
         scenario=scenario,
         num_frames=out["num_frames"],
-        states=States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_TYPES}),
+        states=placed(scenario.road, states, there),
         stage=out["stage"][:, :longest],
         collided_with=out["collided_with"][:, :longest],
         contacts=Contacts(

@@ -143,6 +143,8 @@ class Constants:
     steering_lag: np.float32 = _known("model.steering.lag")
     steering_rate: np.float32 = _known("model.steering.rate")
     steering_limit: np.float32 = _known("model.steering.limit")
+    bend_accel: np.float32 = _known("model.steering.bend_accel")
+    per_station: np.float32 = _inverse("model.steering.station")
     slip_speed: np.float32 = _known("model.dynamics.slip_speed")
     abs_share: np.float32 = _known("model.dynamics.abs_share")
     traction_share: np.float32 = _known("model.dynamics.traction_share")

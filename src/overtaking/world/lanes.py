@@ -1,5 +1,6 @@
 """The road for the step: lateral axis towards the fast side, padded to a fixed size."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -36,6 +37,10 @@ class RoadParameters:
         across: Sum of the edges: what an oncoming vehicle takes its lateral position from [m].
         sight: Stations, how far one sees there [m], and how much more per metre; (3, MAX_KNOTS).
         line: Stations, and 1 from where on the line is not to be crossed; (2, MAX_KNOTS).
+        course: What the road does at stations every `model.steering.station`: curvature towards
+            the fast side [1/m], sine of the slope, and along and against the road the radius by
+            which drivers choose their speed [m], see `_course`; (4, station), no station where the
+            road is straight and level.
         boundaries: Lane borders from slow to fast, padded with the last, shape (MAX_LANES + 1,)
             [m].
         film_path: `film.film_per_path` of each lane, padded, shape (MAX_LANES,).
@@ -54,6 +59,7 @@ class RoadParameters:
     across: np.float32
     sight: F32
     line: F32
+    course: F32
     boundaries: F32
     film_path: F32
     side: np.float32
@@ -76,7 +82,10 @@ def road_parameters(road: Road) -> RoadParameters:
     num_lanes = len(borders) - 1
     borders = _padded(borders)
     crown = borders[road.num_lanes] if two_way else borders[-1]
-    heading = np.float32(road.heading)
+    course = _course(road)
+    # On a road that bends the step knows stations and offsets alone; see `model.placed`.
+    pose = (0.0, 0.0, 0.0) if road.bends else (road.x0, road.y0, road.heading)
+    x0, y0, heading = map(np.float32, pose)
     sine, cosine = sincos(heading)
     return RoadParameters(
         num_lanes=num_lanes,
@@ -86,11 +95,12 @@ def road_parameters(road: Road) -> RoadParameters:
         across=across,
         sight=_sight(road) if two_way else np.zeros((3, MAX_KNOTS), np.float32),
         line=_line(road) if two_way else np.zeros((2, MAX_KNOTS), np.float32),
+        course=course,
         boundaries=borders,
         film_path=film.film_per_path(_drainage_path(borders, crown)),
         side=side,
-        x0=np.float32(road.x0),
-        y0=np.float32(road.y0),
+        x0=x0,
+        y0=y0,
         heading=heading,
         cosine=np.float32(cosine),
         sine=np.float32(sine),
@@ -161,6 +171,30 @@ def _line(road: Road) -> F32:
     marks = road.fast_edge_marks
     stations = [max(start, -_FAR) for start, _ in marks]
     return _knots([stations, [float(mark in _SOLID) for _, mark in marks]])
+
+
+def _course(road: Road) -> F32:
+    """Curvature, slope and speed by station, the rows of `RoadParameters.course`.
+
+    The curvature is the mean around a station, so that turning adds up to that of the line. The
+    radius that counts for the speed is the least of R + 2 (b / a) x over all bends of radius R at a
+    way x ahead: who drives at the root of a times it comes into each bend with the lateral
+    acceleration a, having braked by b.
+    """
+    if road.course is None or not (road.course.line or road.course.grade):
+        return np.zeros((4, 0), np.float32)
+    spacing = float(known("model.steering.station"))
+    stations = np.arange(math.ceil(road.length / spacing) + 1) * spacing
+    turn = road.heading_at(stations + 0.5 * spacing) - road.heading_at(stations - 0.5 * spacing)
+    turn = turn - math.tau * np.rint(turn / math.tau)  # Pieces may count their turns anew.
+    curvature = turn / spacing
+    slope = road.grade_at(stations)
+    rise = 2.0 * float(known("model.steering.bend_decel") / known("model.steering.bend_accel"))
+    radius = 1.0 / np.maximum(np.abs(curvature), 1.0 / _FAR)
+    along = np.minimum.accumulate((radius + rise * stations)[::-1])[::-1] - rise * stations
+    against = np.minimum.accumulate(radius - rise * stations) + rise * stations
+    rows = [road.side * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
+    return np.array(rows, np.float32)
 
 
 def _knots(rows: Sequence[ArrayLike]) -> F32:

@@ -158,7 +158,8 @@ def _is_off(runs: Trajectories) -> Array:
 def _is_across(runs: Trajectories) -> Array:
     """Where a vehicle stands so far across the road that it has spun, same shape."""
     half_turn = round(np.pi / RADIANS_PER_STEP)
-    turned = runs.states.heading.astype(np.int32) - round(runs.road.heading / RADIANS_PER_STEP)
+    headings, direction = runs.headings
+    turned = headings.astype(np.int32) - round(direction / RADIANS_PER_STEP)
     angle = np.abs((turned + half_turn) % (2 * half_turn) - half_turn)
     return (angle > float(known("model.departure.spin_angle")) / RADIANS_PER_STEP) & _seen(runs)
 

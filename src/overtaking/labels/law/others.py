@@ -64,7 +64,8 @@ def others_at(case: Case, frame: I32, rows: Index | None = None) -> Others:
     half = run.scenario.vehicles.length[rows] * np.float32(0.5)
     s = states.s[place]
     lead = as_f32(s[:, [Role.EGO]] - s) * METRES
-    heading = as_f32(states.heading[place]) * RADIANS - np.float32(run.road.heading)
+    headings, direction = run.headings
+    heading = as_f32(headings[place]) * RADIANS - np.float32(direction)
     return Others(
         valid=_others_there(run, rows, frame),
         lead=lead,

@@ -105,6 +105,7 @@ def scene(run: Trajectories, events: Events | None = None) -> FilmScene:
     kept = (np.array(slots)[:, None], recorded)
     states = run.states
     target = _target(run, events)
+    headings, direction = run.headings
     return FilmScene(
         road=run.road,
         slots=slots,
@@ -115,7 +116,7 @@ def scene(run: Trajectories, events: Events | None = None) -> FilmScene:
         time=recorded.astype(np.float64) * (run.scenario.frame_interval_ms / _MS_PER_S),
         s=states.s[0][kept] * METRES_PER_STEP,
         d=states.d[0][kept] * METRES_PER_STEP,
-        angle=states.heading[0][kept] * RADIANS_PER_STEP - run.road.heading,
+        angle=headings[0][kept] * RADIANS_PER_STEP - direction,
         speed=states.speed[0][kept] * METRES_PER_SECOND_PER_STEP,
         lights=_lights(run)[kept],
         stage=None if "stage" in run.unknown else run.stage[0, recorded],

@@ -164,7 +164,8 @@ def _vehicle(run: Trajectories, slot: int) -> Values:
     frames = np.flatnonzero(run.state_valid[0, slot])
     first, last = int(frames[0]), int(frames[-1])
     span = slice(first, last + 1)
-    turn = round(run.road.heading / 1e-4)
+    headings, direction = run.headings
+    turn = round(direction / 1e-4)
     is_lit = not run.unknown & {"indicators", "lamps"}
     lights = states.lights[0, slot, span] if is_lit else np.zeros(last + 1 - first, np.uint8)
     away = np.flatnonzero(~run.state_valid[0, slot, span]) + first
@@ -179,7 +180,7 @@ def _vehicle(run: Trajectories, slot: int) -> Values:
         "away": away.tolist(),
         "s": differences(states.s[0, slot, span], 2),
         "d": differences(states.d[0, slot, span], 2),
-        "angle": differences(states.heading[0, slot, span].astype(int) - turn),
+        "angle": differences(headings[0, slot, span].astype(int) - turn),
         "speed": differences(states.speed[0, slot, span]),
         "accel": differences(states.accel_lon[0, slot, span]),
         "lights": differences(lights),

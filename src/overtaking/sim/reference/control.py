@@ -51,7 +51,7 @@ def _desired_speed(state: State, given: Parameters, p: Fields) -> F32:
         passing = speed_of_pass(state, given, p)
         desired = np.where(is_passed(state, given, p), desired * p.passed_factor, desired)
     desired[Role.EGO] = np.where(_is_passing(state), passing, desired[Role.EGO])
-    return desired
+    return minimum(desired, state.bend_speed)
 
 
 def behind_old_leader(

@@ -120,9 +120,10 @@ def move(state: State, c: Constants, p: Fields, angle: F32, length: np.float32) 
     speed = maximum(state.vx + _HALF * length * state.a_lon, _ZERO)
     inverse_speed = _ONE / maximum(speed, c.slip_speed)
     air = speed - state.tail_wind
-    resistance = p.drag * air * np.abs(air) + p.rolling
+    held_back = p.drag * air * np.abs(air) + p.rolling
+    resistance = held_back + c.gravity * p.mass * state.slope
     force = drive_force(c, p, state.accel, resistance, speed, inverse_speed)
-    front, rear = _axles(state, c, p, force, resistance, angle)
+    front, rear = _axles(state, c, p, force, held_back, angle)
     drives = _on_four_wheels(
         state, c, p, (front, rear), resistance, (speed, inverse_speed), angle, length
     )
@@ -296,7 +297,12 @@ def _integrate(
 ) -> None:
     """New place with the mean of the old and the new velocity.
 
-    A wreck slides straight on with locked wheels, however it turns, and comes to rest.
+    In a bend the road turns under the vehicle by the curvature of its way times that way. A wreck
+    slides straight on with locked wheels, however it and the road turn, and comes to rest.
+
+    Source:
+        The equations of motion along a curve, in the frame of its tangent: Rajamani, Vehicle
+        Dynamics and Control (2012), section 2.7.
     """
     half = _HALF * length
     sine, cosine = sincos(state.psi)
@@ -310,12 +316,18 @@ def _integrate(
     state.a_lon = np.where(wrecked, -(lost * (_ONE / length)) * state.vx, motion.a_lon)
     state.a_lat = np.where(wrecked, -(lost * (_ONE / length)) * state.vy, motion.a_lat)
     mean_r = np.where(wrecked, _HALF * (state.r + r), motion.mean_r)
-    state.psi = state.psi + length * mean_r
+    turned = length * (state.curve * (along + half * state.a_lon))
+    state.psi = state.psi + length * mean_r - turned
+    aside, ahead = sincos(turned)
     sine, cosine = sincos(state.psi)
     kept = _ONE - lost
-    new_along = np.where(wrecked, along * kept, motion.vx * cosine - motion.vy * sine)
-    new_across = np.where(wrecked, across * kept, motion.vx * sine + motion.vy * cosine)
-    state.s = state.s + half * (along + new_along)
+    new_along = np.where(
+        wrecked, (along * ahead + across * aside) * kept, motion.vx * cosine - motion.vy * sine
+    )
+    new_across = np.where(
+        wrecked, (across * ahead - along * aside) * kept, motion.vx * sine + motion.vy * cosine
+    )
+    state.s = state.s + half * (along + new_along) * state.stretch
     state.d = state.d + half * (across + new_across)
     state.vx = np.where(wrecked, new_along * cosine + new_across * sine, motion.vx)
     state.vy = np.where(wrecked, new_across * cosine - new_along * sine, motion.vy)

@@ -11,6 +11,7 @@ from overtaking.world.parameters import Parameters, SimulationParameters
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 _TURN = np.float32(6.283_185_5)
 _QUARTER_TURN = np.float32(1.570_796_4)
+_LEAST_SHARE = np.float32(0.25)  # Keeps the way in a bend finite for who has left the road inwards.
 _LEAST_AIR_SPEED = np.float32(1.0)  # Keeps the angle of the wind finite at rest [m/s].
 
 
@@ -69,6 +70,44 @@ def grip(state: State, given: Parameters, p: Fields, q: SimulationParameters) ->
         found = friction.at_film(c, columns, water + q.puddle_film * depth)
         sides.append(minimum(found, p.most_friction))
     state.mu_fast, state.mu_slow = sides
+
+
+def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> None:
+    """What the road does under each vehicle until the next decision: it bends, it rises.
+
+    Values are those of the middle of that time. For who comes the other way a bend to the left
+    is one to the right, and a rise is a fall.
+    """
+    c, road = given.constants, given.road
+    if not road.course.shape[1]:
+        return
+    one, half = np.float32(1.0), np.float32(0.5)
+    curvature, slope, along, against = road.course
+    turned = p.direction < 0
+    offset = np.where(turned, state.d - road.across, state.d)
+    soon = half * c.decision
+    late = np.where(p.two_wheeler > 0, c.two_wheeler_lag, c.steering_lag + p.side_lag * state.vx)
+    here = state.s + soon * state.vx
+    there = state.s + (soon + late) * state.vx
+
+    def at(row: F32, s: F32) -> F32:
+        last = np.float32(len(row) - 1)
+        station = np.where(turned, road.far_end - s, s) * c.per_station
+        station = clamp(station, np.float32(0.0), last)
+        first = minimum(film.floor(station), last - one)
+        low, high = (row[first.astype(np.int64) + k] for k in (0, 1))
+        return low + (station - first) * (high - low)
+
+    def stretch(bend: F32) -> F32:
+        return one / maximum(one - bend * offset, _LEAST_SHARE)
+
+    bend, ahead = (p.direction * at(curvature, s) for s in (here, there))
+    state.stretch = stretch(bend)
+    state.curve = bend * state.stretch
+    state.curve_ahead = ahead * stretch(ahead)
+    state.slope = p.direction * at(slope, here)
+    radius = np.where(turned, at(against, state.s), at(along, state.s))
+    state.bend_speed = np.sqrt(minimum(c.bend_accel, q.side_accel) * radius)
 
 
 def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:

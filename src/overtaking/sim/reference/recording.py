@@ -17,6 +17,7 @@ from overtaking.model.trajectory import (
     Percepts,
     States,
     Trajectories,
+    placed,
 )
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.neighbours import Neighbours
@@ -243,10 +244,12 @@ class Recorder:
         self._mix_percepts()
         longest = int(self.num_frames.max()) if len(self.num_frames) else 0
         trimmed = {name: getattr(self.states, name)[:, :, :longest] for name in States.__slots__}
+        running = np.arange(longest) < self.num_frames[:, None, None]
+        there = self.scenario.vehicles.valid[:, :, None] & running
         return Trajectories(
             scenario=self.scenario,
             num_frames=self.num_frames,
-            states=States(**trimmed),
+            states=placed(self.scenario.road, States(**trimmed), there),
             stage=self.stage[:, :longest],
             collided_with=self.collided_with[:, :longest],
             contacts=contacts,

@@ -146,6 +146,7 @@ def perceive(
     collisions.leave_road(state, c, p, road.boundaries[[0, road.num_lanes]], step)
     perception.remember(state, decision)
     environment.move_random_processes(state, given, p, q, decision)
+    environment.course(state, given, p, q)
     environment.grip(state, given, p, q)
     environment.wind(state, given, p, q)
     steering.hold_against_wind(state, c, p, step)

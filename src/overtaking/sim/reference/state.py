@@ -26,6 +26,7 @@ NOBODY = np.float32(-1.0)
 # Before the first decision: no lane change holds anyone back, and on friction nothing depends yet.
 _LONG_AGO = np.float32(10.0)
 _ANY_FRICTION = np.float32(0.8)
+_ANY_SPEED = np.float32(1e9)
 
 
 Fields = VehicleParameters
@@ -78,6 +79,11 @@ class State:
         flashes: 1 while a driver flashes at who comes in its lane.
         yields: 1 while the ego falls back, as it would not be past before an oncomer is there.
         hurries: 1 while it is short of time to be past.
+        curve: Curvature of the way that a vehicle drives on, positive towards the fast side [1/m].
+        curve_ahead: The same where the vehicle answers its steering [1/m].
+        stretch: Way along the reference line for each metre that it drives on there.
+        slope: Sine of the slope, positive uphill.
+        bend_speed: Speed that drivers choose for the bends ahead [m/s].
         history_s, history_v: Position and speed along the road at the last decisions,
             (HISTORY, vehicle, simulation).
     """
@@ -133,6 +139,11 @@ class State:
     flashes: F32
     yields: F32
     hurries: F32
+    curve: F32
+    curve_ahead: F32
+    stretch: F32
+    slope: F32
+    bend_speed: F32
     history_s: F32
     history_v: F32
 
@@ -196,6 +207,11 @@ def initial_state(given: Parameters) -> State:
         flashes=zero.copy(),
         yields=ego.copy(),
         hurries=ego.copy(),
+        curve=zero.copy(),
+        curve_ahead=zero.copy(),
+        stretch=zero + np.float32(1.0),
+        slope=zero.copy(),
+        bend_speed=zero + _ANY_SPEED,
         history_s=np.zeros((HISTORY, *zero.shape), np.float32),
         history_v=np.zeros((HISTORY, *zero.shape), np.float32),
     )

@@ -140,7 +140,7 @@ def _asked(
     r = state.r + ahead * state.yaw_accel
     wanted = accel + c.velocity_gain * (speed - sideways)
     wanted = wanted + c.position_gain * (place + c.lane_deviation * state.wander - d)
-    wanted = clamp(wanted, -side_accel, side_accel)
+    wanted = clamp(wanted, -side_accel, side_accel) + state.curve_ahead * (vx * vx)
     inverse_speed = np.float32(1.0) / maximum(vx, c.slip_speed)
     felt = wanted + c.yaw_gain * (wanted - vx * r)
     angle = felt * (p.wheelbase * (inverse_speed * inverse_speed) + p.understeer) + state.trim

@@ -1,0 +1,219 @@
+"""Roads that bend and rise: both engines, and motion against what follows from physics."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import brentq
+from scipy.special import fresnel
+from tests.support.worlds import Vehicle, body_of, scenario
+
+from overtaking import _core
+from overtaking.labels.label import label
+from overtaking.model.course import Course
+from overtaking.model.known_roads import known_road
+from overtaking.model.line import Piece, ReferenceLine
+from overtaking.scenarios import sample, spec
+from overtaking.scenarios.sampling import long_enough
+from overtaking.sim import engine, reference
+
+from .situations import difference
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+    from overtaking.model.trajectory import Trajectories
+
+RURAL = Path(__file__).parents[2] / "calibration" / "rural.toml"
+LEVELS = [name for name, available in _core.simd_levels() if available]
+GRAVITY, AIR_DENSITY, USABLE_POWER = 9.81, 1.2, 0.9
+BENDS = ((300.0, 0.0, 0.0), (100.0, 0.0, 1 / 400), (400.0, 1 / 400, 1 / 400),
+         (200.0, 1 / 400, -1 / 400), (300.0, -1 / 400, -1 / 400),
+         (100.0, -1 / 400, 0.0))  # fmt: skip
+"""Length and curvature at both ends of the pieces of a winding road."""
+HILLS = ((0.0, 0.0), (300.0, 0.03), (700.0, -0.04), (1200.0, 0.0))
+
+
+def line(*parts: tuple[float, float, float]) -> tuple[Piece, ...]:
+    """Pieces, each where the one before it ends."""
+    pieces, x, y, heading = [], 0.0, 0.0, 0.0
+    for length, begin, end in parts:
+        pieces.append(Piece(x, y, heading, length, begin, end))
+        there = ReferenceLine.of(pieces[-1:]).at(length)
+        x, y, heading = float(there.x), float(there.y), float(there.heading)
+    return tuple(pieces)
+
+
+def on(road: Road, *parts: tuple[float, float, float], grade=()) -> Road:
+    """A road laid out along other pieces."""
+    course = dataclasses.replace(road.course or Course(), line=line(*parts), grade=grade)
+    return dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0, course=course)
+
+
+@cache
+def wide() -> Road:
+    """A straight road of five lanes."""
+    return known_road("town06").extended(6000.0)
+
+
+def lone(road: Road, *, seconds: float = 20.0, kind: str = "M", **changes: float) -> Trajectories:
+    """One vehicle that has a road to itself, in the lane next to the reference line."""
+    speed = changes.pop("speed", 25.0)
+    one = Vehicle(kind=kind, s=10.0, lane=3, speed=speed, driver=changes)
+    return engine.simulate(scenario([one], road=road, horizon=seconds))
+
+
+def of(run: Trajectories, name: str) -> np.ndarray:
+    """A recorded field of the only vehicle, in SI units."""
+    scale = {"heading": 1e-4, "yaw_rate": 1e-4}.get(name, 1e-3)
+    return getattr(run.states, name)[0, 0, : run.num_frames[0]] * scale
+
+
+@pytest.mark.parametrize("profile", ["motorway", str(RURAL)])
+def test_both_engines_have_the_same_bits(profile: str):
+    plan = spec(profile)
+    straight = long_enough(plan, known_road(plan.road))
+    batch = sample(plan, on(straight, *BENDS, grade=HILLS), 5, np.arange(4))
+    read = reference.simulate(batch)
+    for level in LEVELS:
+        assert not difference(read, engine.simulate(batch, level=level))
+
+
+def test_a_line_without_bends_is_a_straight_road():
+    batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(16))
+    road = batch.road
+    placed = dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0)
+    straight = engine.simulate(dataclasses.replace(batch, road=placed))
+    laid = engine.simulate(dataclasses.replace(batch, road=on(road, (road.length, 0.0, 0.0))))
+    assert not difference(straight, laid)
+
+
+def test_left_and_right_are_the_same():
+    batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(8))
+    batch = batch.replace(road=on(batch.road, *BENDS, grade=HILLS))
+    weather = batch.weather.replace(
+        wind_direction=-batch.weather.wind_direction, sun_azimuth=-batch.weather.sun_azimuth
+    )
+    one = engine.simulate(batch)
+    other = engine.simulate(batch.replace(road=batch.road.mirrored(), weather=weather))
+    for name in ("s", "x", "speed"):
+        np.testing.assert_array_equal(getattr(one.states, name), getattr(other.states, name))
+    for name in ("d", "y", "yaw_rate", "heading"):
+        np.testing.assert_array_equal(getattr(one.states, name), -getattr(other.states, name))
+    assert batch.road.mirrored().mirrored() == batch.road
+
+
+@pytest.mark.parametrize("radius", [150.0, 400.0, 1500.0])
+def test_steady_cornering_takes_the_acceleration_of_a_circle(radius: float):
+    run = lone(on(wide(), (6000.0, 1 / radius, 1 / radius)), desired_speed=17.0, speed=17.0)
+    speed, own = of(run, "speed")[200:], radius - of(run, "d")[200:]
+    # In the mean: keeping the lane adds some hundredths of m/s^2 to either side.
+    needed = float(np.mean(speed**2 / own))
+    assert float(of(run, "accel_lat")[200:].mean()) == pytest.approx(needed, rel=0.02, abs=0.01)
+    assert (
+        np.abs(of(run, "d")[200:] + 1.75).max() < 0.35
+    )  # The wander in the lane is 0.3 m at most.
+
+
+def test_a_full_circle_ends_where_it_began():
+    radius = 200.0
+    run = lone(
+        on(wide(), (6000.0, 1 / radius, 1 / radius)), seconds=90.0, desired_speed=18.0, speed=18.0
+    )
+    s = of(run, "s")
+    lap = int(np.argmax(s - s[0] >= 2.0 * math.pi * radius))
+    assert lap
+    turned = cumulative_trapezoid(of(run, "yaw_rate"), dx=0.05)[lap - 1]
+    assert turned == pytest.approx(2.0 * math.pi, rel=2e-3)
+    x, y = of(run, "x"), of(run, "y")
+    assert math.hypot(x[lap] - x[0], y[lap] - y[0]) < 1.5  # A frame is 0.9 m of way.
+
+
+def test_what_moves_in_the_world_is_what_was_recorded_on_the_road():
+    """Dead reckoning by speed and yaw rate, in world coordinates, through two bends."""
+    run = lone(on(wide(), *BENDS, grade=HILLS), seconds=55.0, desired_speed=25.0)
+    speed, rate = of(run, "speed"), of(run, "yaw_rate")
+    x, y, heading = of(run, "x"), of(run, "y"), np.unwrap(of(run, "heading"))
+    assert of(run, "s")[-1] > 1300.0
+    turned = heading[0] + cumulative_trapezoid(rate, dx=0.05, initial=0.0)
+    np.testing.assert_allclose(heading, turned, atol=0.01)
+    way = np.hypot(np.diff(x), np.diff(y))
+    np.testing.assert_allclose(way, 0.05 * 0.5 * (speed[1:] + speed[:-1]), rtol=0.005, atol=0.003)
+    # Where the vehicle points is where it goes, but for the slip angle of its middle.
+    course = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
+    np.testing.assert_allclose(course, 0.5 * (heading[1:] + heading[:-1]), atol=0.03)
+
+
+def test_a_clothoid_is_followed_as_fresnel_integrals_say():
+    length, end = 600.0, 1 / 300
+    run = lone(on(wide(), (length, 0.0, end), (3000.0, end, end)), desired_speed=20.0, speed=20.0)
+    s, d = of(run, "s"), of(run, "d")
+    inside = s < length
+    scale = math.sqrt(math.pi * length / end)
+    sine, cosine = fresnel(s / scale)
+    angle = 0.5 * end / length * s**2
+    x, y = scale * cosine - d * np.sin(angle), scale * sine + d * np.cos(angle)
+    np.testing.assert_allclose(of(run, "x")[inside], x[inside], atol=2e-3)
+    np.testing.assert_allclose(of(run, "y")[inside], y[inside], atol=2e-3)
+
+
+@pytest.mark.parametrize("radius", [100.0, 200.0, 300.0])
+def test_drivers_slow_down_before_a_bend_as_on_rural_roads(radius: float):
+    """Mean free speeds in bends on level two-lane roads.
+
+    Source:
+        Fitzpatrick and others 2000 (FHWA-RD-99-171), table 2: the 85 % quantile is
+        104.82 - 3574.51 / R km/h; the mean lies a standard deviation of 8 km/h below, which is
+        also how fast the driver wants to go where the road is straight.
+    """
+    run = lone(
+        on(wide(), (500.0, 0.0, 0.0), (60.0, 0.0, 1 / radius), (900.0, 1 / radius, 1 / radius)),
+        seconds=60.0, desired_speed=96.8 / 3.6, speed=96.8 / 3.6,
+    )  # fmt: skip
+    s, speed = of(run, "s"), of(run, "speed")
+    assert speed[s < 250.0].min() > 25.0
+    inside = (s > 600.0) & (s < 900.0)
+    assert inside.any()
+    assert 3.6 * speed[inside].mean() == pytest.approx(104.82 - 3574.51 / radius - 8.0, abs=10.0)
+    assert of(run, "accel_lon").min() > -3.0
+
+
+def test_a_truck_climbs_as_fast_as_its_power_lifts_it():
+    body = body_of("T")
+    slope = 0.05
+
+    def surplus(speed: float) -> float:
+        drag = 0.5 * AIR_DENSITY * body["drag_area"] * speed**2
+        weight = body["mass"] * GRAVITY
+        held = drag + weight * (body["rolling_resistance"] + math.sin(math.atan(slope)))
+        return USABLE_POWER * body["power"] - held * speed
+
+    crawl = float(np.array(brentq(surplus, 1.0, 40.0)))
+    road = on(wide(), (6000.0, 0.0, 0.0), grade=((0.0, slope),))
+    run = lone(road, seconds=90.0, kind="T", desired_speed=24.0, speed=24.0)
+    assert crawl < 20.0
+    assert of(run, "speed")[-1] == pytest.approx(crawl, rel=0.02)
+
+
+def test_height_is_the_integral_of_the_slope():
+    road = on(wide(), (6000.0, 0.0, 0.0), grade=HILLS)
+    s = np.linspace(0.0, 1500.0, 1501)
+    risen = cumulative_trapezoid(road.grade_at(s), s, initial=0.0)
+    np.testing.assert_allclose(road.height_at(s), risen, atol=1e-9)
+
+
+def test_overtakes_in_bends_are_labelled_as_on_straight_roads():
+    """The same traffic on a road that bends hardly at all gets the same labels."""
+    batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(64))
+    hardly = on(batch.road, (batch.road.length, 1e-9, 1e-9))
+    straight, bent = (
+        label(engine.simulate(dataclasses.replace(batch, road=road)))
+        for road in (batch.road, hardly)
+    )
+    np.testing.assert_array_equal(straight.labels.outcome, bent.labels.outcome)
