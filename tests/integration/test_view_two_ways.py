@@ -61,4 +61,5 @@ def test_both_directions_are_drawn_and_told(tmp_path: Path, side: str):
         away = float(runs.states.s[0, last, 0] - runs.states.s[0, 0, 0]) / 1000.0
         assert int(comes[2]) == pytest.approx(away - (lengths[0] + lengths[last]) / 2, abs=1.0)
         page.click(".numbers summary")
+        page.wait_for_selector(".numbers td")  # The table is filled once it is open.
         assert f"{comes[1]} oncoming" in page.inner_text(".numbers")
