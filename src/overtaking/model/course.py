@@ -26,9 +26,7 @@ MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the r
 MAX_SIGHT = 10_000.0
 MAX_STRETCHES = 1_000
 MAX_PIECES = 20_000
-MAX_CURVATURE = (
-    0.1  # A radius of 10 m; the model's drivers and boxes are not meant for sharper ones.
-)
+MAX_CURVATURE = 0.1  # A radius of 10 m; sharper bends are no place to overtake.
 MAX_GRADE = 0.2  # The steepest public roads come near a third, main roads hardly above a tenth.
 
 _STATION = within(0.0, MAX_LENGTH, "m")
