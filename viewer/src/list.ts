@@ -91,7 +91,9 @@ export function list(source: Source, store: Store, all: Overview): List {
     },
     aim: aimAll,
     beside: async (way) => {
+      const { sim } = store.state;
       await latest;
+      if (listed && sim !== null && !has(sim)) await askBusy(sim); // Its part has not come yet.
       if (!listed) return undefined;
       const place = listed.rows.findIndex((one) => one.number === store.state.sim);
       const next = listed.rows[place + way];

@@ -47,7 +47,7 @@ const runs = courses(source, content, {
     runs.want(state);
     grown();
     reveal();
-    narrow.around(run.values.simulation);
+    void turned.then(() => narrow.around(run.values.simulation)); // While keys turn the list, its part is theirs.
   },
   grown,
   refused: (error, without) => {
