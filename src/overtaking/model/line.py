@@ -73,6 +73,13 @@ class Piece(NamedTuple):
     curvature: float = 0.0
     end_curvature: float = 0.0
 
+    def reversed(self) -> "Piece":
+        """The piece for who goes along it from its end."""
+        end = ReferenceLine.of([self]).at(self.length)
+        heading = math.remainder(float(end.heading) + math.pi, math.tau)
+        place = (float(end.x), float(end.y), heading, self.length)
+        return Piece(*place, -self.end_curvature, -self.curvature)
+
     def mirrored(self) -> "Piece":
         """The piece in a world where left and right are swapped."""
         return Piece(
@@ -134,13 +141,10 @@ class ReferenceLine:
         Args:
             s: Way along the line, any shape [m].
         """
-        way = np.asarray(s, dtype=np.float64)
-        on_line = np.clip(way, 0.0, self.length)
-        piece = np.searchsorted(self.start, on_line, side="right") - 1
-        t, beyond = on_line - self.start[piece], way - on_line
-        heading, k, c = self.heading[piece], self.curvature[piece], self.growth[piece]
-        east, north = _chord(heading, k, c, t)
-        heading = heading + t * (k + 0.5 * c * t)
+        piece, t, beyond = self._on(s)
+        k, c = self.curvature[piece], self.growth[piece]
+        east, north = _chord(self.heading[piece], k, c, t)
+        heading = self.heading_at(s)
         cosine, sine = direction(heading)
         return Pose(
             x=self.x[piece] + east + beyond * cosine,
@@ -148,6 +152,22 @@ class ReferenceLine:
             heading=heading,
             curvature=np.where(beyond == 0.0, k + c * t, 0.0),
         )
+
+    def heading_at(self, s: ArrayLike) -> F64:
+        """Direction of the line, anticlockwise from x [rad]: that of `at`, for much less work.
+
+        Args:
+            s: Way along the line, any shape [m].
+        """
+        piece, t, _ = self._on(s)
+        return self.heading[piece] + t * (self.curvature[piece] + 0.5 * self.growth[piece] * t)
+
+    def _on(self, s: ArrayLike) -> tuple[NDArray[np.intp], F64, F64]:
+        """The piece of each point, the way along it, and how far beyond the line it lies [m]."""
+        way = np.asarray(s, dtype=np.float64)
+        on_line = np.clip(way, 0.0, self.length)
+        piece = np.searchsorted(self.start, on_line, side="right") - 1
+        return piece, on_line - self.start[piece], way - on_line
 
     def world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
         """World coordinates of points beside the line.

@@ -210,7 +210,7 @@ class Road:
             s: Station, any shape [m].
         """
         if self.bends:
-            return _reference_line(self.pieces).at(s).heading
+            return _reference_line(self.pieces).heading_at(s)
         return np.full(np.shape(s), self.heading)
 
     def curvature_at(self, s: ArrayLike) -> F64:

@@ -228,10 +228,13 @@ def turned(road: Road, states: States, sign: float) -> NDArray[np.int16]:
         states: Stations and headings.
         sign: +1 to add it, -1 to take it away.
     """
-    direction = road.heading_at(states.s * METRES_PER_STEP)
-    angle = states.heading * RADIANS_PER_STEP + sign * direction
-    angle = angle - math.tau * np.rint(angle / math.tau)
-    return np.rint(angle / RADIANS_PER_STEP).astype(np.int16)
+    found = np.empty_like(states.heading)
+    for row, s in enumerate(states.s):
+        direction = road.heading_at(s * METRES_PER_STEP)
+        angle = states.heading[row] * RADIANS_PER_STEP + sign * direction
+        angle = angle - math.tau * np.rint(angle / math.tau)
+        found[row] = np.rint(angle / RADIANS_PER_STEP)
+    return found
 
 
 def placed(road: Road, states: States, there: NDArray[np.bool_]) -> States:
@@ -247,11 +250,14 @@ def placed(road: Road, states: States, there: NDArray[np.bool_]) -> States:
     """
     if not road.bends:
         return states
-    x, y = road.world(states.s * METRES_PER_STEP, states.d * METRES_PER_STEP)
-    position = (np.rint(one / METRES_PER_STEP).clip(-_MOST, _MOST) for one in (x, y))
-    found = (*(one.astype(np.int32) for one in position), turned(road, states, 1.0))
-    found = (np.where(there, one, np.zeros_like(one)) for one in found)
-    return dataclasses.replace(states, **dict(zip(("x", "y", "heading"), found, strict=True)))
+    x, y = np.zeros_like(states.s), np.zeros_like(states.s)
+    # One simulation at a time: its points fit into the caches, those of a batch do not.
+    for row, here in enumerate(there):
+        s, d = (one[row][here] * METRES_PER_STEP for one in (states.s, states.d))
+        for found, metres in zip((x, y), road.world(s, d), strict=True):
+            found[row][here] = np.rint(metres / METRES_PER_STEP).clip(-_MOST, _MOST)
+    heading = np.where(there, turned(road, states, 1.0), np.int16(0))
+    return dataclasses.replace(states, x=x, y=y, heading=heading)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

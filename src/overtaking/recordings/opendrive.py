@@ -1,8 +1,8 @@
-"""Straight same-direction stretches of road out of OpenDRIVE files.
+"""Same-direction stretches of road out of OpenDRIVE files.
 
 Read from ASAM OpenDRIVE 1.4 to 1.8: road header and rule, type and speed, plan view, elevation and
-lateral profile, lane offset, lane sections with widths, marks and speeds. A road that bends,
-slopes, belongs to a junction, or changes its lanes on the way is refused with the reason.
+lateral profile, lane offset, lane sections with widths, marks and speeds. A road that is banked,
+belongs to a junction, or changes its lanes on the way is refused with the reason.
 
 The file's station runs along its reference line and its lateral coordinate t to the left of that.
 Where the chosen lanes run along the line, `s` and `d` are the file's. Where they run against it, as
@@ -13,11 +13,13 @@ file's.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.roads import general_limit
+from overtaking.model.course import Course
 from overtaking.model.road import MAX_LENGTH, MAX_SPEED_LIMIT, DrivingSide, Lane, Road
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.opendrive_lanes import (
@@ -28,7 +30,15 @@ from overtaking.recordings.opendrive_lanes import (
     carriageway,
     driving_lanes,
 )
-from overtaking.recordings.opendrive_shape import Line, check_flat, straight_line, unfit
+from overtaking.recordings.opendrive_plan import MAX_STRETCH, pieces
+from overtaking.recordings.opendrive_shape import (
+    TOLERANCE,
+    Line,
+    grade_of,
+    is_straight,
+    straight_line,
+    unfit,
+)
 from overtaking.recordings.xml import Element, elements
 
 _SKIPPED = frozenset(["objects", "signals", "surface", "railroad", "userData", "link", "include"])
@@ -109,12 +119,12 @@ def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
         (name, one) for name, one in verdicts.items() if isinstance(one, Road) and one.num_lanes > 1
     ]
     if not roads:
-        return "no road of the file is straight with two or more lanes in one direction"
+        return "no road of the file can be driven and has two or more lanes in one direction"
     longest = sorted(roads, key=lambda each: -each[1].length)[:_MAX_LISTED]
     named = ", ".join(
         f"{name} ({one.num_lanes} lanes, {one.length:.0f} m)" for name, one in longest
     )
-    return f"straight roads with two or more lanes in one direction: --road {named}"
+    return f"roads with two or more lanes in one direction: --road {named}"
 
 
 def _check_choice(lanes: str | None, speed_limit: float | None) -> None:
@@ -196,9 +206,8 @@ def read_road(
     length = _length(road)
     kind = kind_of(road)
     driving_side = _driving_side(road)
-    line = straight_line(road, length)
-    check_flat(road, length)
     side = lanes or _default_side(road, driving_side, length)
+    along = (side == "right") == (driving_side is DrivingSide.RIGHT)
     section = carriageway(road, side=side, length=length)
     if speed_limit is None:
         speed_limit = limit_of(road, driving_lanes(road, side=side, length=length))
@@ -207,9 +216,8 @@ def read_road(
             name=f"{shown(path.stem)} road {name}",
             kind=kind,
             driving_side=driving_side,
-            line=line,
+            line=_line(road, length, along=along),
             section=section,
-            along=(side == "right") == (driving_side is DrivingSide.RIGHT),
             speed_limit=speed_limit,
         )
     except ConfigError as error:
@@ -223,7 +231,6 @@ def _build(
     driving_side: DrivingSide,
     line: Line,
     section: Carriageway,
-    along: bool,
     speed_limit: float,
 ) -> Road:
     """The road of a cross-section, turned about where its traffic runs against the file."""
@@ -232,7 +239,6 @@ def _build(
     # along the line and, on its other side, against it.
     outward = -1.0 if right_hand else 1.0
     outer_edge = section.inner_edge + sum(strip.width for strip in section.strips)
-    start = 0.0 if along else line.length
 
     def lane(strip: Strip, direction: int = 1) -> Lane:
         # A lane across the centre line has its own outside on the other hand.
@@ -255,13 +261,40 @@ def _build(
         lanes=tuple(lane(strip) for strip in reversed(section.strips)),
         edge_d=outward * outer_edge,
         length=line.length,
-        x0=line.x + start * math.cos(line.heading),
-        y0=line.y + start * math.sin(line.heading),
-        heading=line.heading if along else math.remainder(line.heading + math.pi, math.tau),
+        x0=line.x,
+        y0=line.y,
+        heading=line.heading,
+        course=line.course,
         speed_limit=speed_limit,
         slow_side_neighbour=lane(slow) if slow else None,
         fast_side_neighbour=lane(fast, -1 if section.across else 1) if fast else None,
     )
+
+
+def _line(road: Element, length: float, *, along: bool) -> Line:
+    """The reference line, from its end where the traffic runs against it."""
+    grade = grade_of(road, length)
+    if not along:
+        grade = tuple((length - s, -slope) for s, slope in reversed(grade))
+    if is_straight(road):
+        line = straight_line(road, length)
+        start = 0.0 if along else line.length
+        x = line.x + start * math.cos(line.heading)
+        y = line.y + start * math.sin(line.heading)
+        turned = math.remainder(line.heading + math.pi, math.tau)
+        line = Line(x=x, y=y, heading=line.heading if along else turned, length=line.length)
+        return replace(line, course=Course(grade=grade) if grade else None)
+    bends = [one._replace(heading=math.remainder(one.heading, math.tau)) for one in pieces(road)]
+    covered = sum(one.length for one in bends)
+    if abs(covered - length) > TOLERANCE + MAX_STRETCH * length:
+        raise road.error("does not end with its line", f"a line of {length:g} m", f"{covered:g} m")
+    if not along:
+        bends = [one.reversed() for one in reversed(bends)]
+    # Where cubics are a hair shorter or longer than stated, the road is as long as they are.
+    grade = tuple((min(s, covered), slope) for s, slope in grade)
+    course = Course(line=tuple(bends), grade=grade)
+    first = bends[0]
+    return Line(x=first.x, y=first.y, heading=first.heading, length=covered, course=course)
 
 
 def _length(road: Element) -> float:

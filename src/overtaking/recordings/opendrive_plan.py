@@ -31,6 +31,15 @@ def plan(road: Element) -> ReferenceLine:
     """The reference line that a `<road>` states in its `<planView>`.
 
     Raises:
+        ImportFormatError: As for `pieces`.
+    """
+    return ReferenceLine.of(pieces(road))
+
+
+def pieces(road: Element) -> list[Piece]:
+    """The pieces of the reference line that a `<road>` states in its `<planView>`.
+
+    Raises:
         ImportFormatError: It has no piece or one of unknown shape, or its pieces do not join.
     """
     found = road.required("planView").all("geometry")
@@ -39,7 +48,7 @@ def plan(road: Element) -> ReferenceLine:
     chains = [_pieces(geometry) for geometry in found]
     for before, after, geometry in zip(chains, chains[1:], found[1:], strict=False):
         _check_joint(before[-1], after[0], geometry)
-    return ReferenceLine.of([piece for chain in chains for piece in chain])
+    return [piece for chain in chains for piece in chain]
 
 
 def _pieces(geometry: Element) -> list[Piece]:
@@ -52,11 +61,11 @@ def _pieces(geometry: Element) -> list[Piece]:
     if not length > 0.0:
         raise geometry.error("attribute length", "more than 0 m", f"{length:g} m")
     x, y, heading = (geometry.number(name) for name in ("x", "y", "hdg"))
-    pieces = _SHAPES[shapes[0].name](Piece(x, y, heading, length), shapes[0])
-    sharpest = max(max(abs(one.curvature), abs(one.end_curvature)) for one in pieces)
+    chain = _SHAPES[shapes[0].name](Piece(x, y, heading, length), shapes[0])
+    sharpest = max(max(abs(one.curvature), abs(one.end_curvature)) for one in chain)
     if sharpest > MAX_CURVATURE:
         raise unfit(shapes[0], "bends", f"at most {MAX_CURVATURE:g} /m", f"{sharpest:g} /m")
-    return pieces
+    return chain
 
 
 def _line(piece: Piece, _: Element) -> list[Piece]:

@@ -1,4 +1,4 @@
-"""The shape of an OpenDRIVE road, accepted only where it is straight, flat and constant."""
+"""The shape of an OpenDRIVE road: its reference line and grade, and what must be constant."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Self
 
+import numpy as np
+
 from overtaking.core.errors import ImportFormatError
+from overtaking.model.course import Course
 from overtaking.recordings.xml import Element
 
 TOLERANCE = 0.005
@@ -19,6 +22,10 @@ MAX_STEP = 0.01
 """Step between two pieces of the surface that still counts as a joint [m]."""
 MAX_BANKING = 0.03
 """Roll that still counts as flat: carriageways fall 2 to 2.5 % sideways to drain [rad]."""
+
+_SLOPE_WINDOW = 5.0  # Way over which a slope is a mean [m]; crests are ten times as long.
+
+_DIGITS = 9  # To which slopes are kept: they are quotients of heights in millimetres.
 
 _SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 _CURVATURES = {"arc": ("curvature",), "spiral": ("curvStart", "curvEnd")}
@@ -38,12 +45,36 @@ def unfit(element: Element, what: str, expected: str, got: str) -> ImportFormatE
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A straight reference line: pose of its start and length, in the file's frame."""
+    """A reference line: pose of its start and length, in the file's frame.
+
+    Attributes:
+        x, y: Its start [m].
+        heading: Direction there [rad].
+        length: Its length [m].
+        course: Bends and grades along it; None where it is straight and level.
+    """
 
     x: float
     y: float
     heading: float
     length: float
+    course: Course | None = None
+
+
+def is_straight(road: Element) -> bool:
+    """Whether no piece of the reference line bends."""
+    return not any(
+        child.name in _SHAPES and not _is_line(child)
+        for piece in road.required("planView").all("geometry")
+        for child in piece.children
+    )
+
+
+def _is_line(shape: Element) -> bool:
+    names = _CURVATURES.get(shape.name)
+    if names is None:
+        return shape.name == "line"
+    return all(abs(shape.number(name)) <= MAX_CURVATURE for name in names)
 
 
 def straight_line(road: Element, length: float) -> Line:
@@ -69,11 +100,7 @@ def _check_straight(piece: Element) -> None:
     """Refuse a piece of the reference line that bends."""
     found = [child for child in piece.children if child.name in _SHAPES]
     shape = found[0].name if len(found) == 1 else f"{len(found)} shapes"
-    straight = shape == "line" or (
-        shape in _CURVATURES
-        and all(abs(found[0].number(name)) <= MAX_CURVATURE for name in _CURVATURES[shape])
-    )
-    if not straight:
+    if len(found) != 1 or not _is_line(found[0]):
         raise unfit(piece, f"is curved at s = {piece.number('s'):.1f} m", "a straight line", shape)
 
 
@@ -191,23 +218,43 @@ def check_constant(pieces: Sequence[Cubic], value: float, *, end: float, what: s
                 raise unfit(piece.element, where, f"a constant {wanted}", f"{found:.3f} m")
 
 
-def check_flat(road: Element, length: float) -> None:
-    """Refuse hills and banked curves: the model's world is flat."""
+def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:
+    """Slope by station, of the mean over `_SLOPE_WINDOW`; empty where the road is flat.
+
+    Raises:
+        ImportFormatError: The surface has a step, or is banked.
+    """
     elevation = road.optional("elevationProfile")
-    if elevation is not None:
-        _check_level(spans(profile(elevation.all("elevation"), origin=0.0), length))
+    heights = () if elevation is None else profile(elevation.all("elevation"), origin=0.0)
+    found = spans(heights, length)
+    for (before, span), (after, _) in pairwise(found):
+        _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
+    _check_banking(road, length)
+    if all(abs(one) <= MAX_GRADE for piece, span in found for one in piece.slope.extremes(span)):
+        return ()
+
+    def height(s: float) -> float:
+        piece = next((one for one in reversed(heights) if one.start <= s), heights[0])
+        return piece.value(s - piece.start)
+
+    stations = np.linspace(0.0, length, max(2, math.ceil(length / _SLOPE_WINDOW) + 1)).tolist()
+    slopes = []
+    for s in stations:
+        low, high = max(0.0, s - 0.5 * _SLOPE_WINDOW), min(length, s + 0.5 * _SLOPE_WINDOW)
+        slopes.append(round((height(high) - height(low)) / (high - low), _DIGITS))
+    # Where a slope is that of its neighbours, nothing changes there.
+    kept = [
+        k
+        for k in range(len(slopes))
+        if k in (0, len(slopes) - 1) or not slopes[k - 1] == slopes[k] == slopes[k + 1]
+    ]
+    return tuple((stations[k], slopes[k]) for k in kept)
+
+
+def _check_banking(road: Element, length: float) -> None:
     lateral = road.optional("lateralProfile")
     if lateral is not None:
         _check_not_banked(lateral, length)
-
-
-def _check_level(heights: Sequence[tuple[Cubic, float]]) -> None:
-    """Refuse slopes, and steps between two pieces of the profile."""
-    for piece, span in heights:
-        steepest = max(map(abs, piece.slope.extremes(span)))
-        _check_small(piece, "slopes", steepest, MAX_GRADE)
-    for (before, span), (after, _) in pairwise(heights):
-        _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
 
 
 def _check_not_banked(lateral: Element, length: float) -> None:

@@ -85,10 +85,11 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
 
     Raises:
         ImportFormatError: No straight road can be inferred.
-        ConfigError: What the map says is not what a road is.
+        ConfigError: What the map says is not what a road is, or the road bends.
     """
     x, y = rows.values["x"], rows.values["y"]
     if road is not None:
+        road.needs_to_be_straight("import of a table")
         s, d = road.road_coordinates(x, y)
         notes = {"lanes_from": f"road {road.name}"}
         return Located(road=road, s=s, d=d, shift=np.zeros(2), unknown=frozenset(), notes=notes)

@@ -94,8 +94,9 @@ def test_each_road_comes_with_its_lanes_slope_and_refusal(tmp_path: Path) -> Non
     assert straight.road.length == 500.0
     assert bent.radius == pytest.approx(200.0)
     assert bent.steepest == pytest.approx(0.02)
-    assert bent.road is None
-    assert "is curved" in (bent.refusal or "")
+    assert bent.road is not None
+    assert bent.road.curvature_at(250.0) == pytest.approx(0.005)
+    assert bent.road.grade_at(250.0) == pytest.approx(0.02)
     assert crossing.in_junction
     assert damaged.line is None
     assert "attribute length" in (damaged.refusal or "")

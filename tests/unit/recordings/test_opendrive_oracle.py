@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenariogeneration import xodr
 
-from overtaking.core.errors import ImportFormatError
 from overtaking.model.road import DrivingSide, RoadMark
 from overtaking.recordings.opendrive import read_opendrive
 
@@ -112,9 +111,24 @@ def test_any_straight_road_of_scenariogeneration_is_read(
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("rule", [xodr.TrafficRule.RHT, xodr.TrafficRule.LHT])
 @pytest.mark.parametrize(
     "geometry", [xodr.Arc(0.001, length=800), xodr.Spiral(0.0, 0.001, 800)], ids=["arc", "spiral"]
 )
-def test_a_bend_of_scenariogeneration_is_refused(tmp_path: Path, geometry):
-    with pytest.raises(ImportFormatError, match="is curved at s ="):
-        read_opendrive(write(tmp_path / "bend.xodr", geometry=geometry))
+def test_a_bend_of_scenariogeneration_ends_where_it_says(tmp_path: Path, geometry, rule):
+    path = write(tmp_path / "bend.xodr", x=5.0, y=-7.0, heading=0.4, geometry=geometry, rule=rule)
+    road = read_opendrive(path)
+    x, y, heading, _ = geometry.get_end_data(5.0, -7.0, 0.4)
+    np.testing.assert_allclose(road.world(800.0, 0.0), (x, y), atol=1e-6)
+    assert road.heading_at(800.0) == pytest.approx(heading, abs=1e-9)
+
+
+def test_lanes_against_a_bend_are_driven_from_its_end(tmp_path: Path):
+    path = write(tmp_path / "bend.xodr", geometry=xodr.Spiral(0.0, 0.002, 800))
+    along = read_opendrive(path)
+    text = path.read_text().replace('rule="RHT"', 'rule="LHT"')
+    (tmp_path / "other.xodr").write_text(text)
+    against = read_opendrive(tmp_path / "other.xodr")
+    s = np.linspace(0.0, 800.0, 9)
+    np.testing.assert_allclose(against.world(800.0 - s, -1.0), along.world(s, 1.0), atol=1e-6)
+    np.testing.assert_allclose(against.curvature_at(800.0 - s), -along.curvature_at(s), atol=1e-12)
