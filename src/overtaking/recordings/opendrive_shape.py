@@ -225,7 +225,7 @@ def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:
         ImportFormatError: The surface has a step, or is banked.
     """
     elevation = road.optional("elevationProfile")
-    heights = () if elevation is None else profile(elevation.all("elevation"), origin=0.0)
+    heights = profile(elevation.all("elevation") if elevation is not None else [], origin=0.0)
     found = spans(heights, length)
     for (before, span), (after, _) in pairwise(found):
         _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
