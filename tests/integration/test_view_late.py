@@ -121,6 +121,17 @@ def test_keys_go_on_over_the_end_of_a_part(browser: Browser, url: str, key: Any)
         expect(page.locator(".runs [aria-current]")).to_have_attribute("data-sim", "51")
 
 
+def test_a_key_waits_for_the_part_of_its_simulation(browser: Browser, url: str, key: Any):
+    with at(browser, url, key) as page:
+        held = Held(page, "**/rows")
+        page.goto("about:blank")
+        page.goto(url.partition("#")[0] + "#sim=77")
+        shows(page, 77)
+        page.keyboard.press("j")
+        held.end()
+        shows(page, 78)
+
+
 def test_the_list_has_the_simulation_that_came_before_it(browser: Browser, url: str, key: Any):
     with at(browser, url, key) as page:
         held = Held(page, "**/rows")
