@@ -35,8 +35,10 @@ def _indicates(case: Case) -> Check:
     dark = _dark(case, out, out_indicator(case)), _dark(case, back, back_indicator(case))
     rows, frames = (np.concatenate(each) for each in zip(*dark, strict=True))
     missing = seconds_of(case, np.bincount(rows, minlength=len(out)).astype(np.int32))
-    # In a short overtake the way back begins before the way out is done.
-    rows, frames = np.unique(np.stack([rows, frames]), axis=1)
+    # In a short overtake the way back begins before the way out is done: two sorted runs overlap.
+    width = case.trajectories.states.lights.shape[-1]
+    flat = np.sort(rows * width + frames, kind="stable")
+    rows, frames = np.divmod(flat[np.diff(flat, prepend=-1) > 0], width)
     first, last, longest = ends_of(rows, frames, len(out))
     return decided((out != NEVER) | (back != NEVER), -missing, first, last, longest=longest)
 
