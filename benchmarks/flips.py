@@ -247,7 +247,7 @@ def _expected() -> list[Any]:
     """What the reference records of each situation."""
     situations = importlib.import_module("tests.reference.situations")
     reference = importlib.import_module("overtaking.sim.reference")
-    return [one.run(one.scenario(one.share), reference.run) for one in situations.SITUATIONS]
+    return [one.run(one.scenario(one.share), reference.run) for one in situations.EVERY]
 
 
 class Sweep:
@@ -265,7 +265,7 @@ class Sweep:
 
     def noticed(self) -> int:
         """Number of the first situation that differs, from 1; 0 if none does."""
-        known = zip(self.situations.SITUATIONS, self.expected, strict=True)
+        known = zip(self.situations.EVERY, self.expected, strict=True)
         for number, (situation, expected) in enumerate(known, 1):
             run = situation.run(expected.scenario, self.engine.run)
             if self.situations.difference(run, expected):
@@ -276,7 +276,7 @@ class Sweep:
         """Write trace hashes and indices of `scale` times as many simulations to `self.memory`."""
         runs = [
             one.run(one.scenario(one.share * scale), self.engine.run)
-            for one in self.situations.SITUATIONS
+            for one in self.situations.EVERY
         ]
         hashes = np.concatenate([run.trace_hash for run in runs])
         np.savez(
@@ -292,7 +292,7 @@ class Sweep:
             found.append(dict(np.load(self.memory)))
         hashes = [one["hashes"] for one in found]
         different = np.flatnonzero((hashes[0] != hashes[1]).any(axis=1))
-        names = [one for one in self.situations.SITUATIONS for _ in range(one.share * scale)]
+        names = [one for one in self.situations.EVERY for _ in range(one.share * scale)]
         where = [f"{names[at].name} {found[0]['index'][at]}" for at in different[:4]]
         return ", ".join([f"{len(different)} of {len(names)}", *where])
 
@@ -318,7 +318,7 @@ class Sweep:
                 code = os.waitstatus_to_exitcode(status)
                 if code == 0:
                     return ""
-                return self.situations.SITUATIONS[code - 1].name if 0 < code < PANIC else "panic"
+                return self.situations.EVERY[code - 1].name if 0 < code < PANIC else "panic"
             time.sleep(0.005)
         os.kill(child, 9)
         os.waitpid(child, 0)

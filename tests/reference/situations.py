@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import sys
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from overtaking.world.parameters import Parameters
 
     Run = Callable[..., Trajectories]
+
+RURAL = Path(__file__).parents[2] / "calibration" / "rural.toml"
 
 SMALL = 240
 """Simulations of all situations together in a test."""
@@ -58,6 +61,7 @@ class Situation:
 
     Attributes:
         name: What it is called in a test.
+        profile: Name of the profile, or path of its file.
         road: Name of the road.
         mirrored: Whether traffic keeps left.
         heading: Direction of the road, None for its own [rad].
@@ -65,12 +69,13 @@ class Situation:
         first: Number of its first simulation.
         share: Simulations out of `SMALL`.
         switch: Step at which decisions and weather change, as in a branch; None if they do not.
-        overrides: Changes of the profile `pinto2023-physical`.
+        overrides: Changes of the profile.
         numbers: Simulations that come before the others, because something rare happens in them.
         placed: What moves the vehicles to where they shall start; None leaves them.
     """
 
     name: str
+    profile: str | Path = "pinto2023-physical"
     road: str = "town06"
     mirrored: bool = False
     heading: float | None = None
@@ -90,7 +95,7 @@ class Situation:
             road = dataclasses.replace(road, heading=self.heading)
         rest = np.uint64(self.first) + np.arange(count, dtype=np.uint64)
         index = np.concatenate([np.array(self.numbers, np.uint64), rest])[:count]
-        drawn = sample(spec("pinto2023-physical", self.overrides), road, self.seed, index)
+        drawn = sample(spec(self.profile, self.overrides), road, self.seed, index)
         return self.placed(drawn) if self.placed else drawn
 
     def run(self, scenario: Scenario, run: Run) -> Trajectories:
@@ -205,6 +210,41 @@ SITUATIONS = (
 )
 """Everything: every vehicle type, 2 to 8 vehicles, both traffic sides, three frame intervals, both
 roads, large seeds and numbers, branches; what happens in them is in `test_engine`."""
+
+
+FURTHER = (
+    Situation(name="told and pushed", profile="pinto2023", seed=8, share=48),
+    Situation(
+        name="traffic as it is met",
+        profile="motorway",
+        road="motorway",
+        seed=9,
+        share=17,
+        overrides={"time.horizon_s": 12.0, "time.attempt_deadline_s": 12.0},
+    ),
+    Situation(
+        name="enriched traffic",
+        profile="motorway-risk",
+        road="motorway",
+        seed=9,
+        share=17,
+        overrides={"time.horizon_s": 12.0, "time.attempt_deadline_s": 12.0},
+    ),
+    Situation(
+        name="two directions",
+        profile=RURAL,
+        road="rural",
+        seed=3,
+        share=7,
+        numbers=(20, 36, 112, 145, 183, 250, 456),
+        overrides={"time.horizon_s": 12.0, "time.attempt_deadline_s": 11.0}
+        | {"traffic.held_up": 1.0, "weather.wind_percent": [40.0, 100.0]}
+        | {"weather.puddles_percent": [60.0, 100.0]},
+    ),
+)
+"""Other populations and kinds of traffic, each compared with the reference once."""
+
+EVERY = (*SITUATIONS, *FURTHER)
 
 
 def turned_round(weather: Weather) -> Weather:

@@ -19,7 +19,7 @@ from overtaking.scenarios import sample, spec
 from overtaking.sim import branch, engine, reference
 from overtaking.world.parameters import parameters
 
-from .situations import SITUATIONS, SMALL, Situation, arrays, difference, turned_round
+from .situations import FURTHER, SITUATIONS, SMALL, Situation, arrays, difference, turned_round
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
@@ -37,7 +37,14 @@ def simulated(situation: Situation) -> Trajectories:
     return situation.run(situation.scenario(situation.share), engine.run)
 
 
-@each_situation
+@pytest.mark.parametrize(
+    "situation",
+    [
+        *SITUATIONS,
+        *(pytest.param(one, marks=pytest.mark.ci if one.share < 20 else ()) for one in FURTHER),
+    ],
+    ids=lambda one: one.name.replace(" ", "-"),
+)
 def test_engine_and_reference_record_the_same_bits(situation):
     scenario = situation.scenario(situation.share)
     expected = situation.run(scenario, reference.run)
@@ -70,30 +77,17 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
         assert not found, f"{level}: {found}"
 
 
-def test_pushes_and_egos_that_are_told_have_the_same_bits_in_both():
-    scenario = sample(spec("pinto2023"), load_road("town06"), 8, np.arange(48, dtype=np.uint64))
-    given = parameters(scenario)
-    expected = reference.run(scenario, given)
-    assert (given.of_simulations.push_accel != 0).all()
-    for level in LEVELS:
-        found = difference(engine.run(scenario, given, level=level), expected)
-        assert not found, f"{level}: {found}"
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("profile", ["motorway", "motorway-risk"])
-def test_traffic_as_it_is_met_has_the_same_bits_in_both(profile):
-    short = {"time.horizon_s": 12.0, "time.attempt_deadline_s": 12.0}
-    scenario = sample(spec(profile, short), load_road("motorway"), 9, np.arange(17))
-    given = parameters(scenario)
-    expected = reference.run(scenario, given)
-    changed = (np.diff(expected.states.lane.astype(int), axis=2) != 0) & (
-        expected.states.lane[:, :, 1:] < 3
-    )
-    assert changed.any(axis=2).sum() >= 5  # Vehicles that change lanes.
-    for level in LEVELS:
-        found = difference(engine.run(scenario, given, level=level), expected)
-        assert not found, f"{level}: {found}"
+def test_further_situations_are_what_they_are_called():
+    told, *met, two_way = FURTHER
+    pushes = parameters(told.scenario(told.share)).of_simulations.push_accel
+    assert (pushes != 0).all()
+    for situation in met:
+        lane = simulated(situation).states.lane.astype(int)
+        changed = (np.diff(lane, axis=2) != 0) & (lane[:, :, 1:] < 3)
+        assert changed.any(axis=2).sum() >= 5  # Vehicles that change lanes.
+    run = simulated(two_way)
+    assert (parameters(run.scenario).of_vehicles.direction < 0).any()
+    assert (run.stage == Stage.PULL_OUT).any()
 
 
 @pytest.mark.parametrize("slots", SLOTS)

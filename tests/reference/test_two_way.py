@@ -85,23 +85,6 @@ def test_both_engines_record_the_same_bits_by_hand(mirrored):
         )
 
 
-@pytest.mark.ci
-def test_both_engines_record_the_same_bits_in_rough_weather():
-    rough = {
-        "time.horizon_s": 12.0, "time.attempt_deadline_s": 11.0, "traffic.held_up": 1.0,
-        "weather.wind_percent": [40.0, 100.0], "weather.puddles_percent": [60.0, 100.0],
-    }  # fmt: skip
-    world = sample(spec(RURAL, rough), load_road("rural"), 3, [20, 36, 112, 145, 183, 250, 456])
-    given = parameters(world)
-    expected = reference.run(world, given)
-    assert (given.of_vehicles.direction < 0).any()
-    assert (expected.stage == Stage.PULL_OUT).any()
-    for level in LEVELS:
-        assert not (found := difference(engine.run(world, given, level=level), expected)), (
-            f"{level}: {found}"
-        )
-
-
 def test_who_comes_is_who_goes_seen_from_the_other_end():
     storm = {"wind": 60.0, "wind_direction": 1.0}
     alone = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})

@@ -1,1 +1,1 @@
-"""Numbers about data sets: statistics, validation, reproduction, learning, logic, SQL."""
+"""Statistics, validation, evaluation, what-if, learning, logic and SQL on data sets."""

@@ -1,4 +1,4 @@
-"""CARLA: its clients without it, its limits, and recorded simulations in it."""
+"""CARLA: serve its clients without it, measure its limits, replay simulations in it."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Data sets: made, completed, loaded and labelled anew."""
+"""Data sets: generate, resume, load and label them again."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -195,7 +195,7 @@ def resume(
 
 @checked
 def load(path: str | Path | Dataset) -> Dataset:
-    """A complete data set.
+    """Load a complete data set.
 
     Args:
         path: Its folder, or its URL in a store; of that, files are copied to this machine when
@@ -222,7 +222,7 @@ def relabel(
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Write the labels of a data set anew, by the rules of this version.
+    """Write the labels of a data set again, by the rules of this version.
 
     Args:
         data: Folder of the data set.
@@ -252,7 +252,7 @@ def judged(
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
-    """A data set under another law or other policies; it stays as it is.
+    """Judge a data set by another law or other policies; nothing in it changes.
 
     Args:
         data: The data set, or its folder.

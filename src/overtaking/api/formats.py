@@ -1,4 +1,4 @@
-"""Formats of others: data sets written in them, recordings read from them."""
+"""Formats of others: export data sets to them, import recordings from them."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping

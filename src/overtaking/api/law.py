@@ -1,4 +1,4 @@
-"""The law of many overtakes: tolerances, and two laws beside each other."""
+"""The law over many overtakes: the effect of tolerances, and two laws compared."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -34,7 +34,7 @@ def law_curve(
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> "Curve":
-    """How many completed overtakes are legal as tolerances are relaxed; nothing is written.
+    """Count the completed overtakes that are legal as tolerances grow; nothing is written.
 
     Args:
         data: Folder of a data set, or its URL.
@@ -67,7 +67,7 @@ def law_compare(
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """The same overtakes under several laws, and where these part; nothing is written.
+    """Judge the same overtakes by several laws and find where they differ; nothing is written.
 
     Args:
         data: Folder of a data set, or its URL.
@@ -120,7 +120,7 @@ def law_explain(
     position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
 ) -> list[dict[str, Any]]:
-    """A paragraph for each verdict on one simulation.
+    """Explain each verdict on one simulation in a paragraph.
 
     Args:
         data: Folder of a data set, or its URL.

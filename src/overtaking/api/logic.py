@@ -70,7 +70,7 @@ def ask(
 
 @checked
 def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
-    """Why a simulation breaks the law: facts and instances of rules, as clingo derived them.
+    """Prove why a simulation breaks the law: facts and instances of rules, as clingo derived them.
 
     Args:
         data: The data set, or its folder.

@@ -1,4 +1,4 @@
-"""Maps of others: which of their roads can be simulated."""
+"""Maps of others: find the roads of an OpenDRIVE file that can be simulated."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -97,7 +97,7 @@ __all__ = [
 
 
 def load_pack(law: str | Pack) -> Pack:
-    """A pack of rules.
+    """Load a pack of rules.
 
     Args:
         law: A pack, `pt` for the Portuguese one or `de` for the German one, or `module:name` of one

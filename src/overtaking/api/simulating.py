@@ -1,4 +1,4 @@
-"""Simulations in memory: drawn, carried out, branched, labelled, compared."""
+"""Simulations in memory: sample, simulate, branch, label and compare them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

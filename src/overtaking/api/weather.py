@@ -1,4 +1,4 @@
-"""Weather with something taken away, for branches: `weather.dry(scenario.weather)` and friends."""
+"""Weather without rain, wind, fog or night, for branches: `weather.dry(scenario.weather)`."""
 
 from overtaking.world.skies import WITHOUT, bright, clear, dry, still, undazzled, without
 

@@ -36,7 +36,7 @@ def twin(
     at: float = 0.0,
     from_start: bool = False,
 ) -> "Twin":
-    """A simulation of a data set beside the same with something changed.
+    """Compare a simulation of a data set with the same simulation after a change.
 
     Args:
         data: The data set, or its folder; of simulations, or of branches.
@@ -135,7 +135,7 @@ def enough(
 
 @checked
 def branch_again(data: Dataset | str | Path, simulation: int) -> Trajectories:
-    """A saved branch, simulated again from the list of changes in the manifest.
+    """Simulate a saved branch again, from the list of changes in the manifest.
 
     Args:
         data: A data set of branches, or its folder.

@@ -1,1 +1,1 @@
-"""The lowest layer: errors, units, files, processes, elementary functions, random numbers."""
+"""The lowest package: errors, units, files, processes, elementary functions, random numbers."""

@@ -1,1 +1,1 @@
-"""Data sets on disk: a recipe carried out shard by shard, and the way back to its simulations."""
+"""Data sets on disk: writes them shard by shard from a recipe, and loads their simulations."""

@@ -1,4 +1,4 @@
-"""What the package knows about vehicles, roads, weather and drivers: data with a source each."""
+"""Numbers about vehicles, roads, weather, drivers and law, each with unit and source."""
 
 from __future__ import annotations
 

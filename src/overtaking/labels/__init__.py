@@ -1,1 +1,1 @@
-"""From trajectories to events, verdicts of law and features."""
+"""Labels of trajectories: events, verdicts of law, classes, features and explanations."""

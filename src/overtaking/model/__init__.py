@@ -1,1 +1,1 @@
-"""The nouns: road, vehicles, drivers, weather, scenario and what was recorded of it."""
+"""Data classes: road, vehicles, drivers, weather, scenario, trajectories, events, findings."""

@@ -1,1 +1,1 @@
-"""Other programs' formats, in and out: OpenDRIVE roads and the tables of the 2023 study."""
+"""Formats of others: reads CommonRoad, highD, exiD, NGSIM, tables and OpenDRIVE, writes several."""

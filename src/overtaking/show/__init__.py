@@ -1,1 +1,1 @@
-"""Pictures of numbers: figures, reports, films."""
+"""Descriptions of simulations for people: text, figures, reports, films, pages for browsers."""

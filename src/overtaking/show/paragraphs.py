@@ -54,10 +54,10 @@ def paragraphs_of(labelled: Labelled, values: Values, pack: Pack) -> list[Values
     order = (Verdict.ILLEGAL, Verdict.UNDECIDABLE, Verdict.LEGAL, Verdict.NOT_APPLICABLE)
     verdicts = [Verdict(int(one)) for one in labelled.findings.verdict[0]]
     places = sorted(range(len(verdicts)), key=lambda place: order.index(verdicts[place]))
-    return [_told(pack.rules[k], verdicts[k], labelled, values, pack) for k in places]
+    return [_told(pack.rules[k], verdicts[k], labelled, values) for k in places]
 
 
-def _told(rule: Rule, verdict: Verdict, labelled: Labelled, values: Values, pack: Pack) -> Values:
+def _told(rule: Rule, verdict: Verdict, labelled: Labelled, values: Values) -> Values:
     findings = labelled.findings
     margin = float(findings.margin[0, findings.rules.index(rule.code)])
     sentences = load(_FILE)["sentences"]
@@ -68,7 +68,7 @@ def _told(rule: Rule, verdict: Verdict, labelled: Labelled, values: Values, pack
         "gloss": rule.gloss,
         "code": rule.code,
         "simulation": values["simulation"],
-        "border": load(_FILE)["borders"].get(pack.name, {}).get(rule.code, "its border"),
+        "border": rule.border,
         "amount": _amount(abs(margin), rule.unit),
         "whose": whose,
         "fine": rule.fine,

@@ -1,1 +1,1 @@
-"""The same scenarios on SUMO and CARLA; see `sim` for the package's own simulator."""
+"""Runs the same scenarios on SUMO and CARLA; `sim` is the package's own simulator."""

@@ -1,1 +1,1 @@
-"""Water, friction and sight: what the weather does to road and eye, in float32."""
+"""Physics of water, friction, wind and sight, and the constants of each scenario, in float32."""

@@ -9,7 +9,7 @@ import pytest
 from overtaking.knowledge import Quantity, quantities, sources
 from overtaking.knowledge.reader import DATA, load
 
-WORDS = {"explanations.toml", "law_texts.toml", "policies.toml", "sources.toml", "terms.toml"}
+WORDS = {"explanations.toml", "law_rules.toml", "policies.toml", "sources.toml", "terms.toml"}
 """The files without numbers."""
 
 FILES = sorted({path.name for path in DATA.glob("*.toml")} - WORDS)

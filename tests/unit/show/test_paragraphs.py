@@ -7,10 +7,10 @@ import pytest
 from tests.support import german_fixtures, law_fixtures
 
 from overtaking import api
-from overtaking.knowledge.reader import load
 from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, Text, policies_for
+from overtaking.labels.law.texts import words_of
 from overtaking.model.labels import Verdict
 from overtaking.show.paragraphs import paragraphs
 
@@ -23,8 +23,10 @@ def runs():
 
 
 @pytest.mark.parametrize("law", PACKS)
-def test_every_rule_has_a_border(law):
-    assert {*load("explanations.toml")["borders"][law]} == {*PACKS[law].codes}
+def test_every_rule_has_a_border_and_every_entry_a_rule(law):
+    borders = {rule.code: rule.border for rule in PACKS[law].rules}
+    assert {code: entry.border for code, entry in words_of(law).items()} == borders
+    assert all(borders.values())
 
 
 @pytest.mark.parametrize("law", PACKS)

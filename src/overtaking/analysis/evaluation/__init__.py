@@ -1,1 +1,1 @@
-"""Drivers beside each other in the same scenes: rates, differences, conflicts, lane changes."""
+"""Compares drivers in the same scenes: rates, differences, conflicts, lane changes."""

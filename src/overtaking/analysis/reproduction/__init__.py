@@ -1,1 +1,1 @@
-"""Our simulations beside every number that the source paper states."""
+"""Compares simulations with every number that the source paper states."""

@@ -1,4 +1,4 @@
-"""Why a simulation is judged as it is: what was broken, believed, and would have been lawful."""
+"""Reasons of a verdict: broken rules, beliefs of the driver, and what would have been lawful."""
 
 from overtaking.labels.explain.breach import Breach, Change, Quantity, Remedy
 from overtaking.labels.explain.explanation import Doubt, Explanation, explain

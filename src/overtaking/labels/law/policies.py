@@ -1,6 +1,9 @@
-"""Which rules make an overtake illegal: several readings, as data in `policies.toml`."""
+"""Which rules make an overtake illegal: several readings, as data in `policies.toml`.
 
-from collections.abc import Iterable, Mapping
+`law_rules.toml` says of each rule which of them require it.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -12,6 +15,7 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.reader import load, read_section
 from overtaking.labels.law.rule import Pack
+from overtaking.labels.law.texts import words_of
 from overtaking.model.batch import Batch
 from overtaking.model.labels import Case, Findings, Severity, Verdict
 
@@ -77,7 +81,7 @@ class Legality(Batch):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Words:
+class _Reading:
     """A policy as the file has it."""
 
     allows_undecided: bool = False
@@ -89,19 +93,23 @@ class _Words:
 @cache
 def policies_for(pack: str) -> tuple[Policy, ...]:
     """All policies of a pack of this package, by its name; none for a pack that is not here."""
-    required = load(_FILE)["required"].get(pack, {})
-    return tuple(_policy(name, pack, codes.split()) for name, codes in required.items())
+    asked_by = {code: words.policies.split() for code, words in words_of(pack).items()}
+    return tuple(
+        _policy(name, pack, tuple(code for code, names in asked_by.items() if name in names))
+        for name in load(_FILE)["policies"]
+        if asked_by
+    )
 
 
-def _policy(name: str, pack: str, required: Iterable[str]) -> Policy:
-    words = read_section(_Words, _FILE, f"policies.{name}")
+def _policy(name: str, pack: str, required: tuple[str, ...]) -> Policy:
+    reading = read_section(_Reading, _FILE, f"policies.{name}")
     return Policy(
         name=name,
-        required=tuple(required),
-        allows_undecided=words.allows_undecided,
-        censors_open=words.censors_open,
-        names_departures=words.names_departures,
-        least=Severity[words.least.upper()],
+        required=required,
+        allows_undecided=reading.allows_undecided,
+        censors_open=reading.censors_open,
+        names_departures=reading.names_departures,
+        least=Severity[reading.least.upper()],
         tolerances={
             code: read_section(Tolerance, _TOLERANCES, f"{name}.{pack}.{code}")
             for code in load(_TOLERANCES).get(name, {}).get(pack, {})

@@ -97,6 +97,7 @@ class Rule:
             do not change it.
         text: How the wording of the law is known.
         where: Where it was read, and in which edition.
+        border: What a breach misses by its margin, for the sentence "missed ... by 2 m".
         fine: What a breach costs, with where that is said; empty if no source was read.
         two_way: Whether it is about roads with oncoming traffic alone.
         limit: What the measured value is compared with, (simulation,), in the unit of the margin;
@@ -120,6 +121,7 @@ class Rule:
     spread: Spread | None = None
     text: Text = Text.READ
     where: str = ""
+    border: str = "its border"
     fine: str = ""
     two_way: bool = False
     limit: Callable[[Case], F32] | None = None

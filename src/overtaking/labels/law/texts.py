@@ -1,20 +1,29 @@
-"""How the wording of each rule of a pack is known: `law_texts.toml`."""
+"""What is said of each rule of a pack beside its code: `law_rules.toml`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from overtaking.knowledge.reader import load, read_section
 from overtaking.labels.law.rule import Rule, Text
 
-_FILE = "law_texts.toml"
+_FILE = "law_rules.toml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Words:
-    """The entry of a rule."""
+class Words:
+    """The entry of a rule.
+
+    Attributes:
+        text: How its wording is known.
+        where: Where it was read.
+        border: As in `Rule`.
+        policies: Names of the policies that require it, separated by blanks.
+    """
 
     text: Text
     where: str
+    border: str
+    policies: str
 
 
 def edition(pack: str) -> str:
@@ -22,18 +31,28 @@ def edition(pack: str) -> str:
     return str(load(_FILE)[pack]["edition"])
 
 
+def words_of(pack: str) -> Mapping[str, Words]:
+    """The entries of a pack by code, in the order of the file; none for another pack."""
+    return {
+        code: read_section(Words, _FILE, f"{pack}.{code}")
+        for code in load(_FILE).get(pack, {})
+        if code != "edition"
+    }
+
+
 def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
-    """Rules of a pack, each with how its wording is known.
+    """Rules of a pack, each with how its wording is known and what its border is called.
 
     Args:
         pack: Name of the pack.
         rules: Its rules.
 
     Raises:
-        KnowledgeError: A rule has no entry.
+        KeyError: A rule has no entry.
     """
-    entries = {rule.code: read_section(_Words, _FILE, f"{pack}.{rule.code}") for rule in rules}
+    entries = words_of(pack)
     return tuple(
-        replace(rule, text=entries[rule.code].text, where=entries[rule.code].where)
+        replace(rule, text=entry.text, where=entry.where, border=entry.border)
         for rule in rules
+        for entry in (entries[rule.code],)
     )

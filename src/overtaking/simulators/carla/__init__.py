@@ -1,1 +1,1 @@
-"""Scenarios on CARLA."""
+"""Runs scenarios on CARLA 0.9.16, by our drivers or by its Traffic Managers."""

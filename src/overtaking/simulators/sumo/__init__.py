@@ -1,1 +1,1 @@
-"""Scenarios on SUMO."""
+"""Runs scenarios on SUMO, with its drivers and its motion."""
