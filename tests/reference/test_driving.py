@@ -140,14 +140,11 @@ def test_what_a_policy_does_does_not_depend_on_a_large_batch():
 
 def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does():
     """Its pedals are those of the model's own driver who stays, but for the rounding of answers."""
-
-    class Stays(MobilDriver):
-        def side(self, *known):
-            return np.zeros_like(known[-1])
-
-    scenario = scenes(24, "motorway")
+    scenario, mobil = scenes(24, "motorway"), MobilDriver()
+    mobil.reset(scenario)
     expected = branch(scenario, 0, decision=Decision.STAY)
-    found = drive(scenario, Driver(policy=Stays(), observe="human"), engine.run)
+    stays = Driver(policy=lambda seen: mobil(seen) * np.float32([1.0, 0.0]), observe="human")
+    found = drive(scenario, stays, engine.run)
     both = expected.frame_valid & found.frame_valid
     apart = np.abs(found.states.s[:, 0] - expected.states.s[:, 0])
     assert apart[both].max() < 100  # 0.1 m, after 15 s.
