@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from figures import overtake, ten
-from generators import commands, glossary, knowledge, notebook, numbers, rules, tables
+from generators import commands, driving, glossary, knowledge, notebook, numbers, rules, tables
 
 HERE = Path(__file__).parent
 
@@ -22,6 +22,7 @@ def generated() -> dict[str, str]:
         "reference/commands.md": commands.content(),
         "reference/constants.md": knowledge.constants(),
         "reference/drivers.md": knowledge.drivers(),
+        "reference/driving.md": driving.content(),
         "reference/figures.md": knowledge.figures(),
         "reference/glossary.md": glossary.content(),
         "reference/rules.md": rules.content(),

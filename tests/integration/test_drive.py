@@ -143,7 +143,7 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
 
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
     tiring = ot.Driver(policy=tired, observe="human")
-    with pytest.raises(PolicyError, match=r"simulation 16 .*at 0.00 s.*RuntimeError: tired"):
+    with pytest.raises(PolicyError, match=r"simulation 16 .*at 0.00 s.*RuntimeError in .*: tired"):
         ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, **given)
     written = sorted(path.name for path in (tmp_path / "data" / "simulations").iterdir())
     assert len(written) == 2
@@ -193,12 +193,16 @@ def test_the_command_drives(tmp_path, capsys):
     [
         ("nothing_here:policy", "human", "module:name"),
         ("json:nothing", "human", "module:name"),
+        ("broken.py:policy", "human", "SyntaxError"),
+        ("late.py:policy", "human", "ZeroDivisionError: at once"),
         ("json:dumps", "everything", "human or truth"),
         ("json:dumps", "missing.toml", "a TOML file"),
-        ("json:dumps", "human", "an answer, got TypeError"),
+        ("json:dumps", "human", "an answer, got TypeError in "),
     ],
 )
-def test_words_that_cannot_be_used_are_one_line(tmp_path, capsys, policy, observe, says):
+def test_words_that_cannot_be_used_are_one_line(tmp_path, workdir, capsys, policy, observe, says):
+    (workdir / "broken.py").write_text("def policy(:")
+    (workdir / "late.py").write_text("raise ZeroDivisionError('at once')")
     words = ["drive", "--policy", policy, "--observe", observe, "-n", "2"]
     assert main([*words, "--out", str(tmp_path / "data")]) == 2
     error = capsys.readouterr().err

@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from examples.human_ego import HumanEgo
+from examples.mobil_driver import MobilDriver
 
 from overtaking import _core
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions
+from overtaking.model.decision import Decision
 from overtaking.model.observation import AROUND, OWN, ROLES, WIDTH
+from overtaking.model.trajectory import Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profile_names, sample, spec
 from overtaking.sim import engine, reference
+from overtaking.sim.branch import branch
 from overtaking.sim.driving import Driver, drive
 from overtaking.sim.stepping import stepper
 from overtaking.world.parameters import parameters
@@ -132,6 +136,27 @@ def test_what_a_policy_does_does_not_depend_on_a_large_batch():
     for part in (order, *small, *order[:64, None]):
         found = drive(scenario.select(part), HUMAN, engine.run)
         np.testing.assert_array_equal(found.trace_hash, whole.trace_hash[part])
+
+
+def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does():
+    """Its pedals are those of the model's own driver who stays, but for the rounding of answers."""
+    scenario, mobil = scenes(24, "motorway"), MobilDriver()
+    mobil.reset(scenario)
+    expected = branch(scenario, 0, decision=Decision.STAY)
+    stays = Driver(policy=lambda seen: mobil(seen) * np.float32([1.0, 0.0]), observe="human")
+    found = drive(scenario, stays, engine.run)
+    both = expected.frame_valid & found.frame_valid
+    apart = np.abs(found.states.s[:, 0] - expected.states.s[:, 0])
+    assert apart[both].max() < 100  # 0.1 m, after 15 s.
+    assert np.ptp(expected.states.speed[:, 0], axis=1).max() > 2000  # Some have to brake.
+
+
+def test_the_driver_of_the_others_changes_lanes_by_mobil():
+    scenario = scenes(48, "motorway")
+    found = drive(scenario, Driver(policy=MobilDriver(), observe="human"), engine.run)
+    began = (found.stage == Stage.PULL_OUT).any(axis=1)
+    assert 3 <= began.sum() < 24
+    assert not (found.stage == Stage.CRASHED).any()
 
 
 def test_the_reference_lets_a_policy_do_the_same():

@@ -113,12 +113,12 @@ def _policy_named(name: str) -> Policy:
     try:
         found = getattr(_module(where), attribute)
         return found() if isinstance(found, type) else found
-    except (ImportError, AttributeError, OSError, ValueError) as error:
+    except Exception as error:  # What is not ours may raise anything.
         raise ConfigError.of(
             what="policy",
             where="drive",
             expected="module:name, or file.py:name, of a function",
-            got=f"{name} ({error})",
+            got=f"{name} ({type(error).__name__}: {error})",
             next_step="correct it; modules are looked for in this folder, too",
         ) from error
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import inspect
+import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -197,7 +198,7 @@ def _answer(policy: Policy, seen: Observation, control: Control) -> F64:
     try:
         answer: Any = np.asarray(policy(seen))
     except Exception as error:
-        got = f"{type(error).__name__}: {error}"
+        got = f"{type(error).__name__}{_line(error)}: {error}"
         raise _refused(seen, "an answer", got, np.flatnonzero(seen.active)) from error
     if answer.dtype.kind not in "fiub":
         raise _refused(seen, "numbers", f"an array of {answer.dtype}", np.flatnonzero(seen.active))
@@ -211,6 +212,13 @@ def _answer(policy: Policy, seen: Observation, control: Control) -> F64:
     if len(wrong):
         raise _refused(seen, "finite numbers", values[wrong[0]].tolist(), wrong)
     return np.where(seen.active[:, None], values, 0.0)
+
+
+def _line(error: Exception) -> str:
+    """The last line of the policy's file that an error came through, in words."""
+    (_, *own) = traceback.extract_tb(error.__traceback__)  # The first one is ours.
+    lines = [one.lineno for one in own if one.filename == own[0].filename]
+    return f" in {Path(own[0].filename).name}, line {lines[-1]}" if own else ""
 
 
 def limited(values: F64, parts: tuple[Part, ...]) -> tuple[F64, Mask]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +49,9 @@ class Seen:
             KeyError: There is no such name.
         """
         if role is None:
-            return self.own[:, _OWN_PLACE[name]]
-        return self.around[:, _ROLE_PLACE[role], _AROUND_PLACE[name]]
+            return self.own[:, _place(name, _OWN_PLACE, "number of the ego")]
+        number = _place(name, _AROUND_PLACE, "number of a neighbour")
+        return self.around[:, _place(role, _ROLE_PLACE, "role"), number]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +73,18 @@ class Observation(Seen):
         batch.
         """
         return uniforms(self.scenario, int(philox.Stream.POLICY), self.decision)
+
+
+def _place(name: str, places: dict[str, int], what: str) -> int:
+    """The place of a name.
+
+    Raises:
+        KeyError: There is no such name.
+    """
+    if (place := places.get(name)) is None:
+        near = get_close_matches(name, places, cutoff=0.0)
+        raise KeyError(f"no {what} is named {name}; near are {', '.join(near)}")
+    return place
 
 
 Policy = Callable[[Observation], NDArray[np.floating | np.integer]]

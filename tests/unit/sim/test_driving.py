@@ -224,6 +224,10 @@ def fails(seen: ot.Observation) -> np.ndarray:
     raise ZeroDivisionError("of mine")
 
 
+def names_wrongly(seen: ot.Observation) -> np.ndarray:
+    return seen.of("speeed")
+
+
 def sometimes_nan(seen: ot.Observation) -> np.ndarray:
     answer = np.zeros((len(seen.active), 2))
     answer[3, 0] = np.nan if seen.decision == 20 else 0.0
@@ -237,7 +241,12 @@ def changes_its_mind(seen: ot.Observation) -> np.ndarray:
 @pytest.mark.parametrize(
     ("policy", "says"),
     [
-        (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError: of mine"),
+        (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError in .*: of"),
+        (fails, f"in test_driving.py, line {fails.__code__.co_firstlineno + 1}: of mine"),
+        (names_wrongly, "KeyError in .*no number of the ego is named speeed.* speed"),
+        (lambda seen: seen.of("speed", "lead"), "no number of a neighbour is named speed"),
+        (lambda seen: seen.of("gap", "left_lead"), "no role is named left_lead.* fast_lead"),
+        (lambda _: [[1.0], [1.0, 2.0]], "an answer, got ValueError"),
         (sometimes_nan, r"simulation 3 at 1.00 s.*finite numbers, got \[nan, 0.0\]"),
         (changes_its_mind, r"at 0.45 s.*shape \(6, 2\): accel, lane_change, got shape \(6, 3\)"),
         (lambda _: np.zeros(6), r"at 0.00 s.*got shape \(6,\)"),

@@ -107,20 +107,41 @@ def _thickness(track: Track) -> float:
 
 
 def _name_tracks(axes: Axes, one: Diagram, colour: str) -> None:
-    """The vehicles' names at the ends of their lines, without those that would overlap."""
+    """The vehicles' names at the ends of their lines, moved apart where they would overlap."""
     low, high = axes.get_ylim()
-    taken: list[float] = []
-    for track in one.tracks:
-        place = float(track.ahead[-1])
-        if any(abs(place - other) < _NAME_HEIGHT * (high - low) for other in taken):
-            continue
-        taken.append(place)
+    ends = np.array([track.ahead[-1] for track in one.tracks], np.float64)
+    named = np.flatnonzero(np.isfinite(ends))  # Who is removed has no end.
+    places = moved_apart(ends[named], _NAME_HEIGHT * (high - low))
+    for place, track in zip(places, (one.tracks[k] for k in named), strict=True):
         text = "ego" if track.is_ego else "target" if track.is_target else str(track.slot)
         axes.annotate(
             text, (float(one.time[-1]), place), (4, 0), textcoords="offset points", va="center",
             color=_colour(track, colour)[0], weight="bold" if track.is_ego else "normal", size=7,
             annotation_clip=False,
         )  # fmt: skip
+
+
+def moved_apart(places: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Places in the same order, at least so far from each other, moved as little as that takes.
+
+    Args:
+        places: Places on an axis, shape (place,).
+        least: Least distance between two of them.
+
+    Source:
+        Least squares under an order, by pooling those that violate it (Barlow et al. 1972).
+    """
+    order = np.argsort(places, kind="stable")
+    room = least * np.arange(len(places))
+    pools: list[list[float]] = []
+    for one in (places[order] - room).tolist():
+        pools.append([one])
+        while len(pools) > 1 and np.mean(pools[-2]) > np.mean(pools[-1]):
+            last = pools.pop()
+            pools[-1] += last
+    moved = np.empty_like(places)
+    moved[order] = [np.mean(pool) for pool in pools for _ in pool] + room
+    return moved
 
 
 def _name_phases(axes: Axes, one: Diagram) -> None:

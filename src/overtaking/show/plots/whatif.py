@@ -100,7 +100,7 @@ def draw_fan(one: Fan) -> Figure:
     scene, shares = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.15))
     draw_along(scene, diagram(one.stayed, label(one.stayed).events), palette.ACCENT)
     scene.grid(visible=False)
-    remark(scene, f"simulation {one.number}, had the ego stayed in its lane")
+    scene.set_title(f"Simulation {one.number}, had the ego stayed in its lane")
     _draw_shares(shares, one)
     interval = one.stayed.scenario.frame_interval_ms / 1000.0
     for axes in (scene, shares):
@@ -111,7 +111,9 @@ def draw_fan(one: Fan) -> Figure:
         shares.annotate(
             "began", (one.actual, 1.02), xycoords=("data", "axes fraction"), ha="center", size=7
         )
-    shares.set_xlabel("time at which the ego is told to begin [s]")
+    lacking = int((~one.is_enough).sum())
+    note = f"\n{lacking} of {len(one.time)} instants with fewer than {TOO_FEW} futures left out"
+    shares.set_xlabel(f"time at which the ego is told to begin [s]{note if lacking else ''}")
     figure.align_ylabels([scene, shares])
     return figure
 
@@ -135,9 +137,5 @@ def _draw_shares(axes: Axes, one: Fan) -> None:
     axes.set_ylim(-0.02, 1.02)
     axes.set_ylabel(f"share, 95 % interval\n(policy {one.policy})")
     axes.set_title(fan_title(one.given), pad=16)
-    lacking = int((~one.is_enough).sum())
-    if lacking:
-        text = f"{lacking} of {len(one.time)} instants with fewer than {TOO_FEW} futures left out"
-        axes.text(0.0, 1.02, text, transform=axes.transAxes, size=7, color=palette.QUIET)
     if one.counts.any():
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -33,18 +33,25 @@ def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) ->
 
 
 def incentives(
-    state: State, given: Parameters, p: Fields, believed: Beliefs, own: F32
+    given: Parameters, p: Fields, v: F32, believed: Beliefs, own: F32
 ) -> tuple[F32, F32]:
     """MOBIL's incentives to change to the fast and to the slow side [m/s^2].
 
     European rule: to the fast side only the new follower counts, to the slow side the old one;
     above 60 km/h no driver expects to be faster than the traffic on the fast side.
 
+    Args:
+        given: All inputs.
+        p: Driver parameters, of all vehicles or of one.
+        v: Own speed [m/s].
+        believed: What drivers believe about their neighbours.
+        own: Acceleration behind the present leader [m/s^2].
+
     Source:
         Kesting, Treiber, Helbing 2007, equations 10 to 13.
     """
     c = given.constants
-    v, gap, closing = state.vx, believed.gap, believed.closing
+    gap, closing = believed.gap, believed.closing
     desired, time = p.desired_speed, p.time_gap
     fast = follow(c, p, v, desired, gap[FAST_LEAD], closing[FAST_LEAD], time)
     slow = follow(c, p, v, desired, gap[SLOW_LEAD], closing[SLOW_LEAD], time)
@@ -65,12 +72,19 @@ def incentives(
     return to_fast, to_slow
 
 
-def is_safe(
-    state: State, given: Parameters, p: Fields, believed: Beliefs, front: int, rear: int
-) -> Mask:
-    """Whether a lane change endangers neither the driver nor the new follower, now and soon."""
+def is_safe(given: Parameters, p: Fields, v: F32, believed: Beliefs, front: int, rear: int) -> Mask:
+    """Whether a lane change endangers neither the driver nor the new follower, now and soon.
+
+    Args:
+        given: All inputs.
+        p: Driver parameters, of all vehicles or of one.
+        v: Own speed [m/s].
+        believed: What drivers believe about their neighbours.
+        front: Role of the vehicle ahead in the new lane.
+        rear: Role of the one behind.
+    """
     c = given.constants
-    v, gap, closing = state.vx, believed.gap, believed.closing
+    gap, closing = believed.gap, believed.closing
     braking = minimum(
         imposed(given, p, v, gap[rear], closing[rear]),
         imposed(given, p, v, *soon(given, gap[rear], closing[rear])),
@@ -109,12 +123,12 @@ def change_lanes(
         claims: `claimed` at the begin of the decision.
         decision: Number of the decision.
     """
-    to_fast, to_slow = incentives(state, given, p, believed, own)
+    to_fast, to_slow = incentives(given, p, state.vx, believed, own)
     ready = looks & _is_ready(state, given, p)
     has_fast = state.lane < np.float32(given.road.num_lanes - 1)
     has_slow = state.lane >= np.float32(1.0)
-    safe_fast = is_safe(state, given, p, believed, FAST_LEAD, FAST_REAR)
-    safe_slow = is_safe(state, given, p, believed, SLOW_LEAD, SLOW_REAR)
+    safe_fast = is_safe(given, p, state.vx, believed, FAST_LEAD, FAST_REAR)
+    safe_slow = is_safe(given, p, state.vx, believed, SLOW_LEAD, SLOW_REAR)
     # Who would have to pull out again soon stays; how fast a distant vehicle is, nobody can see.
     worth = believed.gap[SLOW_LEAD] > given.constants.free_ahead_time * state.vx
     fast = ready & has_fast & safe_fast & (to_fast > p.threshold)

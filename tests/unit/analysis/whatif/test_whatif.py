@@ -333,3 +333,12 @@ def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, 
     assert path.stat().st_size > 5_000
     with pytest.raises(ConfigError, match="found: expected a Twin"):
         ot.plot_what_if(Stage.PASS, path)
+
+
+def test_a_fan_names_every_vehicle_of_its_scene(data: ot.Dataset, begun: int):
+    """The target too, which the ego comes near to."""
+    plots = pytest.importorskip("overtaking.show.plots.whatif")
+    figure = plots.draw_fan(ot.fan(data, begun, futures=5, every=5.0))
+    named = [one.get_text() for one in figure.axes[0].texts]
+    assert {"ego", "target"} <= set(named)
+    assert len(named) == len(figure.axes[0].lines) - 1  # One says when it began.

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from scipy.optimize import isotonic_regression
 from tests.support.features import synthetic_features
 
 from overtaking.analysis.stats import distributions
@@ -20,6 +21,7 @@ from overtaking.analysis.stats.survival import kaplan_meier
 from overtaking.show import palette
 from overtaking.show.plots import distributions as single
 from overtaking.show.plots import pairs, style
+from overtaking.show.plots.overtake import moved_apart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -280,3 +282,16 @@ def test_no_two_classes_share_a_colour_a_marker_or_a_hatching_on_a_colour():
 
 def test_every_phase_of_an_overtake_has_a_colour():
     assert {"follows", *PHASES.values()} == style.PHASE_COLOURS.keys()
+
+
+@pytest.mark.parametrize("least", [0.5, 3.0, 50.0])
+def test_names_are_moved_apart_as_little_as_that_takes(least: float):
+    places = np.random.default_rng(3).uniform(-20.0, 20.0, 8)
+    moved = moved_apart(places, least)
+    order = np.argsort(places)
+    assert (np.diff(moved[order]) > least - 1e-9).all()
+    room = least * np.arange(8)
+    known = isotonic_regression(places[order] - room).x + room
+    np.testing.assert_allclose(moved[order], known)
+    assert moved_apart(places[:1], least) == places[:1]
+    assert not moved_apart(places[:0], least).size

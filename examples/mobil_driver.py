@@ -1,0 +1,74 @@
+r"""The driver of the other vehicles of this package, at the ego's wheel: IIDM and MOBIL.
+
+    overtaking drive motorway --policy examples/mobil_driver.py:MobilDriver \
+        --observe human -n 100 --out data/mobil
+
+It follows and changes lanes by the functions that the others use, from what the driver of the
+scenario believes. What it does not do is give up a lane change that has begun.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+import overtaking as ot
+from overtaking.core.elementary import F32
+from overtaking.model.events import Outcome
+from overtaking.sim.reference.following import follow
+from overtaking.sim.reference.mobil import incentives, is_safe
+from overtaking.sim.reference.perception import Beliefs
+from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
+from overtaking.world.parameters import Parameters, parameters
+
+
+class MobilDriver:
+    """One of the others, from percepts to actions; asks for `human` and answers `accel_lane`."""
+
+    given: Parameters
+
+    def reset(self, scenario: ot.Scenario) -> None:
+        """Take the constants of the model for a new batch."""
+        self.given = parameters(scenario)
+
+    def __call__(self, seen: ot.Observation) -> NDArray[np.float32]:
+        """Acceleration [m/s^2] and side of the lane to change to, for each simulation."""
+        around = np.moveaxis(seen.around, 0, -1)
+        believed = Beliefs(
+            detected=around[:, 0] > 0, gap=around[:, 1], closing=around[:, 2], accel=around[:, 3]
+        )
+        accel = self.behind_leader(seen, believed)
+        # It decides when it looks into the mirrors, and goes on signalling in between.
+        side = np.where(seen.of("looks") > 0, self.side(seen, believed, accel), seen.of("wanted"))
+        return np.stack([accel, side], axis=1)
+
+    def behind_leader(self, seen: ot.Observation, believed: Beliefs) -> F32:
+        """Acceleration behind the leader [m/s^2]."""
+        p, near = seen.driver, (believed.gap[LEAD], believed.closing[LEAD])
+        c, speed = self.given.constants, seen.of("speed")
+        return follow(c, p, speed, p.desired_speed, *near, p.time_gap, believed.accel[LEAD])
+
+    def side(self, seen: ot.Observation, believed: Beliefs, accel: F32) -> F32:
+        """1 towards the fast side, -1 towards the slow side, where it pays and is safe; else 0."""
+        given, p, speed = self.given, seen.driver, seen.of("speed")
+        to_fast, to_slow = incentives(given, p, speed, believed, accel)
+        rested = seen.of("since_change") >= given.constants.cooldown
+        fast = rested & (seen.of("can_go_out") > 0) & (to_fast > p.threshold)
+        fast &= is_safe(given, p, speed, believed, FAST_LEAD, FAST_REAR)
+        slow = rested & (seen.of("can_go_back") > 0) & (to_slow > p.threshold) & ~fast
+        slow &= is_safe(given, p, speed, believed, SLOW_LEAD, SLOW_REAR)
+        slow &= believed.gap[SLOW_LEAD] > given.constants.free_ahead_time * speed
+        return np.where(fast, np.float32(1.0), np.where(slow, np.float32(-1.0), np.float32(0.0)))
+
+
+def main() -> None:
+    """Say how it fares beside the built-in ego in the same scenes."""
+    scenes = ot.sample("motorway", 100, seed=1)
+    runs = ot.drive(scenes, MobilDriver(), observe="human")
+    print("100 scenes of motorway    like the others  built-in")
+    labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]
+    for outcome in Outcome:
+        counts = [int((each.outcome == outcome).sum()) for each in labels]
+        print(f"  {outcome.name.lower():<22} {counts[0]:>16} {counts[1]:>9}")
+
+
+if __name__ == "__main__":
+    main()
