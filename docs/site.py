@@ -38,6 +38,14 @@ PROJECT = [
 ]
 FOLDERS = ["docs/adr", "examples", "benchmarks/oracles"]
 API = "docs/reference/api.md"
+LIVE = "<!-- Here the site has the page itself. -->"
+VIEW = "docs/figures/view.html"
+FRAME = (
+    '<iframe src="../figures/view.html#sim=7&t=2" title="Simulations in the page of overtaking view"'
+    ' loading="lazy" style="width: 100%; height: 46rem; border: 1px solid #8888"></iframe>'
+)
+"""In the place of the comment, which GitHub does not show."""
+
 FENCE = re.compile(r"^ *```", re.MULTILINE)
 
 
@@ -55,10 +63,17 @@ def main() -> int:
     for name in FOLDERS:
         (pages / name / "README.md").write_text(index(ROOT / name), "utf-8")
     (pages / API).write_text(api(), "utf-8")
+    view(pages / VIEW)
     settings = BUILD / "mkdocs.yml"
     settings.write_text((ROOT / "docs" / "site.yml").read_text("utf-8") + nav(pages), "utf-8")
     program = Path(sys.executable).with_name("zensical")
     return subprocess.call([program, "build", "--strict", "--clean", "-f", settings])
+
+
+def view(path: Path) -> None:
+    """The page of `overtaking view`, with the first simulations of a profile."""
+    runs = overtaking.simulate(overtaking.sample("pinto2023-physical", 12, seed=1))
+    overtaking.write_view(runs, path, simulations="all")
 
 
 def files() -> list[Path]:
@@ -89,6 +104,8 @@ def page(text: str) -> str:
         indent = len(line) - len(line.lstrip(" "))
         if line.startswith("- ") and lines[-1].startswith(" "):
             lines.append("")  # Else an item after a paragraph would continue the paragraph.
+        if line == LIVE:
+            line = FRAME
         deeper = " " * (-(-indent // 4) * 4 - indent)
         if not FENCE.match(line):
             lines.append(deeper + prose(line))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from typing import TYPE_CHECKING, Any
@@ -47,6 +48,14 @@ def test_a_lock_file_has_a_hash_for_every_version(name: str, repository: Path):
     entries = re.split(r"^(?=[a-z0-9])", text, flags=re.MULTILINE)[1:]
     assert len(entries) == len(pins(repository, name))
     assert all("--hash=sha256:" in entry for entry in entries)
+
+
+def test_the_lock_file_of_the_page_has_hashes_and_no_address(repository: Path):
+    text = (repository / "viewer" / "package-lock.json").read_text(encoding="utf-8")
+    packages = json.loads(text)["packages"]
+    assert ADDRESS.findall(text) == []
+    assert "resolved" not in text
+    assert all("integrity" in one for name, one in packages.items() if name)
 
 
 def test_all_lock_files_agree_on_versions(repository: Path):

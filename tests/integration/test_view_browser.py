@@ -14,13 +14,14 @@ from tests.support.browser import chromium, expect, opened, settle
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.knowledge import terms
+from overtaking.show import wording
 from overtaking.show.wording import breach_words, sentence
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Locator, Page
 
 pytestmark = pytest.mark.ci
 
@@ -192,10 +193,44 @@ def says(page: Page, values: dict[str, Any]) -> None:
         assert all(part in text for part in (told.rule, told.grade, told.facts, *told.remedies))
         assert f"margin {one['margin']:.2f} {one['unit']}" in text
     law = page.inner_text("#law")
-    assert all(", ".join(values[key]) in law for key in ("kept", "not_applicable") if values[key])
-    beliefs = page.inner_text("#beliefs")
-    assert all(f"{one['time_s']:.2f} s" in beliefs for one in values["decisions"])
-    assert page.locator("#vehicles tbody tr").count() == len(values["vehicles"])
+    kept = ("kept", "not_applicable", "text_not_read")
+    assert all(", ".join(values[key]) in law for key in kept if values[key])
+    assert all(wording.doubt_words(one) in law for one in values["undecidable"])
+    facts = page.inner_text(".facts")
+    about = (wording.weather_words(values["weather"]), wording.road_words(values["road"]))
+    length = f"{values['duration_s']:.2f} s, {values['num_frames']} frames"
+    origin = f"profile {values['profile']}, seed {values['seed']}", values["trace_hash"]
+    assert all(one in facts for one in (*about, wording.outcome_words(values), length, *origin))
+    assert page.locator(".ending").all_inner_texts() == wording.ending_words(values)
+    tells_beliefs(page.locator("#beliefs tbody tr"), values)
+    rows = page.locator("#vehicles tbody tr").all_inner_texts()
+    assert len(rows) == len(values["vehicles"])
+    for row, one in zip(rows, values["vehicles"], strict=True):
+        speeds = [
+            "?" if mps is None else f"{3.6 * mps:.0f}"
+            for mps in (one["start_speed_mps"], one["desired_speed_mps"])
+        ]
+        size = f"{one['length_m']:.1f}×{one['width_m']:.1f}"
+        told = (wording.symbol(one["vehicle"]), wording.vehicle_words(one), size, *speeds)
+        assert set(told) <= set(cells(row))
+
+
+def tells_beliefs(rows: Locator, values: dict[str, Any]) -> None:
+    """The table of beliefs has the neighbours of every decision."""
+    wanted: list[str] = []
+    for one in values["decisions"]:
+        near = [(place, of) for place, of in one["neighbours"].items() if of is not None]
+        told = [wording.percept_words(*each) for each in near] or [("no vehicle near", "", "", "")]
+        first = f"{one['time_s']:.2f} s", wording.words(one["kind"])
+        wanted += [
+            "\t".join((*(("", "") if place else first), *row)) for place, row in enumerate(told)
+        ]
+    assert [cells(row) for row in rows.all_inner_texts()] == [cells(row) for row in wanted]
+
+
+def cells(row: str) -> list[str]:
+    """The texts of a row of a table."""
+    return [one.strip() for one in row.split("\t")]
 
 
 def test_the_road_is_drawn_and_changes_with_time(browser: Browser, path: Path):
@@ -209,6 +244,24 @@ def test_the_road_is_drawn_and_changes_with_time(browser: Browser, path: Path):
         assert page.evaluate(colours) > 50
         page.keyboard.press("End")
         assert page.evaluate(picture) != first
+
+
+def test_who_wants_no_motion_sees_rain_that_stands_still(browser: Browser, tmp_path: Path):
+    runs = ot.simulate(ot.sample("pinto2023-physical", 40, 1))
+    rainy = int(np.argmax(runs.scenario.weather.rain))
+    made = ot.write_view(runs, tmp_path / "page.html", simulations=[rainy])
+    picture = "document.getElementById('road').toDataURL()"
+    drawn: dict[str, list[str]] = {}
+    for motion in ("no-preference", "reduce"):
+        with opened(browser, made.path, reduced_motion=motion) as page:
+            assert page.get_attribute("#play", "aria-label") == "Play"  # It begins at rest.
+            drawn[motion] = [page.evaluate(picture)]
+            page.keyboard.press("ArrowRight")
+            settle(page)
+            drawn[motion].append(page.evaluate(picture))
+    first, later = zip(*drawn.values(), strict=True)
+    assert first[0] == first[1]  # At the beginning all is the same.
+    assert later[0] != later[1]
 
 
 def test_on_a_phone_nothing_scrolls_sideways(browser: Browser, path: Path):

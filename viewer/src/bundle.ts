@@ -14,6 +14,7 @@ export interface Words {
   stages: Record<string, { title: string; colour: string; ink: string }>;
   themes: Record<"light" | "dark", Record<string, string>>;
   kinds?: Record<string, string>; // Vehicles by name.
+  critical_ttc_s: number; // A time to collision that is shorter is critical.
   road: Record<"ego" | "target" | "branch" | "brake" | "indicator" | "tail" | "lamp" | "glass" | "flash", string>;
 }
 
@@ -80,7 +81,9 @@ export interface Packed {
   road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[]; oncoming: (Oncoming & { width_mm: number }) | null };
   vehicles: PackedVehicle[];
   gap_mm: Gaps;
+  inverse_ttc: { ahead: Gaps; behind: Gaps }; // In steps of 1e-4 per second.
   sight_dm: number[] | null;
+  air: { text: string; extinction: number }; // Of fog and rain [1/m]; 0: it hides nothing.
   law: { rule: string; margin: number; breach: [number, number] | null; margins: Gaps | null; paragraph: string }[];
   ghosts: Ghost[];
 }
@@ -146,6 +149,7 @@ export interface Values {
   }[];
   kept: string[];
   not_applicable: string[];
+  text_not_read: string[];
 }
 
 export interface Told {
@@ -177,12 +181,13 @@ export interface Ghost {
 }
 
 // A simulation in SI units, its columns by frame.
-export interface Run extends Omit<Packed, "vehicles" | "gap_mm" | "sight_dm" | "law" | "road"> {
+export interface Run extends Omit<Packed, "vehicles" | "gap_mm" | "inverse_ttc" | "sight_dm" | "law" | "road"> {
   frames: number;
   interval: number; // [s]
   road: { side: number; borders: number[]; lines: string[] | null; verges: number[]; oncoming: (Oncoming & { width: number }) | null };
   vehicles: Vehicle[];
   gap: Gaps;
+  ttc: { ahead: Gaps; behind: Gaps }; // One over the time to collision [1/s]; 0: never.
   sight: number[] | null;
   law: LawRow[];
   every: EveryBelief | null; // Once it is there.
@@ -273,6 +278,7 @@ export function unpack(packed: Packed): Run {
       lights: column(one.lights),
     })),
     gap: sparse(packed.gap_mm, 1e-3),
+    ttc: { ahead: sparse(packed.inverse_ttc.ahead, 1e-4), behind: sparse(packed.inverse_ttc.behind, 1e-4) },
     sight: packed.sight_dm && column(packed.sight_dm, 0.1),
     law: packed.law.map((one) => ({ ...one, margins: one.margins && sparse(one.margins, 1e-3) })),
     every: null,

@@ -7,15 +7,25 @@ import { type Needs, plot, type Row, row, xOf } from "./row.ts";
 
 interface Line {
   name: string;
-  kind: "ego" | "target" | "other" | "limit" | "faint" | "belief" | "branch";
+  kind: "ego" | "target" | "behind" | "limit" | "faint" | "belief" | "branch";
   letter?: string; // Of a branch.
   values: Gaps;
-  digits: number;
+  told: (value: number) => string;
+}
+
+// From bottom to top, with the lines between and their words.
+interface Axis {
+  low: number;
+  high: number;
+  ticks: [number, string][];
 }
 
 const KMH = 3.6;
 const CHART = 92;
 const MOST_GAP = 100; // [m]; what is farther is of no interest here.
+const FAR = 20; // [s]; a collision that is farther is not told to a tenth.
+const TIMES = [10, 5, 3, 2, 1, 0.5, 0.2, 0.1]; // [s]
+const TICK = 13; // Between the words of an axis [px].
 
 export function path(x: (frame: number) => number, values: Gaps, y: (value: number) => number): string {
   let text = "";
@@ -49,72 +59,82 @@ function lead(run: Run): Gaps {
 }
 
 export function chartRows(needs: Needs): Row[] {
-  const { run } = needs;
+  const { run, words } = needs;
   const target = run.values.target;
   const symbol = run.vehicles.find((one) => one.slot === target)?.symbol;
-  const both = (of: (vehicle: Run["vehicles"][number], k: number) => number, digits: number): Line[] => [
-    ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: along(run, target, of), digits }] : []),
-    { name: "ego", kind: "ego" as const, values: along(run, 0, of), digits },
+  type Of = (vehicle: Run["vehicles"][number], k: number) => number;
+  const to = (digits: number) => (value: number): string => plain(value, digits);
+  const own = (name: string, of: (run: Run) => Gaps, told: Line["told"]): Line[] => [
+    { name, kind: "ego", values: of(run), told },
+    // From where the other courses begin.
+    ...needs.overlays.map((one): Line => ({ name: `${name} in ${one.letter}`, kind: "branch", letter: one.letter, values: of(one.run).map((value, k) => (k < one.frame ? null : value)), told })),
   ];
-  // The ego of each other course.
-  const others = (of: (vehicle: Run["vehicles"][number], k: number) => number, digits: number): Line[] =>
-    needs.overlays.map((one) => ({ name: `ego in ${one.letter}`, kind: "branch", letter: one.letter, values: along(one.run, 0, of).map((value, k) => (k < one.frame ? null : value)), digits }));
+  const both = (of: Of, digits: number): Line[] => [
+    ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: along(run, target, of), told: to(digits) }] : []),
+    ...own("ego", (one) => along(one, 0, of), to(digits)),
+  ];
+  const constant = (name: string, value: number): Line => ({ name, kind: "limit", values: Array.from({ length: needs.frames }, () => value), told: to(0) });
   const limit = run.values.road.speed_limit_mps;
-  const constant = (value: number): Gaps => Array.from({ length: needs.frames }, () => value);
-  const limits: Line[] =
-    limit === null ? [] : [{ name: "limit", kind: "limit", values: constant(limit * KMH), digits: 0 }];
-  const bystanders: Line[] = run.vehicles
+  const bystanders = run.vehicles
     .filter((one) => one.slot !== 0 && one.slot !== target)
-    .map((one) => ({ name: "", kind: "faint", values: along(run, one.slot, (of, k) => of.speed[k]! * KMH), digits: 0 }));
+    .map((one): Line => ({ name: "", kind: "faint", values: along(run, one.slot, (of, k) => of.speed[k]! * KMH), told: to(0) }));
   const gaps: Line[] = [
-    ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: lead(run), digits: 1 }] : []),
-    { name: "next ahead", kind: "ego", values: run.gap, digits: 1 },
-    ...(run.every ? [{ name: "as believed", kind: "belief" as const, values: Array.from({ length: run.frames }, (_, frame) => believedAt(run, frame)), digits: 1 }] : []),
-    ...needs.overlays.map((one): Line => ({ name: `next ahead in ${one.letter}`, kind: "branch", letter: one.letter, values: one.run.gap.map((gap, k) => (k < one.frame ? null : gap)), digits: 1 })),
+    ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: lead(run), told: to(1) }] : []),
+    ...own("next ahead", (one) => one.gap, to(1)),
+    ...(run.every ? [{ name: "as believed", kind: "belief" as const, values: Array.from({ length: run.frames }, (_, frame) => believedAt(run, frame)), told: to(1) }] : []),
   ];
   const clipped = (line: Line): Line => ({ ...line, values: line.values.map((one) => (one !== null && Math.abs(one) > MOST_GAP ? null : one)) });
-  return [
-    chart(needs, "Speed", "km/h", [...bystanders, ...limits, ...both((one, k) => one.speed[k]! * KMH, 0), ...others((one, k) => one.speed[k]! * KMH, 0)]),
-    chart(needs, "Gap", "m", gaps.map(clipped)),
-    chart(needs, "Lateral position", "m", [...both((one, k) => one.d[k]!, 2), ...others((one, k) => one.d[k]!, 2)], run.road.borders),
-    chart(needs, "Acceleration", "m/s²", [...both((one, k) => one.accel[k]!, 1), ...others((one, k) => one.accel[k]!, 1)]),
+  const urgent: Line[] = [
+    ...own("next ahead", (one) => one.ttc.ahead, timeTo),
+    { name: "next behind", kind: "behind", values: run.ttc.behind, told: timeTo },
+    constant(`critical ${words.critical_ttc_s} s`, 1 / words.critical_ttc_s),
   ];
+  return [
+    chart(needs, "Speed", "km/h", [...bystanders, ...(limit === null ? [] : [constant("limit", limit * KMH)]), ...both((one, k) => one.speed[k]! * KMH, 0)]),
+    chart(needs, "Gap", "m", gaps.map(clipped)),
+    chart(needs, "Time to collision", "s", urgent, urgency),
+    chart(needs, "Lateral position", "m", both((one, k) => one.d[k]!, 2), (least, most) => across(run.road.borders, least, most)),
+    chart(needs, "Acceleration", "m/s²", both((one, k) => one.accel[k]!, 1)),
+  ];
+}
+
+// A time to collision, from its inverse.
+function timeTo(inverse: number): string {
+  if (inverse <= 0) return "never";
+  return 1 / inverse > FAR ? `over ${FAR}` : plain(1 / inverse, 1);
 }
 
 // In the legend the ego comes first, other courses last.
 function ranked(lines: Line[]): Line[] {
-  const rank = ["ego", "target", "belief", "branch"];
+  const rank = ["ego", "target", "behind", "belief", "branch"];
   return lines.toSorted((a, b) => rank.indexOf(a.kind) - rank.indexOf(b.kind));
 }
 
-function chart(needs: Needs, title: string, unit: string, lines: Line[], rules?: number[]): Row {
+function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (least: number, most: number) => Axis = even): Row {
   const values = lines.flatMap((line) => line.values.filter((one) => one !== null));
-  const [low, high, ticks] = scale(Math.min(...values), Math.max(...values), rules);
+  const { low, high, ticks } = axis(Math.min(...values), Math.max(...values));
   const y = (value: number): number => CHART - 6 - ((value - low) / (high - low)) * (CHART - 22);
-  const grid = ticks.flatMap((tick) => [
-    svg("line", { x1: 0, x2: needs.width, y1: y(tick), y2: y(tick), class: tick === 0 && !rules ? "grid zero" : "grid" }),
-    rules ? null : svg("text", { x: 3, y: y(tick) - 3, class: "tick-text" }, String(tick)),
+  const grid = ticks.flatMap(([tick, text]) => [
+    svg("line", { x1: 0, x2: needs.width, y1: y(tick), y2: y(tick), class: tick === 0 && text ? "grid zero" : "grid" }),
+    text ? svg("text", { x: 3, y: y(tick) - 3, class: "tick-text" }, text) : null,
   ]);
   const curves = lines.map((line) => svg("path", { d: path(xOf(needs), line.values, y), class: `curve ${line.kind} ${line.letter ? `branch-${line.letter}` : ""}` }));
-  const shown = lines.filter((line) => line.name && line.kind !== "limit");
-  const readings = ranked(shown).map((line) => ({ line, value: h("span", { class: "number" }) }));
-  const legend = readings.map(({ line, value }) =>
-    h("span", { class: `key ${line.kind} ${line.letter ? `branch-${line.letter}` : ""}` }, h("i", {}), ` ${line.name} `, value),
-  );
-  const extra = lines.some((line) => line.kind === "limit") ? h("span", { class: "key limit" }, h("i", {}), " limit") : null;
+  const readings = ranked(lines.filter((line) => line.name && line.kind !== "limit")).map((line) => ({ line, value: h("span", { class: "number" }) }));
+  const key = ({ kind, letter, name }: Line, value: Node | null): HTMLElement =>
+    h("span", { class: `key ${kind} ${letter ? `branch-${letter}` : ""}` }, h("i", {}), ` ${name} `, value);
+  const legend = [...readings.map(({ line, value }) => key(line, value)), ...lines.filter((line) => line.kind === "limit").map((line) => key(line, null))];
   const empty = values.length ? null : svg("text", { x: 8, y: CHART / 2, class: "tick-text" }, "nothing to show");
-  const label = h("div", { class: "label chart" }, h("b", {}, title, h("small", {}, ` ${unit}`)), ...legend, extra);
+  const label = h("div", { class: "label chart" }, h("b", {}, title, h("small", {}, ` ${unit}`)), ...legend);
   return row(label, plot(needs, CHART, ...(values.length ? grid : []), ...curves, empty), "chart", (frame) => {
     for (const { line, value } of readings) {
       const now = line.values[Math.round(frame)];
-      write(value, now === null || now === undefined ? "–" : plain(now, line.digits));
+      write(value, now === null || now === undefined ? "–" : line.told(now));
     }
   });
 }
 
 // Round ends that hold all values, and the places of the lines between.
-export function scale(least: number, most: number, rules?: number[]): [number, number, number[]] {
-  if (rules) return [Math.min(...rules, least) - 0.5, Math.max(...rules, most) + 0.5, rules];
+export function scale(least: number, most: number): [number, number, number[]] {
   if (!Number.isFinite(least)) return [0, 1, []];
   const reach = Math.max(most - least, 1);
   const step = [1, 2, 5, 10, 20, 50, 100, 200, 500].find((one) => reach / one <= 3) ?? 1000;
@@ -122,4 +142,25 @@ export function scale(least: number, most: number, rules?: number[]): [number, n
   const high = Math.max(Math.ceil(most / step) * step, low + step);
   const ticks = Array.from({ length: Math.round((high - low) / step) + 1 }, (_, k) => low + k * step);
   return [low, high, ticks];
+}
+
+function even(least: number, most: number): Axis {
+  const [low, high, ticks] = scale(least, most);
+  return { low, high, ticks: ticks.map((tick) => [tick, String(tick)]) };
+}
+
+// The borders of the lanes, without words.
+function across(borders: number[], least: number, most: number): Axis {
+  return { low: Math.min(...borders, least) - 0.5, high: Math.max(...borders, most) + 0.5, ticks: borders.map((one) => [one, ""]) };
+}
+
+// Of inverse times: what is urgent lies at the top. The words are of times that lie apart enough.
+function urgency(_: number, most: number): Axis {
+  const high = most * 1.15;
+  const ticks: [number, string][] = [[0, "never"]];
+  for (const time of TIMES) {
+    const place = 1 / time;
+    if (((place - ticks.at(-1)![0]) / high) * (CHART - 22) >= TICK && place <= high) ticks.push([place, `${time} s`]);
+  }
+  return { low: 0, high, ticks };
 }

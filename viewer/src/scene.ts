@@ -2,11 +2,15 @@
 
 import type { Overlay, Pose, Run, Vehicle, Words } from "./bundle.ts";
 import { ghostsAt, pose } from "./bundle.ts";
-import { drawBeams, drawBranch, drawGhost, drawLabels, drawVehicle, tag, type View } from "./vehicles.ts";
+import { drawBeams, drawBranch, drawGhost, drawTags, drawVehicle, tell, tellVehicles, type View } from "./vehicles.ts";
 
 const LEAST_METRES = 62; // Of road on a narrow screen.
 const MOST_SCALE = 10.5; // [px/m]
 const DOUBLE = 0.3; // Between the middles of two lines [m].
+const MOST_ACROSS = 5; // By how much a road that is seen from far is stretched by itself.
+const LEAST_POSTS = 74; // Between two distances at the roadside [px].
+const CLEAR = 24 / 256; // What lies in fog stays a hint, as in films.
+const OWN_LENGTH = 5; // Of road around the ego that no fog hides [m].
 const BURST_LASTS = 0.9; // [s]
 
 export interface Look {
@@ -38,12 +42,14 @@ export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Ru
   drawGround(view, run);
   for (const one of here) drawBeams(view, one.vehicle, one.at, words);
   for (const one of here) drawVehicle(view, one.vehicle, one.at, words, run.values.target);
-  drawAir(view, run, here[0]?.at, frame, here[0]?.vehicle.length ?? 0);
+  drawAir(view, run, here[0]?.at, frame, here[0]?.vehicle.length ?? OWN_LENGTH);
   for (const one of branches) drawBranch(view, one.letter, one.here, here, words);
+  tellVehicles(view, here, words, run.values.target, false);
   const ghosts = ghostsAt(run, frame * run.interval);
   if (look.ghosts) for (const one of ghosts ?? run.ghosts) drawGhost(view, one, words, here[0]?.at, ghosts !== null);
   drawGap(view, here, run.values.target);
-  drawLabels(view, here, words, run.values.target);
+  tellVehicles(view, here, words, run.values.target, true);
+  drawTags(view);
   drawBurst(view, run, here[0]?.at, words);
   drawScaleBar(view);
 }
@@ -78,7 +84,8 @@ function viewOf(
   const middle = look.camera === "all" ? (Math.max(...places) + Math.min(...places)) / 2 : centre;
   const anchor = look.camera === "all" ? 0.5 : 0.4;
   const lateral = (borders[0]! + borders[borders.length - 1]!) / 2;
-  const across = scale * look.stretch;
+  // From far, lanes would be a hair; the scale bar says how much they are stretched.
+  const across = scale * Math.max(look.stretch, Math.min(MOST_ACROSS, roomy / scale));
   return {
     c,
     width,
@@ -90,6 +97,7 @@ function viewOf(
     time: frame * run.interval,
     night: run.values.weather?.night ?? false,
     moving: look.moving,
+    tags: [],
   };
 }
 
@@ -162,40 +170,29 @@ function drawLine({ c, width, x, y, scale }: View, d: number, kind: string, isEd
   c.restore();
 }
 
-// Distances along the road, every 50 m.
+// Distances along the road, every 50 m or more.
 function drawPosts({ c, width, height, x, y, scale, night }: View, edges: number[]): void {
   c.font = "11px system-ui, sans-serif";
   c.textAlign = "center";
   const low = Math.max(y(edges[0]!), y(edges[1]!));
-  for (let s = Math.ceil((0 - x(0)) / scale / 50) * 50; x(s) < width; s += 50) {
+  const step = [50, 100, 200, 500].find((one) => one * scale >= LEAST_POSTS) ?? 1000;
+  for (let s = Math.ceil((0 - x(0)) / scale / step) * step; x(s) < width; s += step) {
     c.fillStyle = night ? "#dfe4e8" : "#23291f";
     c.fillRect(x(s) - 1, low + 3, 2, 7);
     if (low + 24 < height && s >= 0) c.fillText(`${s} m`, x(s), low + 22);
   }
 }
 
-// Fog and rain, and how far the ego sees a lit vehicle.
+// Rain, what fog hides, and how far the ego sees a lit vehicle.
 function drawAir(view: View, run: Run, ego: Pose | undefined, frame: number, length: number): void {
-  const { c, width, height, x, scale, time, moving, night } = view;
+  const { c, width, height, x, time, moving, night } = view;
   const rain = (run.values.weather?.rain_percent ?? 0) / 100;
   if (rain > 0.05) drawRain(view, rain, moving ? time : 0);
+  if (!ego) return;
+  if (run.air.extinction) drawFog(view, run.air.extinction, ego.s, length / 2);
   const sight = run.sight?.[Math.floor(frame)];
-  if (!ego || sight === undefined) return;
-  const front = x(ego.s + length / 2);
-  const reach = sight * scale;
-  if (reach > width * 1.5) return;
-  const grey = night ? "30,36,42" : "214,219,222";
-  // As thick ahead as behind, though the ego looks ahead.
-  for (const way of [1, -1]) {
-    const fog = c.createLinearGradient(front, 0, front + way * reach, 0);
-    fog.addColorStop(0, `rgba(${grey},${night ? 0 : 0.08})`);
-    fog.addColorStop(0.35, `rgba(${grey},0.3)`);
-    fog.addColorStop(1, `rgba(${grey},0.9)`);
-    c.fillStyle = fog;
-    c.fillRect(way > 0 ? front : 0, 0, way > 0 ? width - front : front, height);
-  }
-  const end = Math.round(front + reach) + 0.5;
-  if (end > width) return;
+  const end = Math.round(x(ego.s + length / 2 + (sight ?? Infinity))) + 0.5;
+  if (!(end <= width)) return;
   c.strokeStyle = night ? "#dfe4e8" : "#23291f";
   c.setLineDash([2, 4]);
   c.lineWidth = 1.2;
@@ -204,6 +201,23 @@ function drawAir(view: View, run: Run, ego: Pose | undefined, frame: number, len
   c.lineTo(end, height);
   c.stroke();
   c.setLineDash([]);
+}
+
+// What a driver at the ego's place would see of each metre of the road (Koschmieder), ahead and behind.
+function drawFog({ c, width, height, x, night }: View, extinction: number, own: number, half: number): void {
+  const grey = night ? "44,52,61" : "195,201,205"; // As in films.
+  const reach = -Math.log(CLEAR) / extinction; // From there on it is no thicker [m].
+  for (const way of [1, -1]) {
+    const [from, to] = [x(own + way * half), x(own + way * (half + reach))];
+    const fog = c.createLinearGradient(from, 0, to, 0);
+    for (let k = 0; k <= 8; k++) fog.addColorStop(k / 8, `rgba(${grey},${1 - Math.exp((-extinction * reach * k) / 8)})`);
+    const [left, right] = [Math.min(from, to), Math.max(from, to)].map((one) => Math.min(Math.max(one, 0), width)) as [number, number];
+    c.fillStyle = fog;
+    c.fillRect(left, 0, right - left, height);
+    c.fillStyle = `rgba(${grey},${1 - CLEAR})`; // Of one colour: much quicker than a gradient.
+    if (way > 0) c.fillRect(right, 0, width - right, height);
+    else c.fillRect(0, 0, left, height);
+  }
 }
 
 // A low sun ahead.
@@ -221,9 +235,9 @@ function drawRain({ c, width, height, night }: View, strength: number, time: num
   c.beginPath();
   const count = Math.round((strength * width * height) / 1000);
   for (let k = 0; k < count; k++) {
-    // The golden ratio and the square root of 2 spread drops evenly, the same in every drawing.
-    const across = (k * 0.618034 + time * (0.9 + (k % 7) * 0.05)) % 1;
-    const down = (k * 0.414214 + time * (1.6 + (k % 5) * 0.1)) % 1;
+    // The R2 sequence spreads drops evenly (Roberts 2018), the same in every drawing.
+    const across = (k * 0.7548776662 + time * (0.9 + (k % 7) * 0.05)) % 1;
+    const down = (k * 0.569840291 + time * (1.6 + (k % 5) * 0.1)) % 1;
     const [left, top] = [(1 - across) * width, down * height];
     c.moveTo(left, top);
     c.lineTo(left - 3, top + 8);
@@ -253,7 +267,7 @@ function drawGap(view: View, here: { vehicle: Vehicle; at: Pose }[], target: num
   c.moveTo(x(from), row);
   c.lineTo(x(to), row);
   c.stroke();
-  tag(view, (x(from) + x(to)) / 2, row + 4, `${gap.toFixed(1)} m`, "#ffffff", "#20262ddd");
+  tell(view, (x(from) + x(to)) / 2, [row + 4], [`${gap.toFixed(1)} m`], "#ffffff", "#20262ddd", true);
 }
 
 // A collision of the ego, for a moment.

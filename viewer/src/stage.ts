@@ -57,9 +57,7 @@ export function stage(redraw: () => void): Stage {
 
 function air({ run, frame }: Shown): string {
   const sight = run.sight?.[Math.round(frame)];
-  const { weather } = run.values;
-  const name = !weather ? "weather unknown" : (weather.preset ?? (weather.night ? "night" : "day"));
-  return sight === undefined ? name : `${name}: a lit vehicle is seen at ${sight.toFixed(0)} m`;
+  return sight === undefined ? run.air.text : `${run.air.text} · sees a lit vehicle at ${sight.toFixed(0)} m`;
 }
 
 function tellAlerts(alerts: HTMLElement, reader: Reader, frame: number): void {

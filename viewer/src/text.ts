@@ -81,6 +81,7 @@ export function facts(reader: Reader): HTMLElement {
     ["Road", told.road],
     ["Outcome", told.outcome],
     ["Recorded", `${values.duration_s.toFixed(2)} s, ${values.num_frames} frames; profile ${values.profile}, seed ${values.seed}`],
+    ["Trace", values.trace_hash],
   ];
   if (told.unknown.length) pairs.push(["Unknown", told.unknown.join(", ")]);
   return h("dl", { class: "facts" }, ...pairs.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
@@ -154,6 +155,7 @@ function lawSection(reader: Reader): HTMLElement {
   if (!broken.length) rest.push(["Broken", "nothing"]);
   if (values.kept.length) rest.push(["Kept", values.kept.join(", ")]);
   if (values.not_applicable.length) rest.push(["Do not apply", values.not_applicable.join(", ")]);
+  if (values.text_not_read.length) rest.push(["Text unread", values.text_not_read.join(", ")]);
   return section(
     "The law",
     "law",

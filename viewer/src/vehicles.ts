@@ -9,6 +9,8 @@ const GHOST_LASTS = 1.5; // [s]
 const TWO_WHEELER_WIDTH = 1.2; // [m]
 const SAME_LANE = 1.2; // [m]
 const SMALL = 4; // [px/m]; below it bodies are drawn without what is smaller than a pixel.
+const LEAST_BODY = 4; // Its length then [px].
+const ALONG = 0.15; // The sine of the angle to the road at which a small body is drawn as turned.
 const SAME_PLACE = 0.3; // [m]; what is nearer is not drawn twice.
 
 export interface Placed {
@@ -27,6 +29,7 @@ export interface View {
   time: number;
   night: boolean;
   moving: boolean;
+  tags: Tag[];
 }
 
 function inFrame(view: View, at: Pose, paint: () => void): void {
@@ -62,12 +65,8 @@ export function drawBeams(view: View, vehicle: Vehicle, at: Pose, words: Words):
 export function drawVehicle(view: View, vehicle: Vehicle, at: Pose, words: Words, target: number | null): void {
   const { c, scale } = view;
   const { length, width } = vehicle;
-  inFrame(view, at, () => {
-    if (scale < SMALL) {
-      c.fillStyle = vehicle.paint;
-      c.fillRect(-length / 2, -width / 2, length, width);
-      return drawLamps(view, vehicle, at, words);
-    }
+  if (scale < SMALL) drawSmall(view, vehicle, at, words);
+  else inFrame(view, at, () => {
     const corner = Math.min(0.45, width * 0.25);
     c.fillStyle = view.night ? "#00000066" : "#00000038";
     rounded(c, -length / 2 - 0.12, -width / 2 + 0.1, length + 0.3, width + 0.2, corner);
@@ -84,6 +83,38 @@ export function drawVehicle(view: View, vehicle: Vehicle, at: Pose, words: Words
   });
   const mark = vehicle.slot === 0 ? words.road.ego : vehicle.slot === target ? words.road.target : null;
   if (mark) drawMark(view, vehicle, at, mark, vehicle.slot === 0);
+}
+
+// From far: a body of at least some pixels, its brake lamps and indicators.
+function drawSmall(view: View, { length, width, paint }: Vehicle, at: Pose, words: Words): void {
+  const { c, x, y, scale, across, time, moving, night } = view;
+  const [w, h] = [Math.max(length * scale, LEAST_BODY), width * across];
+  const turned = Math.abs(Math.sin(at.angle));
+  if (turned > ALONG) {
+    inFrame(view, at, () => {
+      c.fillStyle = paint;
+      c.fillRect(-length / 2, -width / 2, length, width);
+    });
+    return;
+  }
+  const way = Math.cos(at.angle) < 0 ? -1 : 1;
+  const [left, top] = [x(at.s) - w / 2, y(at.d) - h / 2];
+  c.fillStyle = night ? "#00000080" : "#00000060";
+  c.fillRect(left - 0.6, top - 0.6, w + 1.2, h + 1.2);
+  c.fillStyle = paint;
+  c.fillRect(left, top, w, h);
+  const lamp = (place: number, from: number, part: number, colour: string): void => {
+    c.fillStyle = colour;
+    c.fillRect(way * place > 0 ? left + w - 1 : left - 1, top + from * h, 2, part * h);
+  };
+  if (at.lights & (LIGHTS.low | LIGHTS.high)) lamp(1, 0.1, 0.8, words.road.lamp);
+  if (at.lights & LIGHTS.brake) lamp(-1, 0, 1, words.road.brake);
+  else if (night) lamp(-1, 0.1, 0.8, words.road.tail);
+  const isOn = !moving || (time * 1.5) % 1 < 0.6;
+  for (const [bit, isTop] of [[LIGHTS.left, way > 0], [LIGHTS.right, way < 0]] as const) {
+    if (!(at.lights & bit) || !isOn) continue;
+    for (const place of [1, -1]) lamp(place, isTop ? -0.1 : 0.75, 0.35, words.road.indicator);
+  }
 }
 
 // A frame around the ego, and a dashed one around the target.
@@ -184,7 +215,7 @@ export function drawBranch(view: View, letter: string, branch: Placed[], origina
     c.restore();
     if (vehicle.slot !== 0 && same && Math.abs(same.at.s - at.s) < vehicle.length) continue;
     const name = vehicle.slot === 0 ? "E" : vehicle.symbol;
-    tag(view, x(at.s), y(at.d) + 5, `${letter}: ${name}`, "#14181d", words.road.branch);
+    tell(view, x(at.s), [y(at.d) + 5, y(at.d) + h / 2 + 18, y(at.d) - h / 2 - 9], [`${letter}: ${name}`], "#14181d", words.road.branch, true);
   }
 }
 
@@ -212,9 +243,10 @@ export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | un
   if (always && (!own || Math.abs(ghost.d_m - own.d) > SAME_LANE)) return c.restore();
   const text = ghost.gap_m === null ? "not seen" : `believed ${plain(ghost.gap_m, 0)} m`;
   const truth = ghost.true_gap_m === null ? ", nobody there" : `, true ${plain(ghost.true_gap_m, 0)} m`;
+  const rows = [y(ghost.d_m) + h / 2 + 18, y(ghost.d_m) - h / 2 - 9];
   // On the other side than the name of the vehicle.
-  const side = own && ghost.d_m < own.d - SAME_LANE ? -h / 2 - 9 : h / 2 + 18;
-  tag(view, middle, y(ghost.d_m) + side, text + truth, "#ffffff", words.road.glass);
+  if (own && ghost.d_m < own.d - SAME_LANE) rows.reverse();
+  tell(view, middle, rows, [text + truth], "#ffffff", words.road.glass);
   c.restore();
 }
 
@@ -232,35 +264,89 @@ function hatch(c: CanvasRenderingContext2D, x: number, y: number, w: number, h: 
   c.restore();
 }
 
-export function tag({ c, width }: View, x: number, y: number, text: string, ink: string, ground: string): void {
-  c.font = "600 11px system-ui, sans-serif";
-  const wide = c.measureText(text).width + 10;
-  const left = Math.min(Math.max(x - wide / 2, 2), width - wide - 2);
+// A text on its ground. The places of all are kept, so that none lies on another.
+interface Tag {
+  left: number;
+  wide: number;
+  y: number;
+  draw: () => void;
+}
+
+const FONT = "600 11px system-ui, sans-serif";
+const TALL = 16; // Of a tag [px].
+const MOST_WIDTHS = 4000; // Texts have numbers: there are not many more.
+const widths = new Map<string, number>();
+
+// To measure a text takes nearly as long as to draw it.
+function widthOf(c: CanvasRenderingContext2D, text: string): number {
+  let wide = widths.get(text);
+  if (wide === undefined) {
+    if (widths.size > MOST_WIDTHS) widths.clear();
+    c.font = FONT;
+    wide = c.measureText(text).width;
+    widths.set(text, wide);
+  }
+  return wide;
+}
+
+// Puts the first of some texts that is free in one of some rows; if none is, and it must be told,
+// the first one above others. They are drawn when all else is.
+export function tell(view: View, x: number, rows: number[], texts: string[], ink: string, ground: string, must = false): void {
+  const { c, width, tags } = view;
+  const alpha = c.globalAlpha;
+  const tagOf = (text: string, y: number): Tag => {
+    const wide = widthOf(c, text) + 10;
+    const left = Math.min(Math.max(x - wide / 2, 2), width - wide - 2);
+    return { left, wide, y, draw: () => drawTag(c, left, wide, y, text, ink, ground, alpha) };
+  };
+  for (const text of texts) {
+    for (const y of rows) {
+      const one = tagOf(text, y);
+      const isFree = tags.every((other) => one.left >= other.left + other.wide || other.left >= one.left + one.wide || Math.abs(one.y - other.y) >= TALL);
+      if (isFree) return void tags.push(one);
+    }
+  }
+  if (must) tags.push(tagOf(texts[0]!, rows[0]!));
+}
+
+export function drawTags({ c, tags }: View): void {
+  c.save();
+  c.font = FONT;
+  c.textAlign = "center";
+  for (const one of tags.toReversed()) one.draw(); // What was put first, on top.
+  c.restore();
+}
+
+function drawTag(c: CanvasRenderingContext2D, left: number, wide: number, y: number, text: string, ink: string, ground: string, alpha: number): void {
+  c.globalAlpha = alpha;
   c.fillStyle = ground;
-  rounded(c, left, y - 12, wide, 16, 4);
+  rounded(c, left, y - 12, wide, TALL, 4);
   c.fill();
   c.fillStyle = ink;
-  c.textAlign = "center";
   c.fillText(text, left + wide / 2, y);
 }
 
-// Who is who, and how fast, above each vehicle.
-export function drawLabels(view: View, here: { vehicle: Vehicle; at: Pose }[], words: Words, target: number | null): void {
+// Who is who, and how fast, above each vehicle: of the ego and its target, or of all others, those
+// that are near first. Where there is no room for the speed, the name is told alone.
+export function tellVehicles(view: View, here: Placed[], words: Words, target: number | null, isOfOthers: boolean): void {
   const { x, y, across, width } = view;
   const own = here.find((one) => one.vehicle.slot === 0)?.at;
-  for (const { vehicle, at } of here.toReversed()) {
+  const isMain = ({ vehicle }: Placed): boolean => vehicle.slot === 0 || vehicle.slot === target;
+  const away = ({ at }: Placed): number => Math.abs(at.s - (own?.s ?? 0));
+  for (const one of here.filter((other) => isMain(other) !== isOfOthers).toSorted((a, b) => away(a) - away(b))) {
+    const { vehicle, at } = one;
     const place = x(at.s);
     const [isEgo, isTarget] = [vehicle.slot === 0, vehicle.slot === target];
-    const ground = isEgo ? words.road.ego : isTarget ? words.road.target : "#20262ddd";
-    const name = isEgo ? "E" : isTarget ? `${vehicle.symbol} target` : vehicle.symbol;
-    const ink = isEgo || isTarget ? "#14181d" : "#ffffff";
     const isIn = place > -20 && place < width + 20;
     if (!isIn && !isTarget) continue;
+    const ground = isEgo ? words.road.ego : isTarget ? words.road.target : "#20262ddd";
+    const name = isEgo ? "E" : isTarget ? `${vehicle.symbol} target` : vehicle.symbol;
     const arrow = isIn ? "" : place > 0 ? " ▸" : " ◂";
-    const text = `${name}${isOncoming(vehicle) ? " oncoming" : ""} ${Math.round(at.speed * 3.6)} km/h${arrow}`;
+    const whole = `${name}${isOncoming(vehicle) ? " oncoming" : ""} ${Math.round(at.speed * 3.6)} km/h${arrow}`;
+    const reach = (vehicle.width / 2) * across + 10;
+    const rows = [y(at.d) - reach, y(at.d) + reach + 10];
     // Below those on the ego's right, so that names of neighbours do not lie on each other.
-    const isBelow = own !== undefined && at.d < own.d - SAME_LANE;
-    const away = (vehicle.width / 2) * across + 10;
-    tag(view, place, y(at.d) + (isBelow ? away + 10 : -away), text, ink, ground);
+    if (own !== undefined && at.d < own.d - SAME_LANE) rows.reverse();
+    tell(view, place, isOfOthers ? rows.slice(0, 1) : rows, isOfOthers ? [whole, name] : [whole], isOfOthers ? "#ffffff" : "#14181d", ground, !isOfOthers);
   }
 }

@@ -408,7 +408,7 @@ def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None
 
     text = diagram(form)
     if out is not None:
-        from overtaking.show.report.files import put
+        from overtaking.core.files import put
 
         put(Path(out), text.encode())
     return text

@@ -1,8 +1,9 @@
-"""Files of others that are read whole: only those that end, and no more than is wanted."""
+"""Files that are read whole: only those that end, no more than is wanted; and written whole."""
 
 from __future__ import annotations
 
 import errno
+import os
 import stat
 from typing import TYPE_CHECKING
 
@@ -47,3 +48,20 @@ def whole(file: BufferedIOBase, most_bytes: int) -> bytes:
     if len(data) > most_bytes:
         raise OSError(errno.EFBIG, f"a file of more than {most_bytes} bytes")
     return data
+
+
+def put(path: Path, content: bytes) -> None:
+    """Put a file into its place, whole or not at all.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with partial.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

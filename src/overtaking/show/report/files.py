@@ -1,6 +1,5 @@
 """The folder of a report, and its files: each appears whole or not at all."""
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,30 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.stats.formats import table_to_csv, table_to_latex
 from overtaking.analysis.stats.table import Table
+from overtaking.core.files import put
 from overtaking.show.palette import CLASS_COLOURS
-from overtaking.show.report.page import figure_block, missing, table_block
+from overtaking.show.report.page import figure_block, missing, table_block, view_block
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FIGURES, TABLES, PAGE = "figures", "tables", "index.html"
-
-
-def put(path: Path, content: bytes) -> None:
-    """Put a file into its place, whole or not at all.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    partial = path.with_name(path.name + ".partial")
-    try:
-        with partial.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+FIGURES, TABLES, PAGE, VIEW = "figures", "tables", "index.html", "view.html"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +52,7 @@ class ReportFolder:
         self.figures: list[str] = []
         self.tables: list[str] = []
         self.remarks: list[str] = []
+        self._has_view = False
 
     def figure(
         self, name: str, caption: str, draw: Callable[[], "Figure"], *, for_phone: bool = True
@@ -100,6 +84,12 @@ class ReportFolder:
         self.tables.append(table.name)
         return table_block(table, CLASS_COLOURS)
 
+    def view(self, content: bytes, caption: str) -> str:
+        """Write the page in which simulations run, and embed it."""
+        put(self.out / VIEW, content)
+        self._has_view = True
+        return view_block(VIEW, caption)
+
     def lacking(self, why: str) -> str:
         """Note what cannot be shown."""
         if why not in self.remarks:
@@ -107,7 +97,7 @@ class ReportFolder:
         return missing(why)
 
     def finish(self, text: str) -> dict[str, Any]:
-        """Write the page, and remove the figures and tables of an earlier report.
+        """Write the page, and remove what an earlier report had and this one has not.
 
         Returns:
             The fields of `Written`.
@@ -118,6 +108,8 @@ class ReportFolder:
             for path in (self.out / name).iterdir():
                 if path.suffix in endings and path.stem not in names:
                     path.unlink()
+        if not self._has_view:
+            (self.out / VIEW).unlink(missing_ok=True)
         lists = {"figures": self.figures, "tables": self.tables, "remarks": self.remarks}
         return {"path": self.out / PAGE, **{name: tuple(one) for name, one in lists.items()}}
 

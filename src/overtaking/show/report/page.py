@@ -12,8 +12,12 @@ from overtaking.analysis.stats.table import Table
 _PHONE = "(max-width: 44rem)"  # As in the style sheet.
 _FEW_NUMBERS = 4  # Columns of numbers that fit a phone with their names written across.
 
-# Nothing may be loaded from anywhere, whatever a data set's names hold; films lie beside the page.
-_POLICY = "default-src 'none'; img-src data:; media-src 'self' file:; style-src 'unsafe-inline'"
+# Nothing may be loaded from anywhere, whatever a data set's names hold. Films lie beside the page, as
+# does the one in which simulations run.
+_POLICY = (
+    "default-src 'none'; img-src data:; media-src 'self' file:; frame-src 'self' file:; "
+    "style-src 'unsafe-inline'"
+)
 
 
 class Section(NamedTuple):
@@ -125,6 +129,21 @@ def film_block(path: str, caption: str) -> str:
     return (
         f'<figure class="film"><video controls preload="metadata" src="{start}"></video>'
         f'<figcaption>{escape(caption)} <span class="files">(<a href="{escape(path)}">MP4</a>)'
+        "</span></figcaption></figure>\n"
+    )
+
+
+def view_block(path: str, caption: str) -> str:
+    """A page beside this one in which simulations run, in a frame.
+
+    Args:
+        path: The file, relative to the page.
+        caption: The words below it.
+    """
+    source = escape(path)
+    return (
+        f'<figure class="view"><iframe src="{source}" title="{escape(caption)}" loading="lazy">'
+        f'</iframe><figcaption>{escape(caption)} <span class="files">(<a href="{source}">alone</a>)'
         "</span></figcaption></figure>\n"
     )
 

@@ -22,6 +22,11 @@ ABOUT_EXAMPLES = (
     "is what there is to say of the rules that it breaks, as far as the policy counts them."
 )
 
+ABOUT_RUNNING = (
+    "These overtakes as they happened: the space bar plays, the arrow keys step a frame, J and K "
+    "change the simulation, ? tells the other keys."
+)
+
 _EXPLAINED = ("classes", "features")
 """The groups of terms that have their place beside the numbers."""
 

@@ -31,6 +31,7 @@ from overtaking.show.report.page import (
     quotations,
     remarks,
 )
+from overtaking.show.view.write import page_of
 
 Example = Callable[[int], Labelled]
 """A simulation by its number: a batch of one, with its labels."""
@@ -176,17 +177,30 @@ class Writer(files.ReportFolder):
         if example is None:
             return [about, self.lacking("These data have no simulations to draw, only features.")]
         numbers = self._found.sample.frame.index
-        chosen = typical(self._found.sample).items()
-        drawn = [self._example(name, int(numbers[place]), example) for name, place in chosen]
-        return [about, *drawn]
+        blocks: list[str] = []
+        shown: list[tuple[int, Labelled]] = []
+        for name, place in typical(self._found.sample).items():
+            simulation = int(numbers[place])
+            try:
+                labelled = example(simulation)
+                blocks.append(self._example(name, simulation, labelled))
+            except OvertakingError as error:
+                why = f"Simulation {simulation} ({name}) cannot be drawn: {error}"
+                blocks.append(self.lacking(why))
+            else:
+                shown.append((simulation, labelled))
+        return [about, self._running(shown), *blocks]
 
-    def _example(self, name: str, simulation: int, example: Example) -> str:
-        """One of them, or the reason why it cannot be drawn."""
-        try:
-            labelled = example(simulation)
-            one = diagram(labelled.trajectories, labelled.events)
-        except OvertakingError as error:
-            return self.lacking(f"Simulation {simulation} ({name}) cannot be drawn: {error}")
+    def _running(self, shown: list[tuple[int, Labelled]]) -> str:
+        """The page in which the examples run."""
+        if not shown:
+            return ""
+        content = page_of("Typical overtakes", self._found.sample.policy, shown)
+        return self.view(content, prose.ABOUT_RUNNING)
+
+    def _example(self, name: str, simulation: int, labelled: Labelled) -> str:
+        """One of them in space and time."""
+        one = diagram(labelled.trajectories, labelled.events)
         drawn = self.pictures(lambda: [gallery.overtake_picture(name, simulation, one)])
         return drawn + self._verdicts(labelled, simulation)
 

@@ -210,8 +210,7 @@ class Index:
         """The first simulations in the order of a rule's margin, or of their duration."""
         rule, descending, done = key
         values = (self.duration if rule is None else self.margin[rule])[:done]
-        order = np.argsort(-values if descending else values, kind="stable")
-        return order.astype(np.int32)
+        return ordering(-values if descending else values)
 
     def _take(self, first: int, tables: Mapping[str, pa.Table]) -> None:
         """The rows of one file of each table."""
@@ -257,6 +256,24 @@ class Index:
         self.broken[rule, at] = verdict == names.VERDICTS.index(Verdict.ILLEGAL.name.lower())
         # Arrow's own `to_numpy` would import pandas, which takes half a second.
         self.margin[rule, at] = column_to_numpy(findings["margin"], missing=np.nan)
+
+
+def ordering(values: NDArray[np.float32]) -> NDArray[np.int32]:
+    """The places of numbers in rising order, equal ones as they come, NaN last.
+
+    As a stable `argsort`, in a fifth of its time: each number and its place become one integer, and
+    NumPy sorts integers with SIMD.
+
+    Args:
+        values: Shape (simulation,).
+    """
+    bits = (values + np.float32(0.0)).view(np.uint32)  # The sum makes one zero of both.
+    sign = np.uint32(1 << 31)
+    rank = np.where(bits & sign, ~bits, bits | sign)
+    rank[np.isnan(values)] = ~np.uint32(0)
+    keys = rank.astype(np.uint64) << np.uint64(32) | np.arange(len(values), dtype=np.uint64)
+    keys.sort()
+    return (keys & np.uint64(0xFFFFFFFF)).astype(np.int32)
 
 
 def titles() -> dict[str, str]:

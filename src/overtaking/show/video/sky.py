@@ -102,6 +102,11 @@ def _is_hazy(extinction: float) -> bool:
     return extinction * _CLEAR_TO_SEE >= float(known("weather.fog.transmission_depth"))
 
 
+def haze(seen: Sky) -> float:
+    """Extinction of fog and rain as far as it is drawn, 0 where it hides too little [1/m]."""
+    return seen.extinction if _is_hazy(seen.extinction) else 0.0
+
+
 def _words(run: Trajectories, rate: float, extinction: float, *, is_low: bool) -> str:
     """The weather as text, the name of a preset first."""
     weather = run.scenario.weather

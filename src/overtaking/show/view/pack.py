@@ -22,7 +22,9 @@ from overtaking.show.description import describe
 from overtaking.show.judgement import EVENTS
 from overtaking.show.paragraphs import paragraphs_of
 from overtaking.show.video.palette import PAINT
+from overtaking.show.video.sky import haze, sky
 from overtaking.show.view.ghosts import ghosts
+from overtaking.world.measures import ttc
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,6 +38,12 @@ if TYPE_CHECKING:
 NEAR = {"L3": 10.0, "L10": 0.5, "L12": 2.0, "L14": 20.0, "L14s": 20.0}
 """Margins below which a rule that is kept is shown, in its unit, of rules with a margin in every
 frame: some 0.5 s of way at 70 km/h, 7 km/h, and the width of a mirror and a hand."""
+
+_LEAST_TTC = 0.1
+"""What is nearer to a collision is as near, to be drawn [s]."""
+
+_TTC_STEPS = 10_000
+"""Of an inverse time to collision, per 1/s: 20 s are told to a tenth of a second."""
 
 _STEPS_PER_UNIT = 1000
 _PLACES = 3  # Decimals of a margin.
@@ -61,7 +69,9 @@ def pack(labelled: Labelled, number: int) -> Values:
             _vehicle(run, int(slot)) for slot in np.flatnonzero(run.scenario.vehicles.valid[0])
         ],
         "gap_mm": _gap(labelled),
+        "inverse_ttc": _inverse_ttc(labelled),
         "sight_dm": _sight(labelled),
+        "air": _air(run),
         "law": _law(labelled, values),
         "ghosts": ghosts(run),
     }
@@ -194,12 +204,34 @@ def _gap(labelled: Labelled) -> list[int | None]:
     return sparse(np.where(there, seen.gap[0, Around.LEADER, :last], np.nan), _MM)
 
 
+def _inverse_ttc(labelled: Labelled) -> Values:
+    """One over the time to collision, to the vehicle ahead and that of the one behind.
+
+    As `Encounter.ttc` of the measures of safety, 0 where they do not close. Its inverse has no
+    infinities, and what is urgent is large.
+    """
+    seen, last = labelled.signals, int(labelled.trajectories.num_frames[0])
+
+    def to(place: Around) -> list[int | None]:
+        time = ttc(seen.gap[0, place, :last], seen.closing_speed[0, place, :last])
+        urgency = 1.0 / np.maximum(time, _LEAST_TTC)
+        return sparse(np.where(seen.has(place)[0, :last], urgency, np.nan), _TTC_STEPS)
+
+    return {"ahead": to(Around.LEADER), "behind": to(Around.FOLLOWER)}
+
+
 def _sight(labelled: Labelled) -> list[int] | None:
     """How far the ego sees a lit vehicle; None where the weather is not known."""
     if "weather" in labelled.trajectories.unknown:
         return None
     sight = labelled.signals.sight_lit[0, : int(labelled.trajectories.num_frames[0])]
     return differences(np.rint(sight * 10.0).astype(np.int64))
+
+
+def _air(run: Trajectories) -> Values:
+    """The weather in words, and the extinction of what fog and rain hide [1/m]; as in films."""
+    seen = sky(run)
+    return {"text": seen.text, "extinction": haze(seen)}
 
 
 def _law(labelled: Labelled, values: Values) -> list[Values]:

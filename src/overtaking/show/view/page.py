@@ -14,6 +14,7 @@ from overtaking.knowledge import terms
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.show.palette import ACCENT, CLASS_COLOURS, CLASS_MARKERS, GRID, INK, QUIET
 from overtaking.show.video import palette
+from overtaking.world.constants import known
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,6 +91,7 @@ def words() -> dict[str, Any]:
             for one in POLICIES
         },
         "rules": {one.code: {name: getattr(one, name) for name in _TOLD} for one in PORTUGAL.rules},
+        "critical_ttc_s": float(known("labels.safety.critical_ttc")),
         "stages": {
             stage.name: {"title": title, "colour": colour, "ink": ink}
             for stage, (title, colour, ink) in palette.STAGES.items()

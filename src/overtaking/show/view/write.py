@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.files import put
 from overtaking.data.load import Dataset
 from overtaking.show import wording
-from overtaking.show.report.files import put
 from overtaking.show.video.jobs import jobs, num_films
 from overtaking.show.view.pack import pack
 from overtaking.show.view.page import packed, page
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.data.generate import Progress
+    from overtaking.labels.label import Labelled
     from overtaking.show.video.jobs import Source
 
 MOST_BYTES = 64_000_000
@@ -67,6 +68,18 @@ def write(
     put(out, content)
     numbers = tuple(entry["number"] for entry in entries)
     return ViewPage(path=out, simulations=numbers, size_bytes=len(content))
+
+
+def page_of(title: str, policy: str, shown: Iterable[tuple[int, Labelled]]) -> bytes:
+    """A page of simulations that are labelled already.
+
+    Args:
+        title: Its title.
+        policy: Which policy is chosen when it opens.
+        shown: Numbers of simulations, each with its batch of one.
+    """
+    entries = [_entry(pack(labelled, number)) for number, labelled in shown]
+    return page(title, policy, entries).encode()
 
 
 def _entry(values: dict[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import overtaking as ot
 from overtaking.cli import main
 from overtaking.model.decision import Decision
 from overtaking.show.description import describe
+from overtaking.show.server.index import ordering
 from overtaking.show.server.whatif import DECISIONS
 from overtaking.show.view.pack import pack
 
@@ -254,6 +255,14 @@ def test_lists_by_margin_are_in_order_and_keep_it_when_filtered(client: Client, 
         assert [one["number"] for one in night] == [
             one for one in whole if one in expected(data, light=["night"])
         ]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_order_is_that_of_a_stable_sort(sign: float):
+    values = np.random.default_rng(1).integers(-9, 9, 5000).astype(np.float32)
+    values[::7], values[1::7], values[2::7] = np.nan, 0.0, -0.0
+    values[3::70], values[4::70], values[5::70] = np.inf, -np.inf, 1e-40
+    assert (ordering(sign * values) == np.argsort(sign * values, kind="stable")).all()
 
 
 def test_sql_filters_the_list_and_cannot_write(client: Client, data: Dataset):

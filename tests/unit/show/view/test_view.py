@@ -19,7 +19,9 @@ from overtaking.core.errors import ConfigError
 from overtaking.knowledge import terms
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.labels.law.policies import STORED
+from overtaking.model.events import NEVER
 from overtaking.model.labels import Verdict
+from overtaking.model.safety import MOMENTS
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.show.description import describe
 from overtaking.show.paragraphs import paragraphs
@@ -120,6 +122,27 @@ def test_a_ghost_stands_where_the_gap_was_believed(labelled: Labelled, packs: li
             assert abs(abs(ghost["s_m"] - ego) - reach - gap) < 2e-3 or gap < -reach
             seen += ghost["seen"]
     assert seen > 5
+
+
+def test_times_to_collision_are_those_of_the_measures_of_safety(
+    labelled: Labelled, packs: list[dict[str, Any]]
+):
+    safety, seen = labelled.safety, 0
+    for number, values in enumerate(packs):
+        frames = int(labelled.trajectories.num_frames[number])
+        for place, of in (("ahead", safety.front), ("behind", safety.rear)):
+            column = values["inverse_ttc"][place]
+            assert len(column) == frames
+            there = [k for k, each in enumerate(column) if each is not None]
+            inverse = dict(zip(there, summed([column[k] for k in there]) / 1e4, strict=True))
+            for moment in range(1, len(MOMENTS)):  # The first has the worst of all frames.
+                frame = int(safety.frame[number, moment])
+                if frame == NEVER or not of.valid[number, moment]:
+                    continue
+                time = float(of.ttc[number, moment])
+                assert inverse[frame] == pytest.approx(1 / max(time, 0.1), abs=1e-4)
+                seen += np.isfinite(time)
+    assert seen > 10
 
 
 def test_little_is_needed_of_a_recording(labelled: Labelled):
