@@ -201,8 +201,8 @@ def doctor(output: Output, folder: options.CheckedFolder = Path()) -> int:
 
 COMMANDS: dict[options.Body, str] = {
     generate: "overtaking generate -n 276 --seed 1 --out data/pinto",
-    driving.drive: "overtaking drive motorway --policy my_driver.py:policy --observe human -n 100 "
-    "--out data/mine",
+    driving.drive: "overtaking drive motorway --policy my_driver.py:keep_gap --observe human "
+    "-n 100 --out data/mine",
     evaluating.evaluate: "overtaking evaluate motorway --policy rules --against human,stay -n 200 "
     "--out page",
     show: "overtaking show data/pinto 17",

@@ -64,8 +64,9 @@ class Driver:
                 got=self.policy,
                 next_step="give a function, or an object with __call__",
             )
-        if not isinstance(self.observe, Sensor):
-            check_name(self.observe, OBSERVED, what="observe", where="drive")
+        if not isinstance(self.observe, Sensor) and self.observe not in OBSERVED:
+            known = (*OBSERVED, "a sensor, on the command line its .toml file")
+            raise ConfigError.not_among("observe", "drive", known, self.observe)
         check_name(self.action, CONTROLS, what="action", where="drive")
         if not (isinstance(self.hold, int) and 1 <= self.hold <= MOST_HELD):
             raise ConfigError.out_of_range("hold", "drive", 1, MOST_HELD, self.hold)

@@ -81,10 +81,14 @@ def _place(name: str, places: dict[str, int], what: str) -> int:
     Raises:
         KeyError: There is no such name.
     """
-    if (place := places.get(name)) is None:
-        near = get_close_matches(name, places, cutoff=0.0)
-        raise KeyError(f"no {what} is named {name}; near are {', '.join(near)}")
-    return place
+    if (place := places.get(name)) is not None:
+        return place
+    hint = f"near are {', '.join(get_close_matches(name, places, cutoff=0.0))}"
+    if name in _AROUND_PLACE:
+        hint = "a neighbour has it: name a role, such as lead"
+    elif name in _OWN_PLACE:
+        hint = "the ego has it: leave out the role"
+    raise KeyError(f"no {what} is named {name}; {hint}")
 
 
 Policy = Callable[[Observation], NDArray[np.floating | np.integer]]
