@@ -53,12 +53,22 @@ def values_of(file: Path, found: list["MappedRoad"], *, with_junctions: bool) ->
                 "sharpest_radius_m": None if road.radius is None else round(road.radius, 1),
                 "steepest_slope": None if road.steepest is None else round(road.steepest, 4),
                 "in_junction": road.in_junction,
+                "leads_to": road.leads_to,
                 "can_be_simulated": road.road is not None,
+                "simulated_from_m": None if road.part is None else round(road.part.start, 3),
+                "simulated_to_m": None if road.part is None else round(road.part.end, 3),
+                "is_whole": None if road.part is None else road.part.is_whole,
+                "is_two_way": None if road.road is None else road.road.is_two_way,
                 "refusal": road.refusal,
             }
-            for road in sorted(listed, key=lambda each: (each.road is None, -each.length))
+            for road in sorted(listed, key=lambda each: (-_simulated(each), -each.length))
         ],
     }
+
+
+def _simulated(road: "MappedRoad") -> float:
+    """How much of a road can be simulated [m]."""
+    return 0.0 if road.road is None else road.road.length
 
 
 def render(values: dict[str, Any]) -> "Group":
@@ -68,7 +78,8 @@ def render(values: dict[str, Any]) -> "Group":
 
     from overtaking.cli.tables import open_table
 
-    table = open_table("road", "length>", "lanes>", "sharpest bend>", "slope>", "simulated")
+    names = ("road", "length>", "lanes>", "sharpest bend>", "slope>", "leads to>", "simulated")
+    table = open_table(*names)
     for road in values["roads"]:
         radius, slope = road["sharpest_radius_m"], road["steepest_slope"]
         table.add_row(
@@ -77,14 +88,27 @@ def render(values: dict[str, Any]) -> "Group":
             f"{road['lanes_right']} + {road['lanes_left']}",
             "straight" if radius is None else f"R {radius:,.0f} m",
             "" if slope is None else f"{100.0 * slope:.1f} %",
-            f"--road {road['id']}" if road["can_be_simulated"] else Text(_short(road["refusal"])),
+            road["leads_to"] or "",
+            _how(road) if road["can_be_simulated"] else Text(_short(road["refusal"])),
         )
-    parts = [table, Text("Lanes are driving lanes right and left of the file's reference line.")]
+    notes = (
+        "Lanes are driving lanes right and left of the file's reference line. Of a road whose lanes"
+        " change, the longest stretch is simulated on which they do not. Where a road leads to"
+        " another without a junction, both can be one: --road A,B."
+    )
+    parts = [table, Text(notes)]
     if values["junctions_left_out"]:
         number = values["junctions_left_out"]
         ways = "way across a junction" if number == 1 else "ways across junctions"
         parts.append(Text(f"{number} {ways} left out; --junctions lists them."))
     return Group(*parts)
+
+
+def _how(road: dict[str, Any]) -> str:
+    """How a road is simulated, and which part of it."""
+    part = f", {road['simulated_from_m']:.0f} to {road['simulated_to_m']:.0f} m"
+    directions = ", two-way" if road["is_two_way"] else ""
+    return f"--road {road['id']}{'' if road['is_whole'] else part}{directions}"
 
 
 def _short(refusal: str) -> str:

@@ -1,15 +1,19 @@
-"""Lanes of an OpenDRIVE road: their order, width and marks, the same from its start to its end."""
+"""Lanes of an OpenDRIVE road: their order, width and marks, wherever one of them is stated anew."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from overtaking.model.road import MAX_LANE_WIDTH, MAX_LANES, MIN_LANE_WIDTH, RoadMark
 from overtaking.recordings.messages import shown
+from overtaking.recordings.opendrive_limits import kind_at, limit_at
 from overtaking.recordings.opendrive_shape import (
     TOLERANCE,
-    check_constant,
+    Cubic,
+    Unfit,
+    check_not_banked,
+    in_force,
     out_of_order,
     profile,
     unfit,
@@ -37,11 +41,29 @@ MARKS = {
 
 
 class Section(NamedTuple):
-    """A lane section: its element and the stations between which it holds [m]."""
+    """A lane section, or a part of it.
+
+    Attributes:
+        element: The `<laneSection>`.
+        start: Station where it begins [m].
+        end: Station where it ends [m].
+        origin: Station that its entries are counted from [m].
+    """
 
     element: Element
     start: float
     end: float
+    origin: float
+
+    @property
+    def length(self) -> float:
+        """Its length [m]."""
+        return self.end - self.start
+
+    @property
+    def ahead(self) -> float:
+        """Where it begins, as its entries are counted [m]."""
+        return self.start - self.origin
 
 
 class Strip(NamedTuple):
@@ -50,9 +72,9 @@ class Strip(NamedTuple):
     Attributes:
         lane_id: Id in the file.
         kind: Lane type in the file.
-        width: Width [m].
-        inner_mark: Line towards the reference line, where the section starts.
-        outer_mark: Line away from it, where the section starts.
+        width: Width, the least where it varies [m].
+        inner_mark: Line towards the reference line.
+        outer_mark: Line away from it.
     """
 
     lane_id: int
@@ -76,7 +98,7 @@ def lane_sections(road: Element, length: float) -> list[Section]:
             raise out_of_order(section, "s")
     ends = [*starts[1:], length]
     sections = [
-        Section(section, start, min(end, length))
+        Section(section, start, min(end, length), start)
         for section, start, end in zip(found, starts, ends, strict=True)
         if min(end, length) > start
     ]
@@ -116,62 +138,216 @@ def centre_lane(section: Element) -> Element | None:
     return centre.optional("lane") if centre is not None else None
 
 
-def _inner_mark(section: Section, lanes: Sequence[Element], index: int, side: Side) -> RoadMark:
+DRIVING = "driving"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """A stretch of road on which nothing is stated anew: one side of it, all along the same.
+
+    Attributes:
+        start: Station where it begins [m].
+        end: Station where it ends [m].
+        strips: Driving lanes, the innermost first.
+        inner: Distance of the innermost border from the reference line, outward positive, from
+            `start` on [m].
+        inner_neighbour: Lane beside the innermost driving lane, or None.
+        outer_neighbour: Lane beside the outermost driving lane, or None.
+        across: Whether the inner neighbour lies beyond the centre line, where traffic runs the
+            other way.
+        kind: Type of the road.
+        limit: Speed limit [m/s].
+    """
+
+    start: float
+    end: float
+    strips: tuple[Strip, ...]
+    inner: Cubic
+    inner_neighbour: Strip | None
+    outer_neighbour: Strip | None
+    across: bool
+    kind: str
+    limit: float
+
+    @property
+    def is_two_way(self) -> bool:
+        """Whether oncoming traffic has the lane beside the innermost one."""
+        beyond = self.inner_neighbour
+        return self.across and beyond is not None and beyond.kind == DRIVING
+
+    def goes_on(self, other: "Cell") -> bool:
+        """Whether lanes, type and limit of another stretch are those of this one.
+
+        The line between the directions may be another.
+        """
+        return (
+            len(self.strips) == len(other.strips)
+            and (self.across, self.kind, self.limit) == (other.across, other.kind, other.limit)
+            and all(map(_alike, self._compared(), other._compared()))
+            and _beside_alike(self.outer_neighbour, other.outer_neighbour)
+            and _beside_alike(self.inner_neighbour, other.inner_neighbour)
+        )
+
+    def _compared(self) -> Iterator[Strip]:
+        first, *rest = self.strips
+        yield first._replace(inner_mark=RoadMark.NONE) if self.is_two_way else first
+        yield from rest
+
+
+def _alike(before: Strip, after: Strip) -> bool:
+    """Whether two lanes agree in everything but the last millimetres of their width, and the id."""
+    same_width = abs(before.width - after.width) <= TOLERANCE
+    return same_width and before[1:2] + before[3:] == after[1:2] + after[3:]
+
+
+def _beside_alike(before: Strip | None, after: Strip | None) -> bool:
+    """The same of lanes beside: no rule asks for their far marks, nor how wide a shoulder is."""
+    if before is None or after is None:
+        return before is after
+    same_width = abs(before.width - after.width) <= TOLERANCE or before.kind != DRIVING
+    return before.kind == after.kind and same_width
+
+
+def cells(
+    road: Element, *, side: Side, length: float, speed_limit: float | None = None
+) -> list[Cell | Unfit]:
+    """The stretches of one side of a road, in its order, or why they do not fit.
+
+    Args:
+        road: The `<road>`.
+        side: "right" or "left" of the reference line.
+        length: Length of the road [m].
+        speed_limit: Limit in place of the file's [m/s].
+
+    Raises:
+        ImportFormatError: The file is damaged.
+    """
+    offsets = profile(road.required("lanes").all("laneOffset"), origin=0.0)
+    found: list[Cell | Unfit] = []
+    for section in lane_sections(road, length):
+        lanes = side_lanes(section.element, side)
+        driving = [lane for lane in lanes if lane.attribute("type") == DRIVING]
+        for start, end in _between_entries(road, section):
+            here = section._replace(start=start, end=end)
+            try:
+                check_not_banked(road, start, end)
+                cell = _cell(here, side, kind=kind_at(road, start))
+                limit = speed_limit or limit_at(road, driving, start, here.ahead)
+                inner = _plus(cell.inner, _offset(offsets, start, side))
+                found.append(replace(cell, inner=inner, limit=limit))
+            except Unfit as error:
+                found.append(error)
+    return found
+
+
+def _between_entries(road: Element, section: Section) -> Iterator[tuple[float, float]]:
+    """The stretches of a section between all places where something of the road is stated anew."""
+    lateral = road.optional("lateralProfile")
+    entries = [*road.required("lanes").all("laneOffset"), *road.all("type")]
+    for name in ("superelevation", "crossfall"):
+        entries += lateral.all(name) if lateral is not None else []
+    stations = [entry.number("s") for entry in entries]
+    groups = (section.element.optional(side) for side in ("left", "center", "right"))
+    stations += [
+        section.start + entry.number("sOffset", default=0.0)
+        for group in groups
+        if group is not None
+        for lane in group.all("lane")
+        for name in ("width", "roadMark", "speed")
+        for entry in lane.all(name)
+    ]
+    cuts = [section.start]
+    for station in sorted(stations):
+        if cuts[-1] + TOLERANCE < station < section.end - TOLERANCE:
+            cuts.append(station)
+    return pairwise([*cuts, section.end])
+
+
+def _offset(offsets: Sequence[Cubic], start: float, side: Side) -> Cubic | None:
+    """The lane offset from a station on, outward positive; None where there is none."""
+    begun = [one for one in offsets if one.start <= start + TOLERANCE]
+    if not begun:
+        return None
+    sign, here = -1.0 if side == "right" else 1.0, begun[-1].starting(start)
+    return replace(here, a=sign * here.a, b=sign * here.b, c=sign * here.c, d=sign * here.d)
+
+
+def _plus(one: Cubic, other: Cubic | None) -> Cubic:
+    """The sum of two polynomials that are counted from the same place."""
+    if other is None:
+        return one
+    return replace(one, a=one.a + other.a, b=one.b + other.b, c=one.c + other.c, d=one.d + other.d)
+
+
+def _cell(here: Section, side: Side, *, kind: str) -> Cell:
+    """The driving lanes of a part of a section and what lies beside them, without a limit yet."""
+    lanes = side_lanes(here.element, side)
+    first, last = _driving_block(here, lanes, side)
+    inside = [_width(lane, here) for lane in lanes[:first]]
+    inner = Cubic(element=here.element, start=here.start, a=0.0, b=0.0, c=0.0, d=0.0)
+    for width in inside:
+        inner = _plus(inner, width)
+    strips = []
+    for index in range(first, last + 1):
+        width = _constant(_width(lanes[index], here), here, lanes[index])
+        _check_driving(lanes[index], width)
+        strips.append(_strip(here, lanes, index, side)._replace(width=width))
+    across = not any(max(width.extremes(here.length)) > TOLERANCE for width in inside)
+    opposite = side_lanes(here.element, OTHER_SIDE[side])
+    outward = range(last + 1, len(lanes))
+    return Cell(
+        start=here.start,
+        end=here.end,
+        strips=tuple(strips),
+        inner=inner,
+        inner_neighbour=(
+            _first_wide(here, opposite, range(len(opposite)), OTHER_SIDE[side])
+            if across
+            else _first_wide(here, lanes, range(first - 1, -1, -1), side)
+        ),
+        outer_neighbour=_first_wide(here, lanes, outward, side),
+        across=across,
+        kind=kind,
+        limit=0.0,
+    )
+
+
+def _strip(here: Section, lanes: Sequence[Element], index: int, side: Side) -> Strip:
+    """One lane with its least width."""
+    lane = lanes[index]
+    return Strip(
+        lane_id=lane.integer("id"),
+        kind=lane.attribute("type"),
+        width=min(_width(lane, here).extremes(here.length)),
+        inner_mark=_inner_mark(here, lanes, index, side),
+        outer_mark=_mark(lane, here.ahead),
+    )
+
+
+def _inner_mark(here: Section, lanes: Sequence[Element], index: int, side: Side) -> RoadMark:
     """The line between a lane and the one inside it, as seen from the lane.
 
     A lane's own element states the line on its outer side. The first word of a double line is the
     inner one; of the centre line, the left one.
     """
+    ahead = here.ahead
     if index > 0:
-        return _mark(lanes[index - 1]).reversed
-    centre = centre_lane(section.element)
-    mark = RoadMark.NONE if centre is None else _mark(centre)
+        return _mark(lanes[index - 1], ahead).reversed
+    centre = centre_lane(here.element)
+    mark = RoadMark.NONE if centre is None else _mark(centre, ahead)
     return mark.reversed if side == "right" else mark
 
 
-def strip(section: Section, lanes: Sequence[Element], index: int, side: Side) -> Strip:
-    """One lane with its constant width; ImportFormatError if the width varies."""
-    lane = lanes[index]
-    return Strip(
-        lane_id=lane.integer("id"),
-        kind=lane.attribute("type"),
-        width=_width(lane, section),
-        inner_mark=_inner_mark(section, lanes, index, side),
-        outer_mark=_mark(lane),
-    )
+def _mark(lane: Element, ahead: float) -> RoadMark:
+    """The outer mark of a lane some way after the beginning of its section [m]."""
+    entry = in_force(lane.all("roadMark"), ahead, "sOffset")
+    # Whatever a file invents is `OTHER`.
+    return RoadMark.NONE if entry is None else MARKS.get(entry.attribute("type"), RoadMark.OTHER)
 
 
-def check_mark(lane: Element, section: Section) -> None:
-    """Refuse a lane whose outer mark changes within the section."""
-    first = _mark(lane)
-    for entry in lane.all("roadMark"):
-        station = section.start + entry.number("sOffset", default=0.0)
-        if station < section.end - TOLERANCE and _named(entry) is not first:
-            raise unfit(
-                entry,
-                f"of lane {lane.integer('id')} changes at s = {station:.1f} m",
-                f"{first.value} along the whole road",
-                _named(entry).value,
-            )
-
-
-def _mark(lane: Element) -> RoadMark:
-    """The outer mark of a lane where the section starts."""
-    entries = lane.all("roadMark")
-    if entries and entries[0].number("sOffset", default=0.0) <= TOLERANCE:
-        return _named(entries[0])
-    return RoadMark.NONE
-
-
-def _named(entry: Element) -> RoadMark:
-    """The mark that an element names; whatever a file invents is `OTHER`."""
-    return MARKS.get(entry.attribute("type"), RoadMark.OTHER)
-
-
-def _width(lane: Element, section: Section) -> float:
-    """The constant width of a lane [m]."""
-    name = f"{lane.integer('id')}"
-    entries = lane.all("width")
+def _width(lane: Element, here: Section) -> Cubic:
+    """The width of a lane from the beginning of a stretch on [m]."""
+    name, entries = f"{lane.integer('id')}", lane.all("width")
     if not entries or abs(entries[0].number("sOffset")) > TOLERANCE:
         raise unfit(
             lane,
@@ -179,102 +355,42 @@ def _width(lane: Element, section: Section) -> float:
             "a <width> from sOffset = 0 on",
             "<border>" if lane.all("border") else "none",
         )
-    pieces = profile(entries, origin=section.start, station="sOffset")
-    check_constant(pieces, pieces[0].a, end=section.end, what=f"of lane {name} ")
-    if pieces[0].a < 0.0:
-        raise entries[0].error(f"of lane {name}", "a width of at least 0", f"{pieces[0].a:g} m")
-    return pieces[0].a
+    begun = [
+        piece
+        for piece in profile(entries, origin=here.origin, station="sOffset")
+        if piece.start <= here.start + TOLERANCE
+    ]
+    width = begun[-1].starting(here.start)
+    least = min(width.extremes(here.length))
+    if least < -TOLERANCE:
+        raise width.element.error(f"of lane {name}", "a width of at least 0", f"{least:g} m")
+    return width
 
 
-DRIVING = "driving"
+def _constant(width: Cubic, here: Section, lane: Element) -> float:
+    """A width that stays the same [m]; ImportFormatError if it varies."""
+    for found in width.extremes(here.length):
+        if abs(found - width.a) > TOLERANCE:
+            where = f"of lane {lane.integer('id')} varies after s = {here.start:.1f} m"
+            raise unfit(width.element, where, f"a constant {width.a:.3f} m", f"{found:.3f} m")
+    return width.a
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Carriageway:
-    """The driving lanes of one direction, on one side of the reference line.
-
-    Attributes:
-        strips: Driving lanes, the innermost first.
-        inner_edge: Distance of the innermost border from the reference line, outward positive [m].
-        inner_neighbour: Lane beside the innermost driving lane, or None.
-        outer_neighbour: Lane beside the outermost driving lane, or None.
-        across: Whether the inner neighbour lies beyond the centre line, where traffic runs the
-            other way.
-    """
-
-    strips: tuple[Strip, ...]
-    inner_edge: float
-    inner_neighbour: Strip | None
-    outer_neighbour: Strip | None
-    across: bool
-
-
-def carriageway(road: Element, *, side: Side, length: float) -> Carriageway:
-    """The driving lanes on one side of the reference line.
-
-    Args:
-        road: The `<road>`.
-        side: "right" or "left" of the reference line.
-        length: Length of the road [m].
-
-    Raises:
-        ImportFormatError: There are none, or they change along the road.
-    """
-    sections = lane_sections(road, length)
-    pieces = profile(road.required("lanes").all("laneOffset"), origin=0.0)
-    offset = pieces[0].a if pieces and pieces[0].start <= TOLERANCE else 0.0
-    check_constant(pieces, offset, end=length)
-    outward = -offset if side == "right" else offset
-    first = _cross_section(sections[0], side, outward)
-    for section in sections[1:]:
-        _check_same(section, first, _cross_section(section, side, outward))
-    return first
-
-
-def driving_lanes(road: Element, *, side: Side, length: float) -> list[Element]:
-    """Every element of a driving lane on one side, section after section."""
-    return [
-        lane
+def has_driving_lanes(road: Element, *, side: Side, length: float) -> bool:
+    """Whether there is a driving lane on one side of a road anywhere."""
+    return any(
+        lane.attribute("type") == DRIVING
         for section in lane_sections(road, length)
         for lane in side_lanes(section.element, side)
-        if lane.attribute("type") == DRIVING
-    ]
-
-
-def _cross_section(section: Section, side: Side, outward: float) -> Carriageway:
-    """The driving lanes of one section and what lies beside them."""
-    lanes = side_lanes(section.element, side)
-    first, last = _driving_block(section, lanes, side)
-    inside = [strip(section, lanes, index, side) for index in range(first)]
-    strips = tuple(strip(section, lanes, index, side) for index in range(first, last + 1))
-    for index in range(first, last + 1):
-        _check_driving(lanes[index], strips[index - first].width)
-        check_mark(lanes[index], section)
-    border = lanes[first - 1] if first else centre_lane(section.element)
-    if border is not None:
-        check_mark(border, section)
-    across = not any(lane.width > TOLERANCE for lane in inside)
-    beside = range(first - 1, -1, -1)
-    opposite = side_lanes(section.element, OTHER_SIDE[side])
-    return Carriageway(
-        strips=strips,
-        inner_edge=outward + sum(lane.width for lane in inside),
-        inner_neighbour=(
-            _first_wide(section, opposite, range(len(opposite)), OTHER_SIDE[side])
-            if across
-            else _first_wide(section, lanes, beside, side)
-        ),
-        outer_neighbour=_first_wide(section, lanes, range(last + 1, len(lanes)), side),
-        across=across,
     )
 
 
 def _first_wide(
-    section: Section, lanes: Sequence[Element], indices: range, side: Side
+    here: Section, lanes: Sequence[Element], indices: range, side: Side
 ) -> Strip | None:
-    """The first of some lanes with a width: files contain lanes of no width."""
+    """The first of some lanes with a width all along: files contain lanes of no width."""
     for index in indices:
-        found = strip(section, lanes, index, side)
+        found = _strip(here, lanes, index, side)
         if found.width > TOLERANCE:
             return found
     return None
@@ -315,50 +431,3 @@ def _check_driving(lane: Element, width: float) -> None:
     direction = lane.attribute("direction", default="standard")
     if direction != "standard":
         raise unfit(lane, f"{name} has a direction", '"standard"', f'"{shown(direction)}"')
-
-
-def _check_same(section: Section, first: Carriageway, here: Carriageway) -> None:
-    """Refuse a section whose lanes are not those that the road began with."""
-    beside = (
-        (first.inner_neighbour, here.inner_neighbour),
-        (first.outer_neighbour, here.outer_neighbour),
-    )
-    same = (
-        len(first.strips) == len(here.strips)
-        and abs(first.inner_edge - here.inner_edge) <= TOLERANCE
-        and all(_alike(*pair) for pair in zip(first.strips, here.strips, strict=True))
-        and all(_alike(_unmarked(before), _unmarked(after)) for before, after in beside)
-    )
-    if not same:
-        raise unfit(
-            section.element,
-            f"changes the lanes at s = {section.start:.1f} m",
-            _described(first),
-            _described(here),
-        )
-
-
-def _alike(before: Strip | None, after: Strip | None) -> bool:
-    """Whether two lanes agree in everything but the last millimetres of their width."""
-    if before is None or after is None:
-        return before is after
-    same_width = abs(before.width - after.width) <= TOLERANCE
-    return same_width and before._replace(width=0.0) == after._replace(width=0.0)
-
-
-def _unmarked(lane: Strip | None) -> Strip | None:
-    """A lane beside the road without its marks: no rule asks for the far one."""
-    if lane is None:
-        return None
-    return lane._replace(inner_mark=RoadMark.NONE, outer_mark=RoadMark.NONE)
-
-
-def _described(lanes: Carriageway) -> str:
-    """A cross-section in one line, from the inside outward."""
-    beside = (lanes.inner_neighbour, *lanes.strips, lanes.outer_neighbour)
-    parts = (
-        f"{lane.lane_id} {shown(lane.kind)} {lane.width:.2f} {lane.outer_mark.value}"
-        for lane in beside
-        if lane is not None
-    )
-    return f"from {lanes.inner_edge:.2f} m: {', '.join(parts)}"

@@ -7,9 +7,10 @@ from overtaking.core.errors import ImportFormatError
 from overtaking.model.line import ReferenceLine
 from overtaking.model.road import Road
 from overtaking.recordings.messages import shown
-from overtaking.recordings.opendrive import read_road, roads_in
+from overtaking.recordings.opendrive import roads_in
 from overtaking.recordings.opendrive_lanes import DRIVING, Side, lane_sections, side_lanes
 from overtaking.recordings.opendrive_plan import plan
+from overtaking.recordings.opendrive_route import Part, first_way, read_part
 from overtaking.recordings.opendrive_shape import profile, spans
 from overtaking.recordings.xml import Element
 
@@ -27,6 +28,8 @@ class MappedRoad:
         left: Most driving lanes left of it at one place.
         line: The reference line; None where the file states none that can be read.
         steepest: Largest slope, up or down [1]; None where none can be read.
+        leads_to: Id of the road that traffic comes to without a junction, None where there is none.
+        part: The part of the road that is simulated, None where it cannot be.
         road: The road as it is simulated, None where it cannot be.
         refusal: Why it cannot be simulated; None where it can be.
     """
@@ -39,6 +42,8 @@ class MappedRoad:
     left: int
     line: ReferenceLine | None
     steepest: float | None
+    leads_to: str | None
+    part: Part | None
     road: Road | None
     refusal: str | None
 
@@ -66,13 +71,15 @@ def map_roads(path: str | Path) -> list[MappedRoad]:
 def _mapped(path: Path, road: Element) -> MappedRoad:
     """One road from its element."""
     line, steepest, length, right, left = None, None, 0.0, 0, 0
+    leads_to, route, refusal = None, None, None
     try:
         length = road.number("length")
         right, left = (_most_lanes(road, side, length) for side in ("right", "left"))
         line, steepest = plan(road), _steepest(road, length)
-        simulated, refusal = read_road(path, road), None
+        leads_to = first_way(road, None).leads_to
+        route = read_part(path, road)
     except ImportFormatError as error:
-        simulated, refusal = None, str(error)
+        refusal = str(error)
     return MappedRoad(
         road_id=shown(road.attribute("id", default="")),
         name=shown(road.attribute("name", default="")),
@@ -82,7 +89,9 @@ def _mapped(path: Path, road: Element) -> MappedRoad:
         left=left,
         line=line,
         steepest=steepest,
-        road=simulated,
+        leads_to=None if leads_to is None else shown(leads_to),
+        part=None if route is None else route.parts[0],
+        road=None if route is None else route.road,
         refusal=refusal,
     )
 

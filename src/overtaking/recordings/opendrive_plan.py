@@ -1,14 +1,15 @@
 """The reference line of an OpenDRIVE road: lines, arcs, clothoids and parametric cubics."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from overtaking.model.line import Piece, ReferenceLine
-from overtaking.recordings.opendrive_shape import unfit
+from overtaking.recordings.opendrive_shape import TOLERANCE, Cubic, unfit
 from overtaking.recordings.xml import Element
 
 F64 = NDArray[np.float64]
@@ -42,13 +43,113 @@ def pieces(road: Element) -> list[Piece]:
     Raises:
         ImportFormatError: It has no piece or one of unknown shape, or its pieces do not join.
     """
+    return [piece for chain, _ in _chains(road) for piece in chain]
+
+
+def _chains(road: Element) -> list[tuple[list[Piece], float]]:
+    """The pieces of each `<geometry>`, and its length as the file states it [m]."""
     found = road.required("planView").all("geometry")
     if not found:
         raise road.error("has no geometry", "a <geometry> in <planView>", "none")
     chains = [_pieces(geometry) for geometry in found]
     for before, after, geometry in zip(chains, chains[1:], found[1:], strict=False):
-        _check_joint(before[-1], after[0], geometry)
-    return [piece for chain in chains for piece in chain]
+        check_joint(before[-1], after[0], geometry)
+    lengths = [geometry.number("length") for geometry in found]
+    return list(zip(chains, lengths, strict=True))
+
+
+def pieces_between(road: Element, start: float, end: float, inner: Sequence[Cubic]) -> list[Piece]:
+    """A line along a road from one station to another, moved to the left of its reference line.
+
+    Args:
+        road: The `<road>`.
+        start: Station where the line begins [m].
+        end: Station where it ends [m].
+        inner: How far to the left it is, by polynomials from one station to the next, the first
+            from `start` on [m].
+
+    Raises:
+        ImportFormatError: As for `pieces`, or it bends too sharply for that.
+    """
+    found: list[Piece] = []
+    station = 0.0
+    for chain, stated in _chains(road):
+        # The chain of a cubic is a hair longer or shorter than the file says.
+        scale = stated / sum(piece.length for piece in chain)
+        for piece in chain:
+            beyond = station + piece.length * scale
+            first, last = max(station, start), min(beyond, end)
+            if last - first > TOLERANCE:
+                begin = 0.0 if first - station <= TOLERANCE else (first - station) / scale
+                whole = beyond - last <= TOLERANCE
+                stop = piece.length if whole else (last - station) / scale
+                part = _cut(piece, begin, stop)
+                found += _moved(part, station + begin * scale, scale, inner, road)
+            station = beyond
+    return found
+
+
+def _cut(piece: Piece, start: float, end: float) -> Piece:
+    """The part of a piece between two ways along it [m]."""
+    if start <= 0.0 and end >= piece.length:
+        return piece
+    ends = ReferenceLine.of([piece]).at([start, end])
+    curvature = np.interp([start, end], [0.0, piece.length], piece[4:])
+    x, y, heading = (float(one[0]) for one in (ends.x, ends.y, ends.heading))
+    return Piece(x, y, heading, end - start, *map(float, curvature))
+
+
+def _moved(
+    piece: Piece, station: float, scale: float, inner: Sequence[Cubic], element: Element
+) -> Iterator[Piece]:
+    """A piece moved to the left.
+
+    Args:
+        piece: The piece.
+        station: Station of its start [m].
+        scale: Stations by way along it.
+        inner: How far it is moved, by station, in order [m].
+        element: The road, for messages.
+    """
+    begins = [(one.start - station) / scale for one in inner]
+    for one, begin, stop in zip(inner, begins, [*begins[1:], math.inf], strict=True):
+        first, last = max(begin, 0.0), min(stop, piece.length)
+        if last - first > TOLERANCE or (first == 0.0 and last == piece.length):
+            left = one.starting(station + first * scale)
+            yield from _beside(_cut(piece, first, last), left, scale, element)
+
+
+def _beside(piece: Piece, left: Cubic, scale: float, element: Element) -> list[Piece]:
+    """The line to the left of a piece, by a distance that is a polynomial along it."""
+    if (left.a, left.b, left.c, left.d) == (0.0, 0.0, 0.0, 0.0):
+        return [piece]
+    # By way along the piece, not by station.
+    moved = Polynomial([left.a, left.b * scale, left.c * scale**2, left.d * scale**3])
+    aside, more = moved.deriv(), moved.deriv().deriv()
+    growth = (piece.end_curvature - piece.curvature) / piece.length
+    line = ReferenceLine.of([piece])
+
+    def curve(p: F64) -> Curve:
+        pose, d = line.at(p), moved(p)
+        # At its ends the line of one piece has no curvature.
+        bend = piece.curvature + growth * p
+        along, across = 1.0 - bend * d, aside(p)
+        if not np.all(along > 0.5):
+            raise unfit(element, "bends", "lanes within half of the radius", "a sharper bend")
+        square = along * along + across * across
+        turn = (along * more(p) + across * (growth * d + bend * across)) / square
+        speed = np.sqrt(square)
+        heading = pose.heading + np.arctan2(across, along)
+        x, y = pose.x - d * np.sin(pose.heading), pose.y + d * np.cos(pose.heading)
+        return Curve(x, y, heading, (bend + turn) / speed, speed)
+
+    if growth == 0.0 and not np.any(moved.coef[1:]):
+        # Beside a straight line or an arc lies another.
+        start = curve(np.zeros(1))
+        speed, bend = float(start.speed[0]), float(start.curvature[0])
+        pose = (float(one[0]) for one in start[:3])
+        return [Piece(*pose, piece.length * speed, bend, bend)]
+    return _followed(curve, piece.length, element)
 
 
 def _pieces(geometry: Element) -> list[Piece]:
@@ -82,6 +183,23 @@ def _spiral(piece: Piece, shape: Element) -> list[Piece]:
     return [piece._replace(curvature=first, end_curvature=last)]
 
 
+class Curve(NamedTuple):
+    """Points of a curve by a parameter; every array has the same shape.
+
+    Attributes:
+        x, y: World coordinates [m].
+        heading: Direction [rad].
+        curvature: Change of the heading [1/m].
+        speed: Way by parameter.
+    """
+
+    x: F64
+    y: F64
+    heading: F64
+    curvature: F64
+    speed: F64
+
+
 def _cubic(piece: Piece, shape: Element) -> list[Piece]:
     """As many clothoids in a chain as it takes to follow a parametric cubic."""
     ranges = {"arcLength": piece.length, "normalized": 1.0}
@@ -90,44 +208,50 @@ def _cubic(piece: Piece, shape: Element) -> list[Piece]:
         raise shape.error("attribute pRange", " or ".join(ranges), f'"{name}"')
     u = Polynomial([shape.number(f"{one}U") for one in "abcd"])
     v = Polynomial([shape.number(f"{one}V") for one in "abcd"])
+    du, dv = u.deriv(), v.deriv()
+
+    def curve(p: F64) -> Curve:
+        speed = np.hypot(du(p), dv(p))
+        bend = du(p) * dv.deriv()(p) - dv(p) * du.deriv()(p)
+        if np.any(np.abs(bend) > MAX_CURVATURE * speed**3) or not np.all(speed > 0.0):
+            wanted = f"at most {MAX_CURVATURE:g} /m"
+            raise unfit(shape, "bends", wanted, "a sharper bend or a cusp")
+        heading = piece.heading + np.unwrap(np.arctan2(dv(p), du(p)))
+        return Curve(*_placed(piece, u(p), v(p)), heading, bend / speed**3, speed)
+
+    chain = _followed(curve, ranges[name], shape)
+    length = sum(one.length for one in chain)
+    if abs(length - piece.length) > MAX_STRETCH * piece.length:
+        raise shape.error(
+            "does not fit its length", f"a way of {piece.length:g} m", f"{length:g} m"
+        )
+    return chain
+
+
+def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> list[Piece]:
+    """A chain of clothoids along a curve, none of which ends more than `MAX_MISFIT` beside it.
+
+    Args:
+        curve: The curve; its values of the parameter ascend from 0.
+        end: The last one.
+        element: What states it, for messages.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(8)
     parts = _FIRST_PARTS
     while parts <= _MOST_PARTS:
-        p = np.linspace(0.0, ranges[name], parts + 1)
-        chain = _clothoids(piece, u, v, p, shape)
-        if _misfit(chain, piece, u, v, p) <= MAX_MISFIT:
-            length = sum(one.length for one in chain)
-            if abs(length - piece.length) > MAX_STRETCH * piece.length:
-                wanted = f"a way of {piece.length:g} m"
-                raise shape.error("does not fit its length", wanted, f"{length:g} m")
+        p = np.linspace(0.0, end, parts + 1)
+        at, half = curve(p), 0.5 * np.diff(p)[:, None]
+        between = p[:-1, None] + half * (nodes + 1.0)
+        speed = curve(between.ravel()).speed.reshape(between.shape)
+        lengths = (speed * weights * half).sum(axis=1)
+        rows = zip(at.x, at.y, at.heading, lengths, at.curvature, at.curvature[1:], strict=False)
+        chain = [Piece(*map(float, row)) for row in rows]
+        ends = [ReferenceLine.of([one]).at(one.length) for one in chain]
+        misfit = np.hypot([one.x for one in ends] - at.x[1:], [one.y for one in ends] - at.y[1:])
+        if misfit.max() <= MAX_MISFIT:
             return chain
         parts *= 2
-    raise unfit(shape, "bends too often", f"{_MOST_PARTS} clothoids or fewer", "more")
-
-
-def _clothoids(piece: Piece, u: Polynomial, v: Polynomial, p: F64, shape: Element) -> list[Piece]:
-    """A clothoid from each value of the parameter to the next."""
-    du, dv = u.deriv(), v.deriv()
-    speed = np.hypot(du(p), dv(p))
-    bend = np.abs(du(p) * dv.deriv()(p) - dv(p) * du.deriv()(p))
-    if np.any(bend > MAX_CURVATURE * speed**3) or not np.all(speed > 0.0):
-        raise unfit(shape, "bends", f"at most {MAX_CURVATURE:g} /m", "a sharper bend or a cusp")
-    curvature = (du(p) * dv.deriv()(p) - dv(p) * du.deriv()(p)) / speed**3
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    half = np.diff(p)[:, None] * 0.5
-    at = p[:-1, None] + half * (nodes + 1.0)
-    lengths = (np.hypot(du(at), dv(at)) * weights * half).sum(axis=1)
-    heading = piece.heading + np.unwrap(np.arctan2(dv(p), du(p)))
-    rows = zip(
-        *_placed(piece, u(p), v(p)), heading, lengths, curvature, curvature[1:], strict=False
-    )
-    return [Piece(*map(float, row)) for row in rows]
-
-
-def _misfit(chain: list[Piece], piece: Piece, u: Polynomial, v: Polynomial, p: F64) -> float:
-    """How far a clothoid of a chain ends beside the cubic at most [m]."""
-    ends = [ReferenceLine.of([one]).at(one.length) for one in chain]
-    x, y = _placed(piece, u(p[1:]), v(p[1:]))
-    return float(np.hypot([end.x for end in ends] - x, [end.y for end in ends] - y).max())
+    raise unfit(element, "bends too often", f"{_MOST_PARTS} clothoids or fewer", "more")
 
 
 def _placed(piece: Piece, u: F64, v: F64) -> tuple[F64, F64]:
@@ -145,7 +269,7 @@ _SHAPES: dict[str, Callable[[Piece, Element], list[Piece]]] = {
 """How each shape is read, by its element."""
 
 
-def _check_joint(before: Piece, after: Piece, geometry: Element) -> None:
+def check_joint(before: Piece, after: Piece, geometry: Element) -> None:
     """Refuse a piece that does not begin where the one before it ends."""
     end = ReferenceLine.of([before]).at(before.length)
     gap = math.hypot(after.x - float(end.x), after.y - float(end.y))

@@ -31,7 +31,13 @@ _SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 _CURVATURES = {"arc": ("curvature",), "spiral": ("curvStart", "curvEnd")}
 
 
-def unfit(element: Element, what: str, expected: str, got: str) -> ImportFormatError:
+class Unfit(ImportFormatError):
+    """What a file may hold and the model does not; other errors are of files that are damaged."""
+
+
+def unfit(
+    element: Element, what: str, expected: str, got: str, next_step: str = "choose another road"
+) -> Unfit:
     """The error for what a file may hold and the model does not.
 
     Args:
@@ -39,25 +45,28 @@ def unfit(element: Element, what: str, expected: str, got: str) -> ImportFormatE
         what: The part that does not fit.
         expected: What would fit.
         got: The value found.
+        next_step: What can be done.
     """
-    return element.error(what, expected, got, "choose another road")
+    return Unfit(str(element.error(what, expected, got, next_step)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+@dataclass(frozen=True, slots=True)
+class Alignment:
     """A reference line: pose of its start and length, in the file's frame.
 
     Attributes:
         x, y: Its start [m].
         heading: Direction there [rad].
         length: Its length [m].
-        course: Bends and grades along it; None where it is straight and level.
+        inner_edge: Distance of the innermost border of the driving lanes from it, outward [m].
+        course: What changes along it; None where nothing does.
     """
 
     x: float
     y: float
     heading: float
     length: float
+    inner_edge: float = 0.0
     course: Course | None = None
 
 
@@ -77,14 +86,14 @@ def _is_line(shape: Element) -> bool:
     return all(abs(shape.number(name)) <= MAX_CURVATURE for name in names)
 
 
-def straight_line(road: Element, length: float) -> Line:
+def straight_line(road: Element, length: float) -> Alignment:
     """The reference line of a road; ImportFormatError where it is not one straight line."""
     pieces = road.required("planView").all("geometry")
     if not pieces:
         raise road.error("has no geometry", "a <geometry> in <planView>", "none")
     first = pieces[0]
     heading = math.remainder(first.number("hdg"), math.tau)
-    line = Line(x=first.number("x"), y=first.number("y"), heading=heading, length=length)
+    line = Alignment(x=first.number("x"), y=first.number("y"), heading=heading, length=length)
     covered = 0.0
     for piece in pieces:
         _check_straight(piece)
@@ -104,7 +113,7 @@ def _check_straight(piece: Element) -> None:
         raise unfit(piece, f"is curved at s = {piece.number('s'):.1f} m", "a straight line", shape)
 
 
-def _check_joint(piece: Element, line: Line, covered: float) -> float:
+def _check_joint(piece: Element, line: Alignment, covered: float) -> float:
     """Refuse a piece that does not go on along the line; the station of its end [m]."""
     start, length, heading = piece.number("s"), piece.number("length"), piece.number("hdg")
     east, north = piece.number("x") - line.x, piece.number("y") - line.y
@@ -141,6 +150,12 @@ class Cubic:
         """The piece that an element states."""
         a, b, c, d = (element.number(name) for name in "abcd")
         return cls(element=element, start=start, a=a, b=b, c=c, d=d)
+
+    def starting(self, start: float) -> Self:
+        """The same polynomial, counted from another place [m]."""
+        x = start - self.start
+        b, c = self.slope.value(x), self.c + 3.0 * self.d * x
+        return replace(self, start=start, a=self.value(x), b=b, c=c)
 
     @property
     def slope(self) -> Self:
@@ -192,6 +207,18 @@ def out_of_order(element: Element, station: str) -> Exception:
     return element.error(f"attribute {station}", "ascending values", element.attribute(station))
 
 
+def in_force(entries: Sequence[Element], station: float, name: str = "s") -> Element | None:
+    """The last of some entries that begin at a station or before it; None if none does.
+
+    Args:
+        entries: The elements, in the order of the road.
+        station: The station [m].
+        name: Attribute with the station of each, 0 where it is missing.
+    """
+    begun = [one for one in entries if one.number(name, default=0.0) <= station + TOLERANCE]
+    return begun[-1] if begun else None
+
+
 def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
     """Each piece with the length over which it holds, until the next one or `end` [m]."""
     ends = [*(min(piece.start, end) for piece in pieces[1:]), end]
@@ -202,34 +229,17 @@ def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
     ]
 
 
-def check_constant(pieces: Sequence[Cubic], value: float, *, end: float, what: str = "") -> None:
-    """Refuse a profile that leaves a value by more than `TOLERANCE` before `end` [m].
-
-    Args:
-        pieces: The profile.
-        value: Its value at the start.
-        end: Station up to which it matters [m].
-        what: Words for the message, after the name of the element.
-    """
-    for piece, length in spans(pieces, end):
-        for found in piece.extremes(length):
-            if abs(found - value) > TOLERANCE:
-                where, wanted = f"{what}varies after s = {piece.start:.1f} m", f"{value:.3f} m"
-                raise unfit(piece.element, where, f"a constant {wanted}", f"{found:.3f} m")
-
-
 def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:
     """Slope by station, of the mean over `_SLOPE_WINDOW`; empty where the road is flat.
 
     Raises:
-        ImportFormatError: The surface has a step, or is banked.
+        ImportFormatError: The surface has a step.
     """
     elevation = road.optional("elevationProfile")
     heights = profile(elevation.all("elevation") if elevation is not None else [], origin=0.0)
     found = spans(heights, length)
     for (before, span), (after, _) in pairwise(found):
         _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
-    _check_banking(road, length)
     if all(abs(one) <= MAX_GRADE for piece, span in found for one in piece.slope.extremes(span)):
         return ()
 
@@ -251,17 +261,17 @@ def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:
     return tuple((stations[k], slopes[k]) for k in kept)
 
 
-def _check_banking(road: Element, length: float) -> None:
+def check_not_banked(road: Element, start: float, end: float) -> None:
+    """Refuse a surface that leans more than it must to drain, or is bent, between two stations."""
     lateral = road.optional("lateralProfile")
-    if lateral is not None:
-        _check_not_banked(lateral, length)
-
-
-def _check_not_banked(lateral: Element, length: float) -> None:
-    """Refuse a surface that leans more than it must to drain, or is bent."""
+    if lateral is None:
+        return
     for name in ("superelevation", "crossfall"):
-        for piece, span in spans(profile(lateral.all(name), origin=0.0), length):
-            _check_small(piece, "is banked", max(map(abs, piece.extremes(span))), MAX_BANKING)
+        for piece, span in spans(profile(lateral.all(name), origin=0.0), end):
+            if piece.start + span > start:
+                here = piece.starting(max(piece.start, start))
+                lean = max(map(abs, here.extremes(piece.start + span - here.start)))
+                _check_small(piece, "is banked", lean, MAX_BANKING)
     for shape in lateral.all("shape"):
         if any(shape.number(name) != 0.0 for name in "abcd"):
             raise unfit(shape, "bends the surface", "a flat road", "a lateral shape")

@@ -9,6 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from overtaking.model.road import Road
 from overtaking.recordings.opendrive_map import MappedRoad
 from overtaking.show.palette import ACCENT, INK, LINE
 from overtaking.show.plots.style import is_narrow, new_figure, say_nothing_to_draw, styled
@@ -18,7 +19,7 @@ _MOST_POINTS = 20_000  # Of one line.
 _MOST_NAMES = 40  # More names would hide the map.
 _STYLES: dict[str, dict[str, Any]] = {
     "can be simulated": {"color": ACCENT, "linewidth": 2.4, "zorder": 3.0},
-    "cannot be simulated yet": {"color": INK, "linewidth": 0.9, "zorder": 2.0},
+    "cannot be simulated": {"color": INK, "linewidth": 0.9, "zorder": 2.0},
     "way across a junction": {"color": LINE, "linewidth": 0.5, "zorder": 1.0},
 }
 _HEIGHTS = (2.4, 8.0)  # Least and greatest height of the picture [inch].
@@ -31,21 +32,24 @@ def draw_map(roads: Sequence[MappedRoad]) -> Figure:
     Args:
         roads: What `map_roads` found.
     """
-    drawn = [(road, _points(road)) for road in roads if road.line is not None]
+    drawn = [road for road in roads if road.line is not None]
     if not drawn:
         figure = new_figure(_HEIGHTS[0])
         say_nothing_to_draw(figure.add_subplot())
         return figure
-    every = np.concatenate([points for _, points in drawn])
+    lines = {kind: [_points(road) for road in drawn if _kind(road) == kind] for kind in _STYLES}
+    # What is simulated of a road lies over the whole of it.
+    lines["cannot be simulated"] += [_points(road) for road in drawn if _is_part(road)]
+    lines["can be simulated"] = [_simulated(road.road) for road in drawn if road.road is not None]
+    every = np.concatenate([points for found in lines.values() for points in found])
     wide, high = np.ptp(every, axis=0)
     figure = new_figure(_HEIGHTS[0])
     width = figure.get_figwidth()
     figure.set_figheight(float(np.clip(width * high / max(wide, 1.0) + 0.9, *_HEIGHTS)))
     axes = figure.add_subplot()
     for kind, style in _STYLES.items():
-        lines = [points for road, points in drawn if _kind(road) == kind]
-        axes.add_collection(LineCollection(lines, capstyle="round", **style), autolim=True)
-    _name(axes, [road for road, _ in drawn])
+        axes.add_collection(LineCollection(lines[kind], capstyle="butt", **style), autolim=True)
+    _name(axes, drawn)
     axes.autoscale_view()
     axes.set(aspect="equal", adjustable="datalim", xlabel="x [m]", ylabel="y [m]")
     axes.grid(visible=False)
@@ -58,7 +62,17 @@ def draw_map(roads: Sequence[MappedRoad]) -> Figure:
 def _kind(road: MappedRoad) -> str:
     if road.in_junction:
         return "way across a junction"
-    return "cannot be simulated yet" if road.road is None else "can be simulated"
+    return "cannot be simulated" if road.road is None else "can be simulated"
+
+
+def _is_part(road: MappedRoad) -> bool:
+    return road.part is not None and not road.part.is_whole
+
+
+def _simulated(road: Road) -> np.ndarray:
+    """Points of the line of a road as it is simulated, shape (point, 2) [m]."""
+    count = int(np.clip(road.length / _STEP, 2, _MOST_POINTS))
+    return np.stack(road.world(np.linspace(0.0, road.length, count), 0.0), axis=-1)
 
 
 def _points(road: MappedRoad) -> np.ndarray:

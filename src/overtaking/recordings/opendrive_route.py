@@ -1,0 +1,437 @@
+"""Roads of the model out of roads of an OpenDRIVE file: the longest stretch with the same lanes.
+
+A file states lanes, widths, marks, type and limit anew wherever one of them changes. In between the
+driving lanes of one side are a cell; the road of the model is the longest row of cells with the
+same lanes, on one road or on several that lead to each other without a junction.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import itemgetter
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from overtaking.core.errors import ConfigError
+from overtaking.model.course import Course, Line, RoadMark
+from overtaking.model.line import Piece
+from overtaking.model.road import MAX_LENGTH, DrivingSide, Lane, Road
+from overtaking.recordings.messages import shown
+from overtaking.recordings.opendrive_lanes import (
+    OTHER_SIDE,
+    Cell,
+    Side,
+    Strip,
+    cells,
+    has_driving_lanes,
+)
+from overtaking.recordings.opendrive_plan import (
+    MAX_KINK,
+    MAX_STRETCH,
+    check_joint,
+    pieces,
+    pieces_between,
+)
+from overtaking.recordings.opendrive_shape import (
+    TOLERANCE,
+    Alignment,
+    Unfit,
+    grade_of,
+    is_straight,
+    straight_line,
+    unfit,
+)
+from overtaking.recordings.xml import Element
+
+_RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """What a road of the model takes of one road of a file.
+
+    Attributes:
+        road_id: Id of the road.
+        start: Station where the part begins, as the file counts [m].
+        end: Station where it ends [m].
+        is_whole: Whether it is all of the road.
+    """
+
+    road_id: str
+    start: float
+    end: float
+    is_whole: bool
+
+    def __str__(self) -> str:
+        """The id, and the stations of a part of the road."""
+        return self.road_id + (
+            "" if self.is_whole else f" from {self.start:.0f} to {self.end:.0f} m"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Route:
+    """A road of the model, and what of the file it is.
+
+    Attributes:
+        road: The road.
+        parts: The parts of the file's roads, in the direction of travel.
+    """
+
+    road: Road
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """A road of the file as a route takes it: its element, length, side, and direction."""
+
+    element: Element
+    length: float
+    side: Side
+    along: bool
+
+    @classmethod
+    def of(cls, road: Element, *, along: bool) -> Self:
+        """A road driven along its reference line or against it."""
+        right = along == (_driving_side(road) is DrivingSide.RIGHT)
+        return cls(
+            element=road, length=_length(road), side="right" if right else "left", along=along
+        )
+
+    def exit(self) -> Element | None:
+        """The link to the road that this one leads to without a junction."""
+        links = self.element.optional("link")
+        name = "successor" if self.along else "predecessor"
+        found = None if links is None else links.optional(name)
+        is_road = found is not None and found.attribute("elementType", default="") == "road"
+        return found if is_road else None
+
+    @property
+    def leads_to(self) -> str | None:
+        """Id of that road, None where there is none."""
+        link = self.exit()
+        return None if link is None else link.attribute("elementId")
+
+
+def read_part(
+    path: Path, road: Element, lanes: Side | None = None, speed_limit: float | None = None
+) -> Route:
+    """The longest stretch of a road on which its lanes stay the same.
+
+    Args:
+        path: The file, for the name of the road.
+        road: The `<road>`.
+        lanes: As for `read_opendrive`.
+        speed_limit: As for `read_opendrive` [m/s].
+
+    Raises:
+        ImportFormatError: The road is of a shape that is not supported.
+    """
+    road.belongs_to(f"road {shown(road.attribute('id'))}")
+    _check_outside_junctions(road)
+    return _route(path, [first_way(road, lanes)], speed_limit)
+
+
+def first_way(road: Element, lanes: Side | None) -> Way:
+    """A road driven on lanes of a side; without a choice as `read_opendrive` chooses."""
+    driving_side = _driving_side(road)
+    side = lanes or _default_side(road, driving_side, _length(road))
+    return Way.of(road, along=(side == "right") == (driving_side is DrivingSide.RIGHT))
+
+
+def join_roads(
+    path: Path, roads: Sequence[Element], lanes: Side | None, speed_limit: float | None
+) -> Route:
+    """Several roads of a file, each of which the one before leads to without a junction."""
+    for road in roads:
+        road.belongs_to(f"road {shown(road.attribute('id'))}")
+        _check_outside_junctions(road)
+    first = roads[0]
+    tried = [first_way(first, lanes)]
+    if lanes is None:
+        tried.append(Way.of(first, along=not tried[0].along))
+    second = roads[1].attribute("id")
+    ways = [next((way for way in tried if way.leads_to == second), tried[0])]
+    for road in roads[1:]:
+        ways.append(_next_way(ways[-1], road))
+    route = _route(path, ways, speed_limit)
+    if len(route.parts) < len(roads):
+        got = " and ".join(map(str, route.parts))
+        raise unfit(first, "and those it leads to", "the same lanes on all of them", f"only {got}")
+    return route
+
+
+def _next_way(way: Way, road: Element) -> Way:
+    """A road as the way before it enters it."""
+    link, name = way.exit(), road.attribute("id")
+    if link is None or way.leads_to != name:
+        got = "none" if link is None else f"one to road {shown(link.attribute('elementId'))}"
+        wanted = f"a link to road {shown(name)} without a junction"
+        raise unfit(way.element, "leads elsewhere", wanted, got)
+    return Way.of(road, along=link.attribute("contactPoint") == "start")
+
+
+def _check_outside_junctions(road: Element) -> None:
+    junction = road.attribute("junction", default="-1")
+    if junction != "-1":
+        what, wanted = "belongs to a junction", "a road outside junctions"
+        raise unfit(road, what, wanted, f'junction "{shown(junction)}"')
+
+
+def _route(path: Path, ways: Sequence[Way], speed_limit: float | None) -> Route:
+    """The longest stretch of some roads in a row on which the lanes stay the same."""
+    run = _longest(ways, speed_limit)
+    groups = [(way, [cell for _, cell in group]) for way, group in groupby(run, key=itemgetter(0))]
+    parts = tuple(_part(way, cells) for way, cells in groups)
+    ids = ", ".join(map(str, parts))
+    name = f"{shown(path.stem)} road{'s' if len(parts) > 1 else ''} {ids}"
+    first = ways[0].element
+    try:
+        road = _build(name, _driving_side(first), [cell for _, cell in run], _alignment(groups))
+    except ConfigError as error:
+        raise unfit(first, "is beyond the model", "a road of ordinary size", str(error)) from None
+    return Route(road=road, parts=parts)
+
+
+def _part(way: Way, cells: Sequence[Cell]) -> Part:
+    start, end = min(cell.start for cell in cells), max(cell.end for cell in cells)
+    whole = start <= TOLERANCE and end >= way.length - TOLERANCE
+    name = shown(way.element.attribute("id"))
+    return Part(road_id=name, start=start, end=end, is_whole=whole)
+
+
+def _longest(ways: Sequence[Way], speed_limit: float | None) -> list[tuple[Way, Cell]]:
+    """The longest row of stretches, in the direction of travel, whose lanes are the same."""
+    rows: list[list[tuple[Way, Cell]]] = [[]]
+    refusals: list[Unfit] = []
+    for way in ways:
+        found = cells(way.element, side=way.side, length=way.length, speed_limit=speed_limit)
+        for cell in found if way.along else reversed(found):
+            if isinstance(cell, Unfit):
+                refusals.append(cell)
+                rows.append([])
+            elif rows[-1] and _goes_on(rows[-1], way, cell):
+                rows[-1].append((way, cell))
+            else:
+                rows.append([(way, cell)])
+    longest = max(rows, key=lambda row: sum(cell.end - cell.start for _, cell in row))
+    if not longest:
+        raise refusals[0]
+    return longest
+
+
+def _goes_on(row: Sequence[tuple[Way, Cell]], way: Way, cell: Cell) -> bool:
+    """Whether a stretch has the lanes of a row of them, and begins where that ends."""
+    before, last = row[-1]
+    if not row[0][1].goes_on(cell):
+        return False
+    if before is not way:
+        return True  # Where roads join is checked when their lines are joined.
+    low, high = (last, cell) if way.along else (cell, last)
+    end, begin = low.inner.starting(high.start), high.inner
+    return abs(end.a - begin.a) <= TOLERANCE and abs(end.b - begin.b) <= MAX_KINK
+
+
+def _build(name: str, driving_side: DrivingSide, row: Sequence[Cell], line: Alignment) -> Road:
+    """The road of a row of stretches, in the direction of travel."""
+    section = row[0]
+    right_hand = driving_side is DrivingSide.RIGHT
+    # Outward is away from the reference line: to the right of travel in right-hand traffic, both
+    # along the line and, on its other side, against it.
+    outward = -1.0 if right_hand else 1.0
+    outer_edge = line.inner_edge + sum(strip.width for strip in section.strips)
+
+    def lane(strip: Strip, direction: int = 1) -> Lane:
+        # A lane across the centre line has its own outside on the other hand.
+        inner_on_left = right_hand == (direction == 1)
+        left, right = strip.inner_mark, strip.outer_mark
+        return Lane(
+            lane_id=strip.lane_id,
+            width=strip.width,
+            kind=strip.kind,
+            direction=direction,
+            left_mark=left if inner_on_left else right,
+            right_mark=right if inner_on_left else left,
+        )
+
+    slow, fast = (_narrowest(row, side) for side in ("outer_neighbour", "inner_neighbour"))
+    return Road(
+        name=name,
+        kind=section.kind,
+        driving_side=driving_side,
+        lanes=tuple(lane(strip) for strip in reversed(section.strips)),
+        edge_d=outward * outer_edge,
+        length=line.length,
+        x0=line.x,
+        y0=line.y,
+        heading=line.heading,
+        course=line.course,
+        speed_limit=section.limit,
+        slow_side_neighbour=lane(slow) if slow else None,
+        fast_side_neighbour=lane(fast, -1 if section.across else 1) if fast else None,
+    )
+
+
+def _narrowest(row: Sequence[Cell], name: str) -> Strip | None:
+    """A lane beside the road where it begins, as wide as it is everywhere."""
+    beside: list[Strip | None] = [getattr(cell, name) for cell in row]
+    if beside[0] is None:
+        return None
+    return beside[0]._replace(width=min(one.width for one in beside if one is not None))
+
+
+def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
+    """The reference line of a row of stretches, by road, in the direction of travel.
+
+    Where the lanes keep their distance from the reference line of the file, that is the line.
+    Elsewhere it is the middle of the driving lanes: the file measures their widths square to its
+    own line, so the farther from the middle, the larger is what the angle between both shortens.
+    """
+    way, first = groups[0]
+    cell = first[0]
+    edge = cell.inner.a if way.along else cell.inner.starting(cell.end).a
+    moved = any(
+        abs(found - edge) > TOLERANCE
+        for _, row in groups
+        for one in row
+        for found in one.inner.extremes(one.end - one.start)
+    )
+    if not moved and len(groups) == 1 and is_straight(way.element):
+        return _straight(way, first, edge)
+    half = 0.5 * sum(strip.width for strip in cell.strips)
+    line: list[Piece] = []
+    grade: list[tuple[float, float]] = []
+    marks: list[tuple[float, float, RoadMark]] = []
+    done = 0.0
+    for one, row in groups:
+        bends = _bent(one, row, half if moved else None)
+        if line:
+            check_joint(line[-1], bends[0], one.element)
+        length = sum(piece.length for piece in bends)
+        grade += [(done + s, slope) for s, slope in _grade(one, row, length)]
+        marks += [(done + begin, done + end, mark) for begin, end, mark in _marks(one, row, length)]
+        line += bends
+        done += length
+    course = _course(tuple(line), grade, marks, done)
+    return Alignment(*line[0][:3], length=done, inner_edge=-half if moved else edge, course=course)
+
+
+def _straight(way: Way, row: Sequence[Cell], edge: float) -> Alignment:
+    """A part of a straight reference line, from its end where the traffic runs against it."""
+    line = straight_line(way.element, way.length)
+    ends = (min(cell.start for cell in row), max(cell.end for cell in row))
+    start, length = ends[0 if way.along else 1], ends[1] - ends[0]
+    x = line.x + start * math.cos(line.heading)
+    y = line.y + start * math.sin(line.heading)
+    turned = math.remainder(line.heading + math.pi, math.tau)
+    heading = line.heading if way.along else turned
+    course = _course((), _grade(way, row, length), _marks(way, row, length), length)
+    return Alignment(x, y, heading, length=length, inner_edge=edge, course=course)
+
+
+def _bent(way: Way, row: Sequence[Cell], half: float | None) -> list[Piece]:
+    """The line of a part of a road, in the direction of travel.
+
+    Args:
+        way: The road.
+        row: The stretches of the part.
+        half: Distance of the line from the innermost border, outward; that of the file if None [m].
+    """
+    road, in_order = way.element, sorted(row, key=lambda cell: cell.start)
+    covered = sum(one.length for one in pieces(road))
+    if abs(covered - way.length) > TOLERANCE + MAX_STRETCH * way.length:
+        wanted = f"a line of {way.length:g} m"
+        raise road.error("does not end with its line", wanted, f"{covered:g} m")
+    start, end = in_order[0].start, in_order[-1].end
+    left = -1.0 if way.side == "right" else 1.0
+    nothing = replace(in_order[0].inner, a=0.0, b=0.0, c=0.0, d=0.0)
+    aside = [nothing]
+    if half is not None:
+        aside = [
+            replace(one, a=left * (one.a + half), b=left * one.b, c=left * one.c, d=left * one.d)
+            for one in (cell.inner for cell in in_order)
+        ]
+    bends = [
+        one._replace(heading=math.remainder(one.heading, math.tau))
+        for one in pieces_between(road, start, end, aside)
+    ]
+    return bends if way.along else [one.reversed() for one in reversed(bends)]
+
+
+def _grade(way: Way, row: Sequence[Cell], length: float) -> list[tuple[float, float]]:
+    """Slope by station of a part of a road, in the direction of travel, `length` metres long."""
+    start, end = min(cell.start for cell in row), max(cell.end for cell in row)
+    table = grade_of(way.element, way.length)
+    if not table:
+        return [(0.0, 0.0), (length, 0.0)]
+    inside = [s for s, _ in table if start < s < end]
+    stations = np.array([start, *inside, end])
+    slopes = np.interp(stations, *np.array(table).T)
+    ahead = (stations - start) if way.along else (end - stations)
+    rows = zip((ahead * (length / (end - start))).tolist(), slopes.tolist(), strict=True)
+    found = [(min(s, length), slope if way.along else -slope) for s, slope in rows]
+    return found if way.along else found[::-1]
+
+
+def _marks(way: Way, row: Sequence[Cell], length: float) -> list[tuple[float, float, RoadMark]]:
+    """The line between the directions on a part of a road, by stretches from start to end."""
+    if not row[0].is_two_way:
+        return []
+    start, end = min(cell.start for cell in row), max(cell.end for cell in row)
+    scale = length / (end - start)
+    return [
+        (
+            scale * (cell.start - start if way.along else end - cell.end),
+            min(scale * (cell.end - start if way.along else end - cell.start), length),
+            cell.strips[0].inner_mark,
+        )
+        for cell in row
+    ]
+
+
+def _course(
+    line: tuple[Piece, ...],
+    grade: Sequence[tuple[float, float]],
+    marks: Sequence[tuple[float, float, RoadMark]],
+    length: float,
+) -> Course | None:
+    """What changes along a road; None if nothing does."""
+    rises = any(slope != 0.0 for _, slope in grade)
+    table = [one for k, one in enumerate(grade) if rises and (k == 0 or one[0] > grade[k - 1][0])]
+    lines = tuple(
+        Line(start=start, stop=min(stop, length), mark=mark)
+        for start, stop, mark in marks
+        if mark is not marks[0][2]
+    )
+    if not (line or table or lines):
+        return None
+    return Course(line=line, grade=tuple(table), lines=lines)
+
+
+def _length(road: Element) -> float:
+    length = road.number("length")
+    if not 0.0 < length <= MAX_LENGTH:
+        raise unfit(
+            road, "attribute length", f"more than 0 and at most {MAX_LENGTH:g} m", f"{length:g}"
+        )
+    return length
+
+
+def _driving_side(road: Element) -> DrivingSide:
+    rule = road.attribute("rule", default="RHT")
+    if rule not in _RULES:
+        raise road.error("attribute rule", " or ".join(_RULES), f'"{shown(rule)}"')
+    return _RULES[rule]
+
+
+def _default_side(road: Element, driving_side: DrivingSide, length: float) -> Side:
+    """The side whose lanes run along the reference line, unless only the other has any."""
+    along: Side = "right" if driving_side is DrivingSide.RIGHT else "left"
+    against: Side = OTHER_SIDE[along]
+    has_along = has_driving_lanes(road, side=along, length=length)
+    has_against = has_driving_lanes(road, side=against, length=length)
+    return along if has_along or not has_against else against
