@@ -8,6 +8,7 @@ import threading
 
 import numpy as np
 import pytest
+from tests.reference.test_bends import BENDS, HILLS, on
 from tests.support.sumo import needs_sumo
 from tests.support.worlds import Vehicle, scenario, wide_road
 
@@ -340,3 +341,22 @@ def test_loading_it_prints_nothing_and_leaves_the_environment_alone():
         [sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_on_a_road_that_bends_and_rises_sumo_drives_as_on_a_straight_one():
+    straight = wide_road()
+    winding = on(straight, *BENDS, grade=HILLS)
+    scene = [Vehicle(s=50.0, lane=1, speed=25.0, driver=OVERTAKES), Vehicle(s=110.0, lane=1)]
+    flat, bent = (
+        sumo.simulate(scenario(scene, road=road, horizon=20.0)) for road in (straight, winding)
+    )
+    for name in ("s", "d", "speed", "lane"):
+        np.testing.assert_array_equal(getattr(bent.states, name), getattr(flat.states, name))
+    there = bent.state_valid
+    s, d = (metres(getattr(bent.states, name)[there]) for name in "sd")
+    x, y = winding.world(s, d)
+    np.testing.assert_allclose(metres(bent.states.x[there]), x, atol=1e-3)
+    np.testing.assert_allclose(metres(bent.states.y[there]), y, atol=1e-3)
+    turned = bent.headings[0][there] * 1e-4
+    apart = flat.states.heading[there] * 1e-4 - straight.heading
+    np.testing.assert_allclose(turned, apart, atol=2e-4)

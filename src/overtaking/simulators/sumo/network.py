@@ -1,8 +1,9 @@
 """From a road to a network of SUMO: one edge with our lanes, longer than any vehicle drives.
 
 SUMO's x is `s` and its y is `d`, turned so that the fast side is on the left: in left-hand traffic
-SUMO sees the mirror image, as the step of this package does (ADR 6). No netconvert is needed, as an
-edge without junctions has nothing to compute.
+SUMO sees the mirror image, as the step of this package does (ADR 6). So roads that bend and rise
+are straight and level there: its drivers slow down for no bend of an edge, and the EIDM asks for no
+slope. No netconvert is needed, as an edge without junctions has nothing to compute.
 """
 
 from collections.abc import Sequence

@@ -124,7 +124,7 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
     front, d, speed, drift, accel, angle, signals = raw
     s, left = front - half, road.side * d
     x, y = road.world(s, left)
-    heading = road.heading + road.side * np.radians(_NORTH - angle)
+    heading = road.heading_at(s) + road.side * np.radians(_NORTH - angle)
     # Lateral acceleration is what the lateral speed changed by since the frame before.
     sideways = np.diff(drift, axis=1, prepend=drift[:, :1]) / frame_time
     filled = scenario.vehicles.valid[row][:, None]

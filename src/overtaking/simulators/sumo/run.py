@@ -60,10 +60,9 @@ def simulate(scenario: Scenario) -> Trajectories:
     Raises:
         MissingExtraError: libsumo is not installed.
         ConfigError: libsumo is in use by others in this process, or refuses the scenario; or others
-            come the other way, or the road bends.
+            come the other way.
     """
     refuse_oncoming(scenario, "SUMO")
-    scenario.road.needs_to_be_straight("SUMO")
     library()  # A missing package is reported before any work.
     interval = scenario.frame_interval_ms
     ends = np.floor(scenario.horizon.astype(np.float64) * 1000.0 / interval + 1e-6)
