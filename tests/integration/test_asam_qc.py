@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.reference.test_bends import BENDS, HILLS, on
+from tests.reference.test_two_way import pair
+from tests.support.worlds import scenario
 
 import overtaking as ot
 from overtaking.knowledge.roads import ROAD_NAMES
@@ -63,6 +66,25 @@ def test_every_road_has_no_issue(tmp_path: Path):
             (tmp_path / f"{name}{kind}.xodr").write_text(write_opendrive(one), encoding="utf-8")
     said = issues(tmp_path)
     assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_roads_and_scenarios_with_two_directions_bends_and_slopes_have_no_issue(tmp_path: Path):
+    world = scenario(
+        pair(420.0, gap_acceptance=0.0),
+        road=on(known_road("rural"), *BENDS, grade=HILLS),
+        horizon=9.0,
+    )
+    write_openscenario(ot.simulate(world), np.arange(1), tmp_path)
+    rural = known_road("rural")
+    for kind, one in {
+        "winding": on(rural, *BENDS, grade=HILLS),
+        "left": on(rural, *BENDS, grade=HILLS).mirrored(),
+        "one-way": on(known_road("town06"), *BENDS),
+    }.items():
+        (tmp_path / f"{kind}.xodr").write_text(write_opendrive(one), encoding="utf-8")
+    said = issues(tmp_path)
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert "5 files" in said.stdout
 
 
 def test_an_issue_is_found(tmp_path: Path):

@@ -1,23 +1,25 @@
 """Recorded simulations as CommonRoad scenarios (XML, version 2020a), one file each.
 
-The road becomes straight lanelets, the vehicles dynamic obstacles, the ego among them with the
-smallest id. Positions are those along and across the road, put onto the straight lanelets with
-enough digits to come back the same; what CommonRoad has no place for is left out.
+The road becomes lanelets, the vehicles dynamic obstacles, the ego among them with the smallest id.
+Positions are those along and across the road, put onto the lanelets with enough digits to come back
+the same; what CommonRoad has no place for is left out. The borders of bends are within
+`_SAGITTA` of the road's. The lane of oncoming traffic is a lanelet the other way, and where the
+line between the directions changes other lanelets follow.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.folders import put_file
-from overtaking.model.road import Road, RoadMark
+from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.commonroad_lanes import MARKS
 from overtaking.recordings.xml import quoted
-from overtaking.world.lanes import refuse_oncoming
 
 FORMAT = "commonroad"
 
@@ -31,6 +33,7 @@ DATE = "1970-01-01"
 """What stands where a date is required: a scenario is the same whenever it is written."""
 
 _POINT_SPACING = 50.0
+_SAGITTA = 0.005  # How far the points of a bend's border may be from it in between [m].
 _MARGIN = 50.0  # How far the lanelets go on beyond the vehicles [m].
 _LARGEST_LIMIT = 99.0  # What is higher stands for no limit [m/s].
 
@@ -50,11 +53,8 @@ def write_commonroad(trajectories: Trajectories, numbers: NDArray[np.integer], f
         Number of states written.
 
     Raises:
-        ConfigError: Others come the other way, or the road bends.
         OSError: A file cannot be written.
     """
-    refuse_oncoming(trajectories.scenario, "export to CommonRoad")
-    trajectories.road.needs_to_be_straight("export to CommonRoad")
     for place, number in enumerate(numbers.tolist()):
         text = "\n".join(_lines(trajectories, place, number)) + "\n"
         put_file(folder / f"{scenario_id(number)}.xml", text)
@@ -78,8 +78,12 @@ def _lines(trajectories: Trajectories, place: int, number: int) -> Iterator[str]
     )
     yield "<location><geoNameId>-999</geoNameId>"
     yield "<gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>"
-    kind = "<highway/>" if road.kind == "motorway" else ""
-    yield f"<scenarioTags>{kind}<multi_lane/><no_oncoming_traffic/></scenarioTags>"
+    kind = {"motorway": "<highway/>", "rural": "<rural/>"}.get(road.kind, "")
+    ways = "<no_oncoming_traffic/>"
+    if road.is_two_way:
+        ways = "<two_lane/><oncoming_traffic/>" if road.num_lanes == 1 else "<oncoming_traffic/>"
+    many = "<multi_lane/>" if road.num_lanes > 1 else ""
+    yield f"<scenarioTags>{kind}{many}{ways}</scenarioTags>"
     limit = None if "speed_limit" in trajectories.unknown else road.speed_limit
     limit = limit if limit is not None and limit < _LARGEST_LIMIT else None
     knows_marks = "marks" not in trajectories.unknown
@@ -101,24 +105,91 @@ def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
 def _lanelets(
     road: Road, extent: tuple[float, float], *, limit: float | None, knows_marks: bool
 ) -> Iterator[str]:
-    """The lanelets from the slow to the fast side, ids from 1."""
-    borders = road.boundaries
-    s = np.linspace(*extent, 2 + int((extent[1] - extent[0]) / _POINT_SPACING))
-    lane_type = "highway" if road.kind == "motorway" else "unknown"
+    """The lanelets stretch by stretch, from the slow to the fast side; ids from 1."""
+    lanes, borders = list(road.lanes), road.boundaries
+    if (beyond := road.fast_side_neighbour) is not None and road.is_two_way:
+        lanes.append(beyond)
+        borders = np.append(borders, borders[-1] + road.side * beyond.width)
+    edges = [start for start, _ in road.fast_edge_marks[1:] if extent[0] < start < extent[1]]
+    edges = [extent[0], *(edges if road.is_two_way else []), extent[1]]
+    kind = "highway" if road.kind == "motorway" else "unknown"
+    for part, (start, stop) in enumerate(pairwise(edges)):
+        s = _stations(road, start, stop)
+        middle = next(mark for at, mark in reversed(road.fast_edge_marks) if at <= start)
+        neighbours = [part + step for step in (-1, 1) if 0 <= part + step < len(edges) - 1]
+        for k, lane in enumerate(lanes):
+            marks = _own_marks(road, lane, k, middle) if knows_marks else (None, None)
+            number = 1 + k + part * len(lanes)
+            yield f'<lanelet id="{number}">'
+            yield from _bounds(road, s, lane, (borders[k], borders[k + 1]), marks)
+            linked = [(after, 1 + k + after * len(lanes)) for after in neighbours]
+            for word, is_next in (("predecessor", -1), ("successor", 1)):
+                for after, other in linked:
+                    if (after - part) * lane.direction == is_next:
+                        yield f'<{word} ref="{other}"/>'
+            yield from _adjacent(road, lanes, k, number)
+            yield f"<laneletType>{kind}</laneletType><userOneWay>vehicle</userOneWay>"
+            if limit is not None:
+                yield f'<trafficSignRef ref="{SPEED_SIGN}"/>'
+            yield "</lanelet>"
+
+
+def _bounds(
+    road: Road,
+    s: NDArray[np.float64],
+    lane: Lane,
+    edges: tuple[float, float],
+    marks: tuple[RoadMark | None, RoadMark | None],
+) -> Iterator[str]:
+    """Both borders of a lanelet, from where its own drivers come.
+
+    Args:
+        road: The road.
+        s: Stations of the points [m].
+        lane: The lane.
+        edges: `d` of its borders, in any order [m].
+        marks: The lines on its left and right, seen along the road.
+    """
+    right, left = sorted(edges)
+    bounds = [(left, marks[0]), (right, marks[1])]
+    if lane.direction < 0:
+        bounds, s = bounds[::-1], s[::-1]
+    for name, (d, mark) in zip(("leftBound", "rightBound"), bounds, strict=True):
+        yield from _bound(name, road, s, d, mark)
+
+
+def _stations(road: Road, start: float, stop: float) -> NDArray[np.float64]:
+    """Stations of the points of a border, near enough to each other in bends [m]."""
+    spacing = _POINT_SPACING
+    if road.bends:
+        sharpest = max(max(abs(one.curvature), abs(one.end_curvature)) for one in road.pieces)
+        # The chord of an arc; lanes on the outside of a bend are longer than the reference line,
+        # by half at most (`MAX_CURVED_WIDTH`) and that of who comes.
+        spacing = min(spacing, 0.5 * float(np.sqrt(8.0 * _SAGITTA / max(sharpest, 1e-9))))
+    return np.linspace(start, stop, 2 + int((stop - start) / spacing))
+
+
+def _own_marks(road: Road, lane: Lane, k: int, middle: RoadMark) -> tuple[RoadMark, RoadMark]:
+    """The lines on the left and right of a lane; the one between the directions as it is here."""
+    left, right = lane.left_mark, lane.right_mark
+    fast_is_left = road.side > 0
+    if k == road.num_lanes - 1:
+        left, right = (middle, right) if fast_is_left else (left, middle)
+    elif k == road.num_lanes:
+        shared = middle.reversed
+        left, right = (left, shared) if fast_is_left else (shared, right)
+    return left, right
+
+
+def _adjacent(road: Road, lanes: Sequence[Lane], k: int, number: int) -> Iterator[str]:
+    """The lanelets beside one, as its own drivers have them on the left and right."""
     towards_left = 1 if road.side > 0 else -1
-    for k, lane in enumerate(road.lanes):
-        right, left = sorted((borders[k], borders[k + 1]))
-        marks = (lane.left_mark, lane.right_mark) if knows_marks else (None, None)
-        yield f'<lanelet id="{k + 1}">'
-        yield from _bound("leftBound", road, s, left, marks[0])
-        yield from _bound("rightBound", road, s, right, marks[1])
-        for name, other in (("Left", k + towards_left), ("Right", k - towards_left)):
-            if 0 <= other < road.num_lanes:
-                yield f'<adjacent{name} ref="{other + 1}" drivingDir="same"/>'
-        yield f"<laneletType>{lane_type}</laneletType><userOneWay>vehicle</userOneWay>"
-        if limit is not None:
-            yield f'<trafficSignRef ref="{SPEED_SIGN}"/>'
-        yield "</lanelet>"
+    turned = lanes[k].direction
+    for name, step in (("Left", towards_left * turned), ("Right", -towards_left * turned)):
+        if 0 <= k + step < len(lanes):
+            same = lanes[k + step].direction == turned
+            way = "same" if same else "opposite"
+            yield f'<adjacent{name} ref="{number + step}" drivingDir="{way}"/>'
 
 
 def _bound(
@@ -170,7 +241,7 @@ def _states(
     def column(name: str) -> NDArray[np.float64]:
         return getattr(recorded, name)[place, slot, frames] * STEPS[name]
 
-    # Not the recorded world: that of a recording bends with its road, the lanelets here do not.
+    # Not the recorded world: that of a recording bends with its road, the lanelets here may not.
     x, y = trajectories.road.world(column("s"), column("d"))
     heading, speed = column("heading"), column("speed")
     accel, yaw_rate = column("accel_lon"), column("yaw_rate")

@@ -5,9 +5,11 @@ highD-dataset tools).
 
 highD has 25 frames a second, so positions and speeds are interpolated linearly between recorded
 frames where these are not at that rate: at 20 frames a second and 5 m/s^2 that moves a vehicle by
-at most 1.6 mm. Numbers have four decimals, highD's own have two. All traffic drives to the right,
-on the lower lanes; the upper carriageway has one line and no lanes. `dhw` is the distance between
-the bumpers, `thw` and `ttc` are that over the speed and over the closing speed.
+at most 1.6 mm. Numbers have four decimals, highD's own have two. Traffic along the road drives to
+the right, on the lower lanes; the upper carriageway has one line and no lanes, but on two-way roads
+the lane of oncoming traffic, whose lower line is the upper one of ours. `dhw` is the distance
+between the bumpers, `thw` and `ttc` are that over the speed and over the closing speed, of vehicles
+that drive the same way. Images of bends are straight in no frame of highD's, so they are refused.
 """
 
 # pyright: reportUnknownParameterType=false
@@ -25,7 +27,6 @@ from overtaking.core.folders import put_file
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.table_road import NO_LIMIT
-from overtaking.world.lanes import refuse_oncoming
 
 F64 = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -59,8 +60,10 @@ class ImageTracks:
         y: Of the centre, down [m].
         velocity: To the right and down, shape (2, vehicle, frame) [m/s].
         accel: The same of the acceleration [m/s^2].
-        lane: Lane index, 0 the slowest.
-        lines: Positions of the lane markings, growing [m].
+        way: Direction of travel, 1 to the right, -1 to the left; shape (vehicle,).
+        lane: Lane index, 0 the slowest; that of oncoming traffic is the next one.
+        lines: Positions of the lane markings of the lower lanes, growing [m].
+        upper: The same of the upper ones.
         extent: Length of the image [m].
         limit: Speed limit, -1 if there is none or it is not known [m/s].
     """
@@ -73,8 +76,10 @@ class ImageTracks:
     y: F64
     velocity: F64
     accel: F64
+    way: F64
     lane: NDArray[np.int64]
     lines: F64
+    upper: F64
     extent: float
     limit: float
 
@@ -91,10 +96,9 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
         Number of states written.
 
     Raises:
-        ConfigError: Others come the other way, or the road bends.
+        ConfigError: The road bends or rises.
         OSError: A file cannot be written.
     """
-    refuse_oncoming(trajectories.scenario, "export to highD")
     trajectories.road.needs_to_be_straight("export to highD")
     written = 0
     for place, number in enumerate(numbers.tolist()):
@@ -122,17 +126,26 @@ def image_tracks(trajectories: Trajectories, place: int) -> ImageTracks:
     after, part = np.minimum(before + 1, count - 1), time - before
     present = trajectories.state_valid[place, slots]
 
-    def column(name: str) -> F64:
-        values = getattr(trajectories.states, name)[place, slots] * STEPS[name]
+    def at_times(values: F64) -> F64:
         return values[:, before] * (1.0 - part) + values[:, after] * part
 
+    def column(name: str) -> F64:
+        return at_times(getattr(trajectories.states, name)[place, slots] * STEPS[name])
+
     s, d, speed = column("s"), column("d"), column("speed")
-    relative = column("heading") - road.heading
+    # Who comes points half a turn away, which is written with either sign.
+    turned = trajectories.states.heading[place, slots] * STEPS["heading"] - road.heading
+    relative = at_times(np.unwrap(turned, axis=1))
     lon, lat = column("accel_lon"), column("accel_lat")
     cosine, sine = np.cos(relative), np.sin(relative)
     there = present[:, before] & (present[:, after] | (part == 0.0))
     first = float(s[there].min()) - _MARGIN
     edges = np.sort(road.boundaries)
+    line = _MEDIAN
+    upper = np.zeros(1)
+    if (beyond := road.fast_side_neighbour) is not None and road.is_two_way:
+        line += beyond.width
+        upper = np.array([_MEDIAN, line])
     bodies = trajectories.scenario.vehicles
     known = "speed_limit" not in trajectories.unknown and road.speed_limit < NO_LIMIT
     return ImageTracks(
@@ -141,11 +154,13 @@ def image_tracks(trajectories: Trajectories, place: int) -> ImageTracks:
         width=bodies.width[place, slots].astype(np.float64),
         is_truck=bodies.kind[place, slots] == VehicleKind.T,
         x=s - first,
-        y=_MEDIAN + edges[-1] - d,
+        y=line + edges[-1] - d,
         velocity=np.stack([speed * cosine, -speed * sine]),
         accel=np.stack([lon * cosine - lat * sine, -lon * sine - lat * cosine]),
+        way=np.where(np.where(there, cosine, 0.0).sum(axis=1) < 0.0, -1.0, 1.0),
         lane=road.lane_index(d),
-        lines=_MEDIAN + edges[-1] - edges[::-1],
+        lines=line + edges[-1] - edges[::-1],
+        upper=upper,
         extent=float(s[there].max()) + _MARGIN - first,
         limit=road.speed_limit if known else -1.0,
     )
@@ -156,6 +171,7 @@ def _neighbours(image: ImageTracks) -> dict[str, Places]:
     apart, reach = _apart(image)
     shift = image.lane[None, :, :] - image.lane[:, None, :]
     both = image.there[None, :, :] & image.there[:, None, :]
+    both &= (image.way[None, :] == image.way[:, None])[:, :, None]
     both &= ~np.eye(len(image.length), dtype=np.bool_)[:, :, None]
     beside, own = np.abs(apart) <= reach, both & (shift == 0)
     found = {
@@ -173,7 +189,7 @@ def _neighbours(image: ImageTracks) -> dict[str, Places]:
 def _apart(image: ImageTracks) -> tuple[F64, F64]:
     """Distance of the centres ahead and of touching ones, shapes (vehicle, other, frame or 1)."""
     half = image.length * 0.5
-    apart = image.x[None, :, :] - image.x[:, None, :]
+    apart = (image.x[None, :, :] - image.x[:, None, :]) * image.way[:, None, None]
     return apart, (half[None, :] + half[:, None])[:, :, None]
 
 
@@ -186,7 +202,7 @@ def _nearest(distance: F64, there: NDArray[np.bool_]) -> Places:
 def _gaps(image: ImageTracks, preceding: Places) -> Columns:
     """Gap [m], times [s] and speed [m/s] of the vehicle ahead, 0 without one; (vehicle, frame)."""
     apart, reach = _apart(image)
-    speed, somebody = image.velocity[0], preceding != _NOBODY
+    speed, somebody = image.velocity[0] * image.way[:, None], preceding != _NOBODY
     ahead = np.maximum(preceding, 0)
     clear = np.take_along_axis(apart - reach, ahead[:, None, :], axis=1)[:, 0]
     gap = np.where(somebody, clear, 0.0)
@@ -197,7 +213,7 @@ def _gaps(image: ImageTracks, preceding: Places) -> Columns:
         "dhw": gap,
         "thw": np.where(moves, gap / np.where(moves, speed, 1.0), 0.0),
         "ttc": np.where(closes, gap / np.where(closes, closing, 1.0), 0.0),
-        "precedingXVelocity": other,
+        "precedingXVelocity": other * image.way[:, None],
     }
 
 
@@ -205,6 +221,8 @@ def tracks(image: ImageTracks, neighbours: dict[str, Places], gaps: Columns) -> 
     """The states, by vehicle and frame."""
     length, width = image.length[:, None], image.width[:, None]
     x = image.x - length * 0.5
+    sights = (image.extent - (x + length), x)
+    left = image.way[:, None] < 0.0
     values: Columns = {
         "frame": np.arange(image.there.shape[1]) + 1,
         "id": np.arange(len(length))[:, None] + 1,
@@ -216,15 +234,22 @@ def tracks(image: ImageTracks, neighbours: dict[str, Places], gaps: Columns) -> 
         "yVelocity": image.velocity[1],
         "xAcceleration": image.accel[0],
         "yAcceleration": image.accel[1],
-        "frontSightDistance": image.extent - (x + length),
-        "backSightDistance": x,
+        "frontSightDistance": np.where(left, *sights[::-1]),
+        "backSightDistance": np.where(left, *sights),
         **gaps,
         **{name: np.where(one == _NOBODY, 0, one + 1) for name, one in neighbours.items()},
-        # From the top: what is above the upper line is 1, the median is 2, then come the lanes.
-        "laneId": 1 + len(image.lines) - image.lane,
+        "laneId": _lane_ids(image),
     }
     shape = image.there.shape
     return {name: np.broadcast_to(one, shape)[image.there] for name, one in values.items()}
+
+
+def _lane_ids(image: ImageTracks) -> NDArray[np.int64]:
+    """From the top: 1 is above the upper lanes, then they, the median, and the lower lanes come."""
+    lower, upper = len(image.lines) - 1, len(image.upper) - 1
+    ids = 2 + upper + lower - image.lane
+    # Who drives in the lane of oncoming traffic, or comes in it, is on the upper carriageway.
+    return np.where(upper and image.lane >= lower, 1 + upper, ids)
 
 
 def tracks_meta(image: ImageTracks, follows: NDArray[np.bool_], gaps: Columns) -> Columns:
@@ -254,8 +279,8 @@ def tracks_meta(image: ImageTracks, follows: NDArray[np.bool_], gaps: Columns) -
         "finalFrame": last + 1,
         "numFrames": there.sum(axis=1),
         "class": np.where(image.is_truck, "Truck", "Car"),
-        "drivingDirection": np.full(len(first), 2),
-        "traveledDistance": np.subtract(*ends)[:, 0],
+        "drivingDirection": np.where(image.way > 0.0, 2, 1),
+        "traveledDistance": np.abs(np.subtract(*ends)[:, 0]),
         "minXVelocity": least(speed, there),
         "maxXVelocity": -least(-speed, there),
         "meanXVelocity": np.where(there, speed, 0.0).sum(axis=1) / there.sum(axis=1),
@@ -284,10 +309,15 @@ def recording_meta(image: ImageTracks, number: int) -> Columns:
         "numVehicles": count,
         "numCars": count - trucks,
         "numTrucks": trucks,
-        "upperLaneMarkings": "0.00",
-        "lowerLaneMarkings": ";".join(f"{line:.{_DECIMALS}f}" for line in image.lines),
+        "upperLaneMarkings": _written(image.upper) if len(image.upper) > 1 else "0.00",
+        "lowerLaneMarkings": _written(image.lines),
     }
     return {name: np.array([value]) for name, value in row.items()}
+
+
+def _written(lines: F64) -> str:
+    """Positions of lane markings."""
+    return ";".join(f"{line:.{_DECIMALS}f}" for line in lines)
 
 
 def _text(columns: Columns) -> str:

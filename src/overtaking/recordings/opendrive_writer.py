@@ -1,14 +1,23 @@
-"""One straight road as OpenDRIVE, for simulators and for scenarios in OpenSCENARIO.
+"""One road as OpenDRIVE, for simulators and for scenarios in OpenSCENARIO.
 
 The reference line is the road's own, so that stations, offsets and lane ids are the same in the
-file; where lane ids say that traffic runs against the line, the line runs the other way.
+file; where lane ids say that traffic runs against the line, the line runs the other way. Its pieces
+are lines, arcs and clothoids, its heights quadratic between the stations of the grade. The lane of
+oncoming traffic lies across the line; the line between the directions has a mark for each stretch.
+Places and how far one sees are no part of the file.
 """
 
-from math import cos, pi, remainder, sin, tau
+import dataclasses
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
+
+import numpy as np
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
+from overtaking.model.course import Course
+from overtaking.model.line import Piece
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.opendrive_lanes import MARKS
 from overtaking.recordings.xml import quoted
@@ -23,6 +32,12 @@ _TAIL = 10.0
 pairs of successive lane sections, so a road needs two of them and is driven up to the last."""
 _NO_PLACE = "+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 
+_SHORTEST = 1e-6
+"""A shorter piece is none, but the rounding of a sum [m]."""
+
+Marks = tuple[tuple[float, RoadMark], ...]
+"""Where each mark of a line begins, by station of the file, the first at or before 0 [m]."""
+
 
 class _Strip(NamedTuple):
     """A lane as the file has it: its outer border is the one away from the reference line."""
@@ -30,41 +45,30 @@ class _Strip(NamedTuple):
     lane_id: int
     kind: str
     width: float
-    outer_mark: RoadMark
+    outer_marks: Marks
 
 
 def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     """The text of an OpenDRIVE 1.7 file with one road.
 
     Args:
-        road: The road. `read_opendrive` gives it back, under the name of the file.
+        road: The road. `read_opendrive` gives it back, under the name of the file; places and sight
+            are left out.
         road_id: Its id in the file.
 
     Raises:
-        ConfigError: Its lane ids are not consecutive ones of one side, or it bends.
+        ConfigError: Its lane ids are not consecutive ones of one side.
     """
-    road.needs_to_be_straight("write_opendrive")
     right = road.lanes[0].lane_id < 0
     along = right == (road.driving_side is DrivingSide.RIGHT)
-    strips = _strips(road)
-    start = 0.0 if along else road.length
-    x = road.x0 + start * cos(road.heading)
-    y = road.y0 + start * sin(road.heading)
-    heading = road.heading if along else remainder(road.heading + pi, tau)
+    line = whole_plan(road)
+    if not along:
+        line = [piece.reversed() for piece in reversed(line)]
     inner = _inner_edge(road) * (1.0 if along else -1.0)
     limit = kmh_from_mps(road.speed_limit)
-    side = "right" if right else "left"
     name = quoted(road.name)
     rule = "RHT" if road.driving_side is DrivingSide.RIGHT else "LHT"
-    stations = [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
-    links = [("successor",), ("predecessor",)] if len(stations) > 1 else [()]
-    ordered = strips if right else strips[::-1]
-    centre = f"<center>{_lane(_Strip(0, 'none', 0.0, _centre_mark(road)))}</center>"
-    sections = ""
-    for station, linked in zip(stations, links, strict=True):
-        group = f"<{side}>{''.join(_lane(strip, linked) for strip in ordered)}</{side}>"
-        section = centre + group if right else group + centre
-        sections += f'<laneSection s="{station!r}">{section}</laneSection>\n'
+    sections = "".join(_sections(road, right=right, along=along))
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         f'<OpenDRIVE><header revMajor="1" revMinor="7" name={name} version="1.00">'
@@ -72,13 +76,123 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
         f'<road name={name} length="{road.length!r}" id={quoted(road_id)} junction="-1"'
         f' rule="{rule}">\n'
         f'<type s="0" type={quoted(road.kind)}><speed max="{limit:.13g}" unit="km/h"/></type>\n'
-        f'<planView><geometry s="0" x="{x!r}" y="{y!r}" hdg="{heading!r}"'
-        f' length="{road.length!r}"><line/></geometry></planView>\n'
-        '<elevationProfile><elevation s="0" a="0" b="0" c="0" d="0"/></elevationProfile>\n'
+        f"<planView>{''.join(_plan_view(line))}</planView>\n"
+        f"<elevationProfile>{''.join(_heights(road, along=along))}</elevationProfile>\n"
         f'<lanes><laneOffset s="0" a="{inner!r}" b="0" c="0" d="0"/>\n'
         f"{sections}</lanes>\n"
         "</road></OpenDRIVE>\n"
     )
+
+
+def covering(road: Road, begin: float, end: float) -> Road:
+    """The same road from one station to another, which is farther on; stations count from there.
+
+    Args:
+        road: The road; before its start and beyond its end it goes on straight.
+        begin: Where it is to begin, at its start or before [m].
+        end: Where it is to end, at its end or beyond [m].
+    """
+    x, y = road.world(begin, 0.0)
+    course = road.course
+    if course is not None and begin < 0.0:
+        course = _moved(course, -begin, Piece(float(x), float(y), road.heading, -begin))
+    return dataclasses.replace(road, x0=float(x), y0=float(y), length=end - begin, course=course)
+
+
+def _moved(course: Course, by: float, before: Piece) -> Course:
+    """A course that begins so much farther on, behind a straight piece."""
+
+    def table(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+        return tuple((s + by, value) for s, value in given)
+
+    return Course(
+        line=(before, *course.line) if course.line else (),
+        grade=table(course.grade),
+        lines=tuple(
+            dataclasses.replace(one, start=one.start + by, stop=one.stop + by)
+            for one in course.lines
+        ),
+        places=tuple(
+            dataclasses.replace(one, start=one.start + by, stop=one.stop + by)
+            for one in course.places
+        ),
+        sight=table(course.sight),
+        sight_against=table(course.sight_against),
+    )
+
+
+def whole_plan(road: Road) -> list[Piece]:
+    """The pieces of the reference line, as long as the road: beyond them it goes on straight."""
+    if not road.bends:
+        return [Piece(road.x0, road.y0, road.heading, road.length)]
+    kept: list[Piece] = []
+    covered = 0.0
+    for piece in road.pieces:
+        length = min(piece.length, road.length - covered)
+        if length > _SHORTEST:
+            bend = piece.curvature + (piece.end_curvature - piece.curvature) * length / piece.length
+            kept.append(piece._replace(length=length, end_curvature=bend))
+        covered += piece.length
+    if road.length - covered > _SHORTEST:
+        x, y = road.world(covered, 0.0)
+        heading = float(road.heading_at(covered))
+        kept.append(Piece(float(x), float(y), heading, road.length - covered))
+    return kept
+
+
+def _plan_view(line: Sequence[Piece]) -> Iterator[str]:
+    """The elements of the pieces of the reference line."""
+    station = 0.0
+    for piece in line:
+        k, end = piece.curvature, piece.end_curvature
+        shape = f'<spiral curvStart="{k!r}" curvEnd="{end!r}"/>'
+        if k == end:
+            shape = f'<arc curvature="{k!r}"/>' if k else "<line/>"
+        yield (
+            f'<geometry s="{station or 0!r}" x="{piece.x!r}" y="{piece.y!r}"'
+            f' hdg="{piece.heading!r}" length="{piece.length!r}">{shape}</geometry>'
+        )
+        station += piece.length
+
+
+def _heights(road: Road, *, along: bool) -> Iterator[str]:
+    """The elements of the heights: the slope is linear between stations, so they are quadratic."""
+    grade = road.course.grade if road.course else ()
+    inside = {s for s, _ in grade if 0.0 < s < road.length}
+    stations = np.array(sorted({0.0, road.length, *inside}))
+    heights, slopes = road.height_at(stations), road.grade_at(stations)
+    if not along:
+        stations = road.length - stations[::-1]
+        heights, slopes = heights[::-1], -slopes[::-1]
+    spans = zip(*map(pairwise, (stations.tolist(), heights.tolist(), slopes.tolist())), strict=True)
+    for (start, stop), (height, _), (first, last) in spans:
+        bend = 0.5 * (last - first) / (stop - start)
+        yield f'<elevation s="{start or 0!r}" a="{height or 0!r}"'
+        yield f' b="{first or 0!r}" c="{bend or 0!r}" d="0"/>'
+
+
+def _sections(road: Road, *, right: bool, along: bool) -> Iterator[str]:
+    """The lane sections, of the same lanes, with the marks of each stretch."""
+    strips, others = _strips(road, along=along), _opposite(road)
+    stations = [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
+    links = [("successor",), ("predecessor",)] if len(stations) > 1 else [()]
+    centre = _Strip(0, "none", 0.0, _centre_marks(road, along=along))
+    for k, (station, linked) in enumerate(zip(stations, links, strict=True)):
+        end = stations[k + 1] if k + 1 < len(stations) else road.length
+        own, beyond = (
+            [_lane(strip, station, end, linked) for strip in lanes] for lanes in (strips, others)
+        )
+        left, right_hand = (beyond, own) if right else (own, beyond)
+        yield (
+            f'<laneSection s="{station or 0!r}">{_group("left", left[::-1])}'
+            f"<center>{_lane(centre, station, end)}</center>"
+            f"{_group('right', right_hand)}</laneSection>\n"
+        )
+
+
+def _group(side: str, lanes: Sequence[str]) -> str:
+    """The lanes on one side of the reference line, if there are any."""
+    return f"<{side}>{''.join(lanes)}</{side}>" if lanes else ""
 
 
 def _beside(road: Road) -> tuple[Lane | None, Lane | None]:
@@ -95,7 +209,7 @@ def _inner_edge(road: Road) -> float:
     return float(road.boundaries[-1]) + road.side * (fast.width if fast else 0.0)
 
 
-def _strips(road: Road) -> list[_Strip]:
+def _strips(road: Road, *, along: bool) -> list[_Strip]:
     """All lanes from the reference line outward; ids that the road lacks get lanes of no width."""
     fast, slow = _beside(road)
     lanes = [lane for lane in (fast, *reversed(road.lanes), slow) if lane]
@@ -109,46 +223,91 @@ def _strips(road: Road) -> list[_Strip]:
             got=str([lane.lane_id for lane in lanes]),
             next_step="number the lanes as OpenDRIVE does",
         )
-    fillers = [_Strip(sign * k, "none", 0.0, RoadMark.NONE) for k in range(1, first)]
+    fillers = _fillers(sign, first)
     if fillers:
-        fillers[-1] = fillers[-1]._replace(outer_mark=_marks(road, lanes[0])[0].reversed)
-    real = [_Strip(one.lane_id, one.kind, one.width, _marks(road, one)[1]) for one in lanes]
+        fillers[-1] = fillers[-1]._replace(outer_marks=_inner_marks(road, along=along))
+    real = [_Strip(one.lane_id, one.kind, one.width, _same(_marks(road, one)[1])) for one in lanes]
     return fillers + real
 
 
+def _opposite(road: Road) -> list[_Strip]:
+    """The lane beside the driving lanes that lies across the reference line, from there outward."""
+    lane, sign = road.fast_side_neighbour, road.lanes[0].lane_id
+    if lane is None or lane.lane_id * sign > 0:
+        return []
+    outer = _same(_marks(road, lane)[0])  # Away from the line is what is towards it over there.
+    strip = _Strip(lane.lane_id, lane.kind, lane.width, outer)
+    return [*_fillers(1 if lane.lane_id > 0 else -1, abs(lane.lane_id)), strip]
+
+
+def _fillers(sign: int, first: int) -> list[_Strip]:
+    """Lanes of no width, with the ids before the first one."""
+    return [_Strip(sign * k, "none", 0.0, _same(RoadMark.NONE)) for k in range(1, first)]
+
+
+def _same(mark: RoadMark) -> Marks:
+    """One mark from end to end."""
+    return ((0.0, mark),)
+
+
 def _marks(road: Road, lane: Lane) -> tuple[RoadMark, RoadMark]:
-    """The lines of a lane towards the reference line and away from it."""
+    """The lines of a lane of the road's side, towards the reference line and away from it."""
     if road.driving_side is DrivingSide.RIGHT:
         return lane.left_mark, lane.right_mark
     return lane.right_mark, lane.left_mark
 
 
-def _centre_mark(road: Road) -> RoadMark:
+def _inner_marks(road: Road, *, along: bool) -> Marks:
+    """The line of the innermost lane towards the reference line, seen from beyond it."""
+    fast, _ = _beside(road)
+    if fast is not None:
+        return _same(_marks(road, fast)[0].reversed)
+    found = [(max(start, 0.0), mark.reversed) for start, mark in road.fast_edge_marks]
+    found = [one for one in found if one[0] < road.length]
+    if along:
+        return tuple(found)
+    ends = [*(start for start, _ in found[1:]), road.length]
+    turned = zip(reversed(ends), reversed(found), strict=True)
+    return tuple((road.length - end, mark) for end, (_, mark) in turned)
+
+
+def _centre_marks(road: Road, *, along: bool) -> Marks:
     """The line on the reference line, as a file states it: the first word names the left side."""
     fast, _ = _beside(road)
     innermost = fast or road.lanes[-1]
     if abs(innermost.lane_id) > 1:
-        return RoadMark.NONE
-    inner = _marks(road, innermost)[0]
-    return inner.reversed if innermost.lane_id < 0 else inner
+        return _same(RoadMark.NONE)
+    found = _inner_marks(road, along=along)
+    if innermost.lane_id < 0:
+        return found
+    return tuple((start, mark.reversed) for start, mark in found)
 
 
-def _lane(strip: _Strip, linked: tuple[str, ...] = ()) -> str:
-    """The element of a lane, which goes on in other sections if it has a width."""
+def _lane(strip: _Strip, start: float, end: float, linked: tuple[str, ...] = ()) -> str:
+    """The element of a lane in a section, which goes on in other sections if it has a width."""
     links = "".join(f'<{name} id="{strip.lane_id}"/>' for name in linked)
     link = f"<link>{links}</link>" if links and strip.width else ""
     width = f'<width sOffset="0" a="{strip.width!r}" b="0" c="0" d="0"/>' if strip.lane_id else ""
-    mark = (
-        f'<roadMark sOffset="0" type="{_NAMES[strip.outer_mark]}" weight="standard"'
-        f' color="standard" width="{_MARK_WIDTH}" laneChange="{_allowed(strip)}"/>'
+    before = [mark for mark in strip.outer_marks if mark[0] <= start]
+    inside = [mark for mark in strip.outer_marks if start < mark[0] < end]
+    marks = "".join(
+        f'<roadMark sOffset="{max(station - start, 0.0) or 0!r}" type="{_NAMES[mark]}"'
+        f' weight="standard" color="standard" width="{_MARK_WIDTH}"'
+        f' laneChange="{_allowed(strip.lane_id, mark)}"/>'
+        for station, mark in [*before[-1:], *inside]
     )
     return (
         f'<lane id="{strip.lane_id}" type={quoted(strip.kind)} level="false">'
-        f"{link}{width}{mark}</lane>\n"
+        f"{link}{width}{marks}</lane>\n"
     )
 
 
-def _allowed(strip: _Strip) -> str:
-    """Whether the line may be crossed, for simulators that ask the file and not the line."""
-    broken = strip.outer_mark in (RoadMark.BROKEN, RoadMark.BROKEN_BROKEN, RoadMark.BOTTS_DOTS)
-    return "both" if broken else "none"
+def _allowed(lane_id: int, mark: RoadMark) -> str:
+    """Which way the line may be crossed, for simulators that ask the file and not the line.
+
+    The first word of a double line is on the inner side of a lane, and left of the centre.
+    """
+    if mark in (RoadMark.BROKEN, RoadMark.BROKEN_BROKEN, RoadMark.BOTTS_DOTS):
+        return "both"
+    inwards, outwards = ("decrease", "increase") if lane_id > 0 else ("increase", "decrease")
+    return {RoadMark.SOLID_BROKEN: inwards, RoadMark.BROKEN_SOLID: outwards}.get(mark, "none")

@@ -2,11 +2,11 @@
 
 Every vehicle follows a polyline with a vertex for each recorded frame. OpenSCENARIO places a
 vehicle by the middle of its rear axle, the recording by the middle of its box; the box says how far
-apart they are. Vehicles that appear later are added, and those that leave are deleted. Lamps are
-actions at the instants of their changes. The head of the file names the simulation and its events.
+apart they are. On slopes vehicles have a height and a pitch. Vehicles that appear later are added,
+and those that leave are deleted. Lamps are actions at the instants of their changes. The head of
+the file names the simulation and its events.
 """
 
-import dataclasses
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.folders import put_file
-from overtaking.model.road import Road
 from overtaking.model.trajectory import STEPS, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
-from overtaking.recordings.opendrive_writer import write_opendrive
+from overtaking.recordings.opendrive_writer import covering, write_opendrive
 from overtaking.recordings.openscenario_weather import environments
 from overtaking.recordings.xml import quoted
 
@@ -59,7 +58,9 @@ class _Track(NamedTuple):
     time: NDArray[np.float64]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
+    z: NDArray[np.float64]
     heading: NDArray[np.float64]
+    pitch: NDArray[np.float64]
     lights: NDArray[np.uint8]
 
 
@@ -89,20 +90,21 @@ def write_openscenario(
     for place, number in enumerate(numbers.tolist()):
         name = f"simulation-{number:06d}"
         told = {} if events is None else events.get(number, {})
-        lines = _lines(trajectories, place, number, weathers[place], told)
-        put_file(folder / f"{name}.xodr", write_opendrive(_covering(trajectories, place)))
+        begin, end = _extent(trajectories, place)
+        road = covering(trajectories.road, begin, end)
+        lines = _lines(trajectories, place, number, weathers[place], told, begin)
+        put_file(folder / f"{name}.xodr", write_opendrive(road))
         put_file(folder / f"{name}.xosc", "\n".join(lines) + "\n")
     return int(trajectories.state_valid.sum())
 
 
-def _covering(trajectories: Trajectories, place: int) -> Road:
-    """The road, made as long as the vehicles of a simulation need it."""
+def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
+    """Where the road has to begin and to end for the vehicles of a simulation [m]."""
     road = trajectories.road
     s = trajectories.states.s[place][trajectories.state_valid[place]] * STEPS["s"]
     begin = min(0.0, float(np.floor(s.min())) - _MARGIN if s.min() < 0 else 0.0)
     end = max(road.length, float(np.ceil(s.max())) + _MARGIN if s.max() > road.length else 0.0)
-    x, y = road.world(begin, 0.0)
-    return dataclasses.replace(road, x0=float(x), y0=float(y), length=end - begin)
+    return begin, end
 
 
 def _lines(
@@ -111,11 +113,12 @@ def _lines(
     number: int,
     environment: str,
     events: Mapping[str, float],
+    begin: float,
 ) -> Iterator[str]:
-    """The lines of one scenario."""
+    """The lines of one scenario, on a road that begins at a station [m]."""
     scenario = trajectories.scenario
     slots = np.flatnonzero(trajectories.state_valid[place].any(axis=1)).tolist()
-    tracks = [_track(trajectories, place, slot) for slot in slots]
+    tracks = [_track(trajectories, place, slot, begin) for slot in slots]
     facts = {
         "simulation": number,
         "profile": scenario.profile,
@@ -149,16 +152,17 @@ def _lines(
     yield "</Storyboard></OpenSCENARIO>"
 
 
-def _track(trajectories: Trajectories, place: int, slot: int) -> _Track:
-    """What a vehicle did."""
+def _track(trajectories: Trajectories, place: int, slot: int, begin: float) -> _Track:
+    """What a vehicle did; heights count from where the road begins."""
     frames = int(trajectories.num_frames[place])
 
     def column(name: str) -> NDArray[np.float64]:
         return getattr(trajectories.states, name)[place, slot, :frames] * STEPS[name]
 
-    heading = column("heading")
-    # Not the recorded world: that of a recording bends with its road, the road here does not.
-    x, y = trajectories.road.world(column("s"), column("d"))
+    heading, road, s = column("heading"), trajectories.road, column("s")
+    # Not the recorded world: that of a recording bends with its road, the road here may not.
+    x, y = road.world(s, column("d"))
+    slope = road.grade_at(s) * np.cos(heading - road.heading_at(s))
     behind = _to_rear_axle(trajectories, place, slot)
     lights = trajectories.states.lights[place, slot, :frames]
     return _Track(
@@ -168,7 +172,9 @@ def _track(trajectories: Trajectories, place: int, slot: int) -> _Track:
         time=trajectories.time_ms[:frames] / 1000.0,
         x=x - behind * np.cos(heading),
         y=y - behind * np.sin(heading),
+        z=road.height_at(s) - road.height_at(begin) - behind * slope,
         heading=heading,
+        pitch=-np.arctan(slope),  # Positive pitch lowers the front.
         lights=lights & np.uint8(_known_lamps(trajectories)),
     )
 
@@ -284,9 +290,12 @@ def _follow(one: _Track, part: int, first: int, stop: int) -> str:
 
 def _position(one: _Track, frame: int) -> str:
     """Where the rear axle is."""
+    z, pitch = one.z[frame], one.pitch[frame]
+    height = f"{z:.6f}" if z else "0"
+    tilt = f' p="{pitch:.5f}"' if pitch else ""
     return (
-        f'<Position><WorldPosition x="{one.x[frame]:.6f}" y="{one.y[frame]:.6f}" z="0"'
-        f' h="{one.heading[frame]:.4f}"/></Position>'
+        f'<Position><WorldPosition x="{one.x[frame]:.6f}" y="{one.y[frame]:.6f}" z="{height}"'
+        f' h="{one.heading[frame]:.4f}"{tilt}/></Position>'
     )
 
 

@@ -8,6 +8,9 @@ import threading
 
 import numpy as np
 import pytest
+from tests.reference.test_bends import BENDS, HILLS, on
+from tests.reference.test_two_way import pair
+from tests.reference.test_two_way import road as two_way_road
 from tests.support.sumo import needs_sumo
 from tests.support.worlds import Vehicle, scenario, wide_road
 
@@ -340,3 +343,68 @@ def test_loading_it_prints_nothing_and_leaves_the_environment_alone():
         [sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_on_a_road_that_bends_and_rises_sumo_drives_as_on_a_straight_one():
+    straight = wide_road()
+    winding = on(straight, *BENDS, grade=HILLS)
+    scene = [Vehicle(s=50.0, lane=1, speed=25.0, driver=OVERTAKES), Vehicle(s=110.0, lane=1)]
+    flat, bent = (
+        sumo.simulate(scenario(scene, road=road, horizon=20.0)) for road in (straight, winding)
+    )
+    for name in ("s", "d", "speed", "lane"):
+        np.testing.assert_array_equal(getattr(bent.states, name), getattr(flat.states, name))
+    there = bent.state_valid
+    s, d = (metres(getattr(bent.states, name)[there]) for name in "sd")
+    x, y = winding.world(s, d)
+    np.testing.assert_allclose(metres(bent.states.x[there]), x, atol=1e-3)
+    np.testing.assert_allclose(metres(bent.states.y[there]), y, atol=1e-3)
+    turned = bent.headings[0][there] * 1e-4
+    apart = flat.states.heading[there] * 1e-4 - straight.heading
+    np.testing.assert_allclose(turned, apart, atol=2e-4)
+
+
+# --- two directions ---
+
+
+def two_way_batch(**changes):
+    scenes = [pair(), pair(300.0), pair(500.0, 700.0)]
+    place = two_way_road()
+    if changes.get("mirrored"):
+        place = place.mirrored()
+    return scenario(*scenes, road=place, horizon=35.0)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_who_comes_starts_and_drives_where_it_does_on_the_engine(mirrored):
+    world = two_way_batch(mirrored=mirrored)
+    run, ours = sumo.simulate(world), engine.simulate(world)
+    comes = np.argwhere(world.vehicles.valid & (world.start_lane == 1))
+    assert len(comes) == 3
+    for row, slot in comes:
+        for name in ("x", "y", "s", "d", "speed", "heading", "lane"):
+            here, there = (int(getattr(one.states, name)[row, slot, 0]) for one in (run, ours))
+            apart = (here - there + 31416) % 62832 - 31416 if name == "heading" else here - there
+            assert abs(apart) <= 1, name
+        s = metres(run.states.s[row, slot, : run.num_frames[row]])
+        assert (np.diff(s) < 0).all()
+        speed = metres(run.states.speed[row, slot, : run.num_frames[row]])
+        np.testing.assert_allclose(-np.diff(s) / 0.05, speed[1:], atol=0.35)
+
+
+def test_sumos_ego_overtakes_on_the_lane_of_others_when_they_are_past():
+    world = two_way_batch()
+    run = sumo.simulate(world)
+    side = metres(run.states.d[:, 0])
+    for row in range(world.num_simulations):
+        frames = int(run.num_frames[row])
+        out = np.flatnonzero(side[row, :frames] > 0.0)
+        assert len(out)  # The line between the directions is at d = 0.
+        assert side[row, frames - 1] == pytest.approx(float(world.road.centres[0]), abs=0.3)
+        target = metres(run.states.s[row, 1])
+        assert metres(run.states.s[row, 0])[frames - 1] > target[frames - 1]
+        for slot in np.flatnonzero(world.start_lane[row] == 1):
+            met = np.flatnonzero(run.states.s[row, slot, :frames] < run.states.s[row, 0, :frames])
+            assert len(met)
+            assert not (out[0] < met[0] < out[-1])
+    assert (run.contacts.partner == NO_VEHICLE).all()

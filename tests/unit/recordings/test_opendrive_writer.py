@@ -5,15 +5,18 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
+from tests.reference.test_bends import BENDS, HILLS, on
 from tests.support.carla import needs_wheel
 from tests.support.worlds import wide_road
 
 from overtaking.core.errors import ConfigError
+from overtaking.model.course import Line
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.recordings.opendrive import read_opendrive
-from overtaking.recordings.opendrive_writer import write_opendrive
+from overtaking.recordings.opendrive_writer import covering, write_opendrive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -97,3 +100,111 @@ def test_carla_finds_our_lanes_where_they_are(name: str):
         assert marks == (lane.right_mark.value, lane.left_mark.value)
     # Its Traffic Manager drives on the topology, which a road of one section does not have.
     assert len(place.get_topology()) >= road.num_lanes
+
+
+OPEN = dataclasses.replace(known_road("rural"), course=None, length=1500.0)
+WINDING = {
+    "of one direction": on(known_road("town06").extended(1500.0), *BENDS, grade=HILLS),
+    "of two directions": on(OPEN, *BENDS, grade=HILLS),
+    "in left-hand traffic": on(OPEN, *BENDS, grade=HILLS).mirrored(),
+    "that goes on straight": on(known_road("town06").extended(2500.0), *BENDS),
+    "that ends in a bend": on(known_road("town06"), *BENDS),
+}
+STATIONS = np.linspace(0.0, 1.0, 41)
+
+
+def same_place(one: Road, other: Road, *, shift: float = 0.0) -> None:
+    s = STATIONS * (one.length - 1.0)
+    for d in (0.0, *one.boundaries, *one.centres):
+        here, there = np.array(one.world(s, d)), np.array(other.world(s + shift, d))
+        np.testing.assert_allclose(there, here, atol=1e-5)
+    middle = s[(s > 5.0) & (s < one.length - 5.0)]  # The reader's slopes are means over 5 m.
+    np.testing.assert_allclose(other.grade_at(middle + shift), one.grade_at(middle), atol=5e-4)
+
+
+@pytest.mark.parametrize("road", WINDING.values(), ids=WINDING)
+def test_a_road_that_bends_and_rises_comes_back(road: Road, tmp_path: Path):
+    back = written(road, tmp_path)
+    assert back.length == pytest.approx(road.length, abs=1e-6)
+    assert back.lanes == road.lanes
+    assert back.fast_side_neighbour == road.fast_side_neighbour
+    assert back.is_two_way == road.is_two_way
+    same_place(road, back)
+
+
+def test_a_winding_road_that_runs_against_its_reference_line_comes_back(tmp_path: Path):
+    road = WINDING["of one direction"]
+    lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
+    turned = dataclasses.replace(
+        road, lanes=lanes, slow_side_neighbour=None, fast_side_neighbour=None
+    )
+    same_place(turned, written(turned, tmp_path))
+
+
+def test_a_road_that_covers_more_is_the_same_road():
+    road = on(known_road("rural"), *BENDS, grade=HILLS)
+    more = covering(road, -120.0, 5500.0)
+    assert more.length == 5620.0
+    same_place(road, more, shift=120.0)
+    for s in (10.0, 500.0, 1800.0):
+        assert more.sight(s + 120.0) == road.sight(s)
+    moved = [(start + 120.0, mark) for start, mark in road.fast_edge_marks[1:]]
+    assert list(more.fast_edge_marks[1:]) == moved
+
+
+def test_the_lane_of_oncoming_traffic_and_each_stretch_of_the_line_come_back(tmp_path: Path):
+    back = written(OPEN, tmp_path)
+    assert back.is_two_way
+    assert back.fast_side_neighbour == OPEN.fast_side_neighbour
+
+
+@needs_wheel
+@pytest.mark.parametrize("turned", [False, True])
+def test_carla_finds_the_marks_of_each_stretch_and_both_directions(turned: bool):
+    import carla
+
+    rural = known_road("rural")
+    mixed = Line(start=100.0, stop=300.0, mark=RoadMark.SOLID_BROKEN)
+    assert rural.course is not None
+    course = dataclasses.replace(rural.course, lines=(mixed,))
+    road = dataclasses.replace(rural, course=course)
+    if turned:
+        beyond = road.fast_side_neighbour
+        assert beyond is not None
+        change = {
+            "lanes": (dataclasses.replace(road.lanes[0], lane_id=1),),
+            "fast_side_neighbour": dataclasses.replace(beyond, lane_id=-1),
+            "slow_side_neighbour": None,
+        }
+        road = dataclasses.replace(road, **change)
+    place = carla.Map("rural", write_opendrive(road))
+    own = float(road.centres[0])
+    for s, mark in ((50.0, "Broken"), (200.0, "SolidBroken"), (350.0, "Broken")):
+        for d in (own, -own):
+            x, y = (float(value) for value in road.world(s, d))
+            found = place.get_waypoint(carla.Location(x, -y, 0.0))
+            forward = found.transform.get_forward_vector()
+            ahead = forward.x * np.cos(road.heading) - forward.y * np.sin(road.heading)
+            assert ahead == pytest.approx(1.0 if d == own else -1.0, abs=1e-3)
+            assert str(found.left_lane_marking.type) in (mark, mark[-6:] + mark[:-6])
+
+
+@needs_wheel
+def test_carla_finds_our_lanes_where_they_are_in_bends():
+    import carla
+
+    road = WINDING["of two directions"]
+    place = carla.Map("winding", write_opendrive(road))
+    for s in np.linspace(20.0, road.length - 20.0, 15):
+        for d, along in ((float(road.centres[0]), 1.0), (-float(road.centres[0]), -1.0)):
+            x, y = (float(value) for value in road.world(s, d))
+            z = float(road.height_at(s))
+            found = place.get_waypoint(carla.Location(x, -y, z)).transform
+            # CARLA looks for the nearest point in steps along the lane.
+            there = road.road_coordinates(found.location.x, -found.location.y)
+            assert there == (pytest.approx(s, abs=0.1), pytest.approx(d, abs=0.005))
+            assert found.location.z == pytest.approx(z, abs=0.005)
+            forward, heading = found.get_forward_vector(), float(road.heading_at(s))
+            assert forward.x * np.cos(heading) - forward.y * np.sin(heading) == pytest.approx(
+                along, abs=2e-3
+            )

@@ -6,6 +6,7 @@ from overtaking.knowledge.terms import terms
 from overtaking.labels.law import POLICIES, Policy
 from overtaking.model.events import Events
 from overtaking.model.labels import Findings, OvertakeClass
+from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.show.video import notes, sky
@@ -21,6 +22,9 @@ from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, view
 
 _SIGN_EVERY = 100  # Metres between two distances beside the road.
 _SIGN = "#e4e8e6"
+
+_STRAIGHT = 1.0 / 5000.0  # A wider bend cannot be told from a straight road [1/m].
+_LEVEL = 0.005  # A slope that is written as 1 % or more.
 
 
 class Film:
@@ -103,6 +107,7 @@ class Film:
         self.traffic.draw_lamps(canvas, places, frame)
         self._rain(canvas, frame)
         self._signs(canvas, frame)
+        self._shape(canvas, frame)
         self.traffic.draw_marks(canvas, places, frame)
         notes.flash(canvas, self.contact, self.view, frame)
         if self._ahead is not None:
@@ -144,6 +149,26 @@ class Film:
             sign = line(f"{s} m", 11, INK if is_pale else _SIGN)
             column = round((s - left) * self.view.scale) - sign.width // 2
             canvas.draw(sign.drawing, column, SCENE_TOP + 2)
+
+    def _shape(self, canvas: Canvas, frame: int) -> None:
+        """Which way a road that is drawn straight bends and rises at the ego, at the lower edge."""
+        if text := shape_of(self.scene.road, float(self.scene.s[Role.EGO, frame])):
+            told = line(text, 11, _SIGN)
+            canvas.draw(told.drawing, WIDTH - 12 - told.width, SCENE_BOTTOM - 18)
+
+
+def shape_of(road: Road, s: float) -> str:
+    """How a road that the picture shows straight and level bends and rises at a station [m]."""
+    if road.course is None or not (road.course.line or road.course.grade):
+        return ""
+    bend, slope = float(road.curvature_at(s)), float(road.grade_at(s))
+    parts = ["here straight"]
+    if abs(bend) > _STRAIGHT:
+        side = "left" if bend > 0.0 else "right"
+        parts = [f"here a bend to the {side}, radius {1.0 / abs(bend):.0f} m"]
+    if abs(slope) >= _LEVEL:
+        parts.append(f"{'uphill' if slope > 0.0 else 'downhill'} {100.0 * abs(slope):.0f} %")
+    return f"road shown straight; {', '.join(parts)}"
 
 
 def explained(label: str, policy: str) -> str:

@@ -20,6 +20,7 @@ from overtaking.model.trajectory import (
     States,
     Trajectories,
 )
+from overtaking.simulators.sumo.traffic import oncoming
 
 UNKNOWN = frozenset({"lamps", "wheel_angle", "yaw_rate", "impulse", "percepts"})
 """Quantities that SUMO lacks: it has no wheels, headlamps, colliding masses or beliefs."""
@@ -122,9 +123,10 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
     """The columns of `States` for one simulation, each (vehicle, frame)."""
     road, half = scenario.road, 0.5 * scenario.vehicles.length[row].astype(np.float64)[:, None]
     front, d, speed, drift, accel, angle, signals = raw
-    s, left = front - half, road.side * d
+    back = np.where(oncoming(scenario, row), -1.0, 1.0)[:, None]  # From the front to the middle.
+    s, left = front - back * half, road.side * d
     x, y = road.world(s, left)
-    heading = road.heading + road.side * np.radians(_NORTH - angle)
+    heading = road.heading_at(s) + road.side * np.radians(_NORTH - angle)
     # Lateral acceleration is what the lateral speed changed by since the frame before.
     sideways = np.diff(drift, axis=1, prepend=drift[:, :1]) / frame_time
     filled = scenario.vehicles.valid[row][:, None]

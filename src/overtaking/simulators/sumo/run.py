@@ -7,6 +7,7 @@ depends on nothing but its scenario: not on the batch, nor on what ran before.
 import bisect
 import math
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,17 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import NO_VEHICLE, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.simulators.sumo.library import library, library_version, running
-from overtaking.simulators.sumo.network import length_for, network
+from overtaking.simulators.sumo.network import (
+    lateral_borders,
+    length_before,
+    length_for,
+    network,
+)
 from overtaking.simulators.sumo.recording import RAW, UNKNOWN, Recording, Run
 from overtaking.simulators.sumo.stage import Sight, Watch
-from overtaking.simulators.sumo.traffic import Traffic, routes, speed_factor
+from overtaking.simulators.sumo.traffic import Traffic, oncoming, routes, speed_factor
 from overtaking.world.constants import constants
-from overtaking.world.lanes import refuse_oncoming
+from overtaking.world.lanes import has_two_directions, refuse_oncoming
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "step_ms", "version"]
 
@@ -60,10 +66,10 @@ def simulate(scenario: Scenario) -> Trajectories:
     Raises:
         MissingExtraError: libsumo is not installed.
         ConfigError: libsumo is in use by others in this process, or refuses the scenario; or others
-            come the other way, or the road bends.
+            come the other way on a road that is not one equally wide lane for each direction.
     """
-    refuse_oncoming(scenario, "SUMO")
-    scenario.road.needs_to_be_straight("SUMO")
+    if not has_two_directions(scenario.road):
+        refuse_oncoming(scenario, "SUMO")
     library()  # A missing package is reported before any work.
     interval = scenario.frame_interval_ms
     ends = np.floor(scenario.horizon.astype(np.float64) * 1000.0 / interval + 1e-6)
@@ -87,8 +93,10 @@ def _run(traffic: Traffic, row: int, last_frame: int, folder: Path) -> Run:
     valid = scenario.vehicles.valid[row]
     ahead = length_for(float(scenario.start_s[row][valid].max()), float(scenario.horizon[row]))
     net, demand = folder / "road.net.xml", folder / "traffic.rou.xml"
-    net.write_text(network(scenario.road, ahead, traffic.friction[row].tolist()), encoding="utf-8")
-    demand.write_text(routes(traffic, row), encoding="utf-8")
+    before = length_before(scenario.road, float(scenario.horizon[row]))
+    roads = network(scenario.road, ahead, traffic.friction[row].tolist(), before)
+    net.write_text(roads, encoding="utf-8")
+    demand.write_text(routes(traffic, row, ahead, before), encoding="utf-8")
     with running(_options(scenario, row, net, demand)) as sumo:
         return _Simulation(traffic, row, sumo).run(last_frame)
 
@@ -130,8 +138,9 @@ class _Simulation:
         self.names = {slot: str(slot) for slot in slots}  # SUMO's.
         self.length = {slot: float(vehicles.length[row, slot]) for slot in slots}
         # Lateral axis towards the fast side.
-        self.borders: list[float] = (road.side * road.boundaries).tolist()
-        self.centres: list[float] = (road.side * road.centres).tolist()
+        self.borders = lateral_borders(road)
+        self.centres = [0.5 * (low + high) for low, high in pairwise(self.borders)]
+        self.comes = set(np.flatnonzero(oncoming(traffic.scenario, row)).tolist())
         self.lanes: dict[int, int] = {}
         self.watch = Watch(settled=float(constants().settled_offset))
         self.contacts: dict[int, tuple[int, int, float]] = {}
@@ -189,9 +198,14 @@ class _Simulation:
     def _notice_contacts(self, time_ms: int) -> None:
         for hit in self.sumo.simulation.getCollisions():
             one, other = int(hit.collider), int(hit.victim)
-            closing = max(hit.colliderSpeed - hit.victimSpeed, 0.0)
+            theirs = -hit.victimSpeed if self._are_opposed(one, other) else hit.victimSpeed
+            closing = max(hit.colliderSpeed - theirs, 0.0)
             self.contacts.setdefault(one, (other, time_ms, closing))
             self.contacts.setdefault(other, (one, time_ms, closing))
+
+    def _are_opposed(self, one: int, other: int) -> bool:
+        """Whether two vehicles drive in opposite directions."""
+        return (one in self.comes) != (other in self.comes)
 
     def _end(self, seen: dict[int, tuple[float, ...]], time_ms: int) -> int:
         """End of the simulation as known now [ms]."""
@@ -216,14 +230,16 @@ class _Simulation:
         ahead = [
             (other[0] - self.length[slot], slot)
             for slot, other in seen.items()
-            if front < other[0] < reach and self._lane(other[1]) == lane
+            if front < other[0] < reach and self._lane(other[1]) == lane and slot not in self.comes
         ]
         return Sight(
             lane=lane,
             offset=d - self.centres[lane],
             drift=drift,
             leader=min(ahead)[1] if ahead else None,
-            passed=frozenset(slot for slot, other in seen.items() if other[0] < rear),
+            passed=frozenset(
+                slot for slot, other in seen.items() if other[0] < rear and slot not in self.comes
+            ),
         )
 
     def _lane(self, d: float) -> int:

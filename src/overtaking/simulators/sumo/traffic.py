@@ -14,10 +14,11 @@ from overtaking.core.elementary import F32
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.simulators.sumo.network import BEHIND, EDGE
+from overtaking.simulators.sumo.network import BEHIND, EDGE, OPPOSITE
 from overtaking.world import film, friction, visibility
 from overtaking.world.conditions import acting
 from overtaking.world.constants import constants, known
+from overtaking.world.lanes import has_two_directions
 
 _ZERO = np.float32(0.0)
 
@@ -31,6 +32,8 @@ def is_wet(scenario: Scenario) -> NDArray[np.bool_]:
 
 def lane_friction(scenario: Scenario) -> F32:
     """Peak friction of a half-worn car tyre on the film of each lane, (simulation, lane).
+
+    On two-way roads that of oncoming traffic is the last.
 
     SUMO has one number for a lane, whatever the speed, as road sensors report it. So it is taken at
     the slowest speed of the friction table, without aquaplaning, and puddles are left out.
@@ -48,6 +51,8 @@ def lane_friction(scenario: Scenario) -> F32:
 def _drainage_path(road: Road) -> F32:
     """How far water has run from the fast edge, the crown, to the middle of each lane [m]."""
     reach = np.abs(road.centres - road.boundaries[-1]).astype(np.float32)
+    if has_two_directions(road):
+        reach = np.append(reach, reach[-1])
     return np.maximum(reach, known("model.water.shortest_path"))
 
 
@@ -120,25 +125,43 @@ class Traffic:
         )
 
 
-def routes(traffic: Traffic, row: int) -> str:
+def routes(traffic: Traffic, row: int, ahead: float = 0.0, before: float = BEHIND) -> str:
     """The content of a `.rou.xml` file: the vehicles of one simulation.
 
     Args:
         traffic: The batch.
         row: Which simulation of it.
+        ahead: Length of the edges after s = 0 [m].
+        before: Length before it [m].
     """
-    slots = np.flatnonzero(traffic.scenario.vehicles.valid[row]).tolist()
+    scenario = traffic.scenario
+    slots = np.flatnonzero(scenario.vehicles.valid[row]).tolist()
     types = "".join(_type(traffic, row, slot) for slot in slots)
-    vehicles = "".join(_vehicle(traffic.scenario, row, slot) for slot in slots)
-    return f'<routes>{types}<route id="r" edges="{EDGE}"/>{vehicles}</routes>'
+    vehicles = "".join(_vehicle(scenario, row, slot, ahead, before) for slot in slots)
+    ways = f'<route id="r" edges="{EDGE}"/>'
+    if has_two_directions(scenario.road):
+        ways += f'<route id="o" edges="{OPPOSITE}"/>'
+    return f"<routes>{types}{ways}{vehicles}</routes>"
 
 
-def _vehicle(scenario: Scenario, row: int, slot: int) -> str:
-    front = float(scenario.start_s[row, slot]) + 0.5 * float(scenario.vehicles.length[row, slot])
+def oncoming(scenario: Scenario, row: int) -> NDArray[np.bool_]:
+    """Which vehicles of a simulation start in the lane of oncoming traffic, (vehicle,)."""
+    comes = scenario.start_lane[row] == scenario.road.num_lanes
+    return comes & scenario.vehicles.valid[row]
+
+
+def _vehicle(scenario: Scenario, row: int, slot: int, ahead: float, before: float) -> str:
+    comes = bool(oncoming(scenario, row)[slot])
+    start, half = (
+        float(scenario.start_s[row, slot]),
+        0.5 * float(scenario.vehicles.length[row, slot]),
+    )
+    place = ahead - (start - half) if comes else start + half + before
+    lane = 0 if comes else int(scenario.start_lane[row, slot])
     # SUMO would move or refuse vehicles below its minimum gap; scenarios are kept unchanged.
     return (
-        f'<vehicle id="{slot}" type="{slot}" route="r" depart="0" departPosLat="center"'
-        f' departLane="{int(scenario.start_lane[row, slot])}" departPos="{front + BEHIND!r}"'
+        f'<vehicle id="{slot}" type="{slot}" route="{"o" if comes else "r"}" depart="0"'
+        f' departPosLat="center" departLane="{lane}" departPos="{place!r}"'
         f' departSpeed="{float(scenario.start_speed[row, slot])!r}" insertionChecks="none"/>'
     )
 

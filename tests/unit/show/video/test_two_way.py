@@ -6,12 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.reference.test_bends import BENDS, HILLS, on
 from tests.support.cases import two_way_road
 from tests.support.overtakes import meeting, overtake, rural
 
 from overtaking.model.course import Course, Line, Place, PlaceKind, RoadMark
 from overtaking.show.video.ahead import _LEFT, _MIDDLE, _SCALE, _TOP, AHEAD, BEHIND
-from overtaking.show.video.film import Film
+from overtaking.show.video.film import Film, shape_of
 from overtaking.show.video.road import dash_period
 from overtaking.show.video.view import SCENE_TOP
 
@@ -84,3 +85,25 @@ def test_on_a_road_of_one_direction_there_is_no_strip():
     made = overtake()
     picture = pixels(Film(made.trajectories, events=made.events), 10)
     assert np.ptp(picture[round(_TOP + _MIDDLE), 600:1200], axis=0).max() < 40
+
+
+def test_the_shape_of_a_road_that_is_drawn_straight_is_told():
+    road = on(dataclasses.replace(two_way_road(), course=None), *BENDS, grade=HILLS)
+    assert shape_of(two_way_road(), 50.0) == ""
+    assert shape_of(road, 0.0) == "road shown straight; here straight"
+    here = shape_of(road, 600.0)
+    assert here == "road shown straight; here a bend to the left, radius 400 m, downhill 2 %"
+    assert "to the right" in shape_of(road, 1200.0)
+    assert "to the right" in shape_of(road.mirrored(), 600.0)
+
+
+def test_a_film_of_a_bend_says_that_it_is_one():
+    straight = dataclasses.replace(two_way_road(), course=None)
+    parts = [
+        pixels(Film(case.trajectories, events=case.events), 100)
+        for case in (rural(meeting(60.0), road=place) for place in (straight, on(straight, *BENDS)))
+    ]
+    changed = np.argwhere((parts[0] != parts[1]).any(axis=2))
+    assert len(changed)
+    assert changed[:, 0].min() > SCENE_TOP + 100  # A line of text at the lower edge, and no more.
+    assert changed[:, 1].min() > 700
