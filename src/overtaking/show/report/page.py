@@ -12,8 +12,8 @@ from overtaking.analysis.stats.table import Table
 _PHONE = "(max-width: 44rem)"  # As in the style sheet.
 _FEW_NUMBERS = 4  # Columns of numbers that fit a phone with their names written across.
 
-# Nothing may be loaded from anywhere, whatever a data set's names hold. Films lie beside the page, as
-# does the one in which simulations run.
+# Nothing may be loaded from anywhere, whatever a data set's names hold. Films lie beside the page,
+# and so does the page in which simulations run.
 _POLICY = (
     "default-src 'none'; img-src data:; media-src 'self' file:; frame-src 'self' file:; "
     "style-src 'unsafe-inline'"
