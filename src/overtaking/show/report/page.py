@@ -140,10 +140,10 @@ def view_block(path: str, caption: str) -> str:
         path: The file, relative to the page.
         caption: The words below it.
     """
-    source = escape(path)
+    source, words = escape(path), escape(caption)
     return (
-        f'<figure class="view"><iframe src="{source}" title="{escape(caption)}" loading="lazy">'
-        f'</iframe><figcaption>{escape(caption)} <span class="files">(<a href="{source}">alone</a>)'
+        f'<figure class="view"><iframe src="{source}#theme=light" title="{words}" loading="lazy">'
+        f'</iframe><figcaption>{words} <span class="files">(<a href="{source}">alone</a>)'
         "</span></figcaption></figure>\n"
     )
 
