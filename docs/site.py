@@ -41,7 +41,7 @@ API = "docs/reference/api.md"
 LIVE = "<!-- Here the site has the page itself. -->"
 VIEW = "docs/figures/view.html"
 FRAME = (
-    '<iframe src="../figures/view.html#sim=7&t=2" title="Simulations in the page of overtaking view"'
+    '<iframe src="../figures/view.html#sim=7&t=2" title="The page of overtaking view"'
     ' loading="lazy" style="width: 100%; height: 46rem; border: 1px solid #8888"></iframe>'
 )
 """In the place of the comment, which GitHub does not show."""

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tests.support.browser import chromium, expect, opened, settle
+from tests.support.browser import PATIENCE_MS, chromium, expect, opened, settle
 
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.knowledge import terms
 from overtaking.show import wording
+from overtaking.show.report.page import Section, view_block
+from overtaking.show.report.page import page as page_of_report
 from overtaking.show.wording import breach_words, sentence
 
 if TYPE_CHECKING:
@@ -293,6 +295,28 @@ def test_axe_finds_nothing(
                     page.keyboard.press(action)
                 found = page.evaluate("axe.run()")["violations"]
                 assert [(one["id"], [n["html"] for n in one["nodes"]]) for one in found] == []
+
+
+def test_a_report_runs_its_examples_in_a_frame(browser: Browser, path: Path, tmp_path: Path):
+    (tmp_path / "view.html").write_bytes(path.read_bytes())
+    frame = view_block("view.html", "Examples")
+    report = tmp_path / "index.html"
+    report.write_text(page_of_report("A report", "", [], [Section("a", "A", [frame])], ""))
+    context = browser.new_context(color_scheme="dark")
+    context.set_default_timeout(PATIENCE_MS)
+    page = context.new_page()
+    complaints: list[str] = []
+    page.on("console", lambda said: complaints.append(said.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(report.as_uri())
+    inside = page.frame_locator("iframe")
+    expect(inside.locator(".board")).to_be_visible()
+    inside.locator("#play").click()
+    expect(inside.locator("#frame")).to_have_value(re.compile(r"^([5-9]|\d\d+)$"))
+    # The report is light, whatever the system is.
+    expect(inside.locator("html")).to_have_attribute("data-theme", "light")
+    context.close()
+    assert complaints == []
 
 
 def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):

@@ -36,7 +36,7 @@ export function address(policies: string[], policy: string, element: HTMLElement
       const said = parse(location.hash);
       const known = (name: string | null | undefined): string | null => (name && policies.includes(name) ? name : null);
       return {
-        ...{ playing: false, base: null, sim: null, t: 0, cam: "ego", stretch: 1, ghosts: true, beside: null, fan: null },
+        ...{ playing: false, base: null, sim: null, t: 0, cam: "ego", stretch: 1, ghosts: true, theme: "system", beside: null, fan: null },
         ...{ ...said, policy: known(said.policy) ?? policy, against: known(said.against) },
       };
     },

@@ -78,7 +78,7 @@ export type Gaps = (number | null)[];
 export interface Packed {
   values: Values;
   told: Told;
-  road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[]; oncoming: (Oncoming & { width_mm: number }) | null };
+  road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[]; oncoming: (Oncoming & { width_mm: number }) | null; course: Course | null };
   vehicles: PackedVehicle[];
   gap_mm: Gaps;
   inverse_ttc: { ahead: Gaps; behind: Gaps }; // In steps of 1e-4 per second.
@@ -93,6 +93,13 @@ export interface Packed {
 interface Oncoming {
   edge: string | null;
   marks: [number | null, string][] | null;
+}
+
+// Curvature [1/m], positive to the left, and slope at stations from the beginning of the road on.
+interface Course {
+  every_m: number;
+  curvature: number[];
+  grade: number[];
 }
 
 interface PackedVehicle {
@@ -137,6 +144,7 @@ export interface Values {
   target: number | null;
   collision_partner: number | null;
   events: { event: string; frame: number; time_s: number }[];
+  not_recorded: string[];
   rules_version: string;
   policies: Record<string, { class: string; broken: string[]; undecidable: string[] }>;
   broken: {
@@ -184,7 +192,7 @@ export interface Ghost {
 export interface Run extends Omit<Packed, "vehicles" | "gap_mm" | "inverse_ttc" | "sight_dm" | "law" | "road"> {
   frames: number;
   interval: number; // [s]
-  road: { side: number; borders: number[]; lines: string[] | null; verges: number[]; oncoming: (Oncoming & { width: number }) | null };
+  road: { side: number; borders: number[]; lines: string[] | null; verges: number[]; oncoming: (Oncoming & { width: number }) | null; course: Course | null };
   vehicles: Vehicle[];
   gap: Gaps;
   ttc: { ahead: Gaps; behind: Gaps }; // One over the time to collision [1/s]; 0: never.
@@ -259,6 +267,7 @@ export function unpack(packed: Packed): Run {
       lines: road.lines,
       verges: road.verges_mm.map(metres),
       oncoming: road.oncoming && { ...road.oncoming, width: metres(road.oncoming.width_mm) },
+      course: road.course && { ...road.course, curvature: column(road.course.curvature, 1e-5), grade: column(road.course.grade, 1e-5) },
     },
     vehicles: packed.vehicles.map((one) => ({
       slot: one.slot,

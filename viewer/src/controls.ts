@@ -2,11 +2,10 @@
 
 import { button, field, h, put, select } from "./dom.ts";
 import type { Clock } from "./clock.ts";
-import { CAMERAS, STRETCHES, type Moment } from "./link.ts";
+import { CAMERAS, STRETCHES, type Moment, type Theme, THEMES } from "./link.ts";
 import { ZOOM } from "./scene.ts";
 import type { Source } from "./source.ts";
 import { frames, type Shown, SPEEDS, type State, type Store } from "./state.ts";
-import { type Theme, THEMES } from "./theme.ts";
 
 export interface Controls {
   tools: HTMLElement;

@@ -67,7 +67,7 @@ export function courses(source: Source, waiting: Element, told: Told): Courses {
     }
     const { server } = source;
     if (!server) return;
-    if (!believed.has(here)) {
+    if (isModelled(here) && !believed.has(here)) {
       believed.add(here);
       ask(`${sim} beliefs`, () => true, () => server.beliefs(here.values.simulation), (every) => ((here.every = every), told.grown()), () => null);
     }
@@ -97,6 +97,12 @@ export function courses(source: Source, waiting: Element, told: Told): Courses {
       return { state, words: source.words, run, twin: beside, branches: made, fan, frame: frameAt(run, state.t) };
     },
   };
+}
+
+// Whether beliefs can be asked for: not of recordings, nor on roads with two directions, where no
+// decision can be repeated.
+function isModelled({ values, road }: Run): boolean {
+  return !values.not_recorded.length && !road.oncoming;
 }
 
 function fanKey(state: Readonly<State>): string {

@@ -3,9 +3,8 @@
 import type { Clock } from "./clock.ts";
 import { zoomed } from "./controls.ts";
 import type { Acts } from "./keys.ts";
-import { CAMERAS, GIVEN, STRETCHES } from "./link.ts";
+import { CAMERAS, GIVEN, STRETCHES, THEMES } from "./link.ts";
 import { frames, type Shown, SPEEDS, type Store } from "./state.ts";
-import { THEMES } from "./theme.ts";
 
 // In a simulation.
 export function runKeys({ state, change }: Store, clock: Clock, shown: () => Shown, hasServer: boolean): Acts {

@@ -3,6 +3,8 @@
 export const CAMERAS = ["ego", "target", "all"] as const;
 export const STRETCHES = [1, 2, 3] as const;
 export const GIVEN = ["truth", "belief"] as const;
+export const THEMES = ["system", "light", "dark"] as const;
+export type Theme = (typeof THEMES)[number];
 export const ORDERS = ["number", "duration", "margin"] as const;
 
 // Properties of which any of the chosen values may be met; of `rules` all must be broken.
@@ -28,6 +30,7 @@ export interface Moment {
   cam: (typeof CAMERAS)[number];
   stretch: number;
   ghosts: boolean;
+  theme: Theme;
   choice: Choice;
   branches: Change[][]; // Each has one change, or several in turn.
   beside: number | null; // Another simulation on the same clock.
@@ -70,6 +73,7 @@ export function print(moment: Moment, policy: string): string {
   if (moment.cam !== "ego") say("cam", moment.cam);
   if (moment.stretch !== 1) say("stretch", moment.stretch);
   if (!moment.ghosts) say("ghosts", 0);
+  if (moment.theme !== "system") say("theme", moment.theme);
   if (moment.branches.length) say("if", moment.branches.map((one) => one.map(({ what, t }) => `${what}@${short(t)}`).join(THEN)).join(","));
   if (moment.beside !== null) say("vs", moment.beside);
   if (moment.fan) say("fan", moment.fan);
@@ -94,6 +98,7 @@ export function parse(hash: string): Partial<Moment> & { choice: Choice; branche
   const found: ReturnType<typeof parse> = { choice: parseChoice(said), branches: parseBranches(said.get("if") ?? "") };
   const cam = CAMERAS.find((one) => one === said.get("cam"));
   const fan = GIVEN.find((one) => one === said.get("fan"));
+  const theme = THEMES.find((one) => one === said.get("theme"));
   const stretch = said.has("stretch") ? number("stretch") : 1;
   if (whole("sim") !== null) found.sim = whole("sim");
   if (number("t") >= 0) found.t = number("t");
@@ -102,6 +107,7 @@ export function parse(hash: string): Partial<Moment> & { choice: Choice; branche
   if (said.has("against")) found.against = said.get("against");
   if (fan) found.fan = fan;
   if (cam) found.cam = cam;
+  if (theme) found.theme = theme;
   if (whole("vs") !== null) found.beside = whole("vs");
   if (said.has("token")) found.token = said.get("token")!;
   found.ghosts = said.get("ghosts") !== "0";

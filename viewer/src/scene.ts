@@ -7,7 +7,11 @@ import { drawBeams, drawBranch, drawGhost, drawTags, drawVehicle, tell, tellVehi
 const LEAST_METRES = 62; // Of road on a narrow screen.
 const MOST_SCALE = 10.5; // [px/m]
 const DOUBLE = 0.3; // Between the middles of two lines [m].
-const MOST_ACROSS = 5; // By how much a road that is seen from far is stretched by itself.
+const MOST_ACROSS = 5; // By how much a road that is seen from far is stretched by itself,
+const LEAST_ROAD = 48; // unless it is narrower than this then [px].
+const LEAST_STRIPE = 4; // [px]
+const LEAST_BAR = 30; // [px]
+const SCALE_ROOM = 34; // Above the scale bar [px].
 const LEAST_POSTS = 74; // Between two distances at the roadside [px].
 const CLEAR = 24 / 256; // What lies in fog stays a hint, as in films.
 const OWN_LENGTH = 5; // Of road around the ego that no fog hides [m].
@@ -85,7 +89,7 @@ function viewOf(
   const anchor = look.camera === "all" ? 0.5 : 0.4;
   const lateral = (borders[0]! + borders[borders.length - 1]!) / 2;
   // From far, lanes would be a hair; the scale bar says how much they are stretched.
-  const across = scale * Math.max(look.stretch, Math.min(MOST_ACROSS, roomy / scale));
+  const across = Math.max(scale * look.stretch, Math.min(Math.max(MOST_ACROSS * scale, LEAST_ROAD / wide), roomy));
   return {
     c,
     width,
@@ -115,7 +119,7 @@ function drawGround(view: View, run: Run): void {
   const wet = Math.max(run.values.weather?.rain_percent ?? 0, run.values.weather?.puddles_percent ?? 0) / 100;
   const first = Math.floor((0 - x(0)) / scale / 10) * 10;
   c.fillStyle = night ? "#1e261f" : "#a1ad92"; // Stripes of mown grass give a sense of motion.
-  for (let s = first; x(s) < width; s += 20) c.fillRect(x(s), 0, 10 * scale, height);
+  if (10 * scale >= LEAST_STRIPE) for (let s = first; x(s) < width; s += 20) c.fillRect(x(s), 0, 10 * scale, height);
   const edges = [
     borders[0]! - side * Math.max(verges[0]!, 0.4),
     borders[borders.length - 1]! + side * Math.max(oncoming ? 0 : verges[1]!, 0.4),
@@ -179,7 +183,8 @@ function drawPosts({ c, width, height, x, y, scale, night }: View, edges: number
   for (let s = Math.ceil((0 - x(0)) / scale / step) * step; x(s) < width; s += step) {
     c.fillStyle = night ? "#dfe4e8" : "#23291f";
     c.fillRect(x(s) - 1, low + 3, 2, 7);
-    if (low + 24 < height && s >= 0) c.fillText(`${s} m`, x(s), low + 22);
+    const isFree = low + SCALE_ROOM < height || x(s) > 40 + barOf(scale) * scale;
+    if (low + 24 < height && s >= 0 && isFree) c.fillText(`${s} m`, x(s), low + 22);
   }
 }
 
@@ -295,14 +300,20 @@ function drawBurst({ c, x, y, scale, across, time }: View, run: Run, ego: Pose |
   c.restore();
 }
 
+// How long the scale bar is [m].
+function barOf(scale: number): number {
+  return [20, 50, 100, 200, 500].find((one) => one * scale >= LEAST_BAR) ?? 1000;
+}
+
 function drawScaleBar({ c, height, scale, across, night }: View): void {
+  const metres = barOf(scale);
   const ink = night ? "#eef1f4" : "#14181d";
   c.fillStyle = ink;
-  c.fillRect(12, height - 10, 20 * scale, 2);
+  c.fillRect(12, height - 10, metres * scale, 2);
   c.fillRect(12, height - 14, 1.5, 6);
-  c.fillRect(12 + 20 * scale - 1.5, height - 14, 1.5, 6);
+  c.fillRect(12 + metres * scale - 1.5, height - 14, 1.5, 6);
   c.font = "11px system-ui, sans-serif";
   c.textAlign = "left";
   const stretch = across > scale ? `, across ×${Math.round(across / scale)}` : "";
-  c.fillText(`20 m${stretch}`, 20 + 20 * scale, height - 7);
+  c.fillText(`${metres} m${stretch}`, 20 + metres * scale, height - 7);
 }

@@ -1,10 +1,11 @@
 // The road from above, with what lies over it.
 
+import { pose } from "./bundle.ts";
 import { h, write } from "./dom.ts";
 import { fanOverlay } from "./fan.ts";
 import { draw, type Size } from "./scene.ts";
 import type { Shown } from "./state.ts";
-import { brokenAt, now, type Reader } from "./text.ts";
+import { brokenAt, courseOf, now, type Reader } from "./text.ts";
 
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -56,8 +57,10 @@ export function stage(redraw: () => void): Stage {
 }
 
 function air({ run, frame }: Shown): string {
+  const ego = pose(run.vehicles[0]!, frame);
   const sight = run.sight?.[Math.round(frame)];
-  return sight === undefined ? run.air.text : `${run.air.text} · sees a lit vehicle at ${sight.toFixed(0)} m`;
+  const seen = sight === undefined ? [] : [`sees a lit vehicle at ${sight.toFixed(0)} m`];
+  return [run.air.text, ...seen, ...(ego ? courseOf(run, ego.s) : [])].join(" · ");
 }
 
 function tellAlerts(alerts: HTMLElement, reader: Reader, frame: number): void {

@@ -3,7 +3,6 @@
 import type { Branched } from "./source.ts";
 import type { Fan, Overlay, Run, Words } from "./bundle.ts";
 import { type Change, type Moment, noChoice } from "./link.ts";
-import type { Theme } from "./theme.ts";
 
 export const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8];
 
@@ -11,7 +10,6 @@ export interface State extends Moment {
   playing: boolean;
   speed: number;
   zoom: number;
-  theme: Theme;
   base: number | null; // Place of the branch that what-if goes on from; null: the original.
 }
 

@@ -7,6 +7,8 @@ import { h, table } from "./dom.ts";
 import { plain, signed } from "./numbers.ts";
 
 const KMH = 3.6;
+const WIDEST = 3000; // [m]; a bend of a larger radius is not told.
+const FLAT = 0.003; // A slope that is less is not told.
 const NEAR_EVENT = 0.26; // [s]
 
 export interface Reader {
@@ -32,13 +34,24 @@ export function now(reader: Reader, frame: number): string {
   const belief = run.every ? believedAt(run, frame) : undefined;
   const told = belief === undefined ? "" : belief === null ? ", not seen" : `, believed ${plain(belief, 1)} m`;
   if (gap !== null && gap !== undefined) parts.push(`${plain(gap, 1)} m to the next ahead${told}`);
-  if (ego) parts.push(...comingOf(run, ego.s, frame));
+  if (ego) parts.push(...courseOf(run, ego.s), ...comingOf(run, ego.s, frame));
   const events = run.values.events.flatMap((one, k) =>
     Math.abs(one.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}`] : [],
   );
   const broken = brokenAt(reader, frame).map((one) => one.text);
   const law = broken.length ? `Broken: ${broken.join("; ")}.` : "No rule is broken.";
   return `${parts.join("; ")}. ${events.map((one) => `${one}. `).join("")}${law}`;
+}
+
+// Bends and slopes: the road is drawn straight and level.
+export function courseOf({ road: { course } }: Run, s: number): string[] {
+  if (!course) return [];
+  const at = Math.min(Math.max(Math.round(s / course.every_m), 0), course.grade.length - 1);
+  const [bend, slope] = [course.curvature[at]!, course.grade[at]!];
+  return [
+    ...(Math.abs(bend) > 1 / WIDEST ? [`bend to the ${bend > 0 ? "left" : "right"}, radius ${Math.abs(1 / bend).toFixed(0)} m`] : []),
+    ...(Math.abs(slope) > FLAT ? [`${slope > 0 ? "uphill" : "downhill"} ${Math.abs(100 * slope).toFixed(1)} %`] : []),
+  ];
 }
 
 // Who comes next the other way.
@@ -78,7 +91,7 @@ export function facts(reader: Reader): HTMLElement {
   const { told, values } = run;
   const pairs: [string, string][] = [
     ["Weather", told.weather],
-    ["Road", told.road],
+    ["Road", told.road + (run.road.course ? ", drawn straight though it bends or rises" : "")],
     ["Outcome", told.outcome],
     ["Recorded", `${values.duration_s.toFixed(2)} s, ${values.num_frames} frames; profile ${values.profile}, seed ${values.seed}`],
     ["Trace", values.trace_hash],

@@ -1,7 +1,5 @@
 import type { Words } from "./bundle.ts";
-
-export const THEMES = ["system", "light", "dark"] as const;
-export type Theme = (typeof THEMES)[number];
+import type { Theme } from "./link.ts";
 
 const night = matchMedia("(prefers-color-scheme: dark)");
 

@@ -49,12 +49,13 @@ const moment: Moment = {
   cam: "all",
   stretch: 2,
   ghosts: false,
+  theme: "dark",
   choice,
   branches: [[{ what: "ABORT", t: 6.35 }], [{ what: "HardRainNight", t: 0 }, { what: "STAY", t: 2.5 }]],
   beside: 42,
   fan: "belief",
 };
-const plain: Moment = { sim: 3, t: 4.25, policy: "paper", cam: "ego", stretch: 1, ghosts: true, choice: noChoice(), branches: [], beside: null, against: null, fan: null };
+const plain: Moment = { sim: 3, t: 4.25, policy: "paper", cam: "ego", stretch: 1, ghosts: true, theme: "system", choice: noChoice(), branches: [], beside: null, against: null, fan: null };
 
 test("a link says the moment that was printed", () => {
   assert.deepEqual(parse(print(moment, "paper")), moment);

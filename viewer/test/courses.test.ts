@@ -22,7 +22,7 @@ function staged(): { state: State; asked: (what: string) => Asked; all: Asked[];
       const done = (act: () => void) => async (): Promise<void> => (act(), new Promise((next) => setImmediate(next)));
       all.push({ what, answer: done(() => answer(found)), refuse: done(() => refuse(new Error(what))) });
     }) as Promise<never>;
-  const run = (number: number): unknown => ({ values: { simulation: number }, frames: 9, interval: 0.05 }) as Partial<Run>;
+  const run = (number: number): unknown => ({ values: { simulation: number, not_recorded: [] }, road: { oncoming: null }, frames: 9, interval: 0.05 }) as unknown as Partial<Run>;
   const server = {
     beliefs: (number: number) => ask(`beliefs ${number}`, { interval_ms: 50, roles: [] }),
     branch: (number: number, changes: { what: string }[]) => ask(`branch ${number} ${changes[0]!.what}`, { run: run(number) }),

@@ -12,8 +12,8 @@ from overtaking.analysis.stats.table import Table
 _PHONE = "(max-width: 44rem)"  # As in the style sheet.
 _FEW_NUMBERS = 4  # Columns of numbers that fit a phone with their names written across.
 
-# Nothing may be loaded from anywhere, whatever a data set's names hold. Films lie beside the page, as
-# does the one in which simulations run.
+# Nothing may be loaded from anywhere, whatever a data set's names hold. Films lie beside the page,
+# and so does the page in which simulations run.
 _POLICY = (
     "default-src 'none'; img-src data:; media-src 'self' file:; frame-src 'self' file:; "
     "style-src 'unsafe-inline'"
@@ -140,10 +140,10 @@ def view_block(path: str, caption: str) -> str:
         path: The file, relative to the page.
         caption: The words below it.
     """
-    source = escape(path)
+    source, words = escape(path), escape(caption)
     return (
-        f'<figure class="view"><iframe src="{source}" title="{escape(caption)}" loading="lazy">'
-        f'</iframe><figcaption>{escape(caption)} <span class="files">(<a href="{source}">alone</a>)'
+        f'<figure class="view"><iframe src="{source}#theme=light" title="{words}" loading="lazy">'
+        f'</iframe><figcaption>{words} <span class="files">(<a href="{source}">alone</a>)'
         "</span></figcaption></figure>\n"
     )
 

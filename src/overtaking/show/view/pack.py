@@ -39,6 +39,10 @@ NEAR = {"L3": 10.0, "L10": 0.5, "L12": 2.0, "L14": 20.0, "L14s": 20.0}
 """Margins below which a rule that is kept is shown, in its unit, of rules with a margin in every
 frame: some 0.5 s of way at 70 km/h, 7 km/h, and the width of a mirror and a hand."""
 
+_COURSE_EVERY_M = 5.0
+_COURSE_STEPS = 100_000
+"""Of a curvature per 1/m, and of a slope."""
+
 _LEAST_TTC = 0.1
 """What is nearer to a collision is as near, to be drawn [s]."""
 
@@ -151,7 +155,20 @@ def _road(run: Trajectories) -> Values:
             for one in (road.slow_side_neighbour, road.fast_side_neighbour)
         ],
         "oncoming": _oncoming(road, is_marked=is_marked),
+        "course": course_of(road),
     }
+
+
+def course_of(road: Road) -> Values | None:
+    """Bends and slopes at stations, as the page draws every road straight; None without any."""
+    s = np.arange(0.0, road.length, _COURSE_EVERY_M)
+    curvature, grade = road.curvature_at(s), road.grade_at(s)
+    if not (curvature.any() or grade.any()):
+        return None
+    bends, slopes = (
+        differences(np.rint(one * _COURSE_STEPS).astype(np.int64)) for one in (curvature, grade)
+    )
+    return {"every_m": _COURSE_EVERY_M, "curvature": bends, "grade": slopes}
 
 
 def _oncoming(road: Road, *, is_marked: bool) -> Values | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -214,9 +215,8 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
     labelled = label(simulate(sample("motorway", 12, 1)))
     illegal = int(np.flatnonzero(labelled.findings.verdict[:, 2] == Verdict.ILLEGAL)[0])
     one = labelled.select(np.array([illegal]))
-    text = write_report(
-        synthetic_features(12), tmp_path, title="x", example=lambda _: one
-    ).path.read_text(encoding="utf-8")
+    made = write_report(synthetic_features(12), tmp_path, title="x", example=lambda _: one)
+    text = made.path.read_text(encoding="utf-8")
     (quoted, *_) = re.findall(r'<blockquote class="verdicts">(.*?)</blockquote>', text)
     broken = {
         rule
@@ -224,6 +224,20 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
         if one.findings.verdict[0, one.findings.rules.index(rule)] == Verdict.ILLEGAL
     }
     assert {*re.findall(r"the rule (\w+) was broken", quoted)} == broken
+
+
+def test_examples_run_in_a_page_beside_the_report(undrawn: None, tmp_path: Path):
+    one = label(simulate(sample("pinto2023-physical", 1, 1)))
+    frame = synthetic_features(12)
+    text = write_report(frame, tmp_path, title="x", example=lambda _: one).path.read_text()
+    assert '<iframe src="view.html#theme=light"' in text
+    (data,) = re.findall(r'id="data">(.*?)</script>', (tmp_path / files.VIEW).read_text())
+    told = json.loads(data)
+    assert len(told["simulations"]) == frame["CLASS"].nunique()
+    assert told["policy"] == "paper"
+    text = write_report(frame, tmp_path, title="x").path.read_text()
+    assert "<iframe" not in text
+    assert not (tmp_path / files.VIEW).exists()
 
 
 def test_progress_ends_at_its_end(undrawn: None, tmp_path: Path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import hashlib
 import itertools
 import json
@@ -19,14 +20,17 @@ from overtaking.core.errors import ConfigError
 from overtaking.knowledge import terms
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.labels.law.policies import STORED
+from overtaking.model.course import Course
 from overtaking.model.events import NEVER
+from overtaking.model.known_roads import known_road
 from overtaking.model.labels import Verdict
+from overtaking.model.line import Piece
 from overtaking.model.safety import MOMENTS
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.show.description import describe
 from overtaking.show.paragraphs import paragraphs
 from overtaking.show.view import write as writing
-from overtaking.show.view.pack import NEAR, pack
+from overtaking.show.view.pack import NEAR, course_of, pack
 from overtaking.show.view.page import THEMES, page, words
 
 if TYPE_CHECKING:
@@ -143,6 +147,26 @@ def test_times_to_collision_are_those_of_the_measures_of_safety(
                 assert inverse[frame] == pytest.approx(1 / max(time, 0.1), abs=1e-4)
                 seen += np.isfinite(time)
     assert seen > 10
+
+
+def test_a_road_that_bends_or_rises_says_so():
+    straight = known_road("town06")
+    line = (Piece(0.0, 0.0, 0.0, 200.0), Piece(200.0, 0.0, 0.0, 300.0, 0.004, 0.004))
+    road = dataclasses.replace(
+        straight,
+        x0=0.0,
+        y0=0.0,
+        heading=0.0,
+        length=500.0,
+        course=Course(line=line, grade=((0.0, 0.0), (500.0, 0.05))),
+    )
+    found = course_of(road)
+    assert found is not None
+    curvature, grade = (summed(found[name]) / 1e5 for name in ("curvature", "grade"))
+    assert curvature[10] == 0.0
+    assert curvature[60] == pytest.approx(0.004)
+    assert grade[50] == pytest.approx(0.025)
+    assert course_of(straight) is None
 
 
 def test_little_is_needed_of_a_recording(labelled: Labelled):
