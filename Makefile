@@ -66,8 +66,9 @@ test-ci: check-viewer  ## The tests that take long: kills, memory, Ray, CARLA, S
 test-qc: dev qc  ## Ask the checkers of ASAM for issues of exported files, in .venv-qc
 	$(BIN)/python -m pytest -m qc
 
+# What other tests import is not in .venv-rl, so pytest must not look at them.
 test-rl: rl  ## Train drivers and drive with them, in .venv-rl, which is some gigabytes large
-	$(RL)/bin/python -m pytest -m rl
+	$(RL)/bin/python -m pytest -m rl tests/rl
 
 test-all: test test-ci  ## All of that, then random properties, hostile sizes, soaks and mutations; hours
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m soak
