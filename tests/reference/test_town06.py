@@ -383,6 +383,32 @@ def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
         assert (ahead > 0.0).all()
 
 
+@pytest.mark.parametrize(
+    ("name", "ids"), [("Town04.xodr", ("41", "6", "45")), ("Town06.xodr", ("40", "71", "6"))]
+)
+def test_a_route_is_as_long_as_its_roads_and_lies_on_them(maps: Path, name: str, ids: tuple):
+    """Roads that lead to each other without a junction; some are drawn the other way round."""
+    road = load_road(maps / name, ",".join(ids))
+    assert road.name == f"{name.removesuffix('.xodr')} roads {', '.join(ids)}"
+    roads = [texts(maps / name)[one] for one in ids]
+    lengths = [float(one.attrib["length"]) for one in roads]
+    assert road.length == pytest.approx(sum(lengths), abs=0.1)
+    done = 0.0
+    for text, length in zip(roads, lengths, strict=True):
+        sign = -1 if text.find("lanes/laneSection/right/lane[@type='driving']") is not None else 1
+        stations = np.linspace(0.0, length, 7)[1:-1]
+        found = []
+        for station in stations:
+            lanes = [one for one in across(text, station, sign) if one[0] == "driving"]
+            for centre, (_, t, _, _) in zip(road.centres, reversed(lanes), strict=True):
+                s, d = road.road_coordinates(*placed(text, float(station), t))
+                assert d == pytest.approx(centre, abs=CENTIMETRE)
+            found.append(float(s))
+        expected = done + (stations if sign < 0 else length - stations)
+        np.testing.assert_allclose(found, expected, atol=0.1)
+        done += length
+
+
 # ---- by name or by file ----
 
 
