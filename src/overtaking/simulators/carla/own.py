@@ -28,6 +28,7 @@ from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.carla_server.motion import Steering
 from overtaking.world.clock import SUBSTEPS
 from overtaking.world.constants import Constants
+from overtaking.world.lanes import road_parameters
 from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
 
 TICK_MS = 50
@@ -128,9 +129,11 @@ class _Drive:
         """
         state, p = self._state, self._p
         _, sideways = road_velocity(state)
+        # In a bend the road turns away from under the vehicle, which is no push.
+        bend = state.vx * state.vx * state.curve
         curve = p.wheelbase / np.maximum(state.vx, c.slip_speed) ** 2 + p.understeer
         steered = np.where(p.two_wheeler > 0, state.wheel, state.wheel / curve)
-        pushed = (sideways - self._sideways) / TICK - steered
+        pushed = (sideways - self._sideways) / TICK + bend - steered
         self._sideways = sideways
         sound = np.clip(np.where(state.crashed > 0, 0.0, pushed), -MAX_PUSH, MAX_PUSH)
         self._pushed = self._pushed + (sound - self._pushed) * (TICK / float(c.wind_lag))
@@ -194,6 +197,8 @@ def check_interval(scenario: Scenario) -> None:
 def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: float = 1.0) -> None:
     """Copy CARLA's reading into the state, whose lateral axis points to the fast side.
 
+    Who comes the other way is in the frame of its own direction there, turned by half a turn.
+
     Args:
         state: Of one simulation, changed in place.
         reading: The vehicles.
@@ -202,10 +207,13 @@ def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: flo
     """
     side, v, a = scenario.road.side, faster, faster * faster
     filled = scenario.vehicles.valid[0]
+    road = road_parameters(scenario.road)
+    comes = scenario.start_lane[0] == scenario.road.num_lanes
+    turned = np.remainder(reading.psi + math.tau, math.tau) - math.pi
     values = {
-        "s": reading.s,
-        "d": side * reading.d,
-        "psi": side * reading.psi,
+        "s": np.where(comes, float(road.far_end) - reading.s, reading.s),
+        "d": np.where(comes, float(road.across) - side * reading.d, side * reading.d),
+        "psi": side * np.where(comes, turned, reading.psi),
         "vx": v * reading.along,
         "vy": v * side * reading.left,
         "r": v * side * reading.yaw_rate,

@@ -178,7 +178,8 @@ class _Replay:
         set_weather(carla, self.world, scenario)
         self._lamps = Lamps(carla, self._actors)
         here = self.world.get_map().get_waypoint(self._pose(int(Role.EGO), 0).location)
-        self._ground = here.transform.location.z if here else 0.0
+        start = float(self.run.road.height_at(self._station(int(Role.EGO), 0)))
+        self._ground = here.transform.location.z - start if here else 0.0
         for slot in np.flatnonzero(scenario.vehicles.valid[0]).tolist():
             self._spawn(slot)
 
@@ -248,8 +249,15 @@ class _Replay:
         x = float(states.x[0, slot, frame]) * METRES_PER_STEP - back * math.cos(heading)
         y = float(states.y[0, slot, frame]) * METRES_PER_STEP - back * math.sin(heading)
         is_there = bool(self.run.state_valid[0, slot, frame])
-        z = self._ground if is_there else _HIDDEN_DEPTH
-        return carla.Transform(carla.Location(x, -y, z), carla.Rotation(yaw=-math.degrees(heading)))
+        road, s = self.run.road, self._station(slot, frame)
+        slope = float(road.grade_at(s)) * math.cos(heading - float(road.heading_at(s)))
+        z = self._ground + float(road.height_at(s)) if is_there else _HIDDEN_DEPTH
+        turned = carla.Rotation(yaw=-math.degrees(heading), pitch=math.degrees(math.atan(slope)))
+        return carla.Transform(carla.Location(x, -y, z), turned)
+
+    def _station(self, slot: int, frame: int) -> float:
+        """Where along the road a vehicle was recorded [m]."""
+        return float(self.run.states.s[0, slot, frame]) * METRES_PER_STEP
 
     def _over(self, frame: int) -> Any:
         """Where a person looks at the ego from."""

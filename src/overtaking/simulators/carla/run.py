@@ -8,7 +8,6 @@ hangs or dies, it is ended and the simulation tried again in a fresh world.
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.simulators.carla import processes
-from overtaking.world.lanes import refuse_oncoming
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]
 
@@ -40,9 +39,7 @@ def simulate(scenario: Scenario) -> Trajectories:
 
     Raises:
         MissingExtraError: CARLA's client is not installed.
-        ConfigError: The server is not there, of another version, or has no such map; or others come
-            the other way.
+        ConfigError: The server is not there, of another version, or has no such map.
         SimulationLostError: Some could not be run in several attempts; the message names them.
     """
-    refuse_oncoming(scenario, "CARLA")
     return processes.simulate(scenario, DRIVER)

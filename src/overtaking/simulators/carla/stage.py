@@ -126,16 +126,26 @@ class CarlaStage:
         stage._listen()
         world.tick()
         for slot, actor in stage.actors.items():
-            actor.set_target_velocity(stage.velocity(float(speeds[slot])))
+            actor.set_target_velocity(stage.velocity(slot, float(speeds[slot])))
         return stage
 
     @property
     def _name(self) -> str:
         return f"simulation {int(self.scenario.index[0])}"
 
-    def velocity(self, speed: float) -> Any:
-        """A velocity along the road [m/s]."""
-        heading = self.scenario.road.heading
+    def comes(self, slot: int) -> bool:
+        """Whether a vehicle starts in the lane of oncoming traffic."""
+        return int(self.scenario.start_lane[0, slot]) == self.scenario.road.num_lanes
+
+    def heading(self, slot: int) -> float:
+        """Direction in which a vehicle starts, anticlockwise [rad]."""
+        start = float(self.scenario.start_s[0, slot])
+        turn = math.pi if self.comes(slot) else 0.0
+        return float(self.scenario.road.heading_at(start)) + turn
+
+    def velocity(self, slot: int, speed: float) -> Any:
+        """A velocity of a vehicle the way that it starts [m/s]."""
+        heading = self.heading(slot)
         return self.carla.Vector3D(speed * math.cos(heading), -speed * math.sin(heading), 0.0)
 
     def tick(self) -> Reading:
@@ -169,11 +179,13 @@ class CarlaStage:
         blueprint = blueprint_of(self.world, scenario, slot)
         blueprint.set_attribute("role_name", "hero" if slot == 0 else "scenario")
         road, lane = scenario.road, int(scenario.start_lane[0, slot])
-        s = float(scenario.start_s[0, slot]) - speed * TICK
-        x, y = (float(value) for value in road.world(s, road.centres[lane]))
-        turned = carla.Rotation(yaw=-math.degrees(road.heading))
+        before = -speed * TICK if self.comes(slot) else speed * TICK
+        s = float(scenario.start_s[0, slot]) - before
+        x, y = (float(value) for value in road.world(s, _all_centres(road)[lane]))
+        ground = float(road.height_at(s))
+        turned = carla.Rotation(yaw=-math.degrees(self.heading(slot)))
         for height in SPAWN_HEIGHTS:
-            place = carla.Transform(carla.Location(x, -y, height), turned)
+            place = carla.Transform(carla.Location(x, -y, ground + height), turned)
             actor = self.world.try_spawn_actor(blueprint, place)
             if actor is not None:
                 self.actors[slot] = actor
@@ -234,7 +246,7 @@ class CarlaStage:
         x = pose.location.x + cosine * offset[0] - sine * offset[1]
         y = -pose.location.y + sine * offset[0] + cosine * offset[1]
         s, d = (float(value) for value in road.road_coordinates(x, y))
-        row = [s, d, math.remainder(yaw - road.heading, math.tau)]
+        row = [s, d, math.remainder(yaw - float(road.heading_at(s)), math.tau)]
         for vector in (seen.get_velocity(), seen.get_acceleration()):
             ahead, aside = vector.x, -vector.y
             row += [ahead * cosine + aside * sine, aside * cosine - ahead * sine]
@@ -253,10 +265,24 @@ def _road_there(carla: Any, place: Any, road: Road) -> tuple[Road, float]:
         _lane_there(carla, place, road, lane, middle, float(d))
         for lane, d in zip(road.lanes, road.centres, strict=True)
     )
+    beyond = road.fast_side_neighbour
+    if beyond is not None and road.is_two_way:
+        d = float(_all_centres(road)[-1])
+        found = _lane_there(carla, place, road, beyond, middle, d)
+        # Its drivers look the other way: their left is the right of the road.
+        turned = {"left_mark": found.right_mark, "right_mark": found.left_mark}
+        road = dataclasses.replace(road, fast_side_neighbour=dataclasses.replace(found, **turned))
     end, last = 0.0, float(road.centres[0])
     while end + _LOOK <= road.length and _waypoint(carla, place, road, end + _LOOK, last):
         end += _LOOK
     return dataclasses.replace(road, lanes=lanes), end
+
+
+def _all_centres(road: Road) -> list[float]:
+    """`d` of the middle of each lane, that of oncoming traffic last [m]."""
+    beyond, edge = road.fast_side_neighbour, float(road.boundaries[-1])
+    other = [edge + road.side * 0.5 * beyond.width] if beyond is not None else []
+    return [*map(float, road.centres), *(other if road.is_two_way else [])]
 
 
 def _lane_there(carla: Any, place: Any, road: Road, lane: Lane, s: float, d: float) -> Lane:
@@ -285,7 +311,8 @@ def _lane_there(carla: Any, place: Any, road: Road, lane: Lane, s: float, d: flo
 def _waypoint(carla: Any, place: Any, road: Road, s: float, d: float) -> Any:
     """The waypoint at a point of our road, None if the map has no lane there."""
     x, y = (float(value) for value in road.world(s, d))
-    found = place.get_waypoint(carla.Location(x, -y, 0.0), project_to_road=True)
+    point = carla.Location(x, -y, float(road.height_at(s)))
+    found = place.get_waypoint(point, project_to_road=True)
     if found is None:
         return None
     there = found.transform.location

@@ -13,13 +13,18 @@ from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Lights
 from overtaking.model.weather import NO_PRESET
+from overtaking.recordings.opendrive_writer import covering, write_opendrive
 from overtaking.simulators.carla.library import CALL_TIME, LOAD_TIME
 
 TICK = 0.05
 """Length of a tick [s]: the interval of our drivers' decisions."""
 
 MAPS = {"town06": "Town06", "motorway": "motorway"}
-"""CARLA's map of each of our roads; only the headless server has the second."""
+"""CARLA's map of each of our roads; only the headless server has the second. Maps of roads that
+bend or have two directions are made of their OpenDRIVE."""
+
+_BEYOND = 2000.0
+"""How far such a map goes on before and behind a level road [m]."""
 
 _HIDDEN = ("police", "ambulance", "firetruck", "cybertruck", "microlino")
 """Vehicles with blue lights have rights of their own; the last two stand for no class."""
@@ -62,6 +67,8 @@ def fresh_world(client: Any, road: Road, *, delta: float = TICK) -> Any:
 
 def _loaded_world(client: Any, road: Road) -> Any:
     name = MAPS.get(road.name)
+    if name is None and (road.bends or road.is_two_way):
+        return client.generate_opendrive_world(write_opendrive(road_of_map(road)))
     here = client.get_world().get_map().name.rsplit("/", 1)[-1]
     if name is None or here == name:
         return client.reload_world()
@@ -75,6 +82,12 @@ def _loaded_world(client: Any, road: Road) -> Any:
             next_step="start a server that has it, or choose another road",
         )
     return client.load_world(name)
+
+
+def road_of_map(road: Road) -> Road:
+    """The road that a map is made of: a level one goes on, for who drives beyond its ends."""
+    is_level = road.course is None or not road.course.grade
+    return covering(road, -_BEYOND, road.length + _BEYOND) if is_level else road
 
 
 def synchronous(world: Any, *, delta: float = TICK) -> None:
