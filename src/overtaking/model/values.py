@@ -95,6 +95,7 @@ class Declaration:
             from this one if it begins with a dot. Empty if there is a value everywhere.
         needs: What must be known of a recording, names of `model.trajectory.UNKNOWNS`.
         names: Names of its codes, if it is an enumeration.
+        since: Version of the tables that its column came with.
         type: Its annotated type.
     """
 
@@ -106,6 +107,7 @@ class Declaration:
     present: str = ""
     needs: Sequence[str] = ()
     names: Sequence[str] = ()
+    since: int = 1
     type: Any = None
 
     @property
@@ -140,6 +142,7 @@ def within(
     is_open: bool = False,
     column: str | None = "{}",
     needs: Sequence[str] = (),
+    since: int = 1,
 ) -> Declaration:
     """Declaration of a field whose values have a range.
 
@@ -153,6 +156,7 @@ def within(
         is_open: Whether the smallest value itself is left out.
         column: See `meant`.
         needs: See `Declaration`.
+        since: See `Declaration`.
     """
     return Declaration(
         meaning=meaning,
@@ -161,6 +165,7 @@ def within(
         axes=axes,
         column=column,
         needs=needs,
+        since=since,
     )
 
 
@@ -172,6 +177,7 @@ def meant(
     present: str = "",
     needs: Sequence[str] = (),
     names: Sequence[str] = (),
+    since: int = 1,
 ) -> Declaration:
     """Declaration of a field without a range, such as a flag or a derived measure.
 
@@ -182,9 +188,16 @@ def meant(
         present: See `Declaration`.
         needs: See `Declaration`.
         names: See `Declaration`.
+        since: See `Declaration`.
     """
     return Declaration(
-        meaning=meaning, unit=unit, column=column, present=present, needs=needs, names=names
+        meaning=meaning,
+        unit=unit,
+        column=column,
+        present=present,
+        needs=needs,
+        names=names,
+        since=since,
     )
 
 

@@ -52,6 +52,7 @@ class Column:
         needs: Names among `model.trajectory.UNKNOWNS`. The column is null throughout in recordings
             that do not tell one of them.
         is_key: Whether it is one of the columns that identify a row.
+        since: Version of the tables that it came with; older tables do not have it.
     """
 
     field: pa.Field
@@ -61,6 +62,7 @@ class Column:
     nothing: int = 0
     needs: tuple[str, ...] = ()
     is_key: bool = False
+    since: int = 1
 
     @property
     def name(self) -> str:
@@ -85,6 +87,7 @@ def column(
     present: str = "",
     nothing: int = 0,
     is_key: bool = False,
+    since: int = 1,
 ) -> Column:
     """Declare a column.
 
@@ -100,6 +103,7 @@ def column(
         present: As in `Column`.
         nothing: As in `Column`.
         is_key: As in `Column`.
+        since: As in `Column`.
     """
     metadata = {"unit": unit, "description": meaning}
     if isinstance(kind, tuple):
@@ -114,6 +118,7 @@ def column(
         nothing=nothing,
         needs=tuple(needs),
         is_key=is_key,
+        since=since,
     )
 
 
@@ -189,6 +194,7 @@ def declared(
                 nullable=is_nullable,
                 present=present,
                 needs=[*needs, *one.needs],
+                since=one.since,
             )
         )
     return found
@@ -201,7 +207,8 @@ def _nested(path: str, cls: type[Batch], outer: Declaration) -> list[Column]:
         meaning = f"{one.field.metadata[b'description'].decode()}; {outer.meaning}"
         metadata = one.field.metadata | {b"description": meaning.encode()}
         field = one.field.with_name(f"{outer.column}_{one.name}").with_metadata(metadata)
-        found.append(dataclasses.replace(one, field=field))
+        since = max(one.since, outer.since)
+        found.append(dataclasses.replace(one, field=field, since=since))
     return found
 
 

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from overtaking.core.errors import SchemaError
 from overtaking.data.tables.arrow import column_to_numpy
 from overtaking.data.tables.digest import ContentDigest
-from overtaking.data.tables.schemas import FORMAT, KEYS, SCHEMAS, VERSION
+from overtaking.data.tables.schemas import FORMAT, KEYS, SCHEMAS, SINCE, VERSION
 
 T = TypeVar("T")
 
@@ -29,9 +29,6 @@ _DENSE = frozenset({"states"})
 _WIDENED = frozenset({("checks_blind_spot", pa.bool_())})
 """Columns that older versions hold in a narrower type: until version 3 a driver looked over the
 shoulder always or never."""
-
-_ADDED = frozenset({"intended"})
-"""Columns that came with version 3; they are null in older tables."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -291,8 +288,8 @@ def _version(metadata: dict[bytes, bytes]) -> int:
 def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
     for want in expected:
         have = got.field(want.name) if want.name in got.names else None
-        if have is None and want.name in _ADDED and _version(got.metadata or {}) < VERSION:
-            continue
+        if have is None and _version(got.metadata or {}) < SINCE.get(want.name, 0):
+            continue  # It is null in older tables.
         if have is not None and (have.name, have.type) in _WIDENED:
             continue
         if have is None or have.type != want.type:

@@ -38,8 +38,8 @@ from overtaking.model.weather import Weather
 FORMAT = "overtaking"
 """First part of the schema name in a file's metadata."""
 
-VERSION = 3
-"""Version of all schemas below; raised when a column is added, removed or changes its meaning."""
+CHANGED = 3
+"""Version in which a column was last removed or changed its meaning."""
 
 NUM_INDICATOR_BITS = int(Lights.BRAKE).bit_length() - 1
 """The lowest bits of `Lights` are the indicator's."""
@@ -261,7 +261,9 @@ _LABELS: dict[str, list[Column]] = {
         column("time", INT, "Time of that frame", "ms"),
         _optional("vehicle", BYTE, "Slot of the vehicle that it is about"),
         _optional("speed_change", FLOAT, "Change of the ego's speed by the first contact", "m/s"),
-        _optional("intended", BOOL, "Whether the ego's driver meant the attempt, if recorded"),
+        _optional(
+            "intended", BOOL, "Whether the ego's driver meant the attempt, if recorded", since=3
+        ),
     ],
     "labels": [
         _SIMULATION,
@@ -353,6 +355,12 @@ LABEL_TABLES = tuple(_LABELS)
 
 COLUMNS: dict[str, list[Column]] = _RECORDED | _LABELS
 """The columns of each table, by the name of its folder; `KEYS` and `SCHEMAS` follow from them."""
+
+SINCE = {one.name: one.since for columns in COLUMNS.values() for one in columns}
+"""The version that each column came with."""
+
+VERSION = max(CHANGED, *SINCE.values())
+"""Version of all schemas; it rises when a column is added, removed or changes its meaning."""
 
 KEYS = {
     table: tuple(one.name for one in columns if one.is_key) for table, columns in COLUMNS.items()
