@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from pathlib import Path
@@ -202,6 +203,13 @@ def test_the_network_of_the_examples_overtakes_and_signals_before(repository: Pa
     moves = runs.actions.values[:, :, 0]
     for one, first in zip(*np.nonzero(moves == ot.Move.PULL_OUT), strict=True):
         assert (moves[one, max(first - 40, 0) : first] != ot.Move.KEEP).any()
+
+
+def test_the_table_of_the_benchmark_names_the_network_that_is_shipped(repository: Path):
+    """A row of another file would be of another driver."""
+    network = (repository / "examples" / "rl" / "learned.onnx").read_bytes()
+    page = (repository / "docs" / "how-to" / "evaluate-a-driver.md").read_text("utf-8")
+    assert f"SHA-256 `{hashlib.sha256(network).hexdigest()[:16]}`" in page
 
 
 def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):

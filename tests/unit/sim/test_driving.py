@@ -225,7 +225,7 @@ def fails(seen: ot.Observation) -> np.ndarray:
 
 
 def names_wrongly(seen: ot.Observation) -> np.ndarray:
-    return seen.of("speeed")
+    return seen.of("speeds")
 
 
 def sometimes_nan(seen: ot.Observation) -> np.ndarray:
@@ -243,7 +243,7 @@ def changes_its_mind(seen: ot.Observation) -> np.ndarray:
     [
         (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError in .*: of"),
         (fails, f"in test_driving.py, line {fails.__code__.co_firstlineno + 1}: of mine"),
-        (names_wrongly, "KeyError in .*no number of the ego is named speeed.* speed"),
+        (names_wrongly, "KeyError in .*no number of the ego is named speeds; near are speed"),
         (lambda seen: seen.of("speed", "lead"), "named speed; the ego has it: leave out"),
         (lambda seen: seen.of("gap"), "number of the ego is named gap; a neighbour has it: name"),
         (lambda seen: seen.of("gap", "left_lead"), "no role is named left_lead.* fast_lead"),
