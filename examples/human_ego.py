@@ -14,7 +14,16 @@ import overtaking as ot
 from overtaking.core.elementary import Mask, exp, maximum, minimum
 from overtaking.model.observation import ROLES
 from overtaking.model.trajectory import Stage
-from overtaking.sim.reference.ego import View, may_pull_out, may_return, must_abort, wants_to_pass
+from overtaking.sim.reference.ego import (
+    View,
+    has_room_behind,
+    may_pull_out,
+    may_return,
+    may_squeeze,
+    must_abort,
+    wants_to_pass,
+)
+from overtaking.sim.reference.passing import Outlook, may_meet
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
 from overtaking.world.parameters import Parameters, parameters
 
@@ -36,7 +45,8 @@ class HumanEgo:
         start, back = self.starts(seen, view, looks), self.returns(seen, view, looks)
         signalled = seen.of("signalled") + self.given.constants.decision
         sure = (looks & (seen.of("contested") == 0)) | view.told
-        now = (signalled > seen.driver.signal_time) & sure
+        shown = signalled > seen.driver.signal_time
+        now = (shown | ((seen.of("hurries") > 0) & back)) & sure
         out = np.where(now, ot.Move.PULL_OUT, ot.Move.SHOW_OUT)
         home = np.where(now, ot.Move.RETURN, ot.Move.SHOW_BACK)
         move = np.where(start, out, np.where(back, home, ot.Move.KEEP))
@@ -71,8 +81,27 @@ class HumanEgo:
         free = (seen.of("stage") == Stage.FOLLOW) & (seen.of("can_go_out") > 0)
         rested = seen.of("since_change") >= self.given.constants.abort_cooldown
         wants = wants_to_pass(self.given, view) & may_pull_out(self.given, view)
+        if self.given.road.two_way:
+            wants &= self.may_meet(seen, view)
         wants = np.where(view.told, view.ordered, wants)
         return free & rested & np.where(looks | view.told, wants, seen.of("wanted") > 0)
+
+    def may_meet(self, seen: ot.Observation, view: View) -> Mask:
+        """Whether the lane of oncoming traffic is believed to be free for long enough."""
+        comes = seen.of("detected", "oncoming") > 0
+        far = self.given.constants.oncoming_range
+        ahead = Outlook(
+            gap=view.gap[LEAD],
+            leader=view.leader_speed,
+            length=seen.of("length", "lead"),
+            room=seen.of("room"),
+            seen=minimum(np.where(comes, seen.of("gap", "oncoming"), far), seen.of("sight")),
+            closing=np.where(comes, seen.of("closing", "oncoming"), seen.of("expected")),
+            sure=seen.of("sure") > 0,
+            solid=seen.of("solid") > 0,
+        )
+        q = self.given.of_simulations
+        return may_meet(self.given, view.own, q, view.speed, view.impatience, ahead)
 
     def returns(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to signal to return: past the other, or stuck beside it for too long."""
@@ -81,15 +110,23 @@ class HumanEgo:
         stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
         rested = seen.of("since_change") >= c.abort_cooldown
         passed = seen.of("passed") > 0
-        wants = np.where(view.told, passed, may_return(self.given, view) & (passed | stuck))
+        may = may_return(self.given, view) & (passed | stuck)
+        if self.given.road.two_way:
+            room = may_squeeze(self.given, self.given.of_simulations, view)
+            squeezes = (seen.of("hurries") > 0) & room & passed
+            may, rested = may | squeezes, rested | squeezes
+        wants = np.where(view.told, passed, may)
         return passes & np.where(looks | view.told, wants & rested, seen.of("wanted") < 0)
 
     def aborts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
-        """Whether to give up the lane change: the lane being entered has turned dangerous."""
+        """Whether to give up: the lane being entered has turned dangerous, or somebody comes."""
+        falls_in = (seen.of("yields") > 0) & (seen.of("can_fall_in") > 0)
+        falls_in &= has_room_behind(self.given, view)
         out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
+        home &= not self.given.road.two_way  # The lane of others is no place to stay.
         danger = np.where(seen.of("stage") == Stage.PULL_OUT, out, home)
-        return looks & ~view.told & danger & (seen.of("can_abort") > 0)
+        return falls_in | (looks & ~view.told & danger & (seen.of("can_abort") > 0))
 
 
 def main() -> None:

@@ -302,6 +302,9 @@ def own_fields() -> list[str]:
 def around_fields() -> list[str]:
     """Names of what a driver observes of each neighbour, in order."""
 
+def meeting_fields() -> list[str]:
+    """Names of what a driver observes about oncoming traffic, in order."""
+
 class Stepper:
     """A batch that waits at every decision for what another driver orders."""
 

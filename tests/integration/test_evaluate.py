@@ -17,7 +17,7 @@ from overtaking.analysis.evaluation.endpoints import EVERY, PRIMARY
 from overtaking.analysis.evaluation.words import warnings
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, PolicyError
-from overtaking.model.observation import WIDTH
+from overtaking.model.observation import MEETING, WIDTH
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -164,16 +164,16 @@ def network(path: Path, width: int = WIDTH) -> Callable[[ot.Observation], np.nda
     onnx.save(helper.make_model(graph, opset_imports=opset, ir_version=9), path)
 
     def same(seen: ot.Observation) -> np.ndarray:
-        around = seen.around.reshape(len(seen.own), -1)
-        return np.concatenate([seen.own, around], axis=1) @ weights
+        return seen.table[:, :width] @ weights
 
     return same
 
 
-def test_a_network_in_a_file_drives_as_the_same_function(tmp_path):
+@pytest.mark.parametrize("width", [WIDTH, WIDTH - len(MEETING)])
+def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
     pytest.importorskip("onnxruntime")
     path = tmp_path / "linear.onnx"
-    same = network(path)
+    same = network(path, width)
     driver = api.driver_of(str(path), "truth", action="accel_lane", hold=4)
     assert driver.digest
     scenes = ot.sample("pinto2023-physical", 8, 1, overrides=SHORT)

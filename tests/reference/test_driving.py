@@ -10,7 +10,7 @@ from examples.mobil_driver import MobilDriver
 from overtaking import _core
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions
 from overtaking.model.decision import Decision
-from overtaking.model.observation import AROUND, OWN, ROLES, WIDTH
+from overtaking.model.observation import AROUND, MEETING, OWN, ROLES, WIDTH, parted
 from overtaking.model.trajectory import Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profile_names, sample, spec
@@ -91,14 +91,18 @@ def test_both_engines_observe_the_same_bits(kind, profile, is_true):
 def test_the_numbers_of_an_observation_have_their_names():
     assert _core.own_fields() == list(OWN)
     assert _core.around_fields() == list(AROUND)
+    assert _core.meeting_fields() == list(MEETING)
     given = parameters(scenes(3))
     table, runs = stepper(given, "accel_lane", is_true=True).begin()
-    assert table.shape == (3, WIDTH) == (3, len(OWN) + len(ROLES) * len(AROUND))
+    assert table.shape == (3, WIDTH)
+    assert len(OWN) + len(ROLES) * len(AROUND) + len(MEETING) == WIDTH
     assert runs.all()
-    around = table[:, len(OWN) :].reshape(3, len(ROLES), len(AROUND))
-    empty = dict(zip(AROUND, around[0, -1], strict=True))
-    assert empty.pop("gap") == given.constants.unseen_gap
-    assert not any(empty.values())
+    _, around, meeting = parted(table)
+    for role in ("oncoming", "behind_oncoming"):
+        empty = dict(zip(AROUND, around[0, ROLES.index(role)], strict=True))
+        assert empty.pop("gap") == given.constants.unseen_gap
+        assert not any(empty.values())
+    assert not meeting.any()
 
 
 HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")

@@ -18,7 +18,6 @@ from overtaking.model.trajectory import Lights, Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
-from overtaking.sim.stepping import stepper
 from overtaking.world.parameters import SIMULATION_FIELDS, parameters
 
 from .situations import difference
@@ -188,12 +187,6 @@ def test_no_arrival_is_missing_within_sight():
     sight = np.minimum(world.road.sight(ego), 1000.0)
     missing = (last - ego < sight) & run.frame_valid & full[:, None]
     assert not missing.any()
-
-
-def test_a_policy_does_not_drive_among_oncoming_traffic():
-    given = parameters(scenario(pair(500.0), road=road()))
-    with pytest.raises(ConfigError, match="oncoming traffic"):
-        stepper(given, "accel_lane", is_true=True)
 
 
 def test_lanes_of_different_widths_are_refused():

@@ -138,6 +138,7 @@ struct Meeting<S: Simd> {
     falls_in: M<S>,
 }
 
+/// What oncoming traffic lets the ego do, remembered.
 #[inline(always)]
 fn meet<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
@@ -150,6 +151,9 @@ fn meet<S: Simd, const N: usize>(
     let leader = (view.gap[LEAD], view.leader_speed);
     let may_go = may_meet(state, w, near, oncoming, leader, view.impatience);
     let plight = weigh(state, w, oncoming);
+    let (one, zero) = (splat(w.simd, 1.0), splat(w.simd, 0.0));
+    state.yields = choose(plight.yields, one, zero);
+    state.hurries = choose(plight.hurries, one, zero);
     let rear = view.gap[SLOW_REAR];
     let steady = splat(w.simd, 0.0);
     let closing = view.closing[SLOW_LEAD];
@@ -221,11 +225,10 @@ pub fn decide<S: Simd, const N: usize>(
     };
     wait(state, w, &view);
     let two_way = w.road.ways.two_way;
+    // How it stands to oncoming traffic counts for its pedals and haste, whoever decides.
+    let meets = two_way.then(|| meet(state, w, near, &view, mind.oncoming));
     let intent = match orders {
-        None => {
-            let meets = two_way.then(|| meet(state, w, near, &view, mind.oncoming));
-            intend(state, w, &view, mind.looks, mind.waits, meets.as_ref())
-        }
+        None => intend(state, w, &view, mind.looks, mind.waits, meets.as_ref()),
         Some(orders) => orders::obey(state, w, orders),
     };
     let oncoming = two_way.then_some(mind.oncoming);
@@ -376,7 +379,7 @@ fn intend<S: Simd, const N: usize>(
     let mut remain = can_remain(state, w) & danger;
     let mut back_now = ready;
     if let Some(meets) = meets {
-        back_now |= meets.hurries;
+        back_now = (back_now | meets.hurries) & !meets.falls_in;
         abort |= meets.falls_in;
         // The other lane is no place to stay.
         remain &= !remain;

@@ -4,8 +4,10 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::ego::{can_abort, can_remain, faster, has_arrived, has_passed, is_behind, is_told};
-use crate::lanes::{M, V, choose, pick_each, splat};
+use crate::lanes::{M, V, at_most, choose, pick_each, splat};
+use crate::oncoming::{Oncoming, look_beyond, usual_closing};
 use crate::orders::{can_go_back, can_go_out};
+use crate::passing::{can_fall_in, is_solid, room_ahead, weigh};
 use crate::state::{EGO, LEAD, ROLES, State, World};
 use crate::step::Mind;
 
@@ -53,11 +55,20 @@ columns! {
     }
 }
 
-/// Roles that there is room for; two of them are empty as long as no traffic comes the other way.
+columns! {
+    /// What a driver knows about oncoming traffic, in order; zero on roads of one direction.
+    MEETING_NAMES, Meeting {
+        sight, sure, expected, room, solid, hurries, yields, can_fall_in,
+    }
+}
+
+/// Roles that there is room for; the last two are of who comes the other way.
 pub const ROLES_OBSERVED: usize = 8;
 
+const AROUND_WIDTH: usize = ROLES_OBSERVED * AROUND_NAMES.len();
+
 /// Numbers of a simulation.
-pub const WIDTH: usize = OWN_NAMES.len() + ROLES_OBSERVED * AROUND_NAMES.len();
+pub const WIDTH: usize = OWN_NAMES.len() + AROUND_WIDTH + MEETING_NAMES.len();
 
 /// The numbers of every simulation of a block.
 pub type Table<S> = [V<S>; WIDTH];
@@ -69,20 +80,28 @@ pub fn observe<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
     source: Source,
+    decision: usize,
 ) -> Table<S> {
     let mut table = [splat(w.simd, 0.0); WIDTH];
-    let (own, around) = table.split_at_mut(OWN_NAMES.len());
+    let (own, rest) = table.split_at_mut(OWN_NAMES.len());
+    let (around, meeting) = rest.split_at_mut(AROUND_WIDTH);
     own_columns(state, w, mind).write(own);
-    for (role, columns) in around.chunks_exact_mut(AROUND_NAMES.len()).enumerate() {
-        let seen = if role < ROLES {
-            match source {
-                Source::Human => believed(state, w, mind, role),
-                Source::Truth => real(state, w, mind, role),
-            }
-        } else {
-            no_neighbour(w)
+    let (beside, ahead) = around.split_at_mut(ROLES * AROUND_NAMES.len());
+    for (role, columns) in beside.chunks_exact_mut(AROUND_NAMES.len()).enumerate() {
+        let seen = match source {
+            Source::Human => believed(state, w, mind, role),
+            Source::Truth => real(state, w, mind, role),
         };
-        neighbour(state, w, mind, role.min(ROLES - 1), seen).write(columns);
+        neighbour(state, w, mind, role, seen).write(columns);
+    }
+    let (near, first) = (mind.near, mind.oncoming);
+    let mut who = [Oncoming::nobody(w.simd); 2];
+    if w.road.ways.two_way {
+        who = [*first, look_beyond(state, w, near, first, decision)];
+        meets(state, w, mind).write(meeting);
+    }
+    for (who, columns) in who.iter().zip(ahead.chunks_exact_mut(AROUND_NAMES.len())) {
+        comes(state, w, who, source).write(columns);
     }
     table
 }
@@ -178,14 +197,70 @@ fn real<S: Simd, const N: usize>(
     }
 }
 
+/// What there is to know of somebody who comes the other way.
 #[inline(always)]
-fn no_neighbour<S: Simd, const N: usize>(w: &World<'_, S, N>) -> Seen<S> {
+fn comes<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    who: &Oncoming<S>,
+    source: Source,
+) -> Around<S> {
     let zero = splat(w.simd, 0.0);
-    Seen {
-        detected: zero.simd_ne(zero),
-        gap: splat(w.simd, w.c.unseen_gap),
-        closing: zero,
-        accel: zero,
+    let [
+        speed,
+        accel,
+        lateral,
+        indicator,
+        half_length,
+        truck,
+        two_wheeler,
+    ] = pick_each!(w.count, who.slot, |j| [
+        state.road_velocity(j).0,
+        state.a_lon[j],
+        state.d[j],
+        state.indicator[j],
+        w.p[j].half_length,
+        w.p[j].truck,
+        w.p[j].two_wheeler
+    ]);
+    let own = state.road_velocity(EGO).0;
+    let (detected, gap, closing, accel) = match source {
+        Source::Human => (who.detected, who.believed_gap, who.closing, zero),
+        Source::Truth => (who.slot.simd_ge(0.0), who.gap, own + speed, accel),
+    };
+    let known = |value| choose(detected, value, zero);
+    Around {
+        detected: flag(w.simd, detected),
+        gap: choose(detected, gap, splat(w.simd, w.c.unseen_gap)),
+        closing: known(closing),
+        accel: known(accel),
+        aside: known((w.road.ways.across - lateral) - state.d[EGO]),
+        indicator: known(-indicator),
+        brake_lamp: zero,
+        length: known(2.0 * half_length),
+        truck: known(truck),
+        two_wheeler: known(two_wheeler),
+    }
+}
+
+/// How the ego stands to oncoming traffic.
+#[inline(always)]
+fn meets<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    mind: Mind<'_, S>,
+) -> Meeting<S> {
+    let flag = |mask| flag(w.simd, mask);
+    let plight = weigh(state, w, mind.oncoming);
+    Meeting {
+        sight: mind.oncoming.sight,
+        sure: flag(mind.oncoming.sure),
+        expected: usual_closing(state, w, EGO),
+        room: at_most(room_ahead(state, w, mind.near.slot[LEAD]), w.c.unseen_gap),
+        solid: flag(is_solid(state, w)),
+        hurries: flag(plight.hurries),
+        yields: flag(plight.yields),
+        can_fall_in: flag(can_fall_in(state, w)),
     }
 }
 

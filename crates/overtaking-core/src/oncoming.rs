@@ -63,47 +63,137 @@ pub fn look_ahead<S: Simd, const N: usize>(
     i: usize,
     decision: usize,
 ) -> Oncoming<S> {
-    let (c, q, p) = (w.c, &w.q, &w.p[i]);
+    let (c, q) = (w.c, &w.q);
     let zero = splat(w.simd, 0.0);
-    let (slot, nearest, in_lane) = nearest(state, w, bodies, i);
-    let [half, contrast, lamp, width, two_wheeler, their_vx] = pick_each!(w.count, slot, |j| [
-        w.p[j].half_length,
-        w.p[j].contrast,
-        w.p[j].inverse_head_lamp,
-        w.p[j].loom_width,
-        w.p[j].two_wheeler,
-        state.vx[j]
-    ]);
-    let true_gap = nearest - (half + p.half_length);
-    let leader_speed = pick!(w.count, near.slot[LEAD], |j| state.vx[j]);
-    let depths = optical_depth(state, w, near, leader_speed, i);
-    let effort = strain(w, contrast, lamp, true_gap, depths);
-    let range = splat(w.simd, c.oncoming_range);
-    let (sight, reach) = if i == EGO {
-        let sight = sight(state, w, near);
-        (sight, min(range, sight))
+    let found = nearest(state, w, bodies, i, splat(w.simd, NOBODY));
+    let sight = if i == EGO {
+        sight(state, w, near)
     } else {
-        (zero, range)
+        zero
     };
-    let visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & true_gap.simd_lt(reach);
+    let view = look_at(state, w, near, i, found.0, found.1, sight);
+    let effort = view.effort;
     let needed = q.detection_time * (1.0 + c.detection_growth * (effort * effort * effort));
-    let needed = choose(visible, needed, q.detection_time);
-    let seen = choose(visible, slot, splat(w.simd, NOBODY));
+    let needed = choose(view.visible, needed, q.detection_time);
+    let seen = choose(view.visible, found.0, splat(w.simd, NOBODY));
     let same = seen.simd_eq(state.oncoming_id[i]);
     let longer = choose(same, state.oncoming_time[i] + c.decision, zero);
     let first = state.oncoming_id[i].simd_eq(UNKNOWN);
     state.oncoming_time[i] = choose(first, splat(w.simd, c.seen_before), longer);
     state.oncoming_id[i] = seen;
     let sure = state.oncoming_time[i].simd_ge(needed);
-    let detected = visible & sure;
+    judged(state, w, i, found, sight, &view, sure, decision)
+}
+
+/// Who comes behind the nearest, and what the ego would believe of it: our drivers decide by the nearest
+/// alone, another driver is told of the next one. It is noticed with the nearest, where it can be seen.
+#[inline(always)]
+pub fn look_beyond<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    near: &Neighbours<S>,
+    first: &Oncoming<S>,
+    decision: usize,
+) -> Oncoming<S> {
+    let bodies = core::array::from_fn(|j| {
+        if j < w.count {
+            Body::new(state, w, j)
+        } else {
+            Body::nothing(w.simd)
+        }
+    });
+    let found = nearest(state, w, &bodies, EGO, first.slot);
+    let view = look_at(state, w, near, EGO, found.0, found.1, first.sight);
+    judged(
+        state,
+        w,
+        EGO,
+        found,
+        first.sight,
+        &view,
+        first.detected,
+        decision,
+    )
+}
+
+/// Whether an oncomer can be seen.
+struct Glimpse<S: Simd> {
+    /// Half of the lengths of both [m].
+    reach: V<S>,
+    gap: V<S>,
+    effort: V<S>,
+    visible: M<S>,
+}
+
+/// What there is to see of an oncomer in a slot, at a distance.
+#[inline(always)]
+fn look_at<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    near: &Neighbours<S>,
+    i: usize,
+    slot: V<S>,
+    distance: V<S>,
+    sight: V<S>,
+) -> Glimpse<S> {
+    let [half, contrast, lamp] = pick_each!(w.count, slot, |j| [
+        w.p[j].half_length,
+        w.p[j].contrast,
+        w.p[j].inverse_head_lamp
+    ]);
+    let reach = half + w.p[i].half_length;
+    let gap = distance - reach;
+    let leader_speed = pick!(w.count, near.slot[LEAD], |j| state.vx[j]);
+    let depths = optical_depth(state, w, near, leader_speed, i);
+    let effort = strain(w, contrast, lamp, gap, depths);
+    let range = splat(w.simd, w.c.oncoming_range);
+    let far = if i == EGO { min(range, sight) } else { range };
+    Glimpse {
+        reach,
+        gap,
+        effort,
+        visible: slot.simd_ge(0.0) & effort.simd_le(1.0) & gap.simd_lt(far),
+    }
+}
+
+/// Speed of approach that driver `i` expects of who comes.
+#[inline(always)]
+pub fn usual_closing<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> V<S> {
+    state.road_velocity(i).0 + w.q.usual_speed
+}
+
+/// What driver `i` believes of an oncomer that it sees, and is `sure` of.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn judged<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    (slot, _, in_lane): (V<S>, V<S>, M<S>),
+    sight: V<S>,
+    view: &Glimpse<S>,
+    sure: M<S>,
+    decision: usize,
+) -> Oncoming<S> {
+    let (c, q, p) = (w.c, &w.q, &w.p[i]);
+    let [width, two_wheeler, their_vx] = pick_each!(w.count, slot, |j| [
+        w.p[j].loom_width,
+        w.p[j].two_wheeler,
+        state.vx[j]
+    ]);
+    let detected = view.visible & sure;
     let (own_speed, _) = state.road_velocity(i);
-    let urgent = true_gap.simd_lt(c.urgent_time * (own_speed + their_vx));
+    let urgent = view.gap.simd_lt(c.urgent_time * (own_speed + their_vx));
     let ticks = choose(urgent, p.urgent_ticks, p.reaction_ticks);
     let at = splat(w.simd, decision as f32);
     let then = at_least(at - ticks, 0.0);
     let (place, speed) = recall(state, w.simd, row_of(then), slot);
     let place = place + speed * ((at - then) * c.decision);
-    let gap = (w.road.ways.far_end - place) - state.s[i] - (half + p.half_length);
+    let gap = (w.road.ways.far_end - place) - state.s[i] - view.reach;
     let closing = own_speed + speed;
     let distance = at_least(gap, NEAREST);
     let expansion = width * closing.abs() / (distance * distance);
@@ -118,10 +208,11 @@ pub fn look_ahead<S: Simd, const N: usize>(
     );
     let judged = exp(q.oncoming_error * state.distance_error[i]) * small;
     let sensed = closing * (1.0 + share * (q.speed_error * state.speed_error[i]));
-    let habit = own_speed + q.usual_speed;
+    let habit = usual_closing(state, w, i);
+    let range = splat(w.simd, c.oncoming_range);
     Oncoming {
         slot,
-        gap: true_gap,
+        gap: view.gap,
         in_lane,
         detected,
         sure,
@@ -138,6 +229,7 @@ fn nearest<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     bodies: &[Body<S>; N],
     i: usize,
+    but: V<S>,
 ) -> (V<S>, V<S>, M<S>) {
     let (c, road, own) = (w.c, w.road, &w.p[i]);
     let (low, high) = lane_borders(w, state.lane[i], 0.0);
@@ -168,6 +260,7 @@ fn nearest<S: Simd, const N: usize>(
         let inside = comes | (above & low_side.simd_lt(high - c.corridor_margin));
         let watched = comes | (above & low_side.simd_lt(to - c.corridor_margin));
         let nearer = opposed & watched & ahead.simd_ge(0.0) & ahead.simd_lt(nearest);
+        let nearer = nearer & but.simd_ne(j as f32);
         slot = choose(nearer, splat(w.simd, j as f32), slot);
         nearest = choose(nearer, ahead, nearest);
         in_lane = (nearer & inside) | (!nearer & in_lane);

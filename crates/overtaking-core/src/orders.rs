@@ -5,6 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::ego::{Intent, can_abort, can_remain, has_arrived, has_passed, in_stage, signal};
 use crate::lanes::{LANES, M, V, choose, splat};
+use crate::passing::can_fall_in;
 use crate::state::{EGO, State, World, stage};
 
 /// Numbers of an action.
@@ -161,12 +162,16 @@ pub fn obey<S: Simd, const N: usize>(
         let shown = state.signalled.simd_gt(w.p[EGO].signal_time);
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
     };
+    let mut gives_up = can_abort(state, w);
+    if w.road.ways.two_way && orders.code().is_some() {
+        gives_up |= can_fall_in(state, w);
+    }
     Intent {
         start,
         back,
         go_out: start & now,
         go_back: back & now,
-        abort: can_abort(state, w) & drops_out,
+        abort: gives_up & drops_out,
         remain: can_remain(state, w) & drops_back,
         passed: has_passed(state, w),
         arrived: has_arrived(state),

@@ -71,13 +71,13 @@ pub fn may_meet<S: Simd, const N: usize>(
     let returns = (own.return_time_gap * impatience + c.fit_share * own.time_gap) * leader;
     let room = room_ahead(state, w, near.slot[LEAD]);
     let room = room.simd_gt(2.0 * own.half_length + c.squeeze_gap + returns);
-    let solid = is_solid(state, w, c.line_ahead * speed);
+    let solid = is_solid(state, w);
     enough & oncoming.sure & room & !(solid & q.heeds_lines.simd_gt(0.0))
 }
 
 /// Gap between the vehicle in a slot and the one ahead of it.
 #[inline(always)]
-fn room_ahead<S: Simd, const N: usize>(
+pub fn room_ahead<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     slot: V<S>,
@@ -100,13 +100,10 @@ fn room_ahead<S: Simd, const N: usize>(
     room
 }
 
-/// Whether the line is not to be crossed here, or a way ahead.
+/// Whether the line is not to be crossed where the ego is, or soon will be.
 #[inline(always)]
-fn is_solid<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    ahead: V<S>,
-) -> M<S> {
+pub fn is_solid<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
+    let ahead = w.c.line_ahead * state.vx[EGO];
     let [stations, solid] = &w.road.ways.line;
     let at = |place: V<S>| {
         let mut here = splat(w.simd, 0.0);
@@ -128,23 +125,18 @@ pub struct Plight<S: Simd> {
     pub fits: M<S>,
 }
 
-/// Whether the ego goes on with its pass, and how; remembers it.
+/// Whether the ego goes on with its pass, and how.
 #[inline(always)]
 pub fn weigh<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
+    state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     oncoming: &Oncoming<S>,
 ) -> Plight<S> {
     let (c, own) = (w.c, &w.p[EGO]);
-    let out = in_stage(state, stage::PULL_OUT) | in_stage(state, stage::PASS);
-    let [other, place, half_length] = pick_each!(w.count, state.target, |j| [
-        state.road_velocity(j).0,
-        state.s[j],
-        w.p[j].half_length
-    ]);
+    let out = is_passing(state);
+    let other = pick!(w.count, state.target, |j| state.road_velocity(j).0);
     let speed = state.road_velocity(EGO).0;
-    let lead = place - state.s[EGO];
-    let bodies = own.half_length + half_length + c.squeeze_gap;
+    let (lead, bodies) = to_fall_in(state, w);
     let faster = speed - other;
     let top = top_speed(own, c.passing_surplus, other) - other;
     let aside = 0.5 * w.q.hasty_change;
@@ -166,14 +158,36 @@ pub fn weigh<S: Simd, const N: usize>(
     let yields = (gives_up | trapped | state.yields.simd_gt(0.0)) & out;
     let hurries =
         (out | in_stage(state, stage::RETURN)) & !yields & (there - rest).simd_lt(c.calm_margin);
-    let (one, zero) = (splat(w.simd, 1.0), splat(w.simd, 0.0));
-    state.yields = choose(yields, one, zero);
-    state.hurries = choose(hurries, one, zero);
     Plight {
         yields,
         hurries,
         fits: lead.simd_gt(bodies),
     }
+}
+
+/// Whether the ego is on its way past another.
+#[inline(always)]
+fn is_passing<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
+    in_stage(state, stage::PULL_OUT) | in_stage(state, stage::PASS)
+}
+
+/// Whether the ego of a two-way road can give up its pass: it is behind who is overtaken.
+#[inline(always)]
+pub fn can_fall_in<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
+    let (lead, bodies) = to_fall_in(state, w);
+    is_passing(state) & lead.simd_gt(bodies)
+}
+
+/// How far ahead the target is, and has to be for the ego to fall in behind it [m].
+#[inline(always)]
+fn to_fall_in<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+) -> (V<S>, V<S>) {
+    let [place, half_length] =
+        pick_each!(w.count, state.target, |j| [state.s[j], w.p[j].half_length]);
+    let bodies = w.p[EGO].half_length + half_length + w.c.squeeze_gap;
+    (place - state.s[EGO], bodies)
 }
 
 /// The acceleration that an ego in the other lane does not go beyond: falling back, or fitting in

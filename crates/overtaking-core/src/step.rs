@@ -244,10 +244,13 @@ pub fn drive_ego<S: Simd, const N: usize>(
     orders: Option<&Orders<S>>,
 ) {
     outlined!(w.simd, {
+        let two_way = w.road.ways.two_way;
+        // It flashes, whoever has the pedals.
+        let gives_way = two_way.then(|| give_way(state, w, EGO, mind.oncoming));
         let wanted = orders.and_then(Orders::accel).unwrap_or_else(|| {
             let mut leader = control::behind_leader(state, w, EGO, mind.believed);
-            if w.road.ways.two_way {
-                leader = min(leader, give_way(state, w, EGO, mind.oncoming));
+            if let Some(most) = gives_way {
+                leader = min(leader, most);
                 leader = min(
                     leader,
                     held_back(state, w, mind.near, mind.oncoming, mind.believed),

@@ -403,7 +403,9 @@ impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
             perceive(state, world, minds, self.step, true);
             if let Some((source, places, rows)) = &mut rows {
                 let mind = minds.of_ego();
-                let table: Table<S> = outlined!(world.simd, observe(state, world, mind, *source));
+                let decision = (self.step / SUBSTEPS) as usize;
+                let table: Table<S> =
+                    outlined!(world.simd, observe(state, world, mind, *source, decision));
                 for lane in (0..LANES).filter(|lane| recorder.is_busy(*lane)) {
                     let Some((row, runs)) = &mut rows[places[simulations[lane]]] else {
                         continue;

@@ -286,6 +286,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(num_threads, module)?)?;
     module.add_function(wrap_pyfunction!(stepper::own_fields, module)?)?;
     module.add_function(wrap_pyfunction!(stepper::around_fields, module)?)?;
+    module.add_function(wrap_pyfunction!(stepper::meeting_fields, module)?)?;
     module.add_class::<stepper::Stepper>()?;
     module.add_class::<hash::Hash>()?;
     module.add_class::<canvas::Canvas>()?;

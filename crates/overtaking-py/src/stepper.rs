@@ -7,7 +7,7 @@ use std::thread::{JoinHandle, spawn};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyUntypedArrayMethods, ToPyArray};
-use overtaking_core::observation::{AROUND_NAMES, OWN_NAMES, Source, WIDTH};
+use overtaking_core::observation::{AROUND_NAMES, MEETING_NAMES, OWN_NAMES, Source, WIDTH};
 use overtaking_core::orders::{Kind, PARTS};
 use overtaking_core::stepper::{Answer, Fresh, Request, Talk};
 use overtaking_core::{
@@ -250,6 +250,12 @@ impl Drop for Stepper {
 #[pyfunction]
 pub fn own_fields() -> Vec<&'static str> {
     OWN_NAMES.to_vec()
+}
+
+/// Names of what a driver observes about oncoming traffic, in order.
+#[pyfunction]
+pub fn meeting_fields() -> Vec<&'static str> {
+    MEETING_NAMES.to_vec()
 }
 
 /// Names of what a driver observes of each neighbour, in order.

@@ -142,7 +142,7 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
             vehicle_words(one),
             glyphs.times.join(f"{one[f'{name}_m']:.1f}" for name in ("length", "width")),
             _number(one["mass_kg"]),
-            str(one["start_lane_id"]),
+            _start_lane(one, values["road"]),
             "ego" if is_ego else _ahead(one, ego),
             f"{kmh_from_mps(one['start_speed_mps']):.0f}",
             _kmh(one["desired_speed_mps"]),
@@ -152,6 +152,13 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
     if left_out:
         table.add_row("", f"and {left_out} farther away")
     return table
+
+
+def _start_lane(one: Values, road: Values) -> str:
+    """Lane in which a vehicle starts, and whether it comes the other way there."""
+    lane = one["start_lane_id"]
+    comes = road.get("is_two_way") and lane not in road["lane_ids"]
+    return f"{lane} comes" if comes else str(lane)
 
 
 def _ahead(one: Values, ego: Values) -> str:

@@ -1,6 +1,6 @@
 """Simulations that begin and end independently of each other, each in a row of a batch."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.gym.supply import Place, Supply, given_of, scenario_of
 from overtaking.labels.label import label
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions
-from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.observation import OWN, parted
 from overtaking.model.trajectory import Stage
 from overtaking.sim import engine
 from overtaking.sim.controls import CONTROLS, F64
@@ -79,12 +79,13 @@ class Rows:
     @property
     def seen(self) -> Seen:
         """What the egos observe, by name."""
-        around = self.table[:, len(OWN) :].reshape(-1, len(ROLES), len(AROUND))
+        own, around, meeting = parted(self.table)
         return Seen(
             time=0.0,
             active=self.runs,
-            own=self.table[:, : len(OWN)],
+            own=own,
             around=around,
+            meeting=meeting,
             driver=VehicleParameters._make(self._driver),
         )
 
@@ -156,4 +157,4 @@ class Rows:
 
 def _at(seen: Seen, time: float) -> Seen:
     """The same at another time."""
-    return Seen(time=time, active=seen.active, own=seen.own, around=seen.around, driver=seen.driver)
+    return replace(seen, time=time)

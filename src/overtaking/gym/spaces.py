@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.model.actions import Move
-from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
 from overtaking.model.trajectory import Stage
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import limited
@@ -22,7 +22,7 @@ class Column:
     """One number of an observation.
 
     Attributes:
-        name: Its name in `OWN`, or role and name in `AROUND`, such as `lead.gap`.
+        name: Its name in `OWN` or `MEETING`, or role and name in `AROUND`, such as `lead.gap`.
         unit: Its unit.
         least: Smallest value; smaller ones are clipped to it.
         most: Largest value.
@@ -41,6 +41,7 @@ _SIDE = (-1.0, 1.0, 1.0)
 _SPEED = (-100.0, 100.0, 30.0)
 _ACCEL = (-20.0, 20.0, 5.0)
 _TIME = (0.0, 600.0, 10.0)
+_SIGHT = (-100.0, 1000.0, 200.0)
 _RANGES: Final = {
     "speed": _SPEED,
     "accel": _ACCEL,
@@ -61,8 +62,14 @@ _RANGES: Final = {
     "aside": (-100.0, 100.0, 5.0),
     "indicator": _SIDE,
     "length": (0.0, 50.0, 10.0),
+    "oncoming.gap": _SIGHT,
+    "behind_oncoming.gap": _SIGHT,
+    "sight": _SIGHT,
+    "expected": _SPEED,
+    "room": (-100.0, 300.0, 50.0),
 }
-"""Bounds and scale by name; flags are 0 or 1. A choice: wider than what drivers meet."""
+"""Bounds and scale by name, with its role where that matters; flags are 0 or 1. A choice: wider
+than what drivers meet."""
 
 
 def _columns() -> tuple[Column, ...]:
@@ -70,8 +77,10 @@ def _columns() -> tuple[Column, ...]:
     around = [
         (name, f"{role}.{name}", unit) for role in ROLES for name, (unit, _) in AROUND.items()
     ]
+    meeting = [(name, name, unit) for name, (unit, _) in MEETING.items()]
     return tuple(
-        Column(title, unit, *_RANGES.get(name, _FLAG)) for name, title, unit in [*own, *around]
+        Column(title, unit, *_RANGES.get(title, _RANGES.get(name, _FLAG)))
+        for name, title, unit in [*own, *around, *meeting]
     )
 
 
@@ -91,8 +100,7 @@ def flat(seen: Seen, *, scaled: bool = False) -> F32:
         seen: What the environments, or the policies of `overtaking.drive`, observe.
         scaled: Whether to divide each by its scale.
     """
-    around = seen.around.reshape(len(seen.around), -1)
-    return bounded(np.concatenate([seen.own, around], axis=1), scaled=scaled)
+    return bounded(seen.table, scaled=scaled)
 
 
 def bounded(table: F32, *, scaled: bool) -> F32:

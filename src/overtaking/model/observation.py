@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from overtaking.core.elementary import F32
+
 OWN: Final = {
     "speed": ("m/s", "Speed along its axis"),
     "accel": ("m/s^2", "Acceleration that it asks for"),
@@ -40,7 +42,10 @@ AROUND: Final = {
     "truck": ("flag", "It is a truck"),
     "two_wheeler": ("flag", "It is a motorcycle or bicycle"),
 }
-"""Unit and meaning of each number of a neighbour, zero where none is seen, but for the gap."""
+"""Unit and meaning of each number of a neighbour, zero where none is seen, but for the gap.
+
+Sides are the ego's. Stop lamps of who comes towards it are not seen.
+"""
 
 ROLES: Final = (
     "lead",
@@ -52,8 +57,35 @@ ROLES: Final = (
     "oncoming",
     "behind_oncoming",
 )
-"""Neighbours: ahead and behind in its lane, in the next faster and slower one, and on the other
-carriageway, where no vehicle is as long as roads run one way."""
+"""Neighbours: ahead and behind in its lane, in the next faster and slower one; who comes the other
+way, and the next one behind that, where no vehicle is on roads that run one way."""
 
-WIDTH: Final = len(OWN) + len(ROLES) * len(AROUND)
+MEETING: Final = {
+    "sight": ("m", "How far it sees who comes: by the road, the weather and past the leader"),
+    "sure": ("flag", "It has looked for long enough to know who comes, if anybody"),
+    "expected": ("m/s", "Speed of approach that it expects of who comes, before it can tell"),
+    "room": ("m", "Gap ahead of the leader, to whoever is next there"),
+    "solid": ("flag", "The line between the directions is not to be crossed here, or soon"),
+    "hurries": ("flag", "Little time would be left: its pedals and lane changes are hasty"),
+    "yields": ("flag", "It would not be past in time: its pedals fall back"),
+    "can_fall_in": ("flag", "It is behind the vehicle that is overtaken, and can give up the pass"),
+}
+"""Unit and meaning of each number about a pass against oncoming traffic, zero on roads that run one
+way. They are the model driver's own, whatever is observed of others; a sensor measures no room."""
+
+WIDTH: Final = len(OWN) + len(ROLES) * len(AROUND) + len(MEETING)
 """Numbers that a simulation has."""
+
+
+def parted(table: F32) -> tuple[F32, F32, F32]:
+    """The numbers of `OWN`, of each of `ROLES`, and of `MEETING`, as views of a whole table.
+
+    Args:
+        table: Shape (..., `WIDTH`).
+
+    Returns:
+        Shapes (..., `OWN`), (..., `ROLES`, `AROUND`) and (..., `MEETING`).
+    """
+    own, meeting = len(OWN), WIDTH - len(MEETING)
+    around = table[..., own:meeting].reshape(*table.shape[:-1], len(ROLES), len(AROUND))
+    return table[..., :own], around, table[..., meeting:]

@@ -109,7 +109,10 @@ def _oncoming(labelled: Labelled) -> Values:
 
 def lane_name(road: Road, code: int) -> str:
     """OpenDRIVE's id of a recorded lane, or "off" where a vehicle has left the lanes."""
-    return str(road.lanes[code].lane_id) if code < road.num_lanes else "off"
+    beyond = [road.fast_side_neighbour] if road.is_two_way else []
+    lanes = [*road.lanes, *beyond]
+    lane = lanes[code] if code < len(lanes) else None
+    return "off" if lane is None else str(lane.lane_id)
 
 
 def _road(run: Trajectories) -> Values:

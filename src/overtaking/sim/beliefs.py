@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.model.actions import MOST_PARTS
-from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.observation import parted
 from overtaking.sim.stepping import stepper
 from overtaking.world.parameters import parameters
 
@@ -61,9 +61,8 @@ def _told(
         tables.append(np.where(runs[:, None], table, np.float32(np.nan)))
         orders = nothing if actions is None else _orders(actions, len(tables) - 1)
         table, runs = steps.step(orders, 1)
-    told = np.stack(tables)
-    around = told[:, :, len(OWN) :].reshape(*told.shape[:2], len(ROLES), len(AROUND))
-    return told[:, :, : len(OWN)], around
+    own, around, _ = parted(np.stack(tables))
+    return own, around
 
 
 def _orders(actions: Actions, decision: int) -> np.ndarray:

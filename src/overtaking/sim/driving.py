@@ -15,7 +15,7 @@ from overtaking.core.checks import check_name
 from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError, PolicyError
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions, Part
-from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.observation import parted
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.sim.branch import Run
@@ -175,15 +175,17 @@ class _Eyes:
 
     def look(self, table: F32, active: Mask, decision: int) -> Observation:
         table[~active] = 0.0
-        around = table[:, len(OWN) :].reshape(len(table), len(ROLES), len(AROUND))
+        own, around, meeting = parted(table)
         if self._sensing:
             around = self._sensing.sense(around, active, decision)
+            meeting = self._sensing.without_room(meeting)
         return Observation(
             time=decision / float(DECISIONS_PER_SECOND),
             decision=decision,
             active=active,
-            own=table[:, : len(OWN)],
+            own=own,
             around=around,
+            meeting=meeting,
             driver=self._driver,
             scenario=self._scenario,
         )

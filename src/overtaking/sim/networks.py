@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError, MissingExtraError
-from overtaking.model.observation import WIDTH
+from overtaking.model.observation import MEETING, WIDTH
 from overtaking.sim.observation import Observation
 
 MOST_BYTES = 1 << 28
@@ -19,7 +19,8 @@ class Network:
     """A policy in an ONNX file: from float32 numbers to an action.
 
     Its input has shape (simulation, `WIDTH`): `Observation.own`, then `Observation.around` row by
-    row. Its first output has shape (simulation, part).
+    row, then `Observation.meeting`; or it ends before the last. Its first output has shape
+    (simulation, part).
 
     Attributes:
         digest: SHA-256 of the file.
@@ -53,14 +54,15 @@ class Network:
             raise _refused(path, "an ONNX model", error) from error
         inputs = self._session.get_inputs()
         shapes = [list(one.shape) for one in inputs]
-        if len(inputs) != 1 or len(shapes[0]) != 2 or shapes[0][1] != WIDTH:
-            raise _refused(path, f"one input of shape (simulation, {WIDTH})", f"{shapes}")
-        self._input = inputs[0].name
+        widths = (WIDTH, WIDTH - len(MEETING))
+        if len(inputs) != 1 or len(shapes[0]) != 2 or shapes[0][1] not in widths:
+            wanted = " or ".join(f"(simulation, {width})" for width in widths)
+            raise _refused(path, f"one input of shape {wanted}", f"{shapes}")
+        self._input, self._width = inputs[0].name, shapes[0][1]
 
     def __call__(self, seen: Observation) -> NDArray[np.floating]:
         """The action of each simulation."""
-        around = seen.around.reshape(len(seen.own), -1)
-        numbers = np.concatenate([seen.own, around], axis=1)
+        numbers = np.ascontiguousarray(seen.table[:, : self._width])
         return self._session.run(None, {self._input: numbers})[0]
 
 

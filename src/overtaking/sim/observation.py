@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from overtaking.core import philox
 from overtaking.core.elementary import F32, Mask
-from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
 from overtaking.model.scenario import Scenario
 from overtaking.world.parameters import VehicleParameters
 
 _OWN_PLACE = {name: place for place, name in enumerate(OWN)}
 _AROUND_PLACE = {name: place for place, name in enumerate(AROUND)}
 _ROLE_PLACE = {name: place for place, name in enumerate(ROLES)}
+_MEETING_PLACE = {name: place for place, name in enumerate(MEETING)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +29,7 @@ class Seen:
         own: Numbers of the ego, named by `model.observation.OWN`, shape (simulation, `OWN`).
         around: Numbers of its neighbours, named by `ROLES` and `AROUND`, shape (simulation,
             `ROLES`, `AROUND`).
+        meeting: Numbers about oncoming traffic, named by `MEETING`, shape (simulation, `MEETING`).
         driver: Parameters of the ego's vehicle, and of the driver that the scenario has put into
             it, each of shape (simulation,).
     """
@@ -36,18 +38,27 @@ class Seen:
     active: Mask
     own: F32
     around: F32
+    meeting: F32
     driver: VehicleParameters
+
+    @property
+    def table(self) -> F32:
+        """All numbers as one row of each simulation, shape (simulation, `WIDTH`)."""
+        around = self.around.reshape(len(self.own), -1)
+        return np.concatenate([self.own, around, self.meeting], axis=1)
 
     def of(self, name: str, role: str | None = None) -> F32:
         """One number, shape (simulation,).
 
         Args:
-            name: A name in `AROUND` with a role, or else in `OWN`.
+            name: A name in `AROUND` with a role, or else in `OWN` or `MEETING`.
             role: A name in `ROLES`.
 
         Raises:
             KeyError: There is no such name.
         """
+        if role is None and name in _MEETING_PLACE:
+            return self.meeting[:, _MEETING_PLACE[name]]
         if role is None:
             return self.own[:, _place(name, _OWN_PLACE, "number of the ego")]
         number = _place(name, _AROUND_PLACE, "number of a neighbour")

@@ -34,6 +34,9 @@ EMERGENCY = 6.0
 REST = 8.0
 """Time between two lane changes that are not the return [s]."""
 
+MARGIN = 3.0
+"""Time to who comes that is to be left at the end of a pass [s]."""
+
 
 def stay(seen: Observation) -> Moves:
     """Never change lanes."""
@@ -55,7 +58,9 @@ def rules(seen: Observation) -> Moves:
     move = np.where(out, np.where(now, Move.PULL_OUT, Move.SHOW_OUT), Move.KEEP)
     move = np.where(back, np.where(now, Move.RETURN, Move.SHOW_BACK), move)
     pulls = (stage == Stage.PULL_OUT) & (seen.of("can_abort") > 0) & looks
-    return np.where(pulls & ~_is_free_behind(seen, "fast_rear", EMERGENCY), Move.ABORT, move)
+    gives_up = pulls & ~_is_free_behind(seen, "fast_rear", EMERGENCY)
+    falls_in = (seen.of("can_fall_in") > 0) & (seen.of("yields") > 0)
+    return np.where(gives_up | falls_in, Move.ABORT, move)
 
 
 def _wants_out(seen: Observation) -> Mask:
@@ -64,7 +69,27 @@ def _wants_out(seen: Observation) -> Mask:
     slow = seen.driver.desired_speed - leader > WORTH
     near = (seen.of("detected", "lead") > 0) & (seen.of("gap", "lead") < NEAR * seen.of("speed"))
     room = _is_free_ahead(seen, "fast_lead") & _is_free_behind(seen, "fast_rear", FORCED)
-    return slow & near & room
+    two_way = seen.of("expected") > 0  # Where roads run one way nobody is expected.
+    back = seen.of("room") > 2.0 * ROOM * leader + 2.0 * seen.driver.half_length
+    lawful = (seen.of("sure") > 0) & (seen.of("solid") == 0) & back & _is_in_time(seen)
+    return slow & near & room & (lawful | ~two_way)
+
+
+def _is_in_time(seen: Observation) -> Mask:
+    """Whether the ego would be past and back `MARGIN` before anybody can be met.
+
+    Whom it does not see may come at the end of its sight, as fast as is usual.
+    """
+    closing = seen.of("closing", "lead")
+    leader = seen.of("speed") - closing
+    bodies = seen.of("length", "lead") + 2.0 * seen.driver.half_length
+    way = seen.of("gap", "lead") + bodies + ROOM * leader
+    gained = np.maximum(seen.driver.desired_speed - leader, WORTH)
+    needed = way / gained + seen.driver.lane_change_duration
+    comes = seen.of("detected", "oncoming") > 0
+    free = np.minimum(np.where(comes, seen.of("gap", "oncoming"), np.inf), seen.of("sight"))
+    speed = np.where(comes, seen.of("closing", "oncoming"), 0.0)
+    return free > (needed + MARGIN) * np.maximum(speed, seen.of("expected"))
 
 
 def _is_free_ahead(seen: Observation, role: str) -> Mask:

@@ -11,14 +11,15 @@ import numpy as np
 from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.philox import Stream, normal_pair
-from overtaking.model.observation import AROUND, ROLES
+from overtaking.model.observation import AROUND, MEETING, ROLES
 from overtaking.model.scenario import Scenario
 from overtaking.sim.observation import uniforms
 from overtaking.world.clock import DECISIONS_PER_SECOND
 from overtaking.world.parameters import Parameters
 
 _COLUMN = {name: place for place, name in enumerate(AROUND)}
-_AHEAD = np.array([role.endswith("lead") or role == "oncoming" for role in ROLES])
+_AHEAD = np.array([role.endswith(("lead", "oncoming")) for role in ROLES])
+_ROOM = list(MEETING).index("room")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +137,13 @@ class Sensing:
         while len(self._past) > 1 and self._past[1][0] <= decision - self._delay:
             self._past.popleft()
         return np.where(active[:, None, None], self._past[0][1], np.float32(0.0))
+
+    @staticmethod
+    def without_room(meeting: F32) -> F32:
+        """The numbers of `MEETING`, without the room ahead of the leader."""
+        told = meeting.copy()
+        told[:, _ROOM] = 0.0
+        return told
 
     def _measured(self, around: F32, decision: int) -> F32:
         """What is measured now, and told after the latency."""

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.elementary import F32, Mask
-from overtaking.core.errors import ConfigError
 from overtaking.sim.engine import road_values
 from overtaking.sim.reference.stepper import Stepper as ReferenceStepper
 from overtaking.world.compiled import chosen_level, constant_values
@@ -52,16 +51,8 @@ def stepper(
         level: SIMD level of the engine; None for `OVERTAKING_SIMD` or the best of this CPU.
 
     Raises:
-        ConfigError: The SIMD level is unknown, or this CPU lacks it; or others come the other way.
+        ConfigError: The SIMD level is unknown, or this CPU lacks it.
     """
-    if given.road.two_way:
-        raise ConfigError.of(
-            what="road",
-            where="a policy at the wheel",
-            expected="a road whose vehicles all drive the same way",
-            got="one with oncoming traffic",
-            next_step="choose another road or profile",
-        )
     if simulator == "reference":
         return ReferenceStepper(given, kind, is_true=is_true)
     return Renewable(given, kind, is_true=is_true, level=level)

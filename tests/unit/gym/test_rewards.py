@@ -8,7 +8,7 @@ import pytest
 import overtaking.gym as envs
 from overtaking.core.errors import ConfigError
 from overtaking.gym.rewards import BREACH_COST, CRASH_COST
-from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
 from overtaking.model.trajectory import Stage
 from overtaking.sim.observation import Seen
 from overtaking.world.parameters import VEHICLE_FIELDS, VehicleParameters
@@ -28,7 +28,15 @@ def seen(**numbers) -> Seen:
             around[:, 0, list(AROUND).index(name)] = value
     wish_of = VehicleParameters._make(np.full((len(VEHICLE_FIELDS), 2), 30.0, np.float32))
     around = around.astype(np.float32)
-    return Seen(time=0.0, active=np.ones(2, bool), own=own, around=around, driver=wish_of)
+    meeting = np.zeros((2, len(MEETING)), np.float32)
+    return Seen(
+        time=0.0,
+        active=np.ones(2, bool),
+        own=own,
+        around=around,
+        meeting=meeting,
+        driver=wish_of,
+    )
 
 
 def events(**changes) -> envs.Events:

@@ -309,7 +309,7 @@ class TestSensor:
             )
         )
         truth, told = self.sensed(clear, latency=0.0, missed=0.0, gap_error=0.0)
-        ahead = np.array([name.endswith("lead") or name == "oncoming" for name in ROLES])
+        ahead = np.array([name.endswith(("lead", "oncoming")) for name in ROLES])
         half = parameters(clear).of_vehicles.of(0).half_length[:, None]
         within = truth["gap"] + half <= np.where(ahead, 150.0, 80.0)
         np.testing.assert_array_equal(told["detected"] > 0, within)

@@ -28,7 +28,7 @@ from overtaking.sim.reference.mobil import (
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.orders import Orders, obey, show
-from overtaking.sim.reference.passing import may_meet, weigh
+from overtaking.sim.reference.passing import may_meet, outlook, weigh
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import (
@@ -220,9 +220,10 @@ def decide(
     """One decision of every ego; what it intends holds until it looks around again."""
     view = look(state, given, p, near, believed)
     _wait(state, given, view)
+    # How it stands to oncoming traffic counts for its pedals and haste, whoever decides.
+    meets = _meet(state, given, p, q, near, view, oncoming)
     if orders is None:
         waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
-        meets = _meet(state, given, p, q, near, view, oncoming)
         intent = _intend(state, given, p, q, view, looks, waits, meets)
     else:
         intent = obey(state, given, p, orders)
@@ -254,22 +255,33 @@ def _meet(
     view: View,
     oncoming: Oncoming | None,
 ) -> Meeting | None:
-    """What oncoming traffic lets the ego do; None where there is none on the road."""
+    """What oncoming traffic lets the ego do, remembered; None where there is none on the road."""
     if oncoming is None:
         return None
-    leader = view.gap[LEAD], view.leader_speed
-    may_go = may_meet(state, given, p, q, near, oncoming, leader, view.impatience)
+    ahead = outlook(state, given, p, near, oncoming, view.gap[LEAD], view.leader_speed)
     plight = weigh(state, given, p, q, oncoming)
+    state.yields = np.where(plight.yields, np.float32(1.0), _STEADY)
+    state.hurries = np.where(plight.hurries, np.float32(1.0), _STEADY)
+    return Meeting(
+        may_go=may_meet(given, view.own, q, view.speed, view.impatience, ahead),
+        hurries=plight.hurries,
+        squeezes=plight.hurries & may_squeeze(given, q, view),
+        falls_in=plight.yields & plight.fits & has_room_behind(given, view),
+    )
+
+
+def may_squeeze(given: Parameters, q: SimulationParameters, view: View) -> Mask:
+    """Whether the lane beside has room enough for an ego in a hurry."""
     c, closing = given.constants, view.closing[SLOW_LEAD]
     squeezed = minimum(view.gap[SLOW_REAR], view.gap[SLOW_LEAD]) > c.squeeze_gap
     room = view.gap[SLOW_LEAD] - q.hasty_change * maximum(closing, _STEADY)
     ahead = needed_braking(c, view.speed, room, closing, _STEADY)
-    return Meeting(
-        may_go=may_go,
-        hurries=plight.hurries,
-        squeezes=plight.hurries & squeezed & (ahead >= -(c.abort_factor * view.own.decel)),
-        falls_in=plight.yields & plight.fits & (view.gap[SLOW_REAR] > c.smallest_rear_gap),
-    )
+    return squeezed & (ahead >= -(c.abort_factor * view.own.decel))
+
+
+def has_room_behind(given: Parameters, view: View) -> Mask:
+    """Whether nobody is close behind in the slower lane."""
+    return view.gap[SLOW_REAR] > given.constants.smallest_rear_gap
 
 
 def _haste(state: State, q: SimulationParameters) -> F32:
@@ -310,7 +322,7 @@ def _intend(
     remain = _stays_out(state, given, q, view, looks)
     back_now = ready
     if meets is not None:
-        back_now = ready | meets.hurries
+        back_now = (ready | meets.hurries) & ~meets.falls_in
         abort = abort | meets.falls_in
         remain = np.zeros_like(remain)  # The other lane is no place to stay.
     return Intent(

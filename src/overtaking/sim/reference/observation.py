@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
-from overtaking.model.observation import AROUND, OWN, ROLES, WIDTH
+from overtaking.core.elementary import F32, Mask, minimum
+from overtaking.model.observation import AROUND, MEETING, OWN, WIDTH, parted
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.ego import faster, is_told
 from overtaking.sim.reference.intent import (
@@ -16,40 +16,68 @@ from overtaking.sim.reference.intent import (
 )
 from overtaking.sim.reference.mobil import must_wait
 from overtaking.sim.reference.neighbours import Neighbours
+from overtaking.sim.reference.oncoming import Oncoming, look_beyond, usual_closing
+from overtaking.sim.reference.passing import can_fall_in, is_solid, room_ahead, weigh
 from overtaking.sim.reference.run import Moment
-from overtaking.sim.reference.state import LEAD, Fields, State, pick, road_velocity
+from overtaking.sim.reference.state import (
+    LEAD,
+    Fields,
+    State,
+    pick,
+    road_velocity,
+    seen_from_each,
+)
 from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters
+from overtaking.world.parameters import Parameters, SimulationParameters
 
 _ROLES = 6
 
 
-def observe(state: State, given: Parameters, p: Fields, moment: Moment, *, is_true: bool) -> F32:
+def observe(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    moment: Moment,
+    decision: int,
+    *,
+    is_true: bool,
+) -> F32:
     """The numbers of every simulation, shape (simulation, `WIDTH`).
 
     Args:
         state: State at a decision.
         given: All inputs.
         p: Vehicle parameters.
+        q: Simulation parameters.
         moment: What drivers know.
+        decision: Its number.
         is_true: Whether to tell how it is, not what the ego believes.
     """
-    table = np.zeros((WIDTH, state.s.shape[1]), np.float32)
-    own = _own(state, given, p, moment)
-    for row, name in zip(table, OWN, strict=False):
-        row[...] = own[name]
-    rows = table[len(OWN) :].reshape(len(ROLES), len(AROUND), -1)
-    rows[:, list(AROUND).index("gap")] = given.constants.unseen_gap
+    table = np.zeros((state.s.shape[1], WIDTH), np.float32)
+    own, around, meeting = parted(table)
+    around[:, :, list(AROUND).index("gap")] = given.constants.unseen_gap
+    _write(own, OWN, _own(state, given, p, moment))
     for role in range(_ROLES):
         if is_true:
             seen = _true(state, moment.near, given, role)
         else:
             seen = _believed(state, p, moment, role)
         detected = seen["detected"] > 0
-        around = seen | _looks(state, given.constants, p, moment.near, role, detected)
-        for row, name in zip(rows[role], AROUND, strict=True):
-            row[...] = around[name]
-    return np.ascontiguousarray(table.T)
+        looks = _looks(state, given.constants, p, moment.near, role, detected)
+        _write(around[:, role], AROUND, seen | looks)
+    if (oncoming := moment.oncoming) is not None:
+        beyond = look_beyond(state, given, p, q, moment.near, oncoming, decision)
+        for role, who in enumerate((oncoming, beyond), _ROLES):
+            _write(around[:, role], AROUND, _coming(state, given, p, who, is_true=is_true))
+        _write(meeting, MEETING, _meeting(state, given, p, q, moment.near, oncoming))
+    return table
+
+
+def _write(columns: F32, names: dict[str, tuple[str, str]], told: dict[str, F32 | Mask]) -> None:
+    """Numbers into their columns, shape (simulation, number)."""
+    for place, name in enumerate(names):
+        columns[:, place] = told[name]
 
 
 def _own(state: State, given: Parameters, p: Fields, moment: Moment) -> dict[str, F32 | Mask]:
@@ -123,3 +151,55 @@ def _looks(
         "two_wheeler": pick(p.two_wheeler, slot),
     }
     return {name: np.where(detected, value, np.float32(0.0)) for name, value in seen.items()}
+
+
+def _coming(
+    state: State, given: Parameters, p: Fields, who: Oncoming, *, is_true: bool
+) -> dict[str, F32 | Mask]:
+    """What there is to know of somebody who comes the other way."""
+    ego, zero, slot = Role.EGO, np.float32(0.0), who.slot[Role.EGO]
+    there = slot >= 0
+    speed, _ = road_velocity(state)
+    lateral = np.stack([seen_from_each(state, given, p, j)[1][ego] for j in range(len(state.s))])
+    if is_true:
+        detected, gap, closing = there, who.gap[ego], speed[ego] + pick(speed, slot)
+        accel = pick(state.a_lon, slot)
+    else:
+        detected, gap, closing = who.detected[ego], who.believed_gap[ego], who.closing[ego]
+        accel = np.zeros_like(gap)
+    seen = {
+        "closing": closing,
+        "accel": accel,
+        "aside": pick(lateral, slot) - state.d[ego],
+        "indicator": -pick(state.indicator, slot),
+        "brake_lamp": np.zeros_like(gap),
+        "length": np.float32(2.0) * who.half_length[ego],
+        "truck": pick(p.truck, slot),
+        "two_wheeler": pick(p.two_wheeler, slot),
+    }
+    told = {name: np.where(detected, value, zero) for name, value in seen.items()}
+    gap = np.where(detected, gap, given.constants.unseen_gap)
+    return told | {"detected": detected, "gap": gap}
+
+
+def _meeting(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    near: Neighbours,
+    oncoming: Oncoming,
+) -> dict[str, F32 | Mask]:
+    """How the ego stands to oncoming traffic."""
+    plight = weigh(state, given, p, q, oncoming)
+    room = room_ahead(state, p, near.slot[LEAD, Role.EGO])
+    return {
+        "sight": oncoming.sight,
+        "sure": oncoming.sure[Role.EGO],
+        "expected": usual_closing(state, q)[Role.EGO],
+        "room": minimum(room, given.constants.unseen_gap),
+        "solid": is_solid(state, given),
+        "hurries": plight.hurries,
+        "yields": plight.yields,
+        "can_fall_in": can_fall_in(state, given, p),
+    }

@@ -82,13 +82,34 @@ def look_ahead(
     Source:
         Farber and Silver 1967, ARRB 1978 (a usual speed); Levulis 2015 (small oncomers).
     """
-    found = _nearest(state, given, p)
+    found = _nearest(state, given, p, np.full_like(state.s, NOBODY))
     sight = _sight(state, given, p, q, near)
-    return _judged(state, given, p, q, near, found, sight, decision)
+    return _judged(state, given, p, q, near, found, sight, decision, None)
 
 
-def _nearest(state: State, given: Parameters, p: Fields) -> tuple[F32, F32, Mask]:
-    """Slot and distance of the nearest oncomer of each vehicle, and whether it is in its lane."""
+def look_beyond(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    near: Neighbours,
+    first: Oncoming,
+    decision: int,
+) -> Oncoming:
+    """Who comes behind the nearest, and what each driver would believe of it.
+
+    Our drivers decide by the nearest alone; another driver of the ego is told of the next one. It
+    is noticed with the nearest, where it can be seen.
+    """
+    found = _nearest(state, given, p, first.slot)
+    return _judged(state, given, p, q, near, found, first.sight, decision, first.detected)
+
+
+def _nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[F32, F32, Mask]:
+    """Slot and distance of the nearest oncomer of each vehicle, and whether it is in its lane.
+
+    Slots `but` do not count.
+    """
     c, road = given.constants, given.road
     low, high = lane_borders(state, given, 0.0)
     to = high.copy()
@@ -105,7 +126,7 @@ def _nearest(state: State, given: Parameters, p: Fields) -> tuple[F32, F32, Mask
         inside = comes | (above & (low_side < high - c.corridor_margin))
         watched = comes | (above & (low_side < to - c.corridor_margin))
         opposed = (p.valid[j] > 0) & (p.direction[j] != p.direction) & (p.valid > 0)
-        nearer = opposed & watched & (ahead >= 0) & (ahead < nearest)
+        nearer = opposed & watched & (ahead >= 0) & (ahead < nearest) & (but != np.float32(j))
         slot = np.where(nearer, np.float32(j), slot)
         nearest = np.where(nearer, ahead, nearest)
         in_lane = np.where(nearer, inside, in_lane)
@@ -142,7 +163,9 @@ def _judged(
     found: tuple[F32, F32, Mask],
     sight: F32,
     decision: int,
+    noticed: Mask | None,
 ) -> Oncoming:
+    """What drivers believe of whom they have `noticed`; None for whom they watch."""
     c, one = given.constants, np.float32(1.0)
     slot, nearest, in_lane = found
     half = pick(p.half_length, slot)
@@ -151,10 +174,13 @@ def _judged(
     reach = np.full_like(true_gap, c.oncoming_range)
     reach[Role.EGO] = minimum(reach[Role.EGO], sight)
     visible = (slot >= 0) & (effort <= one) & (true_gap < reach)
-    needed = q.detection_time * (one + c.detection_growth * (effort * effort * effort))
-    needed = np.where(visible, needed, q.detection_time)
-    _watch(state, c.decision, c.seen_before, np.where(visible, slot, NOBODY))
-    sure = state.oncoming_time >= needed
+    if noticed is None:
+        needed = q.detection_time * (one + c.detection_growth * (effort * effort * effort))
+        needed = np.where(visible, needed, q.detection_time)
+        _watch(state, c.decision, c.seen_before, np.where(visible, slot, NOBODY))
+        sure = state.oncoming_time >= needed
+    else:
+        sure = noticed
     detected = visible & sure
     own_speed, _ = road_velocity(state)
     urgent = true_gap < c.urgent_time * (own_speed + pick(state.vx, slot))
@@ -176,7 +202,7 @@ def _judged(
     small = np.where(pick(p.two_wheeler, slot) > 0, c.small_oncomer, one)
     judged = exp(q.oncoming_error * state.distance_error) * small
     sensed = closing * (one + share * (q.speed_error * state.speed_error))
-    habit = own_speed + q.usual_speed
+    habit = usual_closing(state, q)
     return Oncoming(
         slot=slot,
         gap=true_gap,
@@ -188,6 +214,12 @@ def _judged(
         closing=np.where(detected, habit + clear * (sensed - habit), habit),
         sight=sight,
     )
+
+
+def usual_closing(state: State, q: SimulationParameters) -> F32:
+    """Speed of approach that drivers expect of who comes, (vehicle, simulation) [m/s]."""
+    own_speed, _ = road_velocity(state)
+    return own_speed + q.usual_speed
 
 
 def _watch(state: State, decision: np.float32, before: np.float32, seen: F32) -> None:

@@ -19,6 +19,7 @@ from overtaking.sim.reference.intent import (
     in_stage,
     signal,
 )
+from overtaking.sim.reference.passing import can_fall_in
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.parameters import Parameters
 
@@ -103,13 +104,13 @@ def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
     back = can_go_back(state) & (side < 0)
     signal(state, given, start, back)
     now = _now(state, p, orders)
-    drops_out, drops_back = _gives_up(orders)
+    drops_out, drops_back, falls_in = _gives_up(orders)
     return Intent(
         start=start,
         back=back,
         go_out=start & now,
         go_back=back & now,
-        abort=can_abort(state, given) & drops_out,
+        abort=(can_abort(state, given) & drops_out) | (can_fall_in(state, given, p) & falls_in),
         remain=can_remain(state, given) & drops_back,
         passed=has_passed(state, given, p),
         arrived=has_arrived(state),
@@ -133,12 +134,12 @@ def _now(state: State, p: Fields, orders: Orders) -> Mask:
     return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
 
 
-def _gives_up(orders: Orders) -> tuple[Mask, Mask]:
-    """Whether the ego is to give up pulling out, and to give up changing back."""
+def _gives_up(orders: Orders) -> tuple[Mask, Mask, Mask]:
+    """Whether the ego is to give up pulling out, changing back, and a pass that it is out for."""
     if (wish := orders.of("lane_change")) is not None:
-        return wish < 0, wish > 0
-    aborts = orders.of("move") == np.float32(Move.ABORT)
-    return aborts, aborts
+        return wish < 0, wish > 0, np.zeros(wish.shape, np.bool_)
+    aborts = np.asarray(orders.of("move") == np.float32(Move.ABORT))
+    return aborts, aborts, aborts
 
 
 def _drift(state: State, given: Parameters, p: Fields) -> Intent:

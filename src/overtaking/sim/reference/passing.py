@@ -60,15 +60,61 @@ def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
     return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), own.max_speed)
 
 
-def may_meet(
+@dataclass(slots=True, kw_only=True)
+class Outlook:
+    """What the ego knows of the other lane before it pulls out; arrays of shape (simulation,).
+
+    Attributes:
+        gap: Believed gap to the leader [m].
+        leader: Believed speed of the leader [m/s].
+        length: Length of the leader [m].
+        room: Gap ahead of the leader [m].
+        seen: How far the other lane is seen to be free [m].
+        closing: Believed speed of approach of who comes, or may come [m/s].
+        sure: Whether it has looked for long enough.
+        solid: Whether the line is not to be crossed.
+    """
+
+    gap: F32
+    leader: F32
+    length: F32
+    room: F32
+    seen: F32
+    closing: F32
+    sure: Mask
+    solid: Mask
+
+
+def outlook(
     state: State,
     given: Parameters,
     p: Fields,
-    q: SimulationParameters,
     near: Neighbours,
     oncoming: Oncoming,
-    believed: tuple[F32, F32],
+    gap: F32,
+    leader: F32,
+) -> Outlook:
+    """What the ego knows of the other lane; its leader is believed at a gap [m], with a speed."""
+    ego = Role.EGO
+    return Outlook(
+        gap=gap,
+        leader=leader,
+        length=_TWO * near.half_length[LEAD, ego],
+        room=room_ahead(state, p, near.slot[LEAD, ego]),
+        seen=minimum(oncoming.believed_gap[ego], oncoming.sight),
+        closing=oncoming.closing[ego],
+        sure=oncoming.sure[ego],
+        solid=is_solid(state, given),
+    )
+
+
+def may_meet(
+    given: Parameters,
+    own: Fields,
+    q: SimulationParameters,
+    speed: F32,
     impatience: F32,
+    ahead: Outlook,
 ) -> Mask:
     """Whether the other lane is believed to be free for long enough, (simulation,).
 
@@ -77,35 +123,27 @@ def may_meet(
     takes half a lane change before speed is gained, and half of one back at its end.
 
     Args:
-        state: State at a decision.
         given: All inputs.
-        p: Vehicle parameters.
+        own: Parameters of the ego.
         q: Simulation parameters.
-        near: Neighbours.
-        oncoming: Who comes.
-        believed: Gap to the leader [m], and its speed [m/s].
-        impatience: What waiting has left of the ego's demands, 1 at first [1].
+        speed: Of the ego [m/s].
+        impatience: What waiting has left of its demands, 1 at first [1].
+        ahead: What it knows of the other lane.
     """
-    c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
-    speed, (gap, leader) = state.vx[ego], believed
-    bodies = _TWO * (near.half_length[LEAD, ego] + own.half_length)
-    way = gap + bodies + own.return_time_gap * impatience * leader
+    c, leader = given.constants, ahead.leader
+    bodies = ahead.length + _TWO * own.half_length
+    way = ahead.gap + bodies + own.return_time_gap * impatience * leader
     top = top_speed(own, c.passing_surplus, leader) - leader
     gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel)
     need = q.need_factor * (gaining + own.lane_change_duration)
-    seen = minimum(oncoming.believed_gap[ego], oncoming.sight)
-    closing = oncoming.closing[ego] + _HALF * maximum(top + leader - speed, _ZERO)
-    enough = seen > need * (np.float32(1.0) + q.spare * impatience) * closing
+    closing = ahead.closing + _HALF * maximum(top + leader - speed, _ZERO)
+    enough = ahead.seen > need * (np.float32(1.0) + q.spare * impatience) * closing
     returns = (own.return_time_gap * impatience + c.fit_share * own.time_gap) * leader
-    room = (
-        _room_ahead(state, p, near.slot[LEAD, ego])
-        > _TWO * own.half_length + c.squeeze_gap + returns
-    )
-    solid = _is_solid(state, given, c.line_ahead * speed)
-    return enough & oncoming.sure[ego] & room & ~(solid & (q.heeds_lines > 0))
+    room = ahead.room > _TWO * own.half_length + c.squeeze_gap + returns
+    return enough & ahead.sure & room & ~(ahead.solid & (q.heeds_lines > 0))
 
 
-def _room_ahead(state: State, p: Fields, slot: F32) -> F32:
+def room_ahead(state: State, p: Fields, slot: F32) -> F32:
     """Gap between the vehicle in a slot and the one ahead of it, (simulation,) [m]."""
     place = pick(state.s, slot)
     front = place + pick(p.half_length, slot)
@@ -117,11 +155,11 @@ def _room_ahead(state: State, p: Fields, slot: F32) -> F32:
     return room
 
 
-def _is_solid(state: State, given: Parameters, ahead: F32) -> Mask:
-    """Whether the line is not to be crossed here, or a way ahead, (simulation,)."""
+def is_solid(state: State, given: Parameters) -> Mask:
+    """Whether the line is not to be crossed where the ego is, or soon will be, (simulation,)."""
     stations, solid = given.road.line
-    found = []
-    for place in (state.s[Role.EGO], state.s[Role.EGO] + ahead):
+    found, here = [], state.s[Role.EGO]
+    for place in (here, here + given.constants.line_ahead * state.vx[Role.EGO]):
         here = np.zeros_like(place)
         for k in range(len(stations)):
             here = np.where(place >= stations[k], solid[k], here)
@@ -147,18 +185,17 @@ class Plight:
 def weigh(
     state: State, given: Parameters, p: Fields, q: SimulationParameters, oncoming: Oncoming
 ) -> Plight:
-    """Whether the ego goes on with its pass, and how; remembers it.
+    """Whether the ego goes on with its pass, and how.
 
     Until it is abreast it gives up where it would not be back before the oncomer is there, and
     falling back lacks less time than going on; later where there is no room to return to, once
     falling back takes nearly all the time left. It is in a hurry where little would be to spare.
     """
     c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
-    out = in_stage(state, Stage.PULL_OUT) | in_stage(state, Stage.PASS)
+    out = is_passing(state)
     along, _ = road_velocity(state)
     speed, other = along[ego], pick(along, state.target)
-    lead = pick(state.s, state.target) - state.s[ego]
-    bodies = own.half_length + pick(p.half_length, state.target) + c.squeeze_gap
+    lead, bodies = _to_fall_in(state, given, p)
     faster, top = speed - other, top_speed(own, c.passing_surplus, other) - other
     aside = _HALF * q.hasty_change
     onwards = maximum(lead + bodies, _ZERO)
@@ -170,14 +207,30 @@ def weigh(
         oncoming.detected[ego], oncoming.believed_gap[ego] / oncoming.closing[ego], _FAR
     )
     gives_up = (lead > 0) & (rest > there) & (back < rest)
-    room = _room_ahead(state, p, state.target) > _TWO * (own.half_length + c.squeeze_gap)
+    room = room_ahead(state, p, state.target) > _TWO * (own.half_length + c.squeeze_gap)
     waits_no_more = there < back + c.calm_margin
     trapped = (lead <= 0) & oncoming.detected[ego] & ~room & waits_no_more
     yields = (gives_up | trapped | (state.yields > 0)) & out
     hurries = (out | in_stage(state, Stage.RETURN)) & ~yields & (there - rest < c.calm_margin)
-    state.yields = np.where(yields, np.float32(1.0), _ZERO)
-    state.hurries = np.where(hurries, np.float32(1.0), _ZERO)
     return Plight(yields=yields, hurries=hurries, fits=lead > bodies)
+
+
+def is_passing(state: State) -> Mask:
+    """Whether the ego is on its way past another, (simulation,)."""
+    return in_stage(state, Stage.PULL_OUT) | in_stage(state, Stage.PASS)
+
+
+def can_fall_in(state: State, given: Parameters, p: Fields) -> Mask:
+    """Whether the ego of a two-way road can give up its pass: it is behind who is overtaken."""
+    lead, bodies = _to_fall_in(state, given, p)
+    return is_passing(state) & (lead > bodies) & given.road.two_way
+
+
+def _to_fall_in(state: State, given: Parameters, p: Fields) -> tuple[F32, F32]:
+    """How far ahead the target is, and has to be for the ego to fall in behind it [m]."""
+    lead = pick(state.s, state.target) - state.s[Role.EGO]
+    bodies = p.half_length[Role.EGO] + pick(p.half_length, state.target)
+    return lead, bodies + given.constants.squeeze_gap
 
 
 def held_back(

@@ -50,7 +50,8 @@ class Stepper:
         runs = np.float32(self._step) <= self._state.end_step
         state, given, p = self._state, self._given, self._p
         self._moment = perceive(state, given, p, self._q, self._step)
-        table = observe(state, given, p, self._moment, is_true=self._is_true)
+        decision = self._step // SUBSTEPS
+        table = observe(state, given, p, self._q, self._moment, decision, is_true=self._is_true)
         told = np.where(self._ran[:, None], table, np.float32(0.0))
         self._ran = runs
         return told, runs

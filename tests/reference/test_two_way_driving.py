@@ -1,0 +1,206 @@
+"""Another driver among oncoming traffic: what it observes, and the built-in ego as one of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from examples.human_ego import HumanEgo
+from tests.support.worlds import scenario
+
+from overtaking import _core
+from overtaking.model.actions import KINDS, MOST_PARTS, Move
+from overtaking.model.observation import AROUND, MEETING, ROLES, parted
+from overtaking.model.trajectory import Stage
+from overtaking.recordings.roads import load_road
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine, policies, reference
+from overtaking.sim.driving import Driver, drive
+from overtaking.sim.sensor import Sensor
+from overtaking.sim.stepping import stepper
+from overtaking.world.parameters import parameters
+
+from .situations import difference
+from .test_driving import random_actions
+from .test_two_way import SCENES, pair, road
+
+RURAL = Path(__file__).parents[2] / "calibration" / "rural.toml"
+LEVELS = [name for name, available in _core.simd_levels() if available]
+HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
+
+
+def rural(numbers, seed: int = 7, **changes: object):
+    given = spec(RURAL, {"traffic.held_up": 1.0} | changes)
+    return sample(given, load_road("rural"), seed, np.asarray(numbers, np.uint64))
+
+
+@pytest.mark.parametrize("is_true", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_engines_observe_the_same_bits(kind, is_true):
+    given = parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
+    values = random_actions(kind, (len(SCENES), 181), seed=2).values
+    pair_of = [
+        stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
+    ]
+    (table, runs), (expected, still) = (one.begin() for one in pair_of)
+    at, met = 0, 0
+    while still.any():
+        np.testing.assert_array_equal(runs, still)
+        np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
+        met += int(parted(table)[1][:, ROLES.index("behind_oncoming"), 0].sum())
+        now = np.ascontiguousarray(values[:, at])
+        (table, runs), (expected, still) = (one.step(now, 1) for one in pair_of)
+        at += 1
+    assert at > 100
+    assert met > 20
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
+    world = scenario(*SCENES, road=road(), horizon=9.0, num_slots=5)
+    given = parameters(world)
+    actions = random_actions(kind, (len(SCENES), 181))
+    expected = reference.run(world, given, actions=actions)
+    for level in LEVELS:
+        found = engine.run(world, given, actions=actions, level=level)
+        assert not (wrong := difference(found, expected)), f"{level}: {wrong}"
+
+
+def test_the_built_in_ego_as_a_policy_leaves_the_same_trace():
+    world = rural(np.arange(64))
+    expected = engine.run(world, parameters(world))
+    found = drive(world, HUMAN, engine.run)
+    assert {Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE} <= set(np.unique(expected.stage))
+    assert not difference(found.replace(actions=None), expected)
+
+
+def test_it_leaves_the_same_trace_where_it_gives_up():
+    scenes = [pair(gap, comes=75.0) for gap in np.arange(200.0, 1500.0, 25.0)]
+    world = scenario(*scenes, road=road(), horizon=20.0)
+    expected = engine.run(world, parameters(world))
+    assert (expected.stage == Stage.ABORT).any()
+    assert not difference(drive(world, HUMAN, engine.run).replace(actions=None), expected)
+
+
+def test_the_reference_lets_it_do_the_same():
+    world = scenario(*SCENES, road=road(is_open=False), horizon=12.0, num_slots=5)
+    expected = engine.run(world, parameters(world)).trace_hash
+    found = drive(world, HUMAN, reference.run, "reference")
+    np.testing.assert_array_equal(found.trace_hash, expected)
+
+
+@pytest.mark.soak
+def test_a_thousand_of_the_rural_profile_leave_the_same_trace():
+    same = 0
+    for first in range(0, 1000, 100):
+        given = spec(RURAL)
+        world = sample(given, load_road("rural"), 7, np.arange(first, first + 100, dtype=np.uint64))
+        expected = engine.run(world, parameters(world)).trace_hash
+        same += int((drive(world, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
+    assert same == 1000
+
+
+class Seeing:
+    """Stays, and keeps what it observes."""
+
+    def __init__(self) -> None:
+        """Have seen nothing."""
+        self.seen = []
+
+    def __call__(self, seen):
+        """Stay."""
+        self.seen.append((seen.decision, seen.around.copy(), seen.meeting.copy()))
+        return policies.stay(seen)
+
+
+def observed(observe, *scenes, on=None, horizon: float = 8.0):
+    """Frames, and what is observed there: (decision, simulation, role, number) and of `MEETING`."""
+    world = scenario(*scenes, road=on or road(), horizon=horizon)
+    eyes = Seeing()
+    run = drive(world, Driver(policy=eyes, observe=observe, action="decision"), engine.run)
+    around = np.stack([around for _, around, _ in eyes.seen])
+    return run, around, np.stack([meeting for _, _, meeting in eyes.seen])
+
+
+def of(around, name: str, role: str):
+    return around[:, :, ROLES.index(role), list(AROUND).index(name)]
+
+
+def test_the_truth_tells_where_those_who_come_are():
+    run, around, _ = observed("truth", pair(300.0, 420.0))
+    frames = np.arange(len(around))
+    s, d = run.states.s[0, :, frames] / 1e3, run.states.d[0, :, frames] / 1e3
+    half = run.scenario.vehicles.length[0] / 2.0
+    before = s[:, 2] > s[:, 0]
+    for role, slot in (("oncoming", 2), ("behind_oncoming", 3)):
+        gap = s[:, slot] - s[:, 0] - half[slot] - half[0]
+        np.testing.assert_allclose(of(around, "gap", role)[before, 0], gap[before], atol=3e-3)
+        aside = (d[:, slot] - d[:, 0])[before]
+        np.testing.assert_allclose(of(around, "aside", role)[before, 0], aside, atol=3e-3)
+        closing = -np.diff(gap) / 0.05
+        told = of(around, "closing", role)[1:, 0]
+        np.testing.assert_allclose(told[before[1:]], closing[before[1:]], atol=0.1)
+    assert not of(around, "brake_lamp", "oncoming").any()
+
+
+def test_who_is_met_makes_room_for_the_next_one():
+    run, around, _ = observed("truth", pair(150.0, 300.0))
+    gap = of(around, "gap", "oncoming")[:, 0]
+    meets = int(np.flatnonzero(np.diff(gap) > 50.0)[0])
+    assert of(around, "gap", "behind_oncoming")[meets, 0] == pytest.approx(gap[meets + 1], abs=5.0)
+    assert of(around, "detected", "behind_oncoming")[meets + 1, 0] == 0
+    assert run.states.s[0, 2, meets + 3] < run.states.s[0, 0, meets + 3]
+
+
+def test_a_human_sees_those_who_come_as_far_as_the_road_shows_them():
+    hidden = road(is_open=False)
+    run, around, meeting = observed("human", pair(900.0), on=hidden, horizon=12.0)
+    sight = meeting[:, 0, list(MEETING).index("sight")]
+    seen = of(around, "detected", "oncoming")[:, 0] > 0
+    frames = np.arange(len(around))
+    gap = (run.states.s[0, 2, frames] - run.states.s[0, 0, frames]) / 1e3
+    assert seen.any()
+    assert (gap[seen] < sight[seen] + 20.0).all()
+    assert (of(around, "gap", "oncoming")[~seen] == 1000.0).all()
+
+
+def test_a_sensor_sees_those_who_come_within_its_range(repository):
+    radar = Sensor.read(repository / "examples" / "radar.toml")
+    _, around, meeting = observed(radar, pair(300.0, 380.0))
+    for role in ("oncoming", "behind_oncoming"):
+        seen = of(around, "detected", role)[:, 0] > 0
+        assert seen.any()
+        assert of(around, "gap", role)[seen, 0].max() < radar.range_ahead + 1.0
+    assert not meeting[:, :, list(MEETING).index("room")].any()
+
+
+def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
+    world = scenario(pair(), road=road(), horizon=14.0)
+    given = parameters(world)
+    steps = stepper(given, "decision", is_true=True)
+    table, runs = steps.begin()
+    moves = []
+    while runs.any():
+        of_meeting = dict(zip(MEETING, parted(table)[2][0], strict=True))
+        out = bool(table[0, 8] == Stage.PASS)
+        move = Move.ABORT if out and of_meeting["can_fall_in"] else Move.PULL_OUT
+        moves.append(int(move))
+        values = np.zeros((1, MOST_PARTS), np.int32)
+        values[0, 0] = move
+        table, runs = steps.step(values, 1)
+        if move is Move.ABORT:
+            break
+    assert Move.ABORT in moves
+    assert table[0, 8] == Stage.ABORT
+
+
+def test_the_shipped_rules_pass_where_nobody_comes_and_wait_where_somebody_does():
+    world = scenario(pair(), pair(300.0), road=road(), horizon=25.0)
+    driver = Driver(policy=policies.rules, observe="human", action="decision")
+    run = drive(world, driver, engine.run)
+    starts = [np.flatnonzero(stage == Stage.PULL_OUT) for stage in run.stage]
+    assert len(starts[0])
+    met = np.flatnonzero(run.states.s[1, 2] < run.states.s[1, 0])[0]
+    assert len(starts[1])
+    assert starts[1][0] >= met
