@@ -2,8 +2,8 @@
 //! SIMD level; see `overtaking-avx`.
 
 use fearless_simd::Level;
-use overtaking_core::stepper::{Talk, serve};
-use overtaking_core::{Inputs, Later, Output, simulate};
+use overtaking_core::stepper::Talk;
+use overtaking_core::{Inputs, Later, Output};
 
 /// Call what is compiled for a SIMD level of this CPU: the functions for AVX-512, for AVX2, and for others.
 macro_rules! at_level {
@@ -13,7 +13,7 @@ macro_rules! at_level {
             Level::Avx512(simd) => $avx512(simd, $($argument),*),
             #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
             Level::Avx2(simd) => $avx2(simd, $($argument),*),
-            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            #[cfg(all(portable, any(target_arch = "x86", target_arch = "x86_64")))]
             Level::Sse4_2(_) | Level::Sse2(_) => match $level.as_sse2() {
                 Some(simd) => $other(simd, $($argument),*),
                 None => unreachable!("a level above SSE2 has SSE2"),
@@ -22,15 +22,24 @@ macro_rules! at_level {
             Level::Neon(simd) => $other(simd, $($argument),*),
             #[cfg(not(any(target_arch = "x86", target_arch = "x86_64", target_arch = "aarch64")))]
             Level::Fallback(simd) => $other(simd, $($argument),*),
-            _ => unreachable!("every level of this architecture is handled"),
+            _ => Err(overtaking_avx::NOT_COMPILED.to_string()),
         }
     };
+}
+
+/// Whether a SIMD level is compiled, by its name.
+pub fn is_compiled(name: &str) -> bool {
+    match name {
+        "avx512" => overtaking_avx::HAS_AVX512,
+        "avx2" => overtaking_avx::HAS_AVX2,
+        _ => cfg!(portable),
+    }
 }
 
 /// Simulate a batch at a SIMD level of this CPU.
 ///
 /// # Errors
-/// Those of `overtaking_core::simulate`.
+/// Those of `overtaking_core::simulate`; the level is not compiled.
 pub fn simulate_at(
     level: Level,
     inputs: &Inputs<'_>,
@@ -41,7 +50,7 @@ pub fn simulate_at(
         level,
         overtaking_avx::avx512,
         overtaking_avx::avx2,
-        simulate,
+        overtaking_core::simulate,
         (inputs, later, out)
     )
 }
@@ -49,13 +58,13 @@ pub fn simulate_at(
 /// Serve another driver of a batch at a SIMD level of this CPU.
 ///
 /// # Errors
-/// Those of `overtaking_core::stepper::serve`.
+/// Those of `overtaking_core::stepper::serve`; the level is not compiled.
 pub fn serve_at(level: Level, inputs: &Inputs<'_>, talk: &Talk) -> Result<(), String> {
     at_level!(
         level,
         overtaking_avx::serve_avx512,
         overtaking_avx::serve_avx2,
-        serve,
+        overtaking_core::stepper::serve,
         (inputs, talk)
     )
 }

@@ -17,7 +17,7 @@ use overtaking_core::{
     Constants, Inputs, Later, MAX_KNOTS, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES,
     VEHICLE_NAMES, Ways, supported, with_outputs,
 };
-use overtaking_portable::simulate_at;
+use overtaking_portable::{is_compiled, simulate_at};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -235,10 +235,13 @@ fn constant_fields() -> Vec<&'static str> {
     Constants::NAMES.to_vec()
 }
 
-/// Every SIMD level that the engine has, and whether this CPU can run it.
+/// Every SIMD level, and whether it is compiled and this CPU can run it.
 #[pyfunction]
 fn simd_levels() -> Vec<(&'static str, bool)> {
     overtaking_core::available_levels()
+        .into_iter()
+        .map(|(name, is_known)| (name, is_known && is_compiled(name)))
+        .collect()
 }
 
 /// The SIMD level that is used when none is asked for.
