@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from generators.markdown import page, section, table, unit
 
 from overtaking.model.actions import Move
-from overtaking.model.observation import AROUND, OWN, ROLES
+from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
 from overtaking.model.trajectory import Stage
 from overtaking.sim.controls import CONTROLS
 
@@ -18,11 +18,15 @@ INTRODUCTION = """\
 What a [driver of your own](../how-to/drive-it-yourself.md) is given and answers. `seen.of(name)` is
 a number of the ego, `seen.of(name, role)` one of a neighbour, each of shape (simulation,) and
 float32. A flag is 1 or 0. Networks in ONNX files get all of them in this order: the numbers of the
-ego, then for each role those of the neighbour.
+ego, for each role those of the neighbour, and those of a pass against oncoming traffic.
 """
 AROUND_NOTE = """\
 Roles: {roles}. A role is a place: ahead (`lead`) and behind (`rear`) in the ego's lane, and in the
 next faster and slower one; the last two are on the other side of the road.
+"""
+MEETING_NOTE = """\
+`seen.of(name)` gives these as well. They are the model driver's own, whatever is observed of others;
+a sensor measures no room. On roads of one direction they are zero.
 """
 ANSWER = """\
 `action`, its numbers, and the limits within which they are clipped. A number acts in whole steps.
@@ -49,6 +53,7 @@ def content() -> str:
         INTRODUCTION,
         section("Numbers of the ego", _numbers(OWN), _codes(Stage)),
         section("Numbers of a neighbour", AROUND_NOTE.format(roles=roles), _numbers(AROUND)),
+        section("Numbers of a pass against oncoming traffic", MEETING_NOTE, _numbers(MEETING)),
         section(
             "Answers",
             ANSWER,
