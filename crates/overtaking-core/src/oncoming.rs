@@ -83,7 +83,7 @@ pub fn look_ahead<S: Simd, const N: usize>(
         let sight = sight(state, w, near);
         (sight, min(range, sight))
     } else {
-        (zero, range)
+        (zero, min(range, state.shown[i]))
     };
     let visible = slot.simd_ge(0.0) & effort.simd_le(1.0) & true_gap.simd_lt(reach);
     let needed = q.detection_time * (1.0 + c.detection_growth * (effort * effort * effort));
@@ -201,6 +201,7 @@ fn sight<S: Simd, const N: usize>(
         beside * (reach / at_least(edge, LEAST_REACH)),
         splat(w.simd, FAR),
     );
+    let by_road = min(by_road, state.shown[EGO]);
     min(min(by_road, past), w.q.oncoming_sight)
 }
 
