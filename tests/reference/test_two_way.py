@@ -19,6 +19,7 @@ from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
 from overtaking.world.parameters import SIMULATION_FIELDS, parameters
+from overtaking.world.sight import sight_at
 
 from .situations import difference
 
@@ -184,7 +185,7 @@ def test_no_arrival_is_missing_within_sight():
     # Where not all slots are taken, everybody who could be met before the horizon is there.
     full = comes.sum(axis=1) == world.num_slots - 10
     assert 20 < full.sum() < 300
-    sight = np.minimum(world.road.sight(ego), 1000.0)
+    sight = np.minimum(sight_at(world.road, ego), 1000.0)
     missing = (last - ego < sight) & run.frame_valid & full[:, None]
     assert not missing.any()
 

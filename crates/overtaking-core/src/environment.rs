@@ -139,11 +139,11 @@ pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> 
     at_least(value, c.friction_floor)
 }
 
-/// What the road does under vehicle `i` until the next decision: it bends, it rises.
+/// What the road does under vehicle `i` until the next decision: it bends, it rises it shows itself.
 #[inline(always)]
 pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>, i: usize) {
     let (c, p, ways) = (w.c, &w.p[i], &w.road.ways);
-    let [curvature, slope, along, against] = w.road.course;
+    let [curvature, slope, ways_of @ ..] = w.road.course;
     let turned = p.direction.simd_lt(0.0);
     let offset = choose(turned, state.d[i] - ways.across, state.d[i]);
     let soon = 0.5 * c.decision;
@@ -154,27 +154,36 @@ pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_
     );
     let (s, v) = (state.s[i], state.vx[i]);
     let (here, there) = (s + soon * v, s + (soon + late) * v);
-    let at = |row: &[f32], s: V<S>| {
-        let last = row.len() - 1;
-        let station = choose(turned, ways.far_end - s, s) * c.per_station;
-        let station = clamp_to(station, 0.0, last as f32);
-        let first = at_most(floor(station), (last - 1) as f32);
-        let (mut low, mut high) = (first, first);
-        for lane in 0..LANES {
-            let k = first[lane] as usize;
-            (low[lane], high[lane]) = (row[k], row[k + 1]);
-        }
-        low + (station - first) * (high - low)
+    let last = (slope.len() - 1) as f32;
+    let station = |s: V<S>| {
+        let way = choose(turned, ways.far_end - s, s) * c.per_station;
+        clamp_to(way, 0.0, last)
     };
+    let (here, there, now) = (station(here), station(there), station(s));
+    let way_of = |row: usize, lane: usize| ways_of[row + usize::from(p.direction[lane] < 0.0)];
     let stretch = |bend: V<S>| 1.0 / at_least(1.0 - bend * offset, LEAST_SHARE);
-    let bend = p.direction * at(curvature, here);
-    let ahead = p.direction * at(curvature, there);
+    let bend = p.direction * between(here, last, |_| curvature);
+    let ahead = p.direction * between(there, last, |_| curvature);
     state.stretch[i] = stretch(bend);
     state.curve[i] = bend * state.stretch[i];
     state.curve_ahead[i] = ahead * stretch(ahead);
-    state.slope[i] = p.direction * at(slope, here);
-    let radius = choose(turned, at(against, s), at(along, s));
+    state.slope[i] = p.direction * between(here, last, |_| slope);
+    let radius = between(now, last, |lane| way_of(0, lane));
     state.bend_speed[i] = (at_most(w.q.side_accel, c.bend_accel) * radius).sqrt();
+    let sight = |lane: usize| if p.truck[lane] > 0.0 { 4 } else { 2 };
+    state.shown[i] = between(now, last, |lane| way_of(sight(lane), lane));
+}
+
+/// A row of the road between its stations, linear; each simulation may have its own.
+#[inline(always)]
+fn between<'a, S: Simd>(station: V<S>, last: f32, row: impl Fn(usize) -> &'a [f32]) -> V<S> {
+    let first = at_most(floor(station), last - 1.0);
+    let (mut low, mut high) = (first, first);
+    for lane in 0..LANES {
+        let (row, k) = (row(lane), first[lane] as usize);
+        (low[lane], high[lane]) = (row[k], row[k + 1]);
+    }
+    low + (station - first) * (high - low)
 }
 
 /// Friction under the wheels of either side.

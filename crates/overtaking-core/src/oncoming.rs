@@ -146,7 +146,7 @@ fn look_at<S: Simd, const N: usize>(
     let leader_speed = pick!(w.count, near.slot[LEAD], |j| state.vx[j]);
     let depths = optical_depth(state, w, near, leader_speed, i);
     let effort = strain(w, contrast, lamp, gap, depths);
-    let range = splat(w.simd, w.c.oncoming_range);
+    let range = at_most(state.shown[i], w.c.oncoming_range);
     let far = if i == EGO { min(range, sight) } else { range };
     Glimpse {
         reach,
@@ -294,6 +294,7 @@ fn sight<S: Simd, const N: usize>(
         beside * (reach / at_least(edge, LEAST_REACH)),
         splat(w.simd, FAR),
     );
+    let by_road = min(by_road, state.shown[EGO]);
     min(min(by_road, past), w.q.oncoming_sight)
 }
 

@@ -35,6 +35,7 @@ const LONG_AGO: f32 = 10.0;
 /// On friction nothing depends yet.
 const ANY_FRICTION: f32 = 0.8;
 const ANY_SPEED: f32 = 1e9;
+const ANY_SIGHT: f32 = 1e9;
 
 /// Slot of the ego.
 pub const EGO: usize = 0;
@@ -68,10 +69,13 @@ pub struct Road<'a> {
     pub pose: [f32; 5],
     /// Its directions.
     pub ways: Ways,
-    /// What it does at its stations: curvature, slope, and the radius for the speed along and against it. Empty
-    /// where it is straight and level.
-    pub course: [&'a [f32]; 4],
+    /// What it does at its stations: curvature, slope; then, each along and against it, the radius for the speed, and
+    /// how far one sees from a car and from a truck. Empty where it is straight and level.
+    pub course: [&'a [f32]; ROWS],
 }
+
+/// Rows of `Road::course`.
+pub const ROWS: usize = 8;
 
 /// Most stations between which sight, or the line between the directions, changes.
 pub const MAX_KNOTS: usize = 64;
@@ -96,7 +100,7 @@ pub struct Ways {
 impl<'a> Road<'a> {
     /// That of a batch.
     pub fn of(inputs: &Inputs<'a>) -> Self {
-        let stations = inputs.course.len() / 4;
+        let stations = inputs.course.len() / ROWS;
         let row = |k: usize| &inputs.course[k * stations..(k + 1) * stations];
         Self {
             num_lanes: inputs.num_lanes,
@@ -105,7 +109,7 @@ impl<'a> Road<'a> {
             side: inputs.side,
             pose: inputs.pose,
             ways: inputs.ways,
-            course: [row(0), row(1), row(2), row(3)],
+            course: std::array::from_fn(row),
         }
     }
 
@@ -290,6 +294,7 @@ state_fields! {
     stretch: Each<S, N>,
     slope: Each<S, N>,
     bend_speed: Each<S, N>,
+    shown: Each<S, N>,
     /// Sine and cosine of `psi`.
     sine: Each<S, N>,
     cosine: Each<S, N>,
@@ -379,6 +384,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             stretch: each(1.0),
             slope: each(0.0),
             bend_speed: each(ANY_SPEED),
+            shown: each(ANY_SIGHT),
             sine: each(0.0),
             cosine: each(1.0),
             reach: each(0.0),

@@ -119,6 +119,33 @@ def road_facts(name: str) -> RoadFacts:
     return read_section(RoadFacts, _FILE, name)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SightFacts:
+    """What limits the sight of a road, and below which sight one does not pass; all in SI.
+
+    Attributes:
+        clearance: From the middle of the lane inside a bend to what hides the road [m].
+        eye_height: Of who drives a car, above the road [m].
+        truck_eye_height: Of who drives a truck [m].
+        object_height: Of what is seen of a vehicle [m].
+        passing_speed: Speed limits [m/s].
+        passing_sight: Least sight at each of them where lines let one pass [m].
+    """
+
+    clearance: float
+    eye_height: float
+    truck_eye_height: float
+    object_height: float
+    passing_speed: tuple[float, ...]
+    passing_sight: tuple[float, ...]
+
+
+@cache
+def sight_facts() -> SightFacts:
+    """What limits the sight of a road that bends or rises."""
+    return read_section(SightFacts, _FILE, "sight")
+
+
 @cache
 def general_limits() -> GeneralLimits:
     """The limits that Portuguese law sets for roads without a sign."""

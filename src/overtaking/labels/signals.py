@@ -38,6 +38,7 @@ from overtaking.world.conditions import outlook
 from overtaking.world.constants import constants, known
 from overtaking.world.film import lane_film
 from overtaking.world.lanes import road_parameters
+from overtaking.world.sight import sight_at
 
 Arrays = dict[str, NDArray[Any]]
 Later = dict[str, Callable[[], Arrays]]
@@ -95,7 +96,8 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, 
 def _limit_sight(trajectories: Trajectories, outputs: Arrays) -> None:
     """Nothing is seen beyond what the road shows."""
     if trajectories.road.course:
-        shown = trajectories.road.sight(trajectories.states.s[:, Role.EGO] * METRES_PER_STEP)
+        s = trajectories.states.s[:, Role.EGO] * METRES_PER_STEP
+        shown = sight_at(trajectories.road, s)
         for name in ("sight_lit", "sight_unlit"):
             np.minimum(outputs[name], as_f32(shown), out=outputs[name])
 

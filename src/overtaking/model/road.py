@@ -184,15 +184,6 @@ class Road:
         borders = self.boundaries
         return (borders[:-1] + borders[1:]) * 0.5
 
-    def sight(self, s: ArrayLike, direction: int = 1) -> F64:
-        """How far a driver sees the road, infinite where it does not limit sight [m].
-
-        Args:
-            s: Where the driver is, any shape [m].
-            direction: +1 along the road, -1 against it.
-        """
-        return (self.course or Course()).sight_at(s, direction)
-
     @property
     def pieces(self) -> tuple[Piece, ...]:
         """The reference line by pieces, empty where the road is straight."""

@@ -96,7 +96,7 @@ def _cut(piece: Piece, start: float, end: float) -> Piece:
     ends = ReferenceLine.of([piece]).at([start, end])
     curvature = np.interp([start, end], [0.0, piece.length], piece[4:])
     x, y, heading = (float(one[0]) for one in (ends.x, ends.y, ends.heading))
-    return Piece(x, y, heading, end - start, *map(float, curvature))
+    return Piece(x, y, heading, end - start, float(curvature[0]), float(curvature[1]))
 
 
 def _moved(
@@ -147,8 +147,8 @@ def _beside(piece: Piece, left: Cubic, scale: float, element: Element) -> list[P
         # Beside a straight line or an arc lies another.
         start = curve(np.zeros(1))
         speed, bend = float(start.speed[0]), float(start.curvature[0])
-        pose = (float(one[0]) for one in start[:3])
-        return [Piece(*pose, piece.length * speed, bend, bend)]
+        x, y, heading = (float(one[0]) for one in start[:3])
+        return [Piece(x, y, heading, piece.length * speed, bend, bend)]
     return _followed(curve, piece.length, element)
 
 

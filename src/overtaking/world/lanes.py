@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.elementary import F32, as_f32, sincos
 from overtaking.core.errors import ConfigError
@@ -14,6 +14,9 @@ from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
 from overtaking.model.scenario import Scenario
 from overtaking.world import film
 from overtaking.world.constants import known
+from overtaking.world.sight import shown
+
+F64 = NDArray[np.float64]
 
 MAX_KNOTS = 64
 """Most stations between which sight, or the line between the directions, changes."""
@@ -39,8 +42,8 @@ class RoadParameters:
         line: Stations, and 1 from where on the line is not to be crossed; (2, MAX_KNOTS).
         course: What the road does at stations every `model.steering.station`: curvature towards
             the fast side [1/m], sine of the slope, and along and against the road the radius by
-            which drivers choose their speed [m], see `_course`; (4, station), no station where the
-            road is straight and level.
+            which drivers choose their speed [m], see `_course`, how far they see [m], and how far
+            from a truck [m]; (8, station), no station where the road is straight and level.
         boundaries: Lane borders from slow to fast, padded with the last, shape (MAX_LANES + 1,)
             [m].
         film_path: `film.film_per_path` of each lane, padded, shape (MAX_LANES,).
@@ -182,7 +185,7 @@ def _course(road: Road) -> F32:
     acceleration a, having braked by b.
     """
     if road.course is None or not (road.course.line or road.course.grade):
-        return np.zeros((4, 0), np.float32)
+        return np.zeros((8, 0), np.float32)
     spacing = float(known("model.steering.station"))
     stations = np.arange(math.ceil(road.length / spacing) + 1) * spacing
     turn = road.heading_at(stations + 0.5 * spacing) - road.heading_at(stations - 0.5 * spacing)
@@ -194,7 +197,18 @@ def _course(road: Road) -> F32:
     along = np.minimum.accumulate((radius + rise * stations)[::-1])[::-1] - rise * stations
     against = np.minimum.accumulate(radius - rise * stations) + rise * stations
     rows = [road.side * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
-    return np.array(rows, np.float32)
+    return np.array([*rows, *_shown(road, len(stations))], np.float32)
+
+
+def _shown(road: Road, count: int) -> list[F64]:
+    """How far one sees along and against the road, and how far from a truck [m]."""
+    ways = [shown(road, direction) for direction in (1, -1)]
+    unlimited = np.full(count, _FAR)
+    return [
+        unlimited if one is None else np.minimum(one.by_bends, getattr(one, over))
+        for over in ("by_crests", "from_trucks")
+        for one in ways
+    ]
 
 
 def _knots(rows: Sequence[ArrayLike]) -> F32:

@@ -10,6 +10,7 @@ import pytest
 from overtaking.core.errors import ConfigError
 from overtaking.model.course import Course, Line, Place, PlaceKind, RoadMark, whole_line
 from overtaking.model.known_roads import known_road
+from overtaking.world.sight import sight_at
 
 SOLID, BROKEN, MIXED = RoadMark.SOLID, RoadMark.BROKEN, RoadMark.SOLID_BROKEN
 
@@ -71,7 +72,7 @@ def test_sight_is_linear_between_stations_and_constant_beyond():
     course = Course(sight=((100.0, 300.0), (200.0, 100.0)))
     np.testing.assert_array_equal(course.sight_at([0.0, 150.0, 999.0]), [300.0, 200.0, 100.0])
     np.testing.assert_array_equal(course.sight_at([0.0, 150.0], -1), [np.inf, np.inf])
-    np.testing.assert_array_equal(known_road("motorway").sight(7.0), np.inf)
+    np.testing.assert_array_equal(sight_at(known_road("motorway"), 7.0), np.inf)
 
 
 def test_a_course_is_the_same_in_a_mirrored_world():
@@ -91,10 +92,10 @@ def test_the_sight_of_the_rural_road_is_that_of_its_bends_and_crests():
         within = {PlaceKind.BEND: bend, PlaceKind.CREST: crest}[place.kind]
         middle = 0.5 * (place.start + place.stop)
         for direction in (1, -1):
-            assert road.sight(middle, direction) == pytest.approx(within, abs=0.5)
+            assert sight_at(road, middle, direction) == pytest.approx(within, abs=0.5)
         # From the straight stretches one sees the place and as far into it as from within.
-        assert road.sight(place.start - 100.0) == pytest.approx(100.0 + within, abs=0.5)
-        assert road.sight(place.stop + 100.0, -1) == pytest.approx(100.0 + within, abs=0.5)
+        assert sight_at(road, place.start - 100.0) == pytest.approx(100.0 + within, abs=0.5)
+        assert sight_at(road, place.stop + 100.0, -1) == pytest.approx(100.0 + within, abs=0.5)
 
 
 def test_the_line_of_the_rural_road_is_solid_where_sight_is_short():
@@ -103,7 +104,7 @@ def test_the_line_of_the_rural_road_is_solid_where_sight_is_short():
     s = np.arange(0.5, road.length, 1.0)
     here = np.array(marks, object)[np.searchsorted(starts, s, side="right") - 1]
     closed = (here == SOLID) | (here == MIXED)
-    sight = road.sight(s)
+    sight = sight_at(road, s)
     # Behind a bend the line stays solid while sight opens up, some 10 m.
     assert sight[~closed].min() >= 200.0
     assert sight[closed].max() <= 380.0

@@ -22,6 +22,7 @@ from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.world.measures import drac
+from overtaking.world.sight import places_for
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -115,7 +116,7 @@ def _lines_along(road: Road) -> Columns:
 
 
 def _places(road: Road) -> Columns:
-    places = road.course.places_for(1) if road.course else ()
+    places = places_for(road, 1)
     codes = [words.PLACE_KIND.names.index(one.kind.name.lower()) for one in places]
     ends = np.array([(one.start, one.stop) for one in places]).reshape(-1, 2)
     return np.array(codes, np.int64), nearest(ends[:, 0]), nearest(ends[:, 1])

@@ -17,6 +17,7 @@ from overtaking.model.once import once
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.constants import known
+from overtaking.world.sight import places_for
 
 Along = tuple[float, float]
 """Beginning and end of a stretch of road [m]."""
@@ -68,9 +69,7 @@ def stretches_of(
         kinds: Which.
         before: How long before a place of a kind its stretch begins [m].
     """
-    course = case.trajectories.road.course
-    wanted = frozenset(kinds)
-    places = course.places_for(1) if course else ()
+    wanted, places = frozenset(kinds), places_for(case.trajectories.road, 1)
     return [(one.start - before(one.kind), one.stop) for one in places if one.kind in wanted]
 
 

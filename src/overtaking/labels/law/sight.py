@@ -20,6 +20,7 @@ from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.world.conditions import outlook
 from overtaking.world.constants import known
+from overtaking.world.sight import sight_at
 
 _SAME = np.float32(1e-3)  # Margins that differ by less are one [m].
 
@@ -86,7 +87,7 @@ def _sees_through_air(case: Case) -> Check:
     """From the start until the target is passed, air and road let one see the carriageway."""
     sight, span, road = optical_range(case), _until_passed(case), case.trajectories.road
     if road.is_two_way or road.course:
-        shown = as_f32(road.sight(case.signals.s))
+        shown = as_f32(sight_at(road, case.signals.s))
         return _sees(case, np.minimum(np.broadcast_to(sight[:, None], shown.shape), shown))
     # The air is the same in all frames.
     found = Stretch(
@@ -136,7 +137,7 @@ def passing_margin(case: Case) -> F32:
 
 def shown_sight(case: Case, frame: I32) -> F32:
     """Sight that air and road give at one frame of each simulation [m]."""
-    shown = as_f32(case.trajectories.road.sight(at(case.signals.s, frame)))
+    shown = as_f32(sight_at(case.trajectories.road, at(case.signals.s, frame)))
     return np.minimum(optical_range(case), shown)
 
 

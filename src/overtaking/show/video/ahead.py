@@ -13,6 +13,7 @@ from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.scene import FilmScene
 from overtaking.show.video.text import line
 from overtaking.show.video.view import SCENE_TOP
+from overtaking.world.sight import places_for, sight_at
 
 AHEAD, BEHIND = 1_000.0, 100.0
 """How much of the road is shown [m]."""
@@ -59,6 +60,7 @@ class Ahead:
         row = np.arange(len(scene.slots))
         self._comes = np.cos(scene.angle[row, first]) < 0
         self._comes[Role.EGO] = False
+        self._stretches = places_for(scene.road, 1)
 
     def draw(self, canvas: Canvas, frame: int) -> None:
         """Draw the strip of a frame."""
@@ -83,8 +85,7 @@ class Ahead:
         return min(max(_LEFT + (s - ego + BEHIND) * _SCALE, _LEFT), _RIGHT)
 
     def _places(self, drawing: Drawing, ego: float) -> Iterator[Label]:
-        course = self._road.course
-        for one in course.places_for(1) if course else ():
+        for one in self._stretches:
             begin, end = self._x(one.start, ego), self._x(one.stop, ego)
             if begin < end:
                 drawing.rect((begin, end), (0.0, float(_HEIGHT)), _PLACE)
@@ -92,7 +93,7 @@ class Ahead:
 
     def _sight(self, drawing: Drawing, ego: float) -> Iterator[Label]:
         """What lies beyond sight is dark."""
-        sight = float(self._road.sight(ego))
+        sight = float(sight_at(self._road, ego))
         if math.isfinite(sight) and (end := self._x(ego + sight, ego)) < _RIGHT:
             drawing.rect((end, _RIGHT + 6.0), (0.0, float(_HEIGHT)), _UNSEEN, opacity=0.8)
             drawing.rect((end - 1.0, end + 1.0), (-3.0, _HEIGHT + 3.0), _OPEN)

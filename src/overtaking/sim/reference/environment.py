@@ -82,7 +82,8 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
     if not road.course.shape[1]:
         return
     one, half = np.float32(1.0), np.float32(0.5)
-    curvature, slope, along, against = road.course
+    curvature, slope, *ways = road.course
+    high = p.truck > 0
     turned = p.direction < 0
     offset = np.where(turned, state.d - road.across, state.d)
     soon = half * c.decision
@@ -106,8 +107,13 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
     state.curve = bend * state.stretch
     state.curve_ahead = ahead * stretch(ahead)
     state.slope = p.direction * at(slope, here)
-    radius = np.where(turned, at(against, state.s), at(along, state.s))
+    each = [at(row, state.s) for row in ways]
+    radius, by_car, by_truck = (
+        np.where(turned, against, along)
+        for along, against in zip(each[::2], each[1::2], strict=True)
+    )
     state.bend_speed = np.sqrt(minimum(c.bend_accel, q.side_accel) * radius)
+    state.shown = np.where(high, by_truck, by_car)
 
 
 def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:

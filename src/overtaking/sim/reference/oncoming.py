@@ -151,6 +151,7 @@ def _sight(
     beside = middle - state.d[ego] - c.eye_offset
     hides = (lead >= 0) & (pick(p.tall, lead) > 0) & (edge > 0) & (beside > 0)
     past = np.where(hides, beside * (reach / maximum(edge, LEAST_REACH)), _FAR)
+    by_road = minimum(by_road, state.shown[ego])
     return minimum(minimum(by_road, past), q.oncoming_sight)
 
 
@@ -171,7 +172,7 @@ def _judged(
     half = pick(p.half_length, slot)
     true_gap = nearest - (half + p.half_length)
     effort = _strain(state, given, p, q, near, slot, true_gap)
-    reach = np.full_like(true_gap, c.oncoming_range)
+    reach = minimum(c.oncoming_range, state.shown)
     reach[Role.EGO] = minimum(reach[Role.EGO], sight)
     visible = (slot >= 0) & (effort <= one) & (true_gap < reach)
     if noticed is None:

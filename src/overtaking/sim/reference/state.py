@@ -27,6 +27,7 @@ NOBODY = np.float32(-1.0)
 _LONG_AGO = np.float32(10.0)
 _ANY_FRICTION = np.float32(0.8)
 _ANY_SPEED = np.float32(1e9)
+_ANY_SIGHT = np.float32(1e9)
 
 
 Fields = VehicleParameters
@@ -84,6 +85,7 @@ class State:
         stretch: Way along the reference line for each metre that it drives on there.
         slope: Sine of the slope, positive uphill.
         bend_speed: Speed that drivers choose for the bends ahead [m/s].
+        shown: How far the road lets its drivers see [m].
         history_s, history_v: Position and speed along the road at the last decisions,
             (HISTORY, vehicle, simulation).
     """
@@ -144,6 +146,7 @@ class State:
     stretch: F32
     slope: F32
     bend_speed: F32
+    shown: F32
     history_s: F32
     history_v: F32
 
@@ -212,6 +215,7 @@ def initial_state(given: Parameters) -> State:
         stretch=zero + np.float32(1.0),
         slope=zero.copy(),
         bend_speed=zero + _ANY_SPEED,
+        shown=zero + _ANY_SIGHT,
         history_s=np.zeros((HISTORY, *zero.shape), np.float32),
         history_v=np.zeros((HISTORY, *zero.shape), np.float32),
     )

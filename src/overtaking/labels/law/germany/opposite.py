@@ -20,6 +20,7 @@ from overtaking.model.labels import Case
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
 from overtaking.world.constants import known
+from overtaking.world.sight import places_for
 
 _STVO = "de-stvo-2013"
 _SENTENCE = "§ 5(2) sentence 1 StVO"
@@ -33,7 +34,7 @@ _FINE = "100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)"
 def _signs(case: Case) -> Check:
     """The ego does not overtake vehicles with several tracks where a sign forbids it."""
     run, attempted = case.trajectories, case.events.attempted
-    if not (run.road.course and run.road.course.places_for(1)):
+    if not places_for(run.road, 1):
         # Only a posted limit tells that signs are known.
         may_stand = attempted & ("speed_limit" in run.unknown)
         margin = np.zeros(len(attempted), np.float32)

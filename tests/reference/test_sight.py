@@ -1,0 +1,173 @@
+"""How far roads that bend and rise show themselves, against closed formulas."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.support.worlds import scenario
+
+from overtaking.model.course import Course, Place, PlaceKind
+from overtaking.model.known_roads import known_road
+from overtaking.model.line import Piece, ReferenceLine
+from overtaking.model.trajectory import Stage
+from overtaking.sim import engine, reference
+from overtaking.world.sight import places_for, shown, sight_at
+
+from .situations import difference
+from .test_two_way import pair
+
+if TYPE_CHECKING:
+    from overtaking.model.road import Road
+
+LENGTH = 6000.0
+CLEARANCE, CAR, TRUCK = 5.0, 1.08, 2.4
+
+
+@cache
+def two_way() -> Road:
+    """A straight road of two lanes without a course."""
+    return dataclasses.replace(known_road("rural").extended(LENGTH), course=None)
+
+
+def bent(*parts: tuple[float, float, float], **course) -> Road:
+    """The road along pieces of a length and a curvature at both ends."""
+    pieces, x, y, heading = [], 0.0, 0.0, 0.0
+    for length, begin, end in parts:
+        pieces.append(Piece(x, y, heading, length, begin, end))
+        there = ReferenceLine.of(pieces[-1:]).at(length)
+        x, y, heading = float(there.x), float(there.y), float(there.heading)
+    return dataclasses.replace(two_way(), course=Course(line=tuple(pieces), **course))
+
+
+def over(radius: float) -> Road:
+    """The road over a crest from a rise to a fall of 0.06, its top in the middle."""
+    half = 0.06 * radius
+    grade = ((0.5 * LENGTH - half, 0.06), (0.5 * LENGTH + half, -0.06))
+    return dataclasses.replace(two_way(), course=Course(grade=grade))
+
+
+@pytest.mark.parametrize(("radius", "sight"), [(200, 90), (400, 127), (700, 167), (1500, 245)])
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_bend_shows_what_a_chord_past_its_inside_shows(
+    radius: float, sight: float, turn: float, direction: int
+):
+    """S = 2 R acos(1 - m / R), R to the middle of the lane inside."""
+    # The middle of the lanes is 1.75 m beside the line that the stations are counted along.
+    line = radius + 1.75
+    road = bent((LENGTH, turn / line, turn / line))
+    closed = 2.0 * radius * math.acos(1.0 - CLEARANCE / radius)
+    assert closed == pytest.approx(sight, abs=0.6)
+    middle = 0.5 * LENGTH if direction > 0 else 0.5 * LENGTH + 1.0
+    found = float(sight_at(road, middle, direction)) * radius / line
+    assert found == pytest.approx(closed, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("radius", "sight"), [(4_000, 186), (10_000, 294), (16_000, 372), (30_000, 509)]
+)
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_crest_shows_what_is_above_its_tangent(radius: float, sight: float, direction: int):
+    """S = sqrt(2 R) (sqrt(a) + sqrt(b)), from a truck a quarter farther."""
+    found, closed = shown(over(radius), direction), []
+    assert found is not None
+    for eye, seen in ((CAR, found.by_crests), (TRUCK, found.from_trucks)):
+        closed.append(math.sqrt(2.0 * radius) * (math.sqrt(eye) + math.sqrt(CAR)))
+        # Before the top, so that the way seen is on the crest.
+        s = 0.5 * LENGTH - direction * 0.5 * closed[-1]
+        assert np.interp(s, np.arange(len(seen)) * 2.0, seen) == pytest.approx(closed[-1], abs=1.0)
+    assert closed[0] == pytest.approx(sight, abs=0.6)
+    assert closed[1] / closed[0] == pytest.approx(1.25, abs=0.01)
+
+
+def test_sight_runs_out_before_a_bend_and_comes_back_behind_it():
+    """From the straight one sees as far into a bend as the tangent past its inside touches."""
+    radius, begin, end = 300.0, 2000.0, 2300.0
+    line = radius + 1.75
+    road = bent((begin, 0.0, 0.0), (end - begin, -1 / line, -1 / line), (LENGTH, 0.0, 0.0))
+    for before in (50.0, 150.0, 400.0):
+        # From the eye on the tangent of the lane the wall begins at the clearance to its right; it
+        # is touched at the angle a, beyond which the line meets the lane again at the angle b.
+        eye = np.array([-before, radius])
+        angles = np.linspace(0.0, 0.8, 800_001)
+        inner = radius - CLEARANCE
+        # Height of the line of sight beyond a point of the wall: the lowest line that clears it.
+        rise = (inner * np.cos(angles) - eye[1]) / (inner * np.sin(angles) - eye[0])
+        steepest = rise.max()
+        path = radius * np.cos(angles) - eye[1] - steepest * (radius * np.sin(angles) - eye[0])
+        seen = angles[np.flatnonzero(path < 0.0)[0]] * radius
+        expected = before + seen * line / radius
+        assert float(sight_at(road, begin - before)) == pytest.approx(expected, abs=1.0)
+    # Once out of the bend, the straight is seen without a limit.
+    assert np.isinf(sight_at(road, end + 60.0))
+    assert np.isfinite(sight_at(road, end - 60.0))
+
+
+def test_who_is_seen_sees():
+    """Eyes and what is seen are equally high, so sight is mutual."""
+    road = bent((1500.0, 0.0, 0.0), (300.0, 0.0, 1 / 250), (LENGTH, 1 / 250, 1 / 250),
+                grade=((0.0, 0.04), (900.0, 0.04), (1200.0, -0.04)))  # fmt: skip
+    s = np.arange(0.0, 3000.0, 2.0)
+    there = s + sight_at(road, s)
+    s, there = s[there < 3000.0], there[there < 3000.0]
+    assert len(s) > 1000
+    back = there - sight_at(road, there, -1)
+    # Before a crest centimetres there are metres here: one of both ways tells places apart.
+    again = back + sight_at(road, back)
+    assert np.minimum(np.abs(back - s), np.abs(again - there)).max() < 2.0
+
+
+def test_straight_level_and_stated_roads_are_left_as_they_are():
+    assert np.isinf(sight_at(two_way(), [0.0, 500.0])).all()
+    slope = dataclasses.replace(two_way(), course=Course(grade=((0.0, 0.05),)))
+    assert np.isinf(sight_at(slope, [0.0, 500.0])).all()
+    stated = bent((LENGTH, 0.01, 0.01), sight=((0.0, 333.0),))
+    assert sight_at(stated, 100.0) == 333.0
+    assert not places_for(stated, 1)
+
+
+def test_places_are_where_one_sees_too_little():
+    """Bends below the 50 m of Article 19, crests below the 280 m that are needed at 90 km/h."""
+    assert not places_for(bent((LENGTH, 1 / 100, 1 / 100)), 1)
+    sharp = bent((1000.0, 0.0, 0.0), (60.0, 1 / 40, 1 / 40), (LENGTH, 0.0, 0.0))
+    (bend,) = places_for(sharp, 1)
+    assert bend.kind is PlaceKind.BEND
+    assert 950.0 < bend.start < 1000.0 < bend.stop < 1060.0
+    (crest,) = places_for(over(4_000.0), 1)
+    assert crest.kind is PlaceKind.CREST
+    assert crest.start < 0.5 * LENGTH < crest.stop
+    (back,) = places_for(over(4_000.0), -1)
+    assert (back.start, back.stop) == pytest.approx(
+        (LENGTH - crest.stop, LENGTH - crest.start), abs=2.0
+    )
+    assert not places_for(over(10_000.0), 1)
+    own = Place(kind=PlaceKind.JUNCTION, start=5.0, stop=6.0)
+    course = dataclasses.replace(over(10_000.0).course or Course(), places=(own,))
+    assert places_for(dataclasses.replace(two_way(), course=course), 1) == (own,)
+
+
+def test_both_engines_see_equally_far():
+    """Behind bends and crests, from cars and from a truck, both ways: the same bits."""
+    road = bent((1000.0, 0.0, 0.0), (LENGTH, 1 / 300, 1 / 300),
+                grade=((0.0, 0.05), (1100.0, 0.05), (1300.0, -0.05)))  # fmt: skip
+    near, far = (pair(gap, gap_acceptance=0.0) for gap in (180.0, 400.0))
+    far[0] = dataclasses.replace(far[0], kind="T")
+    world = scenario(near, far, road=road, horizon=6.0, num_slots=3)
+    expected = reference.simulate(world)
+    assert (expected.stage == Stage.PULL_OUT).any()
+    assert not difference(engine.simulate(world), expected)
+
+
+def test_nobody_passes_on_an_empty_road_that_it_does_not_see():
+    """An unseen road counts as an oncomer at its end."""
+    hidden = bent((LENGTH, 1 / 400, 1 / 400))
+    assert hidden.course is not None
+    course = dataclasses.replace(hidden.course, sight=((0.0, 1000.0),))
+    for road, passes in ((hidden, False), (dataclasses.replace(hidden, course=course), True)):
+        run = engine.simulate(scenario(pair(), road=road, horizon=25.0))
+        assert (run.stage == Stage.PULL_OUT).any() == passes
