@@ -20,6 +20,7 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
+from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters, SimulationParameters
 
 _FAR = np.float32(1e9)
@@ -60,6 +61,20 @@ def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
     return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), own.max_speed)
 
 
+def seen_ahead(c: Constants, oncoming: Oncoming) -> F32:
+    """The way up to who comes, or may come from where the road is not seen, (simulation,) [m].
+
+    Few reckon with somebody at the very end of what they see: who does come then comes in sight
+    while they pass.
+    """
+    return minimum(oncoming.believed_gap[Role.EGO], c.unseen_trust * oncoming.sight)
+
+
+def room_left(c: Constants, p: Fields, slot: F32) -> F32:
+    """How much more room drivers leave to the vehicle in a slot than to a car, (simulation,)."""
+    return np.where(pick(p.tall, slot) > 0, c.tall_room, np.float32(1.0))
+
+
 def may_meet(
     state: State,
     given: Parameters,
@@ -74,7 +89,8 @@ def may_meet(
 
     The time that passing takes, as the ego misjudges it, with something to spare, is held against
     the time until the nearest oncomer is met; a road that is not seen counts as an oncomer. Passing
-    takes half a lane change before speed is gained, and half of one back at its end.
+    takes half a lane change before speed is gained, and half of one back at its end. Who waits
+    spares less, but not less than a part of what it spared at first.
 
     Args:
         state: State at a decision.
@@ -89,17 +105,17 @@ def may_meet(
     c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
     speed, (gap, leader) = state.vx[ego], believed
     bodies = _TWO * (near.half_length[LEAD, ego] + own.half_length)
-    way = gap + bodies + own.return_time_gap * impatience * leader
+    returns = own.return_time_gap * impatience * room_left(c, p, near.slot[LEAD, ego]) * leader
+    way = gap + bodies + returns
     top = top_speed(own, c.passing_surplus, leader) - leader
     gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel)
     need = q.need_factor * (gaining + own.lane_change_duration)
-    seen = minimum(oncoming.believed_gap[ego], oncoming.sight)
     closing = oncoming.closing[ego] + _HALF * maximum(top + leader - speed, _ZERO)
-    enough = seen > need * (np.float32(1.0) + q.spare * impatience) * closing
-    returns = (own.return_time_gap * impatience + c.fit_share * own.time_gap) * leader
+    spare = q.spare * maximum(impatience, c.spare_kept)
+    enough = seen_ahead(c, oncoming) > need * (np.float32(1.0) + spare) * closing
     room = (
         _room_ahead(state, p, near.slot[LEAD, ego])
-        > _TWO * own.half_length + c.squeeze_gap + returns
+        > _TWO * own.half_length + c.squeeze_gap + returns + c.fit_share * own.time_gap * leader
     )
     solid = _is_solid(state, given, c.line_ahead * speed)
     return enough & oncoming.sure[ego] & room & ~(solid & (q.heeds_lines > 0))
@@ -149,8 +165,8 @@ def weigh(
 ) -> Plight:
     """Whether the ego goes on with its pass, and how; remembers it.
 
-    Until it is abreast it gives up where it would not be back before the oncomer is there, and
-    falling back lacks less time than going on; later where there is no room to return to, once
+    Until it is abreast it gives up where it would not be back a moment before the oncomer is there,
+    and falling back lacks less time than going on; later where there is no room to return to, once
     falling back takes nearly all the time left. It is in a hurry where little would be to spare.
     """
     c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
@@ -169,7 +185,7 @@ def weigh(
     there = np.where(
         oncoming.detected[ego], oncoming.believed_gap[ego] / oncoming.closing[ego], _FAR
     )
-    gives_up = (lead > 0) & (rest > there) & (back < rest)
+    gives_up = (lead > 0) & (rest + c.abort_margin > there) & (back < rest)
     room = _room_ahead(state, p, state.target) > _TWO * (own.half_length + c.squeeze_gap)
     waits_no_more = there < back + c.calm_margin
     trapped = (lead <= 0) & oncoming.detected[ego] & ~room & waits_no_more
@@ -210,13 +226,12 @@ def held_back(
     past = in_stage(state, Stage.PASS) & (state.s[ego] > pick(state.s, state.target))
     gap, closing = believed.gap[SLOW_LEAD, ego], believed.closing[SLOW_LEAD, ego]
     kept, wished = c.fit_share * own.time_gap, speed_of_pass(state, given, p)
-    seen = minimum(oncoming.believed_gap[ego], oncoming.sight)
     next_one = state.vx[ego] - closing
     top = top_speed(own, c.passing_surplus, next_one) - next_one
     onwards = gap + _TWO * (near.half_length[SLOW_LEAD, ego] + own.half_length) + c.squeeze_gap
     longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel)
     longer = longer + _HALF * q.hasty_change + c.calm_margin
-    fits_in = past & (seen < longer * oncoming.closing[ego])
+    fits_in = past & (seen_ahead(c, oncoming) < longer * oncoming.closing[ego])
     fitting = follow(
         c, own, state.vx[ego], wished, gap, closing, kept, believed.accel[SLOW_LEAD, ego]
     )
