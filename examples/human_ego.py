@@ -23,7 +23,7 @@ from overtaking.sim.reference.ego import (
     must_abort,
     wants_to_pass,
 )
-from overtaking.sim.reference.passing import Outlook, may_meet
+from overtaking.sim.reference.passing import Outlook, may_meet, seen_ahead
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
 from overtaking.world.parameters import Parameters, parameters
 
@@ -89,16 +89,18 @@ class HumanEgo:
     def may_meet(self, seen: ot.Observation, view: View) -> Mask:
         """Whether the lane of oncoming traffic is believed to be free for long enough."""
         comes = seen.of("detected", "oncoming") > 0
-        far = self.given.constants.oncoming_range
+        c = self.given.constants
+        gap = np.where(comes, seen.of("gap", "oncoming"), c.oncoming_range)
         ahead = Outlook(
             gap=view.gap[LEAD],
             leader=view.leader_speed,
             length=seen.of("length", "lead"),
             room=seen.of("room"),
-            seen=minimum(np.where(comes, seen.of("gap", "oncoming"), far), seen.of("sight")),
+            seen=seen_ahead(c, gap, seen.of("sight")),
             closing=np.where(comes, seen.of("closing", "oncoming"), seen.of("expected")),
             sure=seen.of("sure") > 0,
             solid=seen.of("solid") > 0,
+            room_left=seen.of("room_left"),
         )
         q = self.given.of_simulations
         return may_meet(self.given, view.own, q, view.speed, view.impatience, ahead)
@@ -110,7 +112,8 @@ class HumanEgo:
         stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
         rested = seen.of("since_change") >= c.abort_cooldown
         passed = seen.of("passed") > 0
-        may = may_return(self.given, view) & (passed | stuck)
+        room_left = seen.of("room_left") if self.given.road.two_way else np.float32(1.0)
+        may = may_return(self.given, view, room_left) & (passed | stuck)
         if self.given.road.two_way:
             room = may_squeeze(self.given, self.given.of_simulations, view)
             squeezes = (seen.of("hurries") > 0) & room & passed

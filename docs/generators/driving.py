@@ -25,8 +25,8 @@ Roles: {roles}. A role is a place: ahead (`lead`) and behind (`rear`) in the ego
 next faster and slower one; the last two are on the other side of the road.
 """
 MEETING_NOTE = """\
-`seen.of(name)` gives these as well. They are the model driver's own, whatever is observed of others;
-a sensor measures no room. On roads of one direction they are zero.
+`seen.of(name)` gives these as well. They are the model driver's own, whatever is observed of
+others; a sensor measures no room. On roads of one direction they are zero.
 """
 ANSWER = """\
 `action`, its numbers, and the limits within which they are clipped. A number acts in whole steps.

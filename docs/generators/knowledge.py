@@ -53,14 +53,20 @@ A data set does not record `cruise_factor`, `speed_over_leader` and `wants_to_ov
 leader's speed plus `speed_over_leader`, unless it does not want to overtake.
 """
 FIGURES = """\
-What `overtaking validate` prints of a profile, with the limits within which natural traffic of a
-motorway lies. The *standing* of a figure says what a value within its limits means:
+What `overtaking validate` prints of a profile, with the limits within which natural traffic lies:
+of roads with one direction, where the limits are those of motorways, and of two-way roads. The
+*standing* of a figure says what a value within its limits means:
 
 {standings}
 
 Limits whose source is *choice* are ours, for the reason given: a figure within them is not
 validated. A figure without limits has no verdict. All figures are declared in
 `src/overtaking/knowledge/data/validation.toml`.
+"""
+PASSES = """\
+A pass is timed from when the ego's side crosses the line until all of it is back. Its margin is
+the time until it would have met the nearest oncomer, at that moment. The last figure is of profiles
+with a proposal alone: such collisions are too rare to be met by running.
 """
 SOURCES = """\
 What the numbers of the knowledge base rest on. *Read* says whether the values were read in the
@@ -124,6 +130,11 @@ def figures() -> str:
         "Figures of a profile",
         FIGURES.format(standings=standings),
         table(header, [_figure(name, one) for name, one in targets().items()]),
+        section(
+            "Passes on two-way roads",
+            PASSES,
+            table(header, [_figure(name, one) for name, one in targets("passes").items()]),
+        ),
     )
 
 

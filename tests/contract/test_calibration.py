@@ -12,7 +12,7 @@ import pytest
 
 from overtaking import scenarios
 from overtaking.analysis.reproduction.run import parameter_hash
-from overtaking.analysis.validation.figures import DEFINITIONS, RATE
+from overtaking.analysis.validation.figures import DEFINITIONS, HEAD_ON, PASSES, RATE
 from overtaking.knowledge.paper import calibration as fitted_to_the_study
 from overtaking.knowledge.paper import statements
 from overtaking.knowledge.validation import targets
@@ -57,8 +57,12 @@ def test_the_frozen_parameters_miss_only_what_the_plan_says():
 
 
 def test_every_figure_has_one_declaration_and_a_standing():
-    printed = [one.name for one in (RATE, *DEFINITIONS)]
-    assert list(targets()) == printed
+    assert list(targets()) == [one.name for one in (RATE, *DEFINITIONS)]
+    assert list(targets("passes")) == [one.name for one in (*PASSES, HEAD_ON)]
+
+
+def test_rural_is_judged_with_a_seed_that_nothing_was_fitted_with():
+    assert PLAN["rural"]["judged_with"] not in PLAN["rural"]["fitted_with"]
 
 
 def test_the_drivers_are_searched_on_the_fitted_figures_and_judged_with_another_seed():

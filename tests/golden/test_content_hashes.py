@@ -13,7 +13,14 @@ GOLDEN = Path(__file__).with_name("content_hashes.json")
 """Content hash of each profile's data set. A change is an entry under Data in the changelog:
 `python tests/golden/test_content_hashes.py` writes the file anew."""
 
-COUNTS = {"pinto2023": 256, "pinto2023-physical": 256, "motorway": 24, "motorway-risk": 24}
+COUNTS = {
+    "pinto2023": 256,
+    "pinto2023-physical": 256,
+    "motorway": 24,
+    "motorway-risk": 24,
+    "rural": 24,
+    "rural-risk": 24,
+}
 
 
 def content_hash(profile: str, folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""Sixteen scenes, chosen by what happens in them, whose trace hashes are pinned.
+"""Scenes, chosen by what happens in them, whose trace hashes are pinned.
 
 Whoever changes the model on purpose writes the hashes anew and reviews the difference:
 
@@ -16,11 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.analysis.validation.passes import meeting, passes
+from overtaking.model.course import PlaceKind
 from overtaking.model.trajectory import NO_VEHICLE, Stage, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
+from overtaking.world.lanes import road_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -70,7 +73,8 @@ class Scene:
     Attributes:
         name: What it is called.
         happens: Which simulations of a batch show it.
-        overrides: Changes of the profile `pinto2023-physical`.
+        overrides: Changes of the profile.
+        profile: Name of the profile.
         road: Name of the road.
         mirrored: Whether traffic keeps left.
         seed: Seed.
@@ -80,6 +84,7 @@ class Scene:
     name: str
     happens: Callable[[Trajectories], NDArray[np.bool_]]
     overrides: Mapping[str, Any] = field(default_factory=dict)
+    profile: str = "pinto2023-physical"
     road: str = "town06"
     mirrored: bool = False
     seed: int = 1
@@ -89,9 +94,7 @@ class Scene:
         """The simulations of these numbers."""
         road = load_road(self.road)
         road = road.mirrored() if self.mirrored else road
-        return engine.simulate(
-            sample(spec("pinto2023-physical", self.overrides), road, self.seed, index)
-        )
+        return engine.simulate(sample(spec(self.profile, self.overrides), road, self.seed, index))
 
     def find(self) -> int:
         """Number of the first simulation in which it happens.
@@ -105,6 +108,71 @@ class Scene:
             if len(found):
                 return int(index[found[0]])
         raise LookupError(f"{self.name}: not in {MOST} simulations")
+
+
+def squeezes(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego is back just before the oncomer, and near ahead of the vehicle that it passed."""
+    found = np.zeros(len(run.stage), bool)
+    for one in passes(run):
+        found[one.row] = one.margin < 3.0 and one.left < 0.5
+    return found
+
+
+def gives_up(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego falls back behind the vehicle that it was to pass, and goes on following it."""
+    first = (run.stage == Stage.ABORT).argmax(axis=1)
+    rows = np.arange(len(first))
+    target = run.percepts.vehicle[rows, 0, 0]
+    target = np.where(target == NO_VEHICLE, Role.EGO, target)
+    last = run.num_frames - 1
+    behind = run.states.s[rows, 0, last] < run.states.s[rows, target, last]
+    follows = run.stage[rows, last] == Stage.FOLLOW
+    return visits(run, Stage.ABORT) & follows & behind & comes_within(run, first, 10.0)
+
+
+def comes_within(
+    run: Trajectories, frame: NDArray[np.integer[Any]], time: float
+) -> NDArray[np.bool_]:
+    """Somebody comes whom the ego would meet within a time, at a frame of each simulation."""
+    return meeting(run, np.arange(len(frame)), frame)[0] < time
+
+
+def head_on(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego collides with who comes, in the other lane."""
+    rows = np.arange(len(run.stage))
+    partner = run.contacts.partner[:, Role.EGO]
+    other = np.where(partner == NO_VEHICLE, Role.EGO, partner)
+    comes = run.scenario.start_lane[rows, other] == run.road.num_lanes
+    frame = run.contacts.time[:, Role.EGO] // run.scenario.frame_interval_ms
+    there = run.states.lane[rows, Role.EGO, frame.clip(0, run.num_frames - 1)]
+    return (partner != NO_VEHICLE) & comes & (there == run.road.num_lanes)
+
+
+def beyond(run: Trajectories) -> NDArray[np.bool_]:
+    """Whether the middle of the ego is in the other lane, (simulation, time)."""
+    return (run.states.lane[:, Role.EGO] == run.road.num_lanes) & run.frame_valid
+
+
+def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego comes back over a line that it may not cross, and went out where it may."""
+    stations, solid = road_parameters(run.road).line
+    there = beyond(run)
+    first = there.argmax(axis=1)
+    last = there.shape[1] - 1 - there[:, ::-1].argmax(axis=1)
+    rows = np.arange(len(first))
+    marks = [
+        solid[np.searchsorted(stations[1:], 1e-3 * run.states.s[rows, 0, at], side="right")]
+        for at in (first, last)
+    ]
+    return done(run) & (marks[0] == 0.0) & (marks[1] > 0.0)
+
+
+def over_a_crest(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego is on the other side where a crest hides who comes."""
+    s, course = 1e-3 * run.states.s[:, Role.EGO], run.road.course
+    crests = [one for one in course.places if one.kind is PlaceKind.CREST] if course else []
+    over = [(s > one.start) & (s < one.stop) for one in crests]
+    return done(run) & (beyond(run) & np.any(over, axis=0)).any(axis=1)
 
 
 FOG = {
@@ -158,6 +226,16 @@ SCENES = (
         road="motorway",
         overrides={"traffic.spawn_s_m": [50.0, 180.0], "profile.frame_interval_ms": 10},
     ),
+    *(
+        Scene(name=name, happens=happens, profile="rural-risk", road="rural")
+        for name, happens in (
+            ("rural-squeeze", squeezes),
+            ("rural-given-up-for-who-comes", gives_up),
+            ("rural-head-on-collision", head_on),
+            ("rural-ends-on-a-solid-line", ends_on_a_solid_line),
+            ("rural-over-a-crest", over_a_crest),
+        )
+    ),
     Scene(name="last-numbers-overtake", happens=done, seed=2**64 - 1, first=2**64 - MOST),
 )
 """By what happens in them."""
@@ -174,7 +252,7 @@ def entry(scene: Scene) -> dict[str, Any]:
     run = scene.run(np.array([index], np.uint64))
     return {
         "name": scene.name,
-        "profile": "pinto2023-physical",
+        "profile": scene.profile,
         "overrides": dict(scene.overrides),
         "road": scene.road,
         "mirrored": scene.mirrored,

@@ -1,14 +1,12 @@
 """A data set of traffic in both directions is one like any other."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
 
-PROFILE = str(Path(__file__).parents[2] / "calibration" / "rural.toml")
+PROFILE = "rural"
 SHORT = {"time.horizon_s": 20.0, "time.attempt_deadline_s": 18.0, "traffic.held_up": 1.0}
 
 

@@ -10,7 +10,6 @@ import dataclasses
 import hashlib
 import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 
     Run = Callable[..., Trajectories]
 
-RURAL = Path(__file__).parents[2] / "calibration" / "rural.toml"
 
 SMALL = 240
 """Simulations of all situations together in a test."""
@@ -75,7 +73,7 @@ class Situation:
     """
 
     name: str
-    profile: str | Path = "pinto2023-physical"
+    profile: str = "pinto2023-physical"
     road: str = "town06"
     mirrored: bool = False
     heading: float | None = None
@@ -232,7 +230,7 @@ FURTHER = (
     ),
     Situation(
         name="two directions",
-        profile=RURAL,
+        profile="rural",
         road="rural",
         seed=3,
         share=7,

@@ -14,6 +14,7 @@ from overtaking.model.observation import AROUND, MEETING, OWN, ROLES, WIDTH, par
 from overtaking.model.trajectory import Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profile_names, sample, spec
+from overtaking.scenarios.schema_ways import TwoWay
 from overtaking.sim import engine, reference
 from overtaking.sim.branch import branch
 from overtaking.sim.driving import Driver, drive
@@ -105,10 +106,13 @@ def test_the_numbers_of_an_observation_have_their_names():
     assert not meeting.any()
 
 
+ONE_WAY = [name for name in profile_names() if not isinstance(spec(name).traffic, TwoWay)]
+"""Policies do not drive among oncoming traffic."""
+
 HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
 
 
-@pytest.mark.parametrize("profile", profile_names())
+@pytest.mark.parametrize("profile", ONE_WAY)
 def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
     given = spec(profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0})
     scenario = sample(given, load_road(given.road), 7, np.arange(48, dtype=np.uint64))
@@ -119,7 +123,7 @@ def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("profile", profile_names())
+@pytest.mark.parametrize("profile", ONE_WAY)
 def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
     given = spec(profile)
     road, same = load_road(given.road), 0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from examples.human_ego import HumanEgo
@@ -25,13 +23,12 @@ from .situations import difference
 from .test_driving import random_actions
 from .test_two_way import SCENES, pair, road
 
-RURAL = Path(__file__).parents[2] / "calibration" / "rural.toml"
 LEVELS = [name for name, available in _core.simd_levels() if available]
 HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
 
 
 def rural(numbers, seed: int = 7, **changes: object):
-    given = spec(RURAL, {"traffic.held_up": 1.0} | changes)
+    given = spec("rural", {"traffic.held_up": 1.0} | changes)
     return sample(given, load_road("rural"), seed, np.asarray(numbers, np.uint64))
 
 
@@ -94,7 +91,7 @@ def test_the_reference_lets_it_do_the_same():
 def test_a_thousand_of_the_rural_profile_leave_the_same_trace():
     same = 0
     for first in range(0, 1000, 100):
-        given = spec(RURAL)
+        given = spec("rural")
         world = sample(given, load_road("rural"), 7, np.arange(first, first + 100, dtype=np.uint64))
         expected = engine.run(world, parameters(world)).trace_hash
         same += int((drive(world, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())

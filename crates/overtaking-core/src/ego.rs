@@ -11,7 +11,7 @@ use crate::names::Vehicle;
 use crate::neighbours::Neighbours;
 use crate::oncoming::Oncoming;
 use crate::orders::{self, Orders};
-use crate::passing::{may_meet, weigh};
+use crate::passing::{may_meet, room_left, weigh};
 use crate::recording::{Kind, Recorder};
 use crate::state::{
     EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage,
@@ -91,13 +91,19 @@ fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>
     front & rear & (gain | far | !view.detected[FAST_LEAD])
 }
 
+/// Whether the slower lane has room; `room_left` is how much more is left behind than to a car.
 #[inline(always)]
-fn may_return<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
+fn may_return<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    view: &View<'_, S>,
+    room_left: V<S>,
+) -> M<S> {
     let own = view.own;
     let (closing, ahead) = (view.closing[SLOW_REAR], view.closing[SLOW_LEAD]);
     let crossing = 0.5 * own.lane_change_duration;
     let gap = view.gap[SLOW_REAR] - crossing * at_most(closing, 0.0);
-    let left = gap.simd_ge(own.return_time_gap * (view.speed + closing) * view.impatience);
+    let wanted = own.return_time_gap * (view.speed + closing) * view.impatience;
+    let left = gap.simd_ge(wanted * room_left);
     let rear = left & their_braking(w, view, gap, closing).simd_ge(-view.imposes);
     let room = view.gap[SLOW_LEAD] - own.lane_change_duration * at_least(ahead, 0.0);
     let front = own_braking(w, view, room, ahead).simd_ge(-own.decel);
@@ -136,6 +142,8 @@ struct Meeting<S: Simd> {
     squeezes: M<S>,
     /// It gives up, and there is room to fall in behind the other.
     falls_in: M<S>,
+    /// How much more room it leaves to the passed vehicle than to a car.
+    room_left: V<S>,
 }
 
 /// What oncoming traffic lets the ego do, remembered.
@@ -166,6 +174,7 @@ fn meet<S: Simd, const N: usize>(
             & min(rear, view.gap[SLOW_LEAD]).simd_gt(c.squeeze_gap)
             & ahead.simd_ge(-(c.abort_factor * view.own.decel)),
         falls_in: plight.yields & plight.fits & rear.simd_gt(c.smallest_rear_gap),
+        room_left: room_left(w, state.target),
     }
 }
 
@@ -361,7 +370,8 @@ fn intend<S: Simd, const N: usize>(
     let passed = has_passed(state, w);
     let stuck = state.stage_time.simd_gt(c.give_up_after) & is_behind(state, w);
     let mut rested = state.since_change[EGO].simd_ge(c.abort_cooldown);
-    let mut may = may_return(w, view) & (passed | stuck);
+    let room_left = meets.map_or(splat(w.simd, 1.0), |meets| meets.room_left);
+    let mut may = may_return(w, view, room_left) & (passed | stuck);
     if let Some(meets) = meets {
         let hurried = meets.squeezes & passed;
         may |= hurried;

@@ -3,12 +3,14 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::ego::{can_abort, can_remain, faster, has_arrived, has_passed, is_behind, is_told};
+use crate::ego::{
+    can_abort, can_remain, faster, has_arrived, has_passed, in_stage, is_behind, is_told,
+};
 use crate::lanes::{M, V, at_most, choose, pick_each, splat};
 use crate::oncoming::{Oncoming, look_beyond, usual_closing};
 use crate::orders::{can_go_back, can_go_out};
-use crate::passing::{can_fall_in, is_solid, room_ahead, weigh};
-use crate::state::{EGO, LEAD, ROLES, State, World};
+use crate::passing::{can_fall_in, is_solid, room_ahead, room_left, weigh};
+use crate::state::{EGO, LEAD, ROLES, State, World, stage};
 use crate::step::Mind;
 
 /// Whether another driver sees what the model's driver believes, or how it is.
@@ -58,7 +60,7 @@ columns! {
 columns! {
     /// What a driver knows about oncoming traffic, in order; zero on roads of one direction.
     MEETING_NAMES, Meeting {
-        sight, sure, expected, room, solid, hurries, yields, can_fall_in,
+        sight, sure, expected, room, room_left, solid, hurries, yields, can_fall_in,
     }
 }
 
@@ -252,11 +254,14 @@ fn meets<S: Simd, const N: usize>(
 ) -> Meeting<S> {
     let flag = |mask| flag(w.simd, mask);
     let plight = weigh(state, w, mind.oncoming);
+    let lead = mind.near.slot[LEAD];
+    let passed = choose(in_stage(state, stage::FOLLOW), lead, state.target);
     Meeting {
         sight: mind.oncoming.sight,
         sure: flag(mind.oncoming.sure),
         expected: usual_closing(state, w, EGO),
-        room: at_most(room_ahead(state, w, mind.near.slot[LEAD]), w.c.unseen_gap),
+        room: at_most(room_ahead(state, w, lead), w.c.unseen_gap),
+        room_left: room_left(w, passed),
         solid: flag(is_solid(state, w)),
         hurries: flag(plight.hurries),
         yields: flag(plight.yields),

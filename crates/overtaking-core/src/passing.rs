@@ -48,6 +48,20 @@ pub fn speed_of_pass<S: Simd, const N: usize>(
     min(hurried, own.max_speed)
 }
 
+/// The way up to who comes, or may come from where the road is not seen.
+#[inline(always)]
+fn seen_ahead<S: Simd, const N: usize>(w: &World<'_, S, N>, oncoming: &Oncoming<S>) -> V<S> {
+    min(oncoming.believed_gap, w.c.unseen_trust * oncoming.sight)
+}
+
+/// How much more room drivers leave to the vehicle in a slot than to a car.
+#[inline(always)]
+pub fn room_left<S: Simd, const N: usize>(w: &World<'_, S, N>, slot: V<S>) -> V<S> {
+    let tall = pick!(w.count, slot, |j| w.p[j].tall);
+    let (more, same) = (splat(w.simd, w.c.tall_room), splat(w.simd, 1.0));
+    choose(tall.simd_gt(0.0), more, same)
+}
+
 /// Whether the other lane is believed to be free for long enough: `believed` is the gap to the leader, and
 /// its speed.
 #[inline(always)]
@@ -61,16 +75,17 @@ pub fn may_meet<S: Simd, const N: usize>(
 ) -> M<S> {
     let (c, q, own, speed) = (w.c, &w.q, &w.p[EGO], state.vx[EGO]);
     let bodies = 2.0 * (near.half_length[LEAD] + own.half_length);
-    let way = gap + bodies + own.return_time_gap * impatience * leader;
+    let returns = own.return_time_gap * impatience * room_left(w, near.slot[LEAD]) * leader;
+    let way = gap + bodies + returns;
     let top = top_speed(own, c.passing_surplus, leader) - leader;
     let gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel);
     let need = q.need_factor * (gaining + own.lane_change_duration);
-    let seen = min(oncoming.believed_gap, oncoming.sight);
     let closing = oncoming.closing + 0.5 * at_least(top + leader - speed, 0.0);
-    let enough = seen.simd_gt(need * (1.0 + q.spare * impatience) * closing);
-    let returns = (own.return_time_gap * impatience + c.fit_share * own.time_gap) * leader;
+    let spare = q.spare * at_least(impatience, c.spare_kept);
+    let enough = seen_ahead(w, oncoming).simd_gt(need * (1.0 + spare) * closing);
     let room = room_ahead(state, w, near.slot[LEAD]);
-    let room = room.simd_gt(2.0 * own.half_length + c.squeeze_gap + returns);
+    let least = 2.0 * own.half_length + c.squeeze_gap + returns;
+    let room = room.simd_gt(least + c.fit_share * own.time_gap * leader);
     let solid = is_solid(state, w);
     enough & oncoming.sure & room & !(solid & q.heeds_lines.simd_gt(0.0))
 }
@@ -150,7 +165,7 @@ pub fn weigh<S: Simd, const N: usize>(
         oncoming.believed_gap / oncoming.closing,
         splat(w.simd, FAR),
     );
-    let gives_up = lead.simd_gt(0.0) & rest.simd_gt(there) & back.simd_lt(rest);
+    let gives_up = lead.simd_gt(0.0) & (rest + c.abort_margin).simd_gt(there) & back.simd_lt(rest);
     let room = room_ahead(state, w, state.target);
     let room = room.simd_gt(2.0 * (own.half_length + c.squeeze_gap));
     let waits_no_more = there.simd_lt(back + c.calm_margin);
@@ -216,13 +231,12 @@ pub fn held_back<S: Simd, const N: usize>(
         -(c.fall_back_share * own.hardest_decel),
     );
     let past = in_stage(state, stage::PASS) & state.s[EGO].simd_gt(place);
-    let seen = min(oncoming.believed_gap, oncoming.sight);
     let next_one = state.vx[EGO] - closing;
     let top = top_speed(own, c.passing_surplus, next_one) - next_one;
     let onwards = gap + 2.0 * (near.half_length[SLOW_LEAD] + own.half_length) + c.squeeze_gap;
     let longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel);
     let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
-    let fits_in = past & seen.simd_lt(longer * oncoming.closing);
+    let fits_in = past & seen_ahead(w, oncoming).simd_lt(longer * oncoming.closing);
     let fitting = follow(
         c,
         own,

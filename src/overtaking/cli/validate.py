@@ -34,8 +34,8 @@ def validate(
 ) -> int:
     """Compare a profile's traffic with published measurements.
 
-    The standing of a figure says whether the drivers of motorway were fitted on it. The exit status
-    is 1 if a target is missed.
+    The standing of a figure says whether the drivers of the profile were fitted on it. The exit
+    status is 1 if a target is missed.
     """
     from overtaking import api
     from overtaking.cli import arguments, validation_page

@@ -13,7 +13,7 @@ _FILE = "validation.toml"
 
 
 class Standing(StrEnum):
-    """What a figure within its limits says of the drivers of `motorway`."""
+    """What a figure within its limits says of a profile's drivers."""
 
     FITTED = "fitted"
     HELD_OUT = "held out"
@@ -26,7 +26,7 @@ class Standing(StrEnum):
 
 
 _MEANINGS = {
-    Standing.FITTED: "the drivers of motorway may be changed until it lies within its limits",
+    Standing.FITTED: "the drivers of the profile may be changed until it lies within its limits",
     Standing.HELD_OUT: "nothing is changed for it",
     Standing.CHOICE: "the limits are our own, so a figure within them is not validated",
 }
@@ -76,10 +76,13 @@ class Target:
 
 
 @cache
-def targets() -> Mapping[str, Target]:
+def targets(of: str = "figures") -> Mapping[str, Target]:
     """Every figure by its name.
+
+    Args:
+        of: `figures`, of traffic in one direction, or `passes`, of overtakes on two-way roads.
 
     Raises:
         KnowledgeError: A standing is unknown, or a limit lacks its unit or source.
     """
-    return read_sections(Target, _FILE, "figures")
+    return read_sections(Target, _FILE, of)

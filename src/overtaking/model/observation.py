@@ -65,6 +65,7 @@ MEETING: Final = {
     "sure": ("flag", "It has looked for long enough to know who comes, if anybody"),
     "expected": ("m/s", "Speed of approach that it expects of who comes, before it can tell"),
     "room": ("m", "Gap ahead of the leader, to whoever is next there"),
+    "room_left": ("1", "Times the room that it leaves to a car at its return: to a truck more"),
     "solid": ("flag", "The line between the directions is not to be crossed here, or soon"),
     "hurries": ("flag", "Little time would be left: its pedals and lane changes are hasty"),
     "yields": ("flag", "It would not be past in time: its pedals fall back"),

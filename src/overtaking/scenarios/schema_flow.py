@@ -34,11 +34,14 @@ BENT = (
     "sun_direction",
     "density",
     "flow",
+    "start",
+    "held_up",
     "ego_temper",
     "others_temper",
 )
 """What a proposal may draw differently. `rains` and `foggy` decide whether there is any: they are
-small where there is. `others_temper` is bent for each of the others on its own."""
+small where there is. `flow`, `start` (where the ego starts) and `held_up` (small where it is) are
+of two-way roads. `others_temper` is bent for each of the others on its own."""
 
 SHIFTED = tuple(
     f"ego_{trait}"

@@ -25,7 +25,7 @@ from overtaking.scenarios.layout import Zone
 from overtaking.scenarios.natural import MARGIN, PASSING_MARGIN, RETURN_TIME, Start
 from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
 from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
-from overtaking.scenarios.proposal import Bend
+from overtaking.scenarios.proposal import Bend, Bending
 from overtaking.scenarios.schema import Spec
 from overtaking.scenarios.schema_ways import TwoWay
 
@@ -34,6 +34,8 @@ LONGEST_HEADWAY = number("starts.toml", "two_way.longest_headway")
 
 HELD_UP_LONGEST = number("starts.toml", "two_way.held_up_longest")
 """Who is held up follows within this time [s]."""
+
+_DRAWS_OF_WISHES = 2  # Of each vehicle but the ego, before the flows are drawn.
 
 _OWN, _OTHER = np.uint8(0), np.uint8(1)
 
@@ -56,12 +58,12 @@ def start(spec: Spec, traffic: TwoWay, road: Road, seed: int, index: U64, bend: 
     noise = Noise(seed, index, Stream.LAYOUT)
     wishes = _wishes(traffic, noise, traits["cruise_factor"], bodies.kind)
     wishes = minimum(wishes, top_speeds()[bodies.kind])
-    own, other = _headways(traffic, noise, bend)
-    begin = spread(noise.uniform(), *traffic.start_s_m)
+    own, other = (np.float32(3600.0) / one for one in _flows(traffic, noise, bend))
+    begin = spread(bend("start", noise.uniform()), *traffic.start_s_m)
     lane = np.zeros(bodies.kind.shape, np.uint8)
     lane[:, 1 + traffic.ahead + traffic.behind :] = _OTHER
     pace = _usual_speed(traffic)
-    places = _along(traffic, noise, own, begin, pace)
+    places = _along(traffic, noise, own, begin, pace, bend)
     coming = _against(traffic, noise, other, np.float32(road.length) - begin, pace)
     s = np.stack([*places, *coming], axis=1)
     # Who would start beyond an end of the road is met by nobody.
@@ -114,6 +116,23 @@ def road_length(spec: Spec, traffic: TwoWay) -> float:
     return traffic.start_s_m[1] + platoon + min(arrivals, met) + MARGIN
 
 
+def flows(spec: Spec, seed: int, index: U64) -> NDArray[np.float64]:
+    """Vehicles per second in the ego's direction and in the other, shape (2, simulation).
+
+    Args:
+        spec: What is sampled, with traffic on a two-way road.
+        seed: Seed of the data set.
+        index: Simulation numbers, shape (simulation,).
+    """
+    traffic = spec.traffic
+    assert isinstance(traffic, TwoWay)
+    noise = Noise(seed, index, Stream.LAYOUT)
+    for _ in range(_DRAWS_OF_WISHES * (traffic.vehicles[1] - 1)):
+        noise.uniform()
+    both = _flows(traffic, noise, Bending(spec.proposal, seed, index))
+    return np.array(both, np.float64) / 3600.0
+
+
 def fastest(spec: Spec, traffic: TwoWay) -> float:
     """The highest speed that anyone may want [m/s]."""
     return most_cruise(spec.drivers) * mps_from_kmh(max(traffic.free_speed_kmh.values()))
@@ -146,14 +165,13 @@ def _wishes(traffic: TwoWay, noise: Noise, cruise_factor: F32, kind: U8) -> F32:
     return wish
 
 
-def _headways(traffic: TwoWay, noise: Noise, bend: Bend) -> tuple[F32, F32]:
-    """Mean time between arrivals in the own and in the other direction, (simulation,) [s]."""
+def _flows(traffic: TwoWay, noise: Noise, bend: Bend) -> tuple[F32, F32]:
+    """Vehicles per hour in the own and in the other direction, (simulation,)."""
     flow = spread(bend("flow", noise.uniform()), *traffic.flow_vph)
     split = spread(noise.uniform(), *traffic.split)
     is_busier = noise.uniform() < np.float32(0.5)
-    own = np.where(is_busier, split, np.float32(1.0) - split)
-    hour = np.float32(3600.0 / 2.0)
-    return hour / (flow * own), hour / (flow * (np.float32(1.0) - own))
+    own = np.float32(2.0) * np.where(is_busier, split, np.float32(1.0) - split)
+    return flow * own, flow * (np.float32(2.0) - own)
 
 
 def _headway(traffic: TwoWay, noise: Noise, mean: F32) -> F32:
@@ -163,10 +181,21 @@ def _headway(traffic: TwoWay, noise: Noise, mean: F32) -> F32:
     return minimum(drawn, np.full_like(drawn, LONGEST_HEADWAY))
 
 
-def _along(traffic: TwoWay, noise: Noise, mean: F32, begin: F32, pace: np.float32) -> list[F32]:
-    """Where those of the own direction start: the ego, those ahead, those behind [m]."""
+def _along(
+    traffic: TwoWay, noise: Noise, mean: F32, begin: F32, pace: np.float32, bend: Bend
+) -> list[F32]:
+    """Where those of the own direction start: the ego, those ahead, those behind [m].
+
+    Args:
+        traffic: What the specification says.
+        noise: Random numbers.
+        mean: Mean time between arrivals [s].
+        begin: Position of the ego [m].
+        pace: Speed by which times become distances [m/s].
+        bend: Draws from where more happens.
+    """
     places, front, rear = [begin], begin, begin
-    held_up = noise.uniform() < np.float32(traffic.held_up)
+    held_up = bend("held_up", noise.uniform()) < np.float32(traffic.held_up)
     near = spread(noise.uniform(), traffic.least_headway_s, HELD_UP_LONGEST)
     for rank in range(traffic.ahead):
         headway = _headway(traffic, noise, mean)

@@ -61,7 +61,7 @@ class SimulationParameters(NamedTuple):
         oncoming_sight: How far an oncoming car is seen in this weather and light [m].
         usual_speed: At which drivers believe that others come until it looms [m/s].
         need_factor: What the ego believes that passing takes, over what it does [1].
-        spare: Time that it wants beyond, over what it believes that passing takes [1].
+        spare: Time that it wants beyond before it waits, over what it believes to need [1].
         heeds_lines: Whether it starts no pass across a solid line.
         hasty_change: Shortest change of lane in an emergency [s].
 

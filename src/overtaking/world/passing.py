@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, exp, log, maximum, minimum
 from overtaking.core.philox import Draws, Stream
 from overtaking.model.scenario import Scenario
+from overtaking.model.vehicles import Role
 from overtaking.world import visibility
 from overtaking.world.bodies import Rows
 from overtaking.world.conditions import World, acting
@@ -23,7 +24,6 @@ from overtaking.world.people import quickest_change
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
 _FAINTEST = np.float32(1e-12)  # Keeps the range of lamps finite where light has no limit [lx].
-_MOST = 2.5  # Deviations are cut off there.
 
 
 def passing_parameters(
@@ -46,7 +46,7 @@ def passing_parameters(
 
 
 def _of_the_ego(scenario: Scenario, world: World, effects: Effects) -> dict[str, NDArray[Any]]:
-    """How the ego judges distance, speed, need and spare time.
+    """How the ego judges distance, speed and need, and how much time it wants to spare.
 
     Source:
         Gordon and Mart 1968 (need is underestimated), Attwood 1976 (more scatter in the dark).
@@ -57,9 +57,7 @@ def _of_the_ego(scenario: Scenario, world: World, effects: Effects) -> dict[str,
     error = np.where(night, dark, day) if effects.distance_error else np.zeros(night.shape)
     median, sigma = known("model.oncoming.need_median"), known("model.oncoming.need_sigma")
     need = draws.lognormal(log(median), float(sigma))
-    spare = known("model.oncoming.spare_mean") + known(
-        "model.oncoming.spare_sigma"
-    ) * draws.truncated_normal(_MOST)
+    spare = known("model.oncoming.spare_asked") * scenario.drivers.gap_acceptance[:, Role.EGO]
     heeds = draws.uniform() < known("model.oncoming.heeds_lines")
     limit = np.float32(scenario.road.speed_limit)
     return {

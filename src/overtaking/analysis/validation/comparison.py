@@ -10,12 +10,16 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 from statistics import NormalDist
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from overtaking.analysis.validation.figures import DEFINITIONS, Statistic
 from overtaking.analysis.validation.overtakes import STRATA, cell
 from overtaking.analysis.validation.tally import GROUPS, Tally, ratio
 from overtaking.model.labels import OvertakeClass
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from overtaking.analysis.validation.figures import Definition, Statistic
 
 LEAST_GROUPS = 15
 """A rate is compared if both profiles have it in at least so many groups of simulations: with
@@ -55,12 +59,13 @@ class Rate:
         return asdict(self) | {"agrees": self.agrees}
 
 
-def compare(weighted: Tally, natural: Tally) -> tuple[Rate, ...]:
+def compare(weighted: Tally, natural: Tally, of: Iterable[Definition]) -> tuple[Rate, ...]:
     """Every rate that is common enough in both, with Bonferroni's simultaneous intervals.
 
     Args:
         weighted: The tally of the enriched profile.
         natural: The tally of the profile without its proposal, with another seed.
+        of: The figures; those are compared that count something.
 
     Source:
         R. G. Miller, Simultaneous Statistical Inference (1981), section 2.3 (Bonferroni); degrees
@@ -69,7 +74,7 @@ def compare(weighted: Tally, natural: Tally) -> tuple[Rate, ...]:
     both = (weighted, natural)
     common = [
         one
-        for one in _candidates()
+        for one in _candidates(of)
         if min(tally.groups_with(one.counts, one.place) for tally in both) >= LEAST_GROUPS
     ]
     reach = student(1.0 - 0.5 * LEVEL / max(1, len(common)), GROUPS - 1)
@@ -114,7 +119,7 @@ class _Candidate:
     scale: float = 1.0
 
 
-def _candidates() -> list[_Candidate]:
+def _candidates(of: Iterable[Definition]) -> list[_Candidate]:
     """The figures that are properties of the traffic, and the classes in each stratum."""
     found = [
         _Candidate(
@@ -124,7 +129,7 @@ def _candidates() -> list[_Candidate]:
             unit=one.target.unit,
             scale=one.target.scale,
         )
-        for one in DEFINITIONS
+        for one in of
         if one.counts
     ]
     for row, stratum in enumerate(STRATA):

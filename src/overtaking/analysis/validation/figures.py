@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.analysis.validation import overtakes, passes
 from overtaking.analysis.validation.accidents import Severity
 from overtaking.analysis.validation.changes import (
     CHANGE_WIDTH,
@@ -23,9 +24,10 @@ from overtaking.analysis.validation.changes import (
 )
 from overtaking.analysis.validation.poisson import poisson_limits
 from overtaking.analysis.validation.tally import Tally, quantile, ratio
-from overtaking.analysis.validation.traffic import ACCEL_WIDTH, GAP_WIDTH
+from overtaking.analysis.validation.traffic import ACCEL_WIDTH, GAP_WIDTH, limit
 from overtaking.core.plain import plain
 from overtaking.knowledge.validation import Standing, Target, targets
+from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
     from overtaking.core.elementary import F64
@@ -44,7 +46,7 @@ class Figure:
         standing: What a value within the limits says of the drivers.
         unit: Unit of all its numbers; empty for a share or a count.
         value: The number; NaN if nothing was counted.
-        low: Lower limit of its 95 % confidence interval, at least 0.
+        low: Lower limit of its 95 % confidence interval, at least 0 unless it may be negative.
         high: Upper limit.
         target_low: Lower limit of the target, None if it is open.
         target_high: Upper limit of the target, None if it is open.
@@ -96,17 +98,21 @@ class Definition:
             empty for a figure that is not a property of the traffic.
         events: The sum of rare events whose rate it is, with their squares under `_squares`.
             Empty for all others.
+        of: Section of `validation.toml`.
+        is_signed: Whether it may be negative.
     """
 
     name: str
     statistic: Statistic
     counts: str = ""
     events: str = ""
+    of: str = "figures"
+    is_signed: bool = False
 
     @property
     def target(self) -> Target:
         """Its description, unit, limits and standing."""
-        return targets()[self.name]
+        return targets(self.of)[self.name]
 
     def measured(self, tally: Tally) -> Figure:
         """The figure of a tally, with its interval, target and standing."""
@@ -121,7 +127,7 @@ class Definition:
             standing=target.standing,
             unit=target.unit,
             value=value,
-            low=low if math.isnan(low) else max(low, 0.0),
+            low=low if math.isnan(low) or self.is_signed else max(low, 0.0),
             high=high,
             target_low=target.low and target.scale * target.low.number,
             target_high=target.high and target.scale * target.high.number,
@@ -251,6 +257,72 @@ DEFINITIONS = (
 """The figures, in the order in which they are shown."""
 
 
+def _pass(
+    name: str, statistic: Statistic, counts: str = "", *, is_signed: bool = False
+) -> Definition:
+    return Definition(name, statistic, counts, of="passes", is_signed=is_signed)
+
+
+def _of_passes(name: str) -> Statistic:
+    return lambda tally: passes.mean_of(tally, name)
+
+
+def _difference(name: str, other: str) -> Statistic:
+    return lambda tally: passes.mean_of(tally, name) - passes.mean_of(tally, other)
+
+
+def _spread_of_passes(tally: Tally) -> float:
+    mean = passes.mean_of(tally, "duration")
+    return math.sqrt(max(passes.mean_of(tally, "duration_squared") - mean * mean, 0.0))
+
+
+def _legal_share(tally: Tally) -> float:
+    classes = tally.total("classes")
+    if len(classes) == 1:
+        return math.nan
+    legal, illegal = (
+        classes[overtakes.cell(0, one)]
+        for one in (OvertakeClass.SUCCESS_L, OvertakeClass.SUCCESS_I)
+    )
+    return ratio(legal, legal + illegal)
+
+
+PASSES = (
+    _pass("time_in_other_lane", _of_passes("duration"), "duration"),
+    _pass("time_spread", _spread_of_passes, "duration"),
+    _pass("time_past_slow", _of_passes("duration_slow"), "duration_slow"),
+    _pass("time_past_fast", _of_passes("duration_fast"), "duration_fast"),
+    _pass("margin_unsafe", _of_passes("unsafe"), "unsafe"),
+    _pass("margin_scarce", _of_passes("scarce"), "scarce"),
+    _pass("aborted", _share("aborted", "attempts"), "aborted"),
+    _pass("surplus", _of_passes("surplus"), "surplus"),
+    _pass("way_past_truck", _of_passes("way_truck"), "way_truck"),
+    _pass("way_saved", _difference("way_truck", "way_car"), "way_car", is_signed=True),
+    _pass("safe_gap", passes.safe_gap, "offers_unsafe"),
+    _pass("abreast", _of_passes("abreast"), "abreast"),
+    _pass("critical_gap", passes.critical_gap, "refused"),
+    _pass(
+        "fast_oncomer",
+        lambda tally: limit("fast_oncomer") * passes.slope(tally.total("fast_sums"), 2),
+        is_signed=True,
+    ),
+    _pass("small_oncomer", passes.favour_of_small, is_signed=True),
+    _pass("zone_length", lambda tally: passes.slope(tally.total("zone_sums"), 1), is_signed=True),
+    _pass("equal_split", passes.cost_of_equal_split, is_signed=True),
+    _pass("squeezed", _difference("left_pressed", "left_calm"), is_signed=True),
+    _pass("over_limit", _of_passes("too_fast"), "too_fast"),
+    _pass("legal", _legal_share),
+    _pass("collided", _share("collided", "attempts"), "collided"),
+    _pass("attempts", _share("attempts", "simulations"), "attempts"),
+    _pass("open_at_end", _share("open", "attempts"), "open"),
+    _pass("effective_share", _effective_share),
+)
+"""The figures of passes on two-way roads, in the order in which they are shown."""
+
+HEAD_ON = _pass("head_on_share", _share("head_on", "hard"))
+"""Of profiles with a proposal alone: head-on collisions are too rare to be met by running."""
+
+
 def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
     """All figures.
 
@@ -264,3 +336,14 @@ def figures(open_road: Tally, ring: Tally | None) -> list[Figure]:
     rate = RATE.measured(ring)
     title = f"{rate.title}, steady at 15 to 25 vehicles/km/lane"
     return [replace(rate, title=title), *(one.measured(open_road) for one in DEFINITIONS)]
+
+
+def figures_of_passes(tally: Tally, *, is_enriched: bool) -> list[Figure]:
+    """All figures of a two-way road.
+
+    Args:
+        tally: The tally of the profile's simulations.
+        is_enriched: Whether the profile has a proposal.
+    """
+    shown = (*PASSES, HEAD_ON) if is_enriched else PASSES
+    return [one.measured(tally) for one in shown]

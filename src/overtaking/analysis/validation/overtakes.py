@@ -29,18 +29,23 @@ _RAIN, _FOG, _WIND = 20.0, 20.0, 50.0  # Percent from which weather counts as su
 
 
 def count(tally: Tally, batch: Batch) -> None:
-    """Add a batch to a tally."""
+    """Add a batch of traffic in one direction to a tally."""
+    events = count_classes(tally, batch)
+    _passing(tally, batch, events)
+    _approach(tally, batch, events)
+    _edges(tally, batch)
+
+
+def count_classes(tally: Tally, batch: Batch) -> Events:
+    """Add attempts, how they end, and their classes by weather; returns the events."""
     runs = batch.runs
     labelled = label(runs)
-    events, labels = labelled.events, labelled.labels
+    labels = labelled.labels
     ended = labels.classes[:, labels.policies.index(POLICY)]
     begun = (runs.stage == Stage.PULL_OUT).any(axis=1)
     tally.add("attempts", batch.group, batch.weight * begun)
     last = runs.stage[np.arange(len(runs.num_frames)), runs.num_frames - 1]
     tally.add("open", batch.group, batch.weight * np.isin(last, UNDER_WAY))
-    _passing(tally, batch, events)
-    _approach(tally, batch, events)
-    _edges(tally, batch)
     for number, inside in enumerate(strata(runs.scenario.weather)):
         group, weight, place = (
             batch.group[inside],
@@ -53,6 +58,7 @@ def count(tally: Tally, batch: Batch) -> None:
         tally.add_binned("stratum", group, np.full_like(place, number), weight, len(STRATA))
     tally.add("squares", batch.group, batch.weight**2)
     tally.add("number", batch.group, np.ones(1))
+    return labelled.events
 
 
 def cell(stratum: int, kind: Any) -> Any:

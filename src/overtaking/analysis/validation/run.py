@@ -12,12 +12,19 @@ from overtaking.analysis.validation import (
     changes,
     conflicts,
     overtakes,
+    passes,
     recorded,
     ring,
     traffic,
 )
 from overtaking.analysis.validation.comparison import Rate, compare
-from overtaking.analysis.validation.figures import Figure, figures
+from overtaking.analysis.validation.figures import (
+    DEFINITIONS,
+    PASSES,
+    Figure,
+    figures,
+    figures_of_passes,
+)
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch
 from overtaking.core.memory import Buffers
@@ -27,6 +34,8 @@ from overtaking.core.summary import Summarized
 from overtaking.model.labels import OvertakeClass
 from overtaking.scenarios import sample
 from overtaking.scenarios.schema_flow import Flow
+from overtaking.scenarios.schema_ways import TwoWay
+from overtaking.scenarios.ways import flows
 from overtaking.sim import engine
 
 if TYPE_CHECKING:
@@ -42,8 +51,11 @@ CHUNK = 48
 STUDIED = tuple(OvertakeClass)[: OvertakeClass.UNSUCCESS_NCOL + 1]
 """The study's five classes."""
 
-COUNTED = (traffic, changes, conflicts, accidents, overtakes)
-"""The modules that add a batch to a tally."""
+COUNTED = (traffic.count, changes.count, conflicts.count, accidents.count, overtakes.count)
+"""What adds a batch of traffic in one direction to a tally."""
+
+COUNTED_OF_PASSES = (passes.count, overtakes.count_classes)
+"""What adds a batch of a two-way road."""
 
 RING_SHARE = 8
 """Simulations per ring: a ring keeps all its vehicles for longer."""
@@ -145,7 +157,7 @@ def validate(
     runs = [(spec, seed)] + ([(natural, seed + 1)] if natural else [])
     step = Steps(len(runs) * simulations, progress)
     tallies = [_counted(drawn, road, simulations, own_seed, step) for drawn, own_seed in runs]
-    tally = tallies[0]
+    tally, two_way = tallies[0], isinstance(spec.traffic, TwoWay)
     rings = Tally() if isinstance(spec.traffic, Flow) else None
     if rings is not None:
         ring.count(rings, spec, road, seed, max(1, simulations // RING_SHARE))
@@ -153,9 +165,15 @@ def validate(
         profile=spec.name,
         simulations=simulations,
         seed=seed,
-        figures=tuple(figures(tally, rings)),
+        figures=tuple(
+            figures_of_passes(tally, is_enriched=natural is not None)
+            if two_way
+            else figures(tally, rings)
+        ),
         strata=_strata(tally),
-        comparison=compare(*tallies) if natural else (),
+        comparison=compare(tally, tallies[1], PASSES if two_way else DEFINITIONS)
+        if natural
+        else (),
         recordings=recorded.compare(spec, road, seed, recordings) if recordings else None,
     )
 
@@ -168,11 +186,13 @@ def natural_of(spec: Spec) -> Spec | None:
 def _counted(spec: Spec, road: Road, simulations: int, seed: int, step: Steps) -> Tally:
     """The tally of the simulations of a specification."""
     tally, buffers = Tally(), Buffers()
+    two_way = isinstance(spec.traffic, TwoWay)
     for first in range(0, simulations, CHUNK):
         index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
-        batch = Batch.of(engine.simulate(sample(spec, road, seed, index), buffers=buffers))
-        for part in COUNTED:
-            part.count(tally, batch)
+        runs = engine.simulate(sample(spec, road, seed, index), buffers=buffers)
+        batch = Batch.of(runs, flows(spec, seed, index) if two_way else None)
+        for count in COUNTED_OF_PASSES if two_way else COUNTED:
+            count(tally, batch)
         step(len(index))
     return tally
 

@@ -49,6 +49,8 @@ class Batch:
         sound: Whether a vehicle is present and has had no contact yet, shape
             (simulation, vehicle, time).
         interval_s: Time between frames [s].
+        flows: On two-way roads, vehicles per second in the ego's direction and in the other, shape
+            (2, simulation).
     """
 
     runs: Trajectories
@@ -56,6 +58,7 @@ class Batch:
     weight: NDArray[np.float64]
     sound: NDArray[np.bool_]
     interval_s: float
+    flows: NDArray[np.float64] | None = None
 
     @property
     def sampled(self) -> slice:
@@ -69,8 +72,8 @@ class Batch:
         return 1e-3 * self.interval_s * millimetres
 
     @classmethod
-    def of(cls, runs: Trajectories) -> Batch:
-        """Prepare a batch."""
+    def of(cls, runs: Trajectories, flows: Array | None = None) -> Batch:
+        """Prepare a batch; `flows` as in the class."""
         contacts, scenario = runs.contacts, runs.scenario
         untouched = np.where(contacts.partner == NO_VEHICLE, np.iinfo(np.int32).max, contacts.time)
         before = runs.time_ms[None, None, :] < untouched[:, :, None]
@@ -80,6 +83,7 @@ class Batch:
             weight=scenario.weight,
             sound=runs.state_valid & before & (runs.states.lane < runs.road.num_lanes),
             interval_s=1e-3 * scenario.frame_interval_ms,
+            flows=flows,
         )
 
 

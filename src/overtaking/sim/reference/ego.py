@@ -28,7 +28,7 @@ from overtaking.sim.reference.mobil import (
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.orders import Orders, obey, show
-from overtaking.sim.reference.passing import may_meet, outlook, weigh
+from overtaking.sim.reference.passing import may_meet, outlook, room_left, weigh
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import (
@@ -46,6 +46,7 @@ from overtaking.sim.reference.state import (
 from overtaking.world.parameters import SUBSTEPS, Parameters, SimulationParameters
 
 _STEADY = np.float32(0.0)
+_ONE = np.float32(1.0)
 _LEAST_DEMAND = np.float32(1e-6)  # Keeps what is imposed finite for who demands nothing [1].
 
 
@@ -125,12 +126,14 @@ class Meeting:
         hurries: Little time is left to be past.
         squeezes: It is in a hurry, and there is room to squeeze back in.
         falls_in: It gives up, and there is room to fall in behind the other.
+        room_left: How much more room it leaves to the passed vehicle than to a car [1].
     """
 
     may_go: Mask
     hurries: Mask
     squeezes: Mask
     falls_in: Mask
+    room_left: F32
 
 
 def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
@@ -169,13 +172,19 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
     return front & rear & (gain | far | ~view.detected[FAST_LEAD])
 
 
-def may_return(given: Parameters, view: View) -> Mask:
-    """Whether the slower lane has room: behind when the line is crossed, ahead at the end."""
+def may_return(given: Parameters, view: View, room_left: F32 | np.float32 = _ONE) -> Mask:
+    """Whether the slower lane has room: behind when the line is crossed, ahead at the end.
+
+    Args:
+        given: All inputs.
+        view: What the ego knows.
+        room_left: How much more room is left behind than to a car [1].
+    """
     own, zero = view.own, np.float32(0.0)
     closing, ahead = view.closing[SLOW_REAR], view.closing[SLOW_LEAD]
     crossing = np.float32(0.5) * own.lane_change_duration
     gap = view.gap[SLOW_REAR] - crossing * minimum(closing, zero)
-    left = gap >= own.return_time_gap * (view.speed + closing) * view.impatience
+    left = gap >= own.return_time_gap * (view.speed + closing) * view.impatience * room_left
     rear = left & (their_braking(given, view, gap, closing) >= -view.imposes)
     room = view.gap[SLOW_LEAD] - own.lane_change_duration * maximum(ahead, zero)
     front = own_braking(given, view, room, ahead) >= -own.decel
@@ -267,6 +276,7 @@ def _meet(
         hurries=plight.hurries,
         squeezes=plight.hurries & may_squeeze(given, q, view),
         falls_in=plight.yields & plight.fits & has_room_behind(given, view),
+        room_left=room_left(given.constants, p, state.target),
     )
 
 
@@ -376,10 +386,12 @@ def _turns_back(
     late = state.stage_time > c.give_up_after
     stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
     rested = state.since_change[Role.EGO] >= c.abort_cooldown
-    may = may_return(given, view) & (passed | stuck)
-    if meets is not None:
+    if meets is None:
+        may = may_return(given, view) & (passed | stuck)
+    else:
         hurried = meets.squeezes & passed
-        may, rested = may | hurried, rested | hurried
+        may = (may_return(given, view, meets.room_left) & (passed | stuck)) | hurried
+        rested = rested | hurried
     seen = np.where(view.told, passed, may) & rested
     wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] < 0)
     return has_lane & (wanted | (q.command == Decision.RETURN))

@@ -4,6 +4,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, minimum
 from overtaking.model.observation import AROUND, MEETING, OWN, WIDTH, parted
+from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.ego import faster, is_told
 from overtaking.sim.reference.intent import (
@@ -13,11 +14,18 @@ from overtaking.sim.reference.intent import (
     can_remain,
     has_arrived,
     has_passed,
+    in_stage,
 )
 from overtaking.sim.reference.mobil import must_wait
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming, look_beyond, usual_closing
-from overtaking.sim.reference.passing import can_fall_in, is_solid, room_ahead, weigh
+from overtaking.sim.reference.passing import (
+    can_fall_in,
+    is_solid,
+    room_ahead,
+    room_left,
+    weigh,
+)
 from overtaking.sim.reference.run import Moment
 from overtaking.sim.reference.state import (
     LEAD,
@@ -192,12 +200,15 @@ def _meeting(
 ) -> dict[str, F32 | Mask]:
     """How the ego stands to oncoming traffic."""
     plight = weigh(state, given, p, q, oncoming)
-    room = room_ahead(state, p, near.slot[LEAD, Role.EGO])
+    lead = near.slot[LEAD, Role.EGO]
+    passed = np.where(in_stage(state, Stage.FOLLOW), lead, state.target)
+    room = room_ahead(state, p, lead)
     return {
         "sight": oncoming.sight,
         "sure": oncoming.sure[Role.EGO],
         "expected": usual_closing(state, q)[Role.EGO],
         "room": minimum(room, given.constants.unseen_gap),
+        "room_left": room_left(given.constants, p, passed),
         "solid": is_solid(state, given),
         "hurries": plight.hurries,
         "yields": plight.yields,

@@ -20,6 +20,7 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
+from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters, SimulationParameters
 
 _FAR = np.float32(1e9)
@@ -60,6 +61,25 @@ def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
     return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), own.max_speed)
 
 
+def seen_ahead(c: Constants, gap: F32, sight: F32) -> F32:
+    """The way up to who comes, or may come from where the road is not seen, (simulation,) [m].
+
+    Few reckon with somebody at the very end of what they see: who does come then comes in sight
+    while they pass.
+
+    Args:
+        c: Constants of the model.
+        gap: Believed gap to who comes [m].
+        sight: How far the other lane is seen [m].
+    """
+    return minimum(gap, c.unseen_trust * sight)
+
+
+def room_left(c: Constants, p: Fields, slot: F32) -> F32:
+    """How much more room drivers leave to the vehicle in a slot than to a car, (simulation,)."""
+    return np.where(pick(p.tall, slot) > 0, c.tall_room, np.float32(1.0))
+
+
 @dataclass(slots=True, kw_only=True)
 class Outlook:
     """What the ego knows of the other lane before it pulls out; arrays of shape (simulation,).
@@ -73,6 +93,7 @@ class Outlook:
         closing: Believed speed of approach of who comes, or may come [m/s].
         sure: Whether it has looked for long enough.
         solid: Whether the line is not to be crossed.
+        room_left: How much more room it leaves to the leader at its return than to a car [1].
     """
 
     gap: F32
@@ -83,6 +104,7 @@ class Outlook:
     closing: F32
     sure: Mask
     solid: Mask
+    room_left: F32
 
 
 def outlook(
@@ -101,10 +123,11 @@ def outlook(
         leader=leader,
         length=_TWO * near.half_length[LEAD, ego],
         room=room_ahead(state, p, near.slot[LEAD, ego]),
-        seen=minimum(oncoming.believed_gap[ego], oncoming.sight),
+        seen=seen_ahead(given.constants, oncoming.believed_gap[ego], oncoming.sight),
         closing=oncoming.closing[ego],
         sure=oncoming.sure[ego],
         solid=is_solid(state, given),
+        room_left=room_left(given.constants, p, near.slot[LEAD, ego]),
     )
 
 
@@ -120,7 +143,8 @@ def may_meet(
 
     The time that passing takes, as the ego misjudges it, with something to spare, is held against
     the time until the nearest oncomer is met; a road that is not seen counts as an oncomer. Passing
-    takes half a lane change before speed is gained, and half of one back at its end.
+    takes half a lane change before speed is gained, and half of one back at its end. Who waits
+    spares less, but not less than a part of what it spared at first.
 
     Args:
         given: All inputs.
@@ -132,14 +156,16 @@ def may_meet(
     """
     c, leader = given.constants, ahead.leader
     bodies = ahead.length + _TWO * own.half_length
-    way = ahead.gap + bodies + own.return_time_gap * impatience * leader
+    returns = own.return_time_gap * impatience * ahead.room_left * leader
+    way = ahead.gap + bodies + returns
     top = top_speed(own, c.passing_surplus, leader) - leader
     gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel)
     need = q.need_factor * (gaining + own.lane_change_duration)
     closing = ahead.closing + _HALF * maximum(top + leader - speed, _ZERO)
-    enough = ahead.seen > need * (np.float32(1.0) + q.spare * impatience) * closing
-    returns = (own.return_time_gap * impatience + c.fit_share * own.time_gap) * leader
-    room = ahead.room > _TWO * own.half_length + c.squeeze_gap + returns
+    spare = q.spare * maximum(impatience, c.spare_kept)
+    enough = ahead.seen > need * (np.float32(1.0) + spare) * closing
+    least = _TWO * own.half_length + c.squeeze_gap + returns
+    room = ahead.room > least + c.fit_share * own.time_gap * leader
     return enough & ahead.sure & room & ~(ahead.solid & (q.heeds_lines > 0))
 
 
@@ -187,8 +213,8 @@ def weigh(
 ) -> Plight:
     """Whether the ego goes on with its pass, and how.
 
-    Until it is abreast it gives up where it would not be back before the oncomer is there, and
-    falling back lacks less time than going on; later where there is no room to return to, once
+    Until it is abreast it gives up where it would not be back a moment before the oncomer is there,
+    and falling back lacks less time than going on; later where there is no room to return to, once
     falling back takes nearly all the time left. It is in a hurry where little would be to spare.
     """
     c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
@@ -206,7 +232,7 @@ def weigh(
     there = np.where(
         oncoming.detected[ego], oncoming.believed_gap[ego] / oncoming.closing[ego], _FAR
     )
-    gives_up = (lead > 0) & (rest > there) & (back < rest)
+    gives_up = (lead > 0) & (rest + c.abort_margin > there) & (back < rest)
     room = room_ahead(state, p, state.target) > _TWO * (own.half_length + c.squeeze_gap)
     waits_no_more = there < back + c.calm_margin
     trapped = (lead <= 0) & oncoming.detected[ego] & ~room & waits_no_more
@@ -263,12 +289,12 @@ def held_back(
     past = in_stage(state, Stage.PASS) & (state.s[ego] > pick(state.s, state.target))
     gap, closing = believed.gap[SLOW_LEAD, ego], believed.closing[SLOW_LEAD, ego]
     kept, wished = c.fit_share * own.time_gap, speed_of_pass(state, given, p)
-    seen = minimum(oncoming.believed_gap[ego], oncoming.sight)
     next_one = state.vx[ego] - closing
     top = top_speed(own, c.passing_surplus, next_one) - next_one
     onwards = gap + _TWO * (near.half_length[SLOW_LEAD, ego] + own.half_length) + c.squeeze_gap
     longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel)
     longer = longer + _HALF * q.hasty_change + c.calm_margin
+    seen = seen_ahead(c, oncoming.believed_gap[ego], oncoming.sight)
     fits_in = past & (seen < longer * oncoming.closing[ego])
     fitting = follow(
         c, own, state.vx[ego], wished, gap, closing, kept, believed.accel[SLOW_LEAD, ego]

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from overtaking.analysis.validation.comparison import compare, student
+from overtaking.analysis.validation.comparison import Rate, student
+from overtaking.analysis.validation.comparison import compare as compare_figures
+from overtaking.analysis.validation.figures import DEFINITIONS
 from overtaking.analysis.validation.overtakes import STRATA, cell
 from overtaking.analysis.validation.tally import GROUPS, Tally
 from overtaking.model.labels import OvertakeClass
@@ -30,6 +32,10 @@ def counted(seed: int, success: float, *, enriched: bool, honest: bool = True) -
     tally.add_binned("classes", group, cell(0, kind), weight, BINS)
     tally.add_binned("stratum", group, np.zeros(NUMBER, np.int64), weight, len(STRATA))
     return tally
+
+
+def compare(weighted: Tally, natural: Tally) -> tuple[Rate, ...]:
+    return compare_figures(weighted, natural, DEFINITIONS)
 
 
 def test_honest_weights_agree_about_as_often_as_the_interval_says():
