@@ -1,8 +1,8 @@
 """Recorded simulations as CommonRoad scenarios (XML, version 2020a), one file each.
 
-The road becomes straight lanelets, the vehicles dynamic obstacles, the ego among them with the
-smallest id. Positions are those along and across the road, put onto the straight lanelets with
-enough digits to come back the same; what CommonRoad has no place for is left out.
+The road becomes lanelets, the vehicles dynamic obstacles, the ego among them with the smallest id.
+Positions are those along and across the road, put onto the lanelets with enough digits to come back
+the same; what CommonRoad has no place for is left out.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ SPEED_SIGN = 900
 DATE = "1970-01-01"
 """What stands where a date is required: a scenario is the same whenever it is written."""
 
-_POINT_SPACING = 50.0
+_POINT_SPACING, _IN_BENDS = 50.0, 2.0  # Between the points of borders [m].
 _MARGIN = 50.0  # How far the lanelets go on beyond the vehicles [m].
 _LARGEST_LIMIT = 99.0  # What is higher stands for no limit [m/s].
 
@@ -50,11 +50,12 @@ def write_commonroad(trajectories: Trajectories, numbers: NDArray[np.integer], f
         Number of states written.
 
     Raises:
-        ConfigError: Others come the other way, or the road bends.
+        ConfigError: Others come the other way, or the road rises.
         OSError: A file cannot be written.
     """
     refuse_oncoming(trajectories.scenario, "export to CommonRoad")
-    trajectories.road.needs_to_be_straight("export to CommonRoad")
+    if trajectories.road.course and trajectories.road.course.grade:
+        trajectories.road.needs_to_be_straight("export to CommonRoad")
     for place, number in enumerate(numbers.tolist()):
         text = "\n".join(_lines(trajectories, place, number)) + "\n"
         put_file(folder / f"{scenario_id(number)}.xml", text)
@@ -103,7 +104,8 @@ def _lanelets(
 ) -> Iterator[str]:
     """The lanelets from the slow to the fast side, ids from 1."""
     borders = road.boundaries
-    s = np.linspace(*extent, 2 + int((extent[1] - extent[0]) / _POINT_SPACING))
+    spacing = _IN_BENDS if road.bends else _POINT_SPACING
+    s = np.linspace(*extent, 2 + int((extent[1] - extent[0]) / spacing))
     lane_type = "highway" if road.kind == "motorway" else "unknown"
     towards_left = 1 if road.side > 0 else -1
     for k, lane in enumerate(road.lanes):
@@ -170,7 +172,7 @@ def _states(
     def column(name: str) -> NDArray[np.float64]:
         return getattr(recorded, name)[place, slot, frames] * STEPS[name]
 
-    # Not the recorded world: that of a recording bends with its road, the lanelets here do not.
+    # Not the recorded world: in a recording lanes may widen, the lanelets here do not.
     x, y = trajectories.road.world(column("s"), column("d"))
     heading, speed = column("heading"), column("speed")
     accel, yaw_rate = column("accel_lon"), column("yaw_rate")
