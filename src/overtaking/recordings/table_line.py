@@ -96,6 +96,6 @@ def _middle(s: F64, d: F64, vehicle: NDArray[np.int64]) -> tuple[F64, F64]:
     middle = np.array([np.median(off[place == one]) for one in found])
     ends = np.array([s.min() - _BEYOND, s.max() + _BEYOND])
     return (
-        np.concatenate([ends[:1], (found + 0.5) * _BINS, ends[1:]]),
+        np.concatenate([ends[:1], (found.astype(np.float64) + 0.5) * _BINS, ends[1:]]),
         np.concatenate([middle[:1], middle, middle[-1:]]),
     )
