@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     Scenes = CutScenes | TableScenes
 
-READER_VERSION = "1"
+READER_VERSION = "2"
 """Changes whenever the same file gives other values."""
 
 SIMULATOR = "recording"

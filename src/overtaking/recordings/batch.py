@@ -32,6 +32,9 @@ NUM_SLOTS = 16
 
 MAX_SLOTS = 64
 
+MEETING = 2
+"""Nearest oncoming vehicles, at the beginning and at the return, that have a slot before others."""
+
 
 def vehicles_of(
     recording: Recording, around: Surroundings, window: Window, num_slots: int = NUM_SLOTS
@@ -39,9 +42,9 @@ def vehicles_of(
     """The vehicles of a simulation by slot, as places among the tracks.
 
     After the ego and its leader come those around it when its movement begins and when it is back,
-    then those that are around it in most frames, then those that are nearest to it at the
-    beginning. Of two that are equal the one with the smaller id is first, so nothing depends on
-    the order in the file.
+    and who comes the other way then, then those that are around it in most frames, then those that
+    are nearest to it at the beginning. Of two that are equal the one with the smaller id is first,
+    so nothing depends on the order in the file.
 
     Args:
         recording: The recording.
@@ -57,6 +60,8 @@ def vehicles_of(
         if frame is not None:
             there = near[:, frame - window.first]
             chosen |= dict.fromkeys(there[there != NOBODY].tolist())
+    for frame in dict.fromkeys((window.moves or window.first, window.returns or window.last)):
+        chosen |= dict.fromkeys(_coming(recording, ego, frame))
     counts = Counter(near[near != NOBODY].tolist())
     by_time = sorted(counts, key=lambda one: (-counts[one], int(tracks.ids[one])))
     chosen |= dict.fromkeys(by_time)
@@ -64,11 +69,22 @@ def vehicles_of(
     return tuple(chosen)[:num_slots]
 
 
+def _coming(recording: Recording, ego: int, frame: int) -> list[int]:
+    """The nearest vehicles that come towards the ego in a frame."""
+    tracks = recording.tracks
+    there = np.flatnonzero(tracks.is_oncoming & (tracks.first <= frame) & (tracks.last >= frame))
+    rows = tracks.start[there] + frame - tracks.first[there]
+    ahead = tracks.s[rows] - tracks.s[tracks.row(ego, frame)]
+    order = np.lexsort((tracks.ids[there], np.round(ahead, 3)))
+    return there[order[ahead[order] > 0.0][:MEETING]].tolist()
+
+
 def _nearest(recording: Recording, window: Window) -> list[int]:
     """All vehicles of a window by the frame in which they appear, then by distance."""
     tracks = recording.tracks
     meets = (tracks.first <= window.last) & (tracks.last >= window.first)
-    there = np.flatnonzero(meets & (tracks.carriageway == tracks.carriageway[window.ego]))
+    same = tracks.carriageway == tracks.carriageway[window.ego]
+    there = np.flatnonzero(meets & (same | tracks.is_oncoming))
     frame = np.maximum(tracks.first[there], window.first)
     own = tracks.s[tracks.start[window.ego] + frame - tracks.first[window.ego]]
     apart = np.abs(tracks.s[tracks.start[there] + frame - tracks.first[there]] - own)
@@ -173,7 +189,9 @@ def _scenario(
     num_frames = np.array([one.num_frames for one in windows], np.int32)
     duration = num_frames * (recording.frame_interval_ms * 1e-3)
     lane = tracks.lane[first].astype(np.int64)
-    lane = np.where(lane == NO_VEHICLE, 0, np.minimum(lane, recording.road.num_lanes - 1))
+    num_lanes = recording.road.num_lanes
+    lane = np.where(lane == NO_VEHICLE, 0, np.minimum(lane, num_lanes - 1))
+    lane = np.where(tracks.is_oncoming[who], num_lanes, lane)
     return Scenario(
         profile=recording.file_format,
         road=recording.road,

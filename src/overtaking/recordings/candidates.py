@@ -1,10 +1,10 @@
 """Candidate overtakes in a recording: ego, leader, first and last frame.
 
-Every vehicle with a leader in its lane may be an ego. A *candidate* is a movement to the left out
-of a lane with a leader ahead; whether it was an overtake, and how it ended, is for the labels. Its
-window reaches from some seconds before the movement to some seconds after the return, or to the end
-of the track. A vehicle counts as in another lane only once it is well inside it, so that driving
-along a line is no lane change.
+Every vehicle that drives along the road with a leader in its lane may be an ego. A *candidate* is a
+movement to the left out of a lane with a leader ahead; whether it was an overtake, and how it
+ended, is for the labels. Its window reaches from some seconds before the movement to some seconds
+after the return, or to the end of the track. A vehicle counts as in another lane only once it is
+well inside it, so that driving along a line is no lane change.
 """
 
 from dataclasses import dataclass
@@ -102,13 +102,16 @@ def settled_lanes(recording: Recording) -> I64:
 
 
 def lane_changes(recording: Recording) -> LaneChanges:
-    """All changes from one driving lane into another."""
+    """All changes from one driving lane into another, by vehicles that drive along the road."""
     tracks = recording.tracks
     lane, vehicle = settled_lanes(recording), tracks.vehicle
     changed = np.flatnonzero((np.diff(lane) != 0) & (np.diff(vehicle) == 0)) + 1
     num_lanes = recording.road.num_lanes
     on_road = np.minimum(lane[changed], lane[changed - 1]) >= 0
-    on_road &= np.maximum(lane[changed], lane[changed - 1]) < num_lanes
+    # To the left of the last lane is another only where vehicles come the other way.
+    end = num_lanes + recording.road.is_two_way
+    on_road &= np.maximum(lane[changed], lane[changed - 1]) < end
+    on_road &= ~tracks.is_oncoming[vehicle[changed]]
     changed = changed[on_road]
     to_left = slope(tracks.d, tracks.start, recording.frame_interval_ms) * recording.road.side
     old, new = lane[changed - 1], lane[changed]
@@ -222,7 +225,7 @@ def followers(recording: Recording, changes: LaneChanges, around: Surroundings) 
     """
     tracks = recording.tracks
     leaves = set(changes.vehicle[changes.is_left].tolist())
-    has_leader = around.has_leader(reach=REACH)
+    has_leader = around.has_leader(reach=REACH) & ~tracks.is_oncoming[tracks.vehicle]
     found: list[Window] = []
     for ego in range(tracks.num_vehicles):
         low, high = int(tracks.start[ego]), int(tracks.start[ego + 1])
@@ -254,9 +257,12 @@ def _ordered(recording: Recording, windows: list[Window]) -> list[Window]:
 
 
 def num_passes(tracks: Tracks) -> int:
-    """Pairs of vehicles of which one was behind the other and is ahead when they part."""
+    """Pairs of vehicles of which one was behind the other and is ahead when they part.
+
+    Vehicles that come the other way are met and not passed; they count for nothing.
+    """
     passes = 0
-    for one in range(tracks.num_vehicles):
+    for one in np.flatnonzero(~tracks.is_oncoming).tolist():
         begin = np.maximum(tracks.first, tracks.first[one])
         end = np.minimum(tracks.last, tracks.last[one])
         same_road = tracks.carriageway == tracks.carriageway[one]

@@ -373,7 +373,7 @@ def template(names: tuple[str, ...] = ()) -> str:
         "",
         "[only]   # rows to read, by the value of a column",
         "",
-        "[road]   # straight; what is left out is inferred from the traffic, or not known",
+        "[road]   # what is left out is inferred from the traffic, or not known",
         '# kind = "motorway"',
         '# driving_side = "right"',
         "# speed_limit_kmh = 120",

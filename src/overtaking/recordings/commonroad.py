@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.model.road import Road
 from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.recordings.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
 from overtaking.recordings.commonroad_road import Network, Stretch, chosen_road, posted_limit
@@ -21,11 +22,14 @@ from overtaking.recordings.recording import (
     NEVER_RECORDED,
     Recording,
     Tracks,
+    Ways,
+    bending,
+    by_ways,
     kept,
     kinds_by_length,
     lane_codes,
+    on_road,
     slope,
-    without_oncoming,
 )
 from overtaking.recordings.road import Projection
 from overtaking.recordings.xml import Element, elements
@@ -53,8 +57,8 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
             where those of a road with a single lane count for a tenth.
 
     Returns:
-        The recording, with what was left out and how far the straightened road is from the real
-        one in its notes.
+        The recording, with what was left out and how far the road is from the real one in its
+        notes.
 
     Raises:
         ImportFormatError: The file is no such scenario, or its road cannot be represented; the
@@ -66,6 +70,7 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
     for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD):
         document.add(element)
     document.check(source.name)
+    document.move_near()
     x, y = (
         np.concatenate([one.states[:, k] for one in document.obstacles.values()]) for k in (0, 1)
     )
@@ -96,6 +101,7 @@ class _Document:
         limits: Speed limits that signs post, by the id of the sign [m/s].
         tags: Tags of the scenario.
         left_out: Number of obstacles without a recorded path, by type.
+        shift: What was taken off world coordinates [m].
     """
 
     name: str = ""
@@ -105,6 +111,7 @@ class _Document:
     limits: dict[int, float] = field(default_factory=dict[int, float])
     tags: frozenset[str] = frozenset()
     left_out: Counter[str] = field(default_factory=Counter[str])
+    shift: F64 = field(default_factory=lambda: np.zeros(2))
 
     @property
     def road_kind(self) -> str | None:
@@ -136,6 +143,16 @@ class _Document:
                 raise refused(
                     file, "scenario", what, "none", "choose a scenario with recorded traffic"
                 )
+
+    def move_near(self) -> None:
+        """Bring lanelets and vehicles near the origin, by whole kilometres, if they are far."""
+        corners = np.array([corner for one in self.lanelets.values() for corner in one.box])
+        if np.abs(corners).max() <= _FAR:
+            return
+        self.shift = np.round(corners.min(axis=0) / 1000.0) * 1000.0
+        self.lanelets = {number: one.moved(self.shift) for number, one in self.lanelets.items()}
+        for one in self.obstacles.values():
+            one.states[:, :2] -= self.shift
 
     def _begin(self, root: Element) -> None:
         version = root.attribute("commonRoadVersion")
@@ -176,59 +193,57 @@ def _recording(document: _Document, road: Stretch) -> Recording:
     columns = np.concatenate([one.states for one in obstacles])
     given: dict[str, F64] = {name: columns[:, k] for k, name in enumerate(QUANTITIES)}
     place = road.shape.project(given["x"], given["y"])
-    shift = np.round(road.shape.line.origin / 1000.0) * 1000.0
-    shift = shift if np.abs(road.shape.line.origin).max() > _FAR else np.zeros(2)
-    straight = road.moved(shift)
     derived = [name for name, values in given.items() if np.isnan(values).any()]
     values: dict[str, Any] = _bodies(obstacles)
-    values |= _motion(given, place, start, document.step_ms, straight.heading)
+    values |= _motion(given, place, road.road, start, document.step_ms)
     tracks = Tracks(
         start=start.astype(np.int64),
-        x=given["x"] - shift[0],
-        y=given["y"] - shift[1],
+        x=given["x"],
+        y=given["y"],
         s=place.s,
         d=place.d,
-        lane=lane_codes(straight, place.d),
+        lane=lane_codes(road.road, place.d),
         wheel_angle=np.zeros(len(columns)),
         **values,
     )
-    on_road = (place.s >= 0.0) & (place.s <= road.shape.line.length) & road.is_near(place.offset)
-    tracks, num_oncoming = without_oncoming(kept(tracks, on_road), straight.heading)
-    _check_some(document.name, tracks, num_oncoming)
+    there = on_road(road.road, place.s, place.d)
+    ways = by_ways(kept(tracks, there), road.road)
+    _check_some(document.name, ways)
     unknown = NEVER_RECORDED | {"weather"} | road.unknown
     if "yawRate" in derived:
         unknown |= {"yaw_rate"}
-    x, y = straight.world(place.s[on_road], place.d[on_road])
-    off = np.hypot(x - given["x"][on_road] + shift[0], y - given["y"][on_road] + shift[1])
+    x, y = road.road.world(place.s[there], place.d[there])
+    off = np.hypot(x - given["x"][there], y - given["y"][there])
     return Recording(
         name=document.name,
         file_format=FORMAT,
-        road=straight,
+        road=road.road,
         frame_interval_ms=document.step_ms,
-        tracks=tracks,
+        tracks=ways.tracks,
         unknown=unknown,
         notes={
             **road.notes,
+            **ways.notes,
             "straightening_m": round(float(off.max()), 3),
-            "longest_way": round(float(np.abs(place.stretch[on_road] - 1.0).max()), 5),
-            "states": tracks.num_rows,
-            "states_off_the_road": len(columns) - int(on_road.sum()),
-            "oncoming_left_out": num_oncoming,
+            "longest_way": round(float(np.abs(place.stretch[there] - 1.0).max()), 5),
+            "states": ways.tracks.num_rows,
+            "states_off_the_road": len(columns) - int(there.sum()),
             "obstacles_left_out": dict(sorted(document.left_out.items())),
-            "world_shift_m": [float(one) for one in shift],
+            "world_shift_m": document.shift.tolist(),
             "derived": derived,
         },
     )
 
 
-def _check_some(name: str, tracks: Tracks, num_oncoming: int) -> None:
+def _check_some(name: str, ways: Ways) -> None:
     """Refuse a road without vehicles that drive along it."""
-    if not tracks.num_vehicles:
+    if not ways.along:
+        oncoming = ways.oncoming + ways.left_out
         raise refused(
             name,
             "road",
             "vehicles that drive along it",
-            f"{num_oncoming} oncoming ones" if num_oncoming else "none",
+            f"{oncoming} oncoming ones" if oncoming else "none",
             "choose another road by one of its lanelets: --lanelet",
         )
 
@@ -256,7 +271,7 @@ def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
 
 
 def _motion(
-    given: dict[str, F64], place: Projection, start: NDArray[np.int64], step_ms: int, heading: float
+    given: dict[str, F64], place: Projection, road: Road, start: NDArray[np.int64], step_ms: int
 ) -> dict[str, F64]:
     """Speeds, directions and accelerations, worked out from positions where they are not given."""
 
@@ -272,10 +287,13 @@ def _motion(
     course = np.where(np.hypot(east, north) > 0.5, np.arctan2(north, east), place.tangent)
     turned = or_else("orientation", course) - place.tangent
     relative = turned - np.round(turned / (2.0 * np.pi)) * (2.0 * np.pi)
+    cosine = np.cos(relative)
+    turning = bending(road, place.s, place.d)[1] * (velocity * cosine) ** 2
     return {
         "speed": np.abs(velocity),
-        "heading": heading + relative,
+        "heading": place.tangent + relative,
         "accel_lon": or_else("acceleration", rate(velocity)),
-        "accel_lat": rate(rate(place.d)),
+        # Across the road, and with it as it bends; to the vehicle's left.
+        "accel_lat": (rate(rate(place.d)) + turning) * np.where(cosine < 0.0, -1.0, 1.0),
         "yaw_rate": np.where(np.isnan(given["yawRate"]), 0.0, given["yawRate"]),
     }

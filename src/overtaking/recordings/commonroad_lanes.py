@@ -1,8 +1,9 @@
 """CommonRoad's lanelets: which of them, side by side and end to end, make one road."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +99,10 @@ class Lanelet:
     def is_lane(self) -> bool:
         """Whether it can be a lane of a road."""
         return self.kind in _ROAD_KINDS
+
+    def moved(self, shift: F64) -> Self:
+        """The lanelet in a world whose origin lies at `shift` [m]."""
+        return replace(self, left=self.left - shift, right=self.right - shift)
 
     @property
     def box(self) -> tuple[F64, F64]:

@@ -1,4 +1,4 @@
-"""The road of a CommonRoad scenario: which one is read, and the straight `Road` it becomes."""
+"""The road of a CommonRoad scenario: which one is read, and the `Road` it becomes."""
 
 import dataclasses
 from collections import Counter
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.course import Course
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.commonroad_lanes import (
     DRIVING,
@@ -21,6 +22,7 @@ from overtaking.recordings.commonroad_lanes import (
     contains,
     strips,
 )
+from overtaking.recordings.fitting import is_straight
 from overtaking.recordings.messages import refused
 from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
 from overtaking.recordings.xml import Element
@@ -33,8 +35,6 @@ SPEED_SIGNS = frozenset({"274", "R2-1"})
 UNKNOWN_LIMIT = 100.0
 """Stands where no limit is known [m/s]; no vehicle reaches it."""
 
-_BESIDE = 6.0  # Vehicles farther than this from the outer lanes belong to another road [m].
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
@@ -42,7 +42,7 @@ class Stretch:
 
     Attributes:
         shape: Where it lies.
-        road: The straight road that stands for it.
+        road: The road of constant lanes that stands for it.
         unknown: What the file does not tell about it, names of `UNKNOWNS`.
         notes: Which lanelets it is made of, and how constant its lanes are.
     """
@@ -56,17 +56,6 @@ class Stretch:
     def lanelets(self) -> frozenset[int]:
         """Ids of its lanelets."""
         return frozenset(one for lane in self.notes["lanelets_by_lane"] for one in lane)
-
-    def moved(self, shift: F64) -> Road:
-        """The road in a world whose origin lies at `shift` [m]."""
-        return dataclasses.replace(
-            self.road, x0=self.road.x0 - float(shift[0]), y0=self.road.y0 - float(shift[1])
-        )
-
-    def is_near(self, offset: F64) -> NDArray[np.bool_]:
-        """Whether points are on the road or on what may lie right beside it."""
-        edges = self.shape.mean_borders
-        return (offset > edges[0] - _BESIDE) & (offset < edges[-1] + _BESIDE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +84,8 @@ class Network:
             is_part: Whether it must be part of a lane, and not only lie beside the road.
 
         Raises:
-            ImportFormatError: The lanelet is no lane to drive on, or the road bends too much, its
-                lanes change their width, or are too many.
+            ImportFormatError: The lanelet is no lane to drive on, or the road bends too sharply,
+                its lanes change their width, or are too many.
         """
         if home.number not in self.rows:
             raise _refused(home, "kind of lanelet", "a lane to drive on", home.kind)
@@ -120,8 +109,10 @@ class Network:
             raise _refused(home, "road", "one that the model is made for", str(error)) from None
         notes = {
             "lanelets_by_lane": [[piece.number for piece in lane] for lane in best],
-            "length_m": round(shape.line.length, 2),
-            "turn_rad": round(shape.line.turn, 4),
+            "length_m": round(shape.length, 2),
+            "line_pieces": len(shape.pieces),
+            "line_off_m": round(shape.miss, 3),
+            "turn_rad": round(shape.turn, 4),
             "widening": round(shape.widening, 4),
         }
         return Stretch(shape=shape, road=road, unknown=unknown, notes=notes)
@@ -129,7 +120,7 @@ class Network:
 
 def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
     return home.element.error(
-        f"{home.number} is part of a road that no straight road stands for: {what}",
+        f"{home.number} is part of a road that cannot be read: {what}",
         expected,
         got,
         "choose another road by one of its lanelets",
@@ -137,11 +128,11 @@ def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
 
 
 def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, frozenset[str]]:
-    """The straight road, and the names of its unknown attributes."""
+    """The road, and the names of its unknown attributes."""
     marks, marks_known = _marks(strip)
     limit = _limit(strip, network.limits)
     count, widths = len(strip), np.diff(shape.mean_borders)
-    x0, y0 = shape.line.start
+    begin = shape.pieces[0]
     types = {kind for lane in strip for piece in lane for kind in piece.types}
     known_kind = "motorway" if types & {"highway", "interstate"} else network.kind
     road = Road(
@@ -158,13 +149,14 @@ def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, froze
             for k in range(count)
         ),
         edge_d=float(shape.mean_borders[0]),
-        length=shape.line.length,
-        x0=x0,
-        y0=y0,
-        heading=shape.line.chord,
+        length=shape.length,
+        x0=begin.x,
+        y0=begin.y,
+        heading=begin.heading,
         speed_limit=UNKNOWN_LIMIT if limit is None else limit,
         slow_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
         fast_side_neighbour=_beside_left(strip[-1], network.lanelets),
+        course=None if is_straight(shape.pieces) else Course(line=shape.pieces),
     )
     missing = {"road_kind": not known_kind, "marks": not marks_known, "speed_limit": limit is None}
     return road, frozenset(what for what, is_missing in missing.items() if is_missing)

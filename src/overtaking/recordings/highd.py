@@ -24,7 +24,7 @@ from overtaking.recordings.column_map import (
     column_map,
     files_of,
 )
-from overtaking.recordings.recording import NEVER_RECORDED, Recording, kept, without_oncoming
+from overtaking.recordings.recording import NEVER_RECORDED, Recording, by_ways, kept
 from overtaking.recordings.road import scaled
 from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_files import refused, refused_cell
@@ -72,23 +72,23 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     name = Path(path).name.removesuffix(columns.files["tracks"])
     road = _road(name, limit, list(borders.values()), extent)
     driven, on_lanes = _on_one_road(rows, borders, road)
-    tracks, num_oncoming = without_oncoming(kept(driven, on_lanes), road.heading)
-    if not tracks.num_vehicles:
+    ways = by_ways(kept(driven, on_lanes), road)
+    if not ways.along:
         raise refused(rows.where, "vehicles", "some that drive in their direction", "none")
     return Recording(
         name=f"highD {road.name}",
         file_format=FORMAT,
         road=road,
         frame_interval_ms=rows.frame_interval_ms,
-        tracks=tracks,
+        tracks=ways.tracks,
         unknown=NEVER_RECORDED | {"weather", "marks", "yaw_rate"},
         notes={
             "directions": used,
             "lanes_from": "lane markings of the recording",
             "widening": _widening(road, list(borders.values())),
-            "states": tracks.num_rows,
+            **ways.notes,
+            "states": ways.tracks.num_rows,
             "states_off_the_road": driven.num_rows - int(on_lanes.sum()),
-            "oncoming_left_out": num_oncoming,
             "has_speed_limit": limit is not None,
         },
     )
@@ -138,7 +138,7 @@ def _on_one_road(rows: Rows, borders: dict[int, F64], road: Road) -> Any:
         here = direction == one
         offset = (sign * rows.values["y"])[here]
         d[here] = scaled(offset, np.broadcast_to(local, (len(offset), len(local))), road.boundaries)
-    tracks = tracks_of(replace(rows, values=turned), road, s, d, turn=0.0)
+    tracks = tracks_of(replace(rows, values=turned), road, s, d)
     on_lanes = np.isin(direction, list(borders))
     return replace(tracks, carriageway=rows.direction - 1), on_lanes
 

@@ -79,8 +79,10 @@ def _keys(tracks: Tracks) -> I64:
     """A number for each row that sorts by frame, then lane, then position along the road."""
     lane = tracks.lane_index + 1
     along = np.rint((tracks.s - tracks.s.min()) * _MM_PER_M).astype(np.int64)
-    roads = int(tracks.carriageway.max()) + 1
-    frame = (tracks.frame - tracks.first.min()) * roads + tracks.carriageway[tracks.vehicle]
+    first = int(tracks.carriageway.min())
+    roads = int(tracks.carriageway.max()) - first + 1
+    carriageway = tracks.carriageway[tracks.vehicle] - first
+    frame = (tracks.frame - tracks.first.min()) * roads + carriageway
     return (frame * _LANES_PER_FRAME + lane) * _span(tracks) + along
 
 

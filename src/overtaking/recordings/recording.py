@@ -1,4 +1,4 @@
-"""A recording of traffic, whatever file it comes from: vehicles on one straightened road.
+"""A recording of traffic, whatever file it comes from: vehicles on one road.
 
 Readers of formats make a `Recording`; `candidates` finds overtakes in it, and `recording_batch`
 makes `Trajectories` of them. Numbers are float64 and SI until they are rounded once, at the end.
@@ -6,7 +6,7 @@ makes `Trajectories` of them. Numbers are float64 and SI until they are rounded 
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,12 @@ NEVER_RECORDED = frozenset(
 )
 """What no recording of others contains; see `model.trajectory.UNKNOWNS`."""
 
+OPPOSITE = -1
+"""Carriageway of the vehicles that come the other way on a road with a lane for them."""
+
 _OF_A_VEHICLE = ("ids", "kind", "length", "width", "carriageway")
+_BESIDE = 6.0  # Vehicles farther than this from the outer lanes belong to another road [m].
+_LEAST_STRETCH = 0.5  # Nearer to the centre of a bend is no part of a road.
 _HALF_SMOOTHING_MS = 100  # As the signals have it: a central difference over 0.2 s.
 
 
@@ -39,7 +44,7 @@ class Tracks:
         length: Same shape [m].
         width: Same shape [m].
         carriageway: Number of the carriageway that it drives on; those on different ones have
-            no influence on each other, same shape.
+            no influence on each other, same shape. `OPPOSITE` for oncoming vehicles.
         first: Frame in which each vehicle is first seen, counted as the source does, same shape.
         start: Row at which each vehicle begins, and after the last the number of rows,
             shape (vehicle + 1,).
@@ -48,7 +53,7 @@ class Tracks:
         s: Position along the road [m].
         d: Position across the road, growing to the left [m].
         speed: Never negative [m/s].
-        heading: Of the road plus that of the vehicle relative to the lanes, anticlockwise [rad].
+        heading: Of the road plus that of the vehicle relative to it, anticlockwise [rad].
         accel_lon: [m/s^2].
         accel_lat: To the left [m/s^2].
         yaw_rate: Anticlockwise [rad/s].
@@ -96,6 +101,11 @@ class Tracks:
         return np.repeat(np.arange(self.num_vehicles), np.diff(self.start))
 
     @property
+    def is_oncoming(self) -> NDArray[np.bool_]:
+        """Whether each vehicle comes the other way, shape (vehicle,)."""
+        return self.carriageway == OPPOSITE
+
+    @property
     def lane_index(self) -> I64:
         """Lane index of each row, -1 beyond the slow edge, shape (row,)."""
         return np.where(self.lane == BEYOND_SLOW_EDGE, -1, self.lane.astype(np.int64))
@@ -119,7 +129,7 @@ class Recording:
     Attributes:
         name: What the source calls it.
         file_format: Format of the file that it was read from.
-        road: The road, straightened.
+        road: The road.
         frame_interval_ms: Time between frames [ms].
         tracks: The vehicles.
         unknown: What the source does not tell, names of `UNKNOWNS`.
@@ -156,20 +166,43 @@ def kept(tracks: Tracks, rows: NDArray[np.bool_]) -> Tracks:
     return _restricted(tracks, owner[chosen], first_row[chosen], length[chosen], wanted)
 
 
-def without_oncoming(tracks: Tracks, heading: float) -> tuple[Tracks, int]:
-    """The tracks without the vehicles that point against the road in most of their states.
+class Ways(NamedTuple):
+    """Tracks by the way that they go, and how many vehicles go against the road.
 
-    Args:
+    Attributes:
         tracks: The tracks.
-        heading: Direction of the road, in the frame of `Tracks.heading` [rad].
+        oncoming: Number of vehicles that come the other way and are among them.
+        left_out: Number of those that are not, as the road has no lane for them.
+    """
 
-    Returns:
-        The other tracks, and the number of vehicles left out.
+    tracks: Tracks
+    oncoming: int
+    left_out: int
+
+    @property
+    def along(self) -> int:
+        """Number of vehicles that drive along the road."""
+        return self.tracks.num_vehicles - self.oncoming
+
+    @property
+    def notes(self) -> dict[str, int]:
+        """The numbers, for the notes of a recording."""
+        return {"oncoming": self.oncoming, "oncoming_left_out": self.left_out}
+
+
+def by_ways(tracks: Tracks, road: Road) -> Ways:
+    """Which vehicles point against the road in most of their states.
+
+    On a two-way road they are on the carriageway `OPPOSITE`; elsewhere they are left out.
     """
     vehicle, num = tracks.vehicle, tracks.num_vehicles
-    against = np.bincount(vehicle[np.cos(tracks.heading - heading) < 0.0], minlength=num)
-    is_oncoming = 2 * against > np.diff(tracks.start)
-    return kept(tracks, ~is_oncoming[vehicle]), int(is_oncoming.sum())
+    is_against = np.cos(tracks.heading - road.heading_at(tracks.s)) < 0.0
+    is_oncoming = 2 * np.bincount(vehicle[is_against], minlength=num) > np.diff(tracks.start)
+    count = int(is_oncoming.sum())
+    if not road.is_two_way:
+        return Ways(kept(tracks, ~is_oncoming[vehicle]), 0, count)
+    carriageway = np.where(is_oncoming, OPPOSITE, tracks.carriageway)
+    return Ways(dataclasses.replace(tracks, carriageway=carriageway), count, 0)
 
 
 def _restricted(
@@ -204,6 +237,36 @@ def slope(values: F64, start: I64, frame_interval_ms: int) -> F64:
     earlier = np.maximum(row - half, np.repeat(start[:-1], count))
     elapsed = np.maximum(later - earlier, 1) * (frame_interval_ms * 1e-3)
     return (values[later] - values[earlier]) / elapsed
+
+
+def on_road(road: Road, s: F64, d: F64) -> NDArray[np.bool_]:
+    """Whether points are on a road or on what may lie right beside it, same shape.
+
+    Args:
+        road: The road.
+        s: Along it, any shape [m].
+        d: To its left, same shape [m].
+    """
+    edges = np.sort(road.boundaries[[0, -1]])
+    beside = (d > edges[0] - _BESIDE) & (d < edges[1] + _BESIDE)
+    return beside & (s >= 0.0) & (s <= road.length)
+
+
+def bending(road: Road, s: F64, d: F64) -> tuple[F64, F64]:
+    """The way of vehicles beside the reference line over that along it, and how the road turns.
+
+    Args:
+        road: The road.
+        s: Where they are along it, any shape [m].
+        d: To its left, same shape [m].
+
+    Returns:
+        Metres of their own way per metre of the line, at least `_LEAST_STRETCH`, and the turning
+        of the road per metre of their own way, positive in left bends [1/m].
+    """
+    curvature = road.curvature_at(s)
+    stretch = np.maximum(1.0 - curvature * d, _LEAST_STRETCH)
+    return stretch, curvature / stretch
 
 
 def lane_codes(road: Road, d: F64) -> U8:

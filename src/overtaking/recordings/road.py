@@ -1,10 +1,11 @@
-"""A gently curved road as the straight one of the model: along and across its own lanes.
+"""The road of a recording: a smooth reference line between its borders, and lanes beside it.
 
-The road of a recording is given by the borders of its lanes as lines of points. A smooth line in
-their middle is the reference: `s` runs along it, and offsets from it are measured square to it. The
-model's lanes have constant widths, so an offset is scaled piecewise, from the borders where they
-are at that `s` to the mean borders of the stretch: a vehicle on a line stays on it, and one
-in the middle of a lane still is. A decision in `docs/adr` has the reasons, and what this costs.
+The road is given by the borders of its lanes as lines of points. A line of linear curvature in
+their middle is the reference (`fitting`): `s` runs along it, and offsets from it are measured
+square to it. The model's lanes have constant widths, so an offset is scaled piecewise, from the
+borders where they are at that `s` to the mean borders of the stretch: a vehicle on a line stays on
+it, and one in the middle of a lane still is. A decision in `docs/adr` has the reasons, and what
+this costs.
 """
 
 from dataclasses import dataclass
@@ -12,31 +13,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.model.line import Piece, ReferenceLine
+from overtaking.recordings.fitting import LARGEST_MISS, Fitted, fitted
+
 F64 = NDArray[np.float64]
 
 GRID = 1.0
-"""Spacing of the points at which the reference line and the borders are held [m]."""
+"""Spacing of the stations at which the borders are held [m]."""
 
-SMOOTHING = 31
-"""Points of the running mean that smooths the reference line; its borders stay as they are."""
-
-MAX_TURN = 0.5
-"""Largest angle between the reference line and its chord [rad]."""
-
-MAX_STRETCH = 0.05
+MAX_STRETCH = 0.2
 """Largest part by which the way along a lane may differ from that along the reference line."""
 
 MAX_WIDENING = 0.25
 """Largest part by which a lane may be wider or narrower than it is in the mean."""
 
-_MARGIN = 200.0  # How far the reference line goes on straight beyond the borders [m].
-_MIN_ADVANCE = 1.0e-6  # Shorter segments have no slope that a float64 can hold [m].
-_MIN_NEWTON = 0.5  # Beyond the centre of a bend a point has no foot; on a road it is 0.95 or more.
-_ITERATIONS = 6  # The error of Newton's method is below a micrometre after four.
+LEAST_LENGTH = 10.0
+"""A road is that long at least [m]."""
+
+_MOST_STATIONS = 20_000
 
 
 class RoadShapeError(ValueError):
-    """A road that no straight road with constant lanes stands for.
+    """A road that the model has no place for.
 
     Attributes:
         what: The thing that is wrong.
@@ -59,74 +57,19 @@ class Projection:
         d: Across it, scaled to the lanes of constant width [m].
         offset: Across it, as measured [m].
         tangent: World direction of the reference line [rad].
-        stretch: Way along the line through the point, over that along the reference line.
+        curvature: Of the reference line, positive in left bends [1/m].
     """
 
     s: F64
     d: F64
     offset: F64
     tangent: F64
-    stretch: F64
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReferenceLine:
-    """A smooth line along a road, as a function over its chord.
-
-    Attributes:
-        origin: World position at which the chord begins, shape (2,) [m].
-        chord: Direction of the chord, anticlockwise from world x [rad].
-        u: Points along the chord, shape (point,) [m].
-        v: Offset of the line from the chord, same shape [m].
-        slope: Its derivative, same shape.
-        bend: Derivative of the slope, same shape [1/m].
-        way: Length of the line up to each point, 0 where the road begins, same shape [m].
-        length: Length of the road along the line [m].
-    """
-
-    origin: F64
-    chord: float
-    u: F64
-    v: F64
-    slope: F64
-    bend: F64
-    way: F64
-    length: float
+    curvature: F64
 
     @property
-    def turn(self) -> float:
-        """Largest angle between the line and its chord on the road [rad]."""
-        on_road = (self.way >= 0.0) & (self.way <= self.length)
-        return float(np.abs(np.arctan(self.slope[on_road])).max())
-
-    @property
-    def start(self) -> tuple[float, float]:
-        """World position at which the road begins [m]."""
-        u, v = (float(np.interp(0.0, self.way, line)) for line in (self.u, self.v))
-        cosine, sine = np.cos(self.chord), np.sin(self.chord)
-        x, y = self.origin
-        return float(x + u * cosine - v * sine), float(y + u * sine + v * cosine)
-
-    def foot(self, along: F64, across: F64) -> tuple[F64, F64, F64, F64]:
-        """The foot of each point on the line, by Newton's method along the chord.
-
-        Args:
-            along: Positions along the chord, shape (point,) [m].
-            across: Positions to its left, same shape [m].
-
-        Returns:
-            Way [m], offset [m], world direction [rad] and curvature [1/m] at each foot.
-        """
-        foot = along
-        for _ in range(_ITERATIONS):
-            v, slope, bend = (np.interp(foot, self.u, y) for y in (self.v, self.slope, self.bend))
-            miss = (along - foot) + (across - v) * slope
-            foot = foot + miss / np.maximum(1.0 + slope * slope - (across - v) * bend, _MIN_NEWTON)
-        v, slope, bend = (np.interp(foot, self.u, y) for y in (self.v, self.slope, self.bend))
-        secant = np.sqrt(1.0 + slope * slope)
-        offset = ((across - v) - (along - foot) * slope) / secant
-        way = np.interp(foot, self.u, self.way)
-        return way, offset, self.chord + np.arctan(slope), bend / secant**3
+    def stretch(self) -> F64:
+        """Way along the line through each point, over that along the reference line."""
+        return 1.0 - self.curvature * self.offset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,29 +77,47 @@ class RoadShape:
     """The reference line of a road and the borders of its lanes.
 
     Attributes:
-        line: The reference line.
-        border_s: Points along it, shape (station,) [m].
+        pieces: The reference line, a single straight piece where the road does not bend.
+        miss: Largest distance of the middle of the lanes from it [m].
+        border_s: Stations along it, shape (station,) [m].
         borders: Offsets of the borders there, from the right to the left, shape
             (station, lane + 1) [m].
-        mean_borders: Borders of the straight road, shape (lane + 1,) [m].
+        mean_borders: Borders of the lanes of constant width, shape (lane + 1,) [m].
     """
 
-    line: ReferenceLine
+    pieces: tuple[Piece, ...]
+    miss: float
     border_s: F64
     borders: F64
     mean_borders: F64
 
+    @property
+    def line(self) -> ReferenceLine:
+        """The reference line."""
+        return ReferenceLine.of(self.pieces)
+
+    @property
+    def length(self) -> float:
+        """Length of the road along its line [m]."""
+        return float(self.border_s[-1])
+
+    @property
+    def turn(self) -> float:
+        """Angle between the directions of the road that differ most [rad]."""
+        return float(np.ptp(self.line.heading_at(self.border_s)))
+
     def project(self, x: F64, y: F64) -> Projection:
         """World points in road coordinates."""
-        points = _to_chord(np.stack([x, y], axis=1), self.line.origin, self.line.chord)
-        s, offset, tangent, curvature = self.line.foot(*points.T)
-        local = np.stack([np.interp(s, self.border_s, line) for line in self.borders.T], axis=-1)
+        line = self.line
+        s, offset = line.road_coordinates(x, y)
+        local = np.stack([np.interp(s, self.border_s, each) for each in self.borders.T], axis=-1)
+        pose = line.at(s)
         return Projection(
             s=s,
             d=scaled(offset, local, self.mean_borders),
             offset=offset,
-            tangent=tangent,
-            stretch=1.0 - curvature * offset,
+            tangent=pose.heading,
+            curvature=pose.curvature,
         )
 
     @property
@@ -194,100 +155,85 @@ def shape_of(borders: list[F64]) -> RoadShape:
             the right edge to the left edge [m].
 
     Raises:
-        RoadShapeError: The road bends too much, or its lanes are not of nearly constant width.
+        RoadShapeError: No smooth line runs between the borders, or the lanes are not of nearly
+            constant width.
     """
-    begin, end = (np.mean([line[place] for line in borders], axis=0) for place in (0, -1))
-    chord = float(np.arctan2(*(end - begin)[::-1]))
-    turned = [_to_chord(line, begin, chord) for line in borders]
-    first, last = (max(line[0, 0] for line in turned), min(line[-1, 0] for line in turned))
-    if not last - first >= 10.0 * GRID:
+    # Edges of different lengths do not pair well: a first line shows where they lie.
+    rough = _fitted((_evenly(borders[0]) + _evenly(borders[-1])) * 0.5, finest=20.0).pieces
+    stations, across = _measured(ReferenceLine.of(rough), borders)
+    middle = (across[:, 0] + across[:, -1]) * 0.5
+    line = _fitted(np.stack(ReferenceLine.of(rough).world(stations, middle), axis=1))
+    if line.miss > LARGEST_MISS:
         raise RoadShapeError(
-            what="lanes",
-            expected=f"{10.0 * GRID:g} m beside each other",
-            got=f"{last - first:.3g} m",
+            what="bend",
+            expected=f"a smooth line within {LARGEST_MISS:g} m of the middle of the lanes",
+            got=f"{line.miss:.2f} m",
         )
-    grid = np.linspace(first, last, int(np.ceil((last - first) / GRID)) + 1)
-    across = np.stack([_over(grid, line) for line in turned])
-    u, v = _reference(grid, (across[0] + across[-1]) * 0.5)
-    return _measured(_line(begin, chord, u, v, grid[[0, -1]]), grid, across)
-
-
-def _to_chord(points: F64, origin: F64, chord: float) -> F64:
-    """World points along and across the chord."""
-    east, north = (points - origin).T
-    cosine, sine = np.cos(chord), np.sin(chord)
-    return np.stack([east * cosine + north * sine, north * cosine - east * sine], axis=1)
-
-
-def _over(grid: F64, line: F64) -> F64:
-    """A line of points as a function along the chord, without points that do not go ahead."""
-    farthest = np.concatenate([[-np.inf], np.maximum.accumulate(line[:, 0])[:-1]])
-    ahead = line[:, 0] > farthest + _MIN_ADVANCE
-    return np.interp(grid, line[ahead, 0], line[ahead, 1])
-
-
-def _reference(grid: F64, middle: F64) -> tuple[F64, F64]:
-    """The smoothed middle, going on straight at both ends."""
-    half = SMOOTHING // 2
-    padded = np.concatenate([
-        2.0 * middle[0] - _padding(middle, half)[::-1],
-        middle,
-        2.0 * middle[-1] - _padding(middle[::-1], half),
-    ])  # fmt: skip
-    v = np.convolve(padded, np.full(SMOOTHING, 1.0 / SMOOTHING), mode="valid")
-    step = grid[1] - grid[0]
-    more = np.arange(1, int(_MARGIN / step) + 1)
-    before, after = (v[1] - v[0]), (v[-1] - v[-2])
-    return (
-        np.concatenate([grid[0] - more[::-1] * step, grid, grid[-1] + more * step]),
-        np.concatenate([v[0] - more[::-1] * before, v, v[-1] + more * after]),
+    made = ReferenceLine.of(line.pieces)
+    stations, across = _measured(made, borders, length=made.length)
+    _check(across, made.at(stations).curvature)
+    widths = np.diff(across, axis=1).mean(axis=0)
+    mean = across[:, 0].mean() + np.concatenate([[0.0], np.cumsum(widths)])
+    return RoadShape(
+        pieces=line.pieces, miss=line.miss, border_s=stations, borders=across, mean_borders=mean
     )
 
 
-def _padding(middle: F64, count: int) -> F64:
-    """The points after the first, the last of them again where there are too few."""
-    return middle[np.minimum(np.arange(1, count + 1), len(middle) - 1)]
-
-
-def _line(origin: F64, chord: float, u: F64, v: F64, ends: F64) -> ReferenceLine:
-    """The reference line through points over the chord; `ends` are those of the road on it."""
-    slope = np.gradient(v, u)
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(u), np.diff(v)))])
-    begin, end = np.interp(ends, u, way)
-    line = ReferenceLine(
-        origin=origin,
-        chord=chord,
-        u=u,
-        v=v,
-        slope=slope,
-        bend=np.gradient(slope, u),
-        way=way - begin,
-        length=float(end - begin),
-    )
-    if line.turn > MAX_TURN:
-        raise RoadShapeError(
-            what="bend", expected=f"at most {MAX_TURN:g} rad", got=f"{line.turn:.2f} rad"
-        )
+def _fitted(points: F64, *, finest: float = 5.0) -> Fitted:
+    """The line through points, which have to be as many as a line takes."""
+    line = fitted(points, finest=finest)
+    if line is None:
+        got = f"{np.hypot(*np.diff(points, axis=0).T).sum():.3g} m"
+        raise RoadShapeError(what="lanes", expected="the length of a road", got=got)
     return line
 
 
-def _measured(line: ReferenceLine, grid: F64, across: F64) -> RoadShape:
-    """The borders as offsets from the reference line, and their mean."""
-    stations = np.linspace(0.0, line.length, int(np.ceil(line.length / GRID)) + 1)
-    borders = np.empty((len(stations), len(across)))
-    stretch = 0.0
-    for k, border in enumerate(across):
-        s, offset, _, curvature = line.foot(grid, border)
-        borders[:, k] = np.interp(stations, s, offset)
-        stretch = max(stretch, float(np.abs(curvature * offset).max()))
-    _check(borders, stretch)
-    widths = np.diff(borders, axis=1).mean(axis=0)
-    mean = borders[:, 0].mean() + np.concatenate([[0.0], np.cumsum(widths)])
-    return RoadShape(line=line, border_s=stations, borders=borders, mean_borders=mean)
+def _evenly(line: F64) -> F64:
+    """Points at equal parts of the way along a line, shape (point, 2) [m]."""
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    at = np.linspace(0.0, way[-1], 1_000)
+    return np.stack([np.interp(at, way, axis) for axis in line.T], axis=1)
 
 
-def _check(borders: F64, stretch: float) -> None:
+def _measured(
+    line: ReferenceLine, borders: list[F64], *, length: float | None = None
+) -> tuple[F64, F64]:
+    """Stations of the road, and the offsets of its borders from a line there.
+
+    Args:
+        line: The line.
+        borders: Lines of points.
+        length: Where the road ends, which begins at 0 [m]; by default it begins and ends where
+            all borders do.
+
+    Returns:
+        Stations, shape (station,) [m], and offsets, shape (station, border) [m].
+    """
+    turned = [_ahead(*line.road_coordinates(*border.T)) for border in borders]
+    first, last = max(s[0] for s, _ in turned), min(s[-1] for s, _ in turned)
+    if not last - first >= LEAST_LENGTH:
+        raise RoadShapeError(
+            what="lanes",
+            expected=f"{LEAST_LENGTH:g} m beside each other",
+            got=f"{last - first:.3g} m",
+        )
+    if length is not None:
+        first, last = 0.0, length
+    count = min(int(np.ceil((last - first) / GRID)), _MOST_STATIONS)
+    stations = np.linspace(first, last, count + 1)
+    return stations, np.stack([np.interp(stations, s, d) for s, d in turned], axis=1)
+
+
+def _ahead(s: F64, d: F64) -> tuple[F64, F64]:
+    """A line of points without those that do not go ahead."""
+    farthest = np.concatenate([[-np.inf], np.maximum.accumulate(s)[:-1]])
+    ahead = s > farthest
+    return s[ahead], d[ahead]
+
+
+def _check(borders: F64, curvature: F64) -> None:
     """Refuse what would be distorted too much."""
+    stretch = float(np.abs(curvature[:, None] * borders).max())
     if stretch > MAX_STRETCH:
         raise RoadShapeError(
             what="bend",
@@ -297,7 +243,7 @@ def _check(borders: F64, stretch: float) -> None:
     widths = np.diff(borders, axis=1)
     mean = widths.mean(axis=0)
     for lane in range(widths.shape[1]):
-        if np.abs(widths[:, lane] - mean[lane]).max() > MAX_WIDENING * mean[lane]:
+        if not np.abs(widths[:, lane] - mean[lane]).max() <= MAX_WIDENING * mean[lane]:
             raise RoadShapeError(
                 what=f"lane {lane + 1} from the right",
                 expected=f"a width that differs by at most {MAX_WIDENING:.0%}",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.knowledge import number
-from overtaking.recordings.recording import Recording, lane_codes
+from overtaking.recordings.recording import Recording, bending, lane_codes
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -27,8 +27,10 @@ def smoothed(recording: Recording) -> Recording:
     tracks, interval = recording.tracks, recording.frame_interval_ms * 1e-3
     average, rate = partial(moving_average, start=tracks.start), partial(_rate, start=tracks.start)
     times = {name: _known(name) / interval for name in ("position", "speed", "accel")}
-    along, left = rate(tracks.s) / interval, rate(tracks.d) / interval
-    push, pull = rate(along) / interval, rate(left) / interval
+    stretch, turning = bending(recording.road, tracks.s, tracks.d)
+    along, left = rate(tracks.s) / interval * stretch, rate(tracks.d) / interval
+    turn = turning * along
+    push, pull = rate(along) / interval - turn * left, rate(left) / interval + turn * along
     s, d, x, y = (average(each, width=times["position"]) for each in (
         tracks.s, tracks.d, tracks.x, tracks.y))  # fmt: skip
     along, left = (average(each, width=times["speed"]) for each in (along, left))
@@ -42,7 +44,7 @@ def smoothed(recording: Recording) -> Recording:
         s=s,
         d=d,
         speed=np.hypot(along, left),
-        heading=recording.road.heading + angle,
+        heading=recording.road.heading_at(s) + angle,
         accel_lon=push * cosine + pull * sine,
         accel_lat=pull * cosine - push * sine,
         lane=lane_codes(recording.road, d),

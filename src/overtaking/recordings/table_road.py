@@ -1,8 +1,9 @@
 """The road of a table: one that is given, that its map states, or that the traffic shows.
 
-A road is inferred as a straight one. Its direction is that in which most vehicles move. Lanes are
-where the traffic drives: around the medians of the named lanes where a column names them; else in
-the comb of equally wide lanes that best fits the positions across the road.
+A road is inferred as a straight one in the direction in which most vehicles move, or, where their
+ways bend, along the line that they have in common. Lanes are where the traffic drives: around the
+medians of the named lanes where a column names them; else in the comb of equally wide lanes that
+best fits the positions across the road.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
+from overtaking.model.course import Course
+from overtaking.model.line import Piece, ReferenceLine
 from overtaking.model.road import (
     MAX_LANES,
     MAX_SPEED_LIMIT,
@@ -23,7 +26,9 @@ from overtaking.model.road import (
     Road,
     RoadMark,
 )
+from overtaking.recordings.fitting import is_straight
 from overtaking.recordings.table_files import refused
+from overtaking.recordings.table_line import line_of_traffic
 
 if TYPE_CHECKING:
     from overtaking.recordings.column_map import ColumnMap
@@ -84,12 +89,11 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         road: The road, if it is known.
 
     Raises:
-        ImportFormatError: No straight road can be inferred.
-        ConfigError: What the map says is not what a road is, or the road bends.
+        ImportFormatError: No road can be inferred.
+        ConfigError: What the map says is not what a road is.
     """
     x, y = rows.values["x"], rows.values["y"]
     if road is not None:
-        road.needs_to_be_straight("import of a table")
         s, d = road.road_coordinates(x, y)
         notes = {"lanes_from": f"road {road.name}"}
         return Located(road=road, s=s, d=d, shift=np.zeros(2), unknown=frozenset(), notes=notes)
@@ -102,6 +106,11 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
     cosine, sine = np.cos(heading), np.sin(heading)
     along, across = x * cosine + y * sine, y * cosine - x * sine
     notes: dict[str, Any] = {}
+    line = None
+    if "borders_m" not in stated and bend_of(rows, along, across) > MOST_BEND:
+        line = line_of_traffic(rows, x, y, None if given is None else heading)
+        along, across = ReferenceLine.of(line.pieces).road_coordinates(x, y)
+        notes["line_pieces"], notes["line_off_m"] = len(line.pieces), round(line.miss, 3)
     if "borders_m" in stated:
         borders, notes["lanes_from"] = _stated_borders(stated["borders_m"]), "map of columns"
     elif rows.lane is not None and "lanes" in stated:
@@ -110,16 +119,14 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
     else:
         borders, fit = _comb(rows.where, across[_forward(rows, along)])
         notes |= {"lanes_from": "traffic, equally wide", "lane_fit": round(fit, 3)}
-    first = float(along.min()) - _BEYOND
-    middle = float(borders[0] + borders[-1]) * 0.5
-    made = _road(
-        rows,
-        columns,
-        borders - middle,
-        float(along.max()) + _BEYOND - first,
-        heading,
-        (first * cosine - middle * sine, first * sine + middle * cosine),
-    )
+    if line is None:
+        first, middle = float(along.min()) - _BEYOND, float(borders[0] + borders[-1]) * 0.5
+        length = float(along.max()) + _BEYOND - first
+        begin = first * cosine - middle * sine, first * sine + middle * cosine
+        pieces = (Piece(*begin, heading, max(length, 1.0)),)
+    else:
+        first, middle, pieces = 0.0, 0.0, line.pieces
+    made = _road(rows, columns, borders - middle, pieces)
     notes |= {"lane_widths_m": np.round(np.diff(borders), 2).tolist()}
     return Located(
         road=made,
@@ -132,7 +139,7 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
 
 
 def bend_of(rows: Rows, s: F64, d: F64) -> float:
-    """Median middle ordinate of the vehicles' ways: how far they are from straight [m]."""
+    """Median middle ordinate of the vehicles' ways: how far they are from the road's [m]."""
     first, last = rows.start[:-1], rows.start[1:] - 1
     middle = (first + last) // 2
     way = s[last] - s[first]
@@ -145,13 +152,13 @@ def bend_of(rows: Rows, s: F64, d: F64) -> float:
 
 
 def check_straight(rows: Rows, s: F64, d: F64) -> float:
-    """The bend, refused where the road is not nearly straight."""
+    """The bend of the ways against the road, refused where it is no bend of the road."""
     bend = bend_of(rows, s, d)
     if bend > MOST_BEND:
         raise refused(
             rows.where,
             "ways of the vehicles",
-            f"a straight road: at most {MOST_BEND:g} m from the chord in their middle",
+            f"a road that they drive along: at most {MOST_BEND:g} m from the chord in their middle",
             f"{bend:.2f} m",
         )
     return round(bend, 3)
@@ -238,11 +245,9 @@ def _road(
     rows: Rows,
     columns: ColumnMap,
     borders: F64,
-    length: float,
-    heading: float,
-    origin: tuple[float, float],
+    pieces: tuple[Piece, ...],
 ) -> Road:
-    """The road between borders that lie symmetrically around its line."""
+    """The road between borders that are told from its line."""
     side = columns.road.get("driving_side", "right")
     if side not in ("right", "left"):
         raise ConfigError.not_among("road.driving_side", "map of columns", ("right", "left"), side)
@@ -266,11 +271,12 @@ def _road(
                 for k, width in enumerate(widths)
             ),
             edge_d=float(borders[0]),
-            length=max(length, 1.0),
-            x0=origin[0],
-            y0=origin[1],
-            heading=heading,
+            length=sum(piece.length for piece in pieces),
+            x0=pieces[0].x,
+            y0=pieces[0].y,
+            heading=pieces[0].heading,
             speed_limit=NO_LIMIT if limit is None or limit < 0.0 else limit,
+            course=None if is_straight(pieces) else Course(line=pieces),
         )
     except ConfigError as error:
         raise refused(rows.where, "road", "one that the model is made for", f"{error}") from None

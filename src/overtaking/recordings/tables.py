@@ -14,10 +14,12 @@ from overtaking.recordings.recording import (
     NEVER_RECORDED,
     Recording,
     Tracks,
+    bending,
+    by_ways,
     kept,
     lane_codes,
+    on_road,
     slope,
-    without_oncoming,
 )
 from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_files import refused
@@ -80,13 +82,14 @@ def recording_of(
     if not np.ptp(place.s) < _WIDEST:
         raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
     bend = check_straight(rows, place.s, place.d)
-    driven = tracks_of(rows, place.road, place.s, place.d, turn=place.road.heading)
+    driven = tracks_of(rows, place.road, place.s, place.d)
     if columns.point == "front":
         driven = _centred(driven, place.road)
-    on_road = (driven.s >= 0.0) & (driven.s <= place.road.length)
-    tracks, num_oncoming = without_oncoming(kept(driven, on_road), place.road.heading)
-    if not tracks.num_vehicles:
-        got = f"{num_oncoming} oncoming ones" if num_oncoming else "none"
+    there = on_road(place.road, driven.s, driven.d)
+    ways = by_ways(kept(driven, there), place.road)
+    if not ways.along:
+        oncoming = ways.oncoming + ways.left_out
+        got = f"{oncoming} oncoming ones" if oncoming else "none"
         raise refused(rows.where, "vehicles", "some that drive along the road", got)
     unknown = NEVER_RECORDED | {"weather"} | place.unknown
     unknown |= {"kinds"} if "type" not in columns.columns else frozenset()
@@ -96,15 +99,15 @@ def recording_of(
         file_format="table",
         road=place.road,
         frame_interval_ms=rows.frame_interval_ms,
-        tracks=tracks,
+        tracks=ways.tracks,
         unknown=unknown,
         notes={
             **place.notes,
             **rows.notes,
+            **ways.notes,
             "straightening_m": bend,
-            "states": tracks.num_rows,
-            "states_off_the_road": driven.num_rows - int(on_road.sum()),
-            "oncoming_left_out": num_oncoming,
+            "states": ways.tracks.num_rows,
+            "states_off_the_road": driven.num_rows - int(there.sum()),
             "world_shift_m": place.shift.tolist(),
             "derived": derived(columns),
             "columns": {"source": columns.source, "tested": columns.is_tested},
@@ -124,7 +127,7 @@ def derived(columns: ColumnMap) -> list[str]:
     return [name for name, sets in ways.items() if not any(one <= there for one in sets)]
 
 
-def tracks_of(rows: Rows, road: Road, s: F64, d: F64, *, turn: float) -> Tracks:
+def tracks_of(rows: Rows, road: Road, s: F64, d: F64) -> Tracks:
     """The vehicles in road coordinates; what no column holds is worked out from positions.
 
     Args:
@@ -132,10 +135,11 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64, *, turn: float) -> Tracks:
         road: The road.
         s: Along it, shape (row,) [m].
         d: To its left, same shape [m].
-        turn: Direction of the road in the axes of the rows [rad].
     """
     given, nothing = rows.values, np.zeros(len(s))
+    turn = road.heading_at(s)
     cosine, sine = np.cos(turn), np.sin(turn)
+    stretch, turning = bending(road, s, d)
 
     def turned(name: str) -> tuple[F64, F64] | None:
         if f"{name}x" not in given or f"{name}y" not in given:
@@ -146,13 +150,15 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64, *, turn: float) -> Tracks:
     def rate(values: F64) -> F64:
         return slope(values, rows.start, rows.frame_interval_ms)
 
-    along, left = turned("v") or (rate(s), rate(d))
+    along, left = turned("v") or (rate(s) * stretch, rate(d))
     speed = np.abs(given["speed"]) if "speed" in given else np.hypot(along, left)
     heading = np.where(np.hypot(along, left) > _MOVES, np.arctan2(left, along), 0.0)
     if "heading" in given:
         heading = given["heading"] - turn
         heading = heading - np.round(heading / (2.0 * np.pi)) * (2.0 * np.pi)
-    push, pull = turned("a") or (rate(along), rate(left))
+    # The axes that these are told in turn with the road.
+    turn_rate = turning * along
+    push, pull = turned("a") or (rate(along) - turn_rate * left, rate(left) + turn_rate * along)
     cosine, sine = np.cos(heading), np.sin(heading)
     lon = push * cosine + pull * sine if turned("a") else rate(speed)
     x, y = road.world(s, d)
@@ -169,7 +175,7 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64, *, turn: float) -> Tracks:
         s=s,
         d=d,
         speed=speed,
-        heading=road.heading + heading,
+        heading=turn + heading,
         accel_lon=given.get("accel_lon", lon),
         accel_lat=given.get("accel_lat", pull * cosine - push * sine),
         yaw_rate=given.get("yaw_rate", nothing),
@@ -181,7 +187,6 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64, *, turn: float) -> Tracks:
 def _centred(tracks: Tracks, road: Road) -> Tracks:
     """The tracks of centres, from those of the middles of the fronts."""
     half = tracks.length[tracks.vehicle] * 0.5
-    relative = tracks.heading - road.heading
-    s, d = tracks.s - half * np.cos(relative), tracks.d - half * np.sin(relative)
-    x, y = road.world(s, d)
+    x, y = tracks.x - half * np.cos(tracks.heading), tracks.y - half * np.sin(tracks.heading)
+    s, d = road.road_coordinates(x, y)
     return replace(tracks, s=s, d=d, x=x, y=y, lane=lane_codes(road, d))

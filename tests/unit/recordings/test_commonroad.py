@@ -13,7 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.recordings import OVERTAKE, WIDTH, Bend, Mover, commonroad
 
+import overtaking as ot
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.labels import Verdict
 from overtaking.model.road import RoadMark
 from overtaking.recordings.candidates import lane_changes, overtakes
 from overtaking.recordings.commonroad import read_commonroad
@@ -44,7 +46,7 @@ ANY_LANELET = Lanelet(
     signs=(),
     speed_limit=None,
 )
-BENDS = (0.0, 1.0 / 1500.0, -1.0 / 1500.0)
+BENDS = (0.0, 1.0 / 1500.0, -1.0 / 200.0)
 
 
 @pytest.fixture
@@ -69,10 +71,12 @@ def test_positions_come_back_along_and_across_a_straight_or_bent_road(write, cur
     first = slice(0, tracks.start[1])
     assert np.abs(tracks.d[first] - lane).max() < 0.01
     assert (tracks.lane[first] == 1).all()
-    # Along the middle lane, the reference line, 2.5 m in a tenth of a second.
-    assert np.abs(np.diff(tracks.s[first]) - 2.5).max() < 0.01
+    # Along the right edge 2.5 m in a tenth of a second; the reference line is the middle lane.
+    along = 2.5 * (1.0 - curvature * 1.5 * WIDTH)
+    assert np.abs(np.diff(tracks.s[first]) - along).max() < 0.01
     # The body stands along its lane, wherever the lane points.
-    assert np.abs(tracks.heading[first] - found.road.heading).max() < 2e-4
+    relative = tracks.heading[first] - found.road.heading_at(tracks.s[first])
+    assert np.abs(relative).max() < 1e-3
     assert np.allclose(np.diff(found.road.boundaries), WIDTH, atol=1e-3)
 
 
@@ -220,12 +224,12 @@ def test_where_lanes_part_the_road_ends(write):
 @pytest.mark.parametrize(
     ("road", "message"),
     [
-        (Bend(curvature=1.0 / 100.0, length=150.0), "bend"),
-        (Bend(curvature=1.0 / 60.0, length=40.0), "bend"),
+        (Bend(curvature=1.0 / 20.0, length=40.0), "bend"),
+        (Bend(curvature=1.0 / 60.0, length=8.0), "lanes"),
         (Bend(lanes=9), "driving lanes"),
     ],
 )
-def test_a_road_that_no_straight_road_stands_for_is_refused(write, road, message):
+def test_a_road_that_the_model_has_no_place_for_is_refused(write, road, message):
     movers = [Mover(number=1, s=5.0, speed=3.0, last=60)]
     with pytest.raises(ImportFormatError, match=message):
         read_commonroad(write(commonroad(movers, road)))
@@ -275,7 +279,7 @@ def test_the_busiest_road_is_read_and_not_the_busiest_lanelet(write):
 
 
 def test_a_road_that_bends_too_much_is_passed_over(write):
-    hairpin = Bend(lanes=1, curvature=1.0 / 60.0, length=150.0)
+    hairpin = Bend(lanes=1, curvature=1.0 / 9.0, length=20.0)
     text = with_ramp(OVERTAKE[:2], hairpin, on_ramp=5)
     found = read_commonroad(write(text))
     assert found.notes["lanelets_by_lane"][0][0] == 11
@@ -372,6 +376,63 @@ def test_who_backs_up_or_turns_for_a_moment_stays(write):
 def test_a_road_with_nothing_but_oncoming_vehicles_is_refused(write):
     with pytest.raises(ImportFormatError, match="expected vehicles that drive along it, got 2"):
         read_commonroad(write(commonroad([replace(one, lane=2) for one in ONCOMING])))
+
+
+OTHER_WAY = Bend(curvature=1.0 / 300.0, lanes=1, length=800.0)
+
+
+def two_way(movers) -> str:
+    """A road with a lane in each direction, in a bend; who comes the other way is on lane 1."""
+
+    def backwards(left: float) -> str:
+        points = re.findall(r"<point>.*?</point>", OTHER_WAY.points(0.0, OTHER_WAY.length, left))
+        return "".join(points[::-1])
+
+    beside = '<adjacentLeft ref="99" drivingDir="opposite"/><laneletType>'
+    more = (
+        f'<lanelet id="99"><leftBound>{backwards(WIDTH)}</leftBound>'
+        f"<rightBound>{backwards(2 * WIDTH)}</rightBound>"
+        "</lanelet>"
+    )
+    text = commonroad(movers, OTHER_WAY, more=more)
+    return text.replace("<laneletType>", beside, 1)
+
+
+COMERS = tuple(Mover(number=21 + k, s=540.0 + 240.0 * k, speed=-15.0, lane=1) for k in (0, 1))
+
+
+def test_an_overtake_on_the_other_side_is_one_and_who_comes_is_oncoming(write):
+    movers = [replace(OVERTAKE[0], speed=20.0), replace(OVERTAKE[1], speed=14.0), *COMERS]
+    text = two_way([replace(one, last=199) for one in movers])
+    found = scenes(read_commonroad(write(text), lanelet_id=11), attempts_only=True)
+    tracks = found.recording.tracks
+    assert found.road.is_two_way
+    assert found.road.bends
+    assert tracks.ids[tracks.is_oncoming].tolist() == [21, 22]
+    assert (found.notes["oncoming"], found.notes["oncoming_left_out"]) == (2, 0)
+    assert (found.counts["passes"], found.counts["candidate_overtakes"]) == (1, 1)
+    (window,) = found.windows
+    assert tracks.ids[list(window.vehicles)].tolist() == [7, 3, 21, 22]
+    run = found.trajectories(range(1))
+    assert run.scenario.start_lane.tolist() == [[0, 0, 1, 1]]
+    said = ot.label(run)
+    assert said.events.target.tolist() == [1]
+    # Both ways are told along the right edge of the road; the gap lies half a lane beside it.
+    time = 0.1 * float(said.events.return_end[0])
+    apart = (540.0 - 15.0 * time) - (20.0 + 20.0 * time)
+    gap = apart * (1.0 - 0.5 * WIDTH / 300.0) - 4.5
+    law = said.findings.rules.index("L24")
+    assert said.findings.verdict[0, law] == Verdict.ILLEGAL
+    assert said.findings.margin[0, law] == pytest.approx(gap - (20.0 + 15.0), abs=0.02)
+
+
+def test_the_other_way_of_the_same_road_is_read_by_its_own_lanelet(write):
+    movers = [*COMERS, Mover(number=1, s=100.0, speed=20.0)]
+    found = read_commonroad(write(two_way([replace(one, last=199) for one in movers])))
+    assert found.notes["lanelets_by_lane"] == [[99]]
+    assert not found.road.is_two_way  # Lanelet 99 has no neighbour on the left that it names.
+    assert found.tracks.ids.tolist() == [21, 22]
+    assert found.notes["oncoming_left_out"] == 1
 
 
 @pytest.mark.parametrize("tiny", [0.0, 5e-324, 1e-308, -1e-308])

@@ -1,20 +1,14 @@
-"""A bent road laid straight, against a circle, on which everything is known."""
+"""The road between borders, against a circle, on which everything is known."""
 
 from __future__ import annotations
-
-import dataclasses
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from overtaking.recordings.road import (
-    SMOOTHING,
-    RoadShapeError,
-    scaled,
-    shape_of,
-)
+from overtaking.recordings.fitting import CLOSE
+from overtaking.recordings.road import RoadShapeError, scaled, shape_of
 
 WIDTH = 3.5
 
@@ -33,9 +27,9 @@ def rotated(lines: list[np.ndarray], turn: float) -> list[np.ndarray]:
     return [line @ np.array([[cosine, sine], [-sine, cosine]]) for line in lines]
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(
-    radius=st.sampled_from([-2000.0, -500.0, 400.0, 900.0]),
+    radius=st.sampled_from([-2000.0, -500.0, 400.0, 900.0, 40.0]),
     turn=st.floats(-3.1, 3.1),
     left=st.floats(-5.0, 5.0),
     part=st.floats(0.15, 0.85),
@@ -44,20 +38,18 @@ def test_way_offset_direction_and_stretch_are_those_of_a_circle(radius, turn, le
     angle = 150.0 / radius
     edges = tuple(WIDTH * (k - 1.5) for k in range(4))
     shape = shape_of(rotated(circle(radius, angle, edges), turn))
-    # The running mean of a circle lies inside it by the sag of a chord of that length.
-    sag = (SMOOTHING**2 - 1.0) / (24.0 * radius)
     at = angle * part
     (point,) = rotated(circle_points(radius, at, left), turn)
     other = angle * (part + 0.05)
     (further,) = rotated(circle_points(radius, other, left), turn)
     x, y = np.array([point[0], further[0]]).T
     found = shape.project(x, y)
-    assert found.offset == pytest.approx(left - sag, abs=0.01)
-    assert found.d == pytest.approx(left - sag, abs=0.01)
-    assert np.diff(found.s)[0] == pytest.approx((radius - sag) * (other - at), abs=0.02)
+    assert found.offset == pytest.approx(left, abs=CLOSE)
+    assert found.d - shape.mean_borders[0] == pytest.approx(left - edges[0], abs=0.01)
+    assert np.diff(found.s)[0] == pytest.approx(radius * (other - at), abs=0.02)
     direction = found.tangent - turn - np.array([at, other])
-    assert np.abs(np.angle(np.exp(1j * direction))).max() < 2e-3
-    assert found.stretch == pytest.approx(1.0 - left / radius, abs=1e-3)
+    assert np.abs(np.angle(np.exp(1j * direction))).max() < 1e-2
+    assert found.stretch == pytest.approx(1.0 - left / radius, abs=5e-3)
 
 
 def circle_points(radius: float, angle: float, left: float) -> list[np.ndarray]:
@@ -69,9 +61,9 @@ def test_the_mean_borders_have_the_mean_widths_and_a_constant_road_is_exact():
     x = np.linspace(0.0, 300.0, 40)
     lines = [np.stack([x, np.full_like(x, 2.0 + 3.6 * k)], axis=1) for k in range(3)]
     shape = shape_of(lines)
-    assert shape.line.length == pytest.approx(300.0)
+    assert shape.length == pytest.approx(300.0)
     assert np.allclose(np.diff(shape.mean_borders), 3.6)
-    assert (shape.line.turn, shape.widening) == (pytest.approx(0.0), pytest.approx(0.0))
+    assert (shape.turn, shape.widening) == (pytest.approx(0.0), pytest.approx(0.0))
     found = shape.project(np.array([10.0, 299.0]), np.array([2.0 + 3.6, 2.0 + 1.8]))
     assert found.s == pytest.approx([10.0, 299.0])
     assert found.d == pytest.approx([0.0, -1.8])
@@ -96,30 +88,33 @@ def test_scaling_keeps_lanes_and_what_is_beyond_them_and_can_be_undone(offset, w
 @pytest.mark.parametrize(
     ("lines", "what"),
     [
-        (circle(150.0, 1.2, (-3.5, 0.0, 3.5)), "bend"),
-        (circle(60.0, 0.5, (-3.5, 0.0, 3.5)), "bend"),
+        (circle(12.0, 1.0, (-3.5, 0.0, 3.5)), "bend"),
         (circle(1e6, 5e-6, (-3.5, 0.0, 3.5)), "lanes"),
     ],
 )
-def test_what_no_straight_road_stands_for_is_refused(lines, what):
+def test_what_the_model_has_no_place_for_is_refused(lines, what):
     with pytest.raises(RoadShapeError, match=what):
         shape_of(lines)
 
 
-def test_the_centre_of_a_bend_has_no_foot_and_no_warning():
-    x = np.linspace(0.0, 300.0, 40)
-    straight = shape_of([np.stack([x, np.full_like(x, 3.5 * k)], axis=1) for k in (-1, 1)])
-    line = dataclasses.replace(straight.line, bend=np.full_like(straight.line.u, 1.0 / 512.0))
-    bent = dataclasses.replace(straight, line=line)
+def test_the_centre_of_a_bend_is_somewhere_and_no_warning():
+    shape = shape_of(circle(100.0, 1.5, (-3.5, 0.0, 3.5)))
     with np.errstate(all="raise"):
-        found = bent.project(np.array([100.0]), np.array([512.0]))
+        found = shape.project(np.array([0.0]), np.array([100.0]))
     assert np.isfinite([found.s, found.d, found.tangent, found.stretch]).all()
 
 
 def test_points_closer_than_a_slope_can_tell_are_one():
     x = np.array([0.0, 1e-308, 150.0, 150.0, 300.0])
-    lines = [np.stack([x, np.array([0.0, 9.0, 0.0, 5.0, 0.0]) + 3.5 * k], axis=1) for k in range(3)]
-    with np.errstate(all="raise"):
+    lines = [np.stack([x, np.full_like(x, 3.5 * k)], axis=1) for k in range(3)]
+    with np.errstate(all="raise", under="ignore"):
         shape = shape_of(lines)
-    assert shape.line.length == pytest.approx(300.0)
-    assert shape.line.turn == pytest.approx(0.0)
+    assert shape.length == pytest.approx(300.0)
+    assert shape.turn == pytest.approx(0.0)
+
+
+def test_a_border_that_leaps_to_the_side_is_no_road():
+    x = np.array([0.0, 1e-308, 150.0, 150.0, 300.0])
+    lines = [np.stack([x, np.array([0.0, 9.0, 0.0, 5.0, 0.0]) + 3.5 * k], axis=1) for k in range(3)]
+    with np.errstate(all="raise", under="ignore"), pytest.raises(RoadShapeError):
+        shape_of(lines)

@@ -29,13 +29,16 @@ import overtaking as ot
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.course import Course
 from overtaking.model.labels import Verdict
+from overtaking.model.line import Piece
 from overtaking.recordings.column_map import column_map, map_names, template
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.highd import read_highd
+from overtaking.recordings.row_tables import rows_of
 from overtaking.recordings.scenes import scenes
-from overtaking.recordings.tables import read_table
+from overtaking.recordings.tables import read_table, recording_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -231,17 +234,69 @@ def test_lanes_come_from_the_map_the_named_lanes_or_the_traffic(tmp_path):
     assert read_table(path, COLUMNS, road=road).notes["lanes_from"] == f"road {road.name}"
 
 
-def test_traffic_in_one_lane_or_on_a_bend_is_no_road_to_infer(tmp_path):
+def test_traffic_in_one_lane_is_no_road_to_infer(tmp_path):
     path = tmp_path / "t.csv"
     pd.DataFrame(states([OVERTAKE[1], OVERTAKE[3]])).to_csv(path, index=False)
     with pytest.raises(ImportFormatError, match="traffic in 2 to 8 lanes"):
         read_table(path, COLUMNS)
-    table = pd.DataFrame(states(TRAFFIC))
-    turn = table.x / 1500.0
-    radius = 1500.0 - table.y
-    table.assign(x=radius * np.sin(turn), y=1500.0 - radius * np.cos(turn)).to_csv(path)
-    with pytest.raises(ImportFormatError, match=r"lanes from the traffic|a straight road"):
-        read_table(path, COLUMNS)
+
+
+CROWD = (
+    *(replace(one, s=one.s - 100.0, last=149) for one in TRAFFIC),
+    *(Mover(number=30 + k, s=-20.0 * k, lane=k % 3, last=149) for k in range(9)),
+)
+
+
+@pytest.mark.parametrize("curvature", [1.0 / 400.0, -1.0 / 300.0])
+def test_a_road_that_bends_is_inferred_and_judged_as_the_straight_one(curvature):
+    """Its traffic has the same ways along the right edge, and comes the other way besides."""
+    table = states(CROWD)
+    bend = Bend(curvature=curvature)
+    x, y, _ = bend.world(np.array(table["x"]), np.array(table["y"]))
+    bent = ot.Trajectories.from_frame(
+        {**table, "x": x, "y": y}, columns=COLUMNS, attempts_only=True
+    )
+    straight = ot.Trajectories.from_frame(table, columns=COLUMNS, attempts_only=True)
+    assert bent.road.bends
+    assert not straight.road.bends
+    assert np.allclose(np.diff(bent.road.boundaries), 3.5, atol=0.06)
+    # Where no lane is changed the road bends as it does.
+    inner = bent.road.curvature_at(np.linspace(0.3, 0.7, 20) * bent.road.length)
+    middle = float(np.median(inner))
+    assert 1.0 / middle == pytest.approx(1.0 / curvature, rel=0.05)
+    one, other = ot.label(bent), ot.label(straight)
+    assert one.events.target.tolist() == other.events.target.tolist()
+    assert one.labels.outcome.tolist() == other.labels.outcome.tolist()
+    for field in ("line_crossed", "overlap_begin", "overlap_end"):
+        apart = np.subtract(getattr(one.events, field), getattr(other.events, field))
+        assert np.abs(apart).max() <= 2, field
+
+
+def test_a_given_road_may_bend(tmp_path):
+    """What is read back from the world is what was put there, oncoming vehicles left out."""
+    line = Piece(0.0, 0.0, 0.0, 1200.0, 1.0 / 400.0, 1.0 / 400.0)
+    flat = read_highd(highd(tmp_path)).road
+    road = replace(flat, length=1200.0, course=Course(line=(line,)))
+    table = states([*CROWD[:3], Mover(number=50, s=700.0, speed=-20.0, lane=3)])
+    table = {name: np.array(each) for name, each in table.items()}
+    x, y = road.world(table["x"], table["y"] - 5.25)
+    found = recording_of(
+        rows_of({**table, "x": x, "y": y}, column_map(COLUMNS)), column_map(COLUMNS), "t", road=road
+    )
+    tracks = found.tracks
+    assert found.notes["oncoming_left_out"] == 1
+    there = (table["id"] != 50) & (table["x"] >= 0.0)
+    order = np.lexsort((table["t"], table["id"]))[there[np.lexsort((table["t"], table["id"]))]]
+    assert np.abs(tracks.s - table["x"][order]).max() < 1e-6
+    assert np.abs(tracks.d - (table["y"][order] - 5.25)).max() < 1e-6
+    steady = np.abs(np.gradient(table["y"][order])) < 1e-6
+    along = 1.0 - tracks.d / 400.0
+    speed = np.gradient(tracks.s, 0.1) * along
+    inner = steady & (np.abs(np.gradient(np.gradient(tracks.s))) < 1e-6)
+    assert tracks.speed[inner] == pytest.approx(speed[inner], abs=1e-3)
+    assert tracks.accel_lat[inner] == pytest.approx(
+        speed[inner] ** 2 / 400.0 / along[inner], abs=0.05
+    )
 
 
 def test_ngsims_text_without_names_is_read_as_its_table_is(tmp_path):
