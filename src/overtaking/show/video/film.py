@@ -67,8 +67,7 @@ class Film:
         self._notes = [*notes.endings(self.scene, self.contact), *told]
         subtitle = run.scenario.profile + ("" if label is None else f" · {label.title}")
         meaning = "" if label is None else explained(label.title, policy.name)
-        drawn = " · bends drawn straight" if run.road.bends else ""
-        self._header = Header(title, subtitle, meaning, seen.text + drawn)
+        self._header = Header(title, subtitle, meaning, seen.text)
         self._timeline = Timeline(self.scene, told, max(axis, self.num_frames))
         self._road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
         self._ahead = Ahead(self.scene) if self.scene.road.is_two_way else None
