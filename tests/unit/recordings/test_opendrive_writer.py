@@ -17,6 +17,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.recordings.opendrive import read_opendrive
 from overtaking.recordings.opendrive_writer import covering, write_opendrive
+from overtaking.world.sight import sight_at
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -147,7 +148,7 @@ def test_a_road_that_covers_more_is_the_same_road():
     assert more.length == 5620.0
     same_place(road, more, shift=120.0)
     for s in (10.0, 500.0, 1800.0):
-        assert more.sight(s + 120.0) == road.sight(s)
+        assert sight_at(more, s + 120.0) == sight_at(road, s)
     moved = [(start + 120.0, mark) for start, mark in road.fast_edge_marks[1:]]
     assert list(more.fast_edge_marks[1:]) == moved
 
