@@ -20,6 +20,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from measure import ROOT
+
+sys.path.insert(0, str(ROOT))  # The browser of the tests.
 from tests.support.browser import chromium, settle
 
 if TYPE_CHECKING:

@@ -99,10 +99,9 @@ export function courses(source: Source, waiting: Element, told: Told): Courses {
   };
 }
 
-// Whether beliefs can be asked for: not of recordings, nor on roads with two directions, where no
-// decision can be repeated.
-function isModelled({ values, road }: Run): boolean {
-  return !values.not_recorded.length && !road.oncoming;
+// Whether beliefs can be asked for: not of recordings.
+function isModelled({ values }: Run): boolean {
+  return !values.not_recorded.length;
 }
 
 function fanKey(state: Readonly<State>): string {

@@ -30,6 +30,9 @@ _BODY = (4.5, 1.8)
 
 _LEADER, _FRONT, _REAR = range(3)
 
+_WATCHED = ("lead", "oncoming", "behind_oncoming")
+"""Where drivers look all the time."""
+
 
 def ghosts(run: Trajectories) -> list[dict[str, Any]]:
     """The neighbours that the ego considered, where it believed them to be.
@@ -76,14 +79,14 @@ def _role(
     there, seen = true["detected"] > 0, believed["detected"] > 0
     if not (there | seen).any():
         return None
-    way = 1.0 if ROLES[place].endswith("lead") else -1.0
+    way = -1.0 if ROLES[place].endswith("rear") else 1.0
     reach = 0.5 * (true["length"] + _size(run, Role.EGO)[0])
     side = float(run.road.side)
     across = side * (own["lateral"] + true["aside"])
     true_s = own["position"] + way * (true["gap"] + reach)
     slot = _slots(run, at, true_s, across)
     width = run.scenario.vehicles.width[0][slot]
-    watches = (own["looks"] > 0) | (place == _LEADER)
+    watches = (own["looks"] > 0) | (ROLES[place] in _WATCHED)
     if way > 0:
         watches |= own["arrived"] == 0
     held, is_held = _held(believed, seen, watches, slot)
