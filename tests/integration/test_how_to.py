@@ -96,4 +96,4 @@ def test_what_a_page_says_works(page, repository, workdir, pinto, capsys, monkey
         follow(language, block, capsys)
     assert all((workdir / made).exists() for made in PAGES[page])
     made = {Path(one).parts[0] for one in PAGES[page]}
-    assert {path.name for path in workdir.iterdir()} <= made | {"data", "examples"}
+    assert {path.name for path in workdir.iterdir()} <= made | {"data", "examples", "__pycache__"}

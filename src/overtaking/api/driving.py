@@ -136,5 +136,9 @@ def _module(where: str) -> Any:
         raise ImportError(f"no module in {where}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module.__name__] = module  # Classes are looked up in it.
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[module.__name__]  # Half a module would be imported under its name.
+        raise
     return module

@@ -38,7 +38,7 @@ MIRRORED = WINDING.mirrored()
 
 def run_on(place: Road) -> Trajectories:
     """An ego that overtakes although somebody comes, and one beyond."""
-    scene = pair(420.0, 700.0, gap_acceptance=0.0)
+    scene = pair(520.0, 800.0, gap_acceptance=0.0)
     return engine.simulate(scenario(scene, road=place, horizon=14.0))
 
 

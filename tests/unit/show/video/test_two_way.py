@@ -98,10 +98,15 @@ def test_the_shape_of_a_road_that_is_drawn_straight_is_told():
 
 
 def test_a_film_of_a_bend_says_that_it_is_one():
-    straight = dataclasses.replace(two_way_road(), course=None)
+    straight = dataclasses.replace(two_way_road(), course=Course(sight=((0.0, 700.0),)))
+    bent = on(dataclasses.replace(straight, course=None), *BENDS).course
+    assert bent is not None
+    assert straight.course is not None
+    bent = dataclasses.replace(bent, sight=straight.course.sight)  # Bends would limit it.
+    places = (straight, dataclasses.replace(straight, course=bent))
     parts = [
         pixels(Film(case.trajectories, events=case.events), 100)
-        for case in (rural(meeting(60.0), road=place) for place in (straight, on(straight, *BENDS)))
+        for case in (rural(meeting(60.0), road=place) for place in places)
     ]
     changed = np.argwhere((parts[0] != parts[1]).any(axis=2))
     assert len(changed)
