@@ -143,7 +143,7 @@ class ReferenceLine:
         """
         piece, t, beyond = self._on(s)
         k, c = self.curvature[piece], self.growth[piece]
-        east, north = _chord(self.heading[piece], k, c, t)
+        east, north = chord(self.heading[piece], k, c, t)
         heading = self.heading_at(s)
         cosine, sine = direction(heading)
         return Pose(
@@ -239,14 +239,21 @@ def _split(piece: Piece) -> list[Piece]:
     for number in range(1, count + 1):
         end = piece.curvature + growth * (length * number)
         parts.append(Piece(x, y, heading, length, curvature, end))
-        east, north = _chord(*map(np.asarray, (heading, curvature, growth, length)))
+        east, north = chord(*map(np.asarray, (heading, curvature, growth, length)))
         x, y = x + float(east), y + float(north)
         heading, curvature = heading + length * (curvature + 0.5 * growth * length), end
     return parts
 
 
-def _chord(heading: F64, k: F64, c: F64, t: F64) -> tuple[F64, F64]:
-    """From the start of a piece to the point after `t` metres, east and north [m]."""
+def chord(heading: F64, k: F64, c: F64, t: F64) -> tuple[F64, F64]:
+    """From the start of a piece to the point after `t` metres, east and north [m].
+
+    Args:
+        heading: Direction at the start, any shape [rad].
+        k: Curvature there [1/m].
+        c: Its change along the piece [1/m^2].
+        t: Way along it, which turns by one radian at most [m].
+    """
     east, north = np.zeros_like(t), np.zeros_like(t)
     for node, weight in _QUADRATURE:
         u = node * t

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from overtaking.model.line import Piece, ReferenceLine
+from overtaking.model.line import Piece, ReferenceLine, chord
 from overtaking.recordings.opendrive_shape import TOLERANCE, Cubic, unfit
 from overtaking.recordings.xml import Element
 
@@ -24,6 +24,9 @@ MAX_STRETCH = 0.002
 """Part by which the length of a piece may differ from what the file states."""
 MAX_CURVATURE = 1.0
 """A sharper bend is no road [1/m]."""
+
+_STEEPEST = 1.0
+"""How fast the line may be moved aside, by way along it; lanes widen by a tenth of that."""
 
 _FIRST_PARTS, _MOST_PARTS = 4, 4096
 
@@ -134,8 +137,11 @@ def _beside(piece: Piece, left: Cubic, scale: float, element: Element) -> list[P
         # At its ends the line of one piece has no curvature.
         bend = piece.curvature + growth * p
         along, across = 1.0 - bend * d, aside(p)
-        if not np.all(along > 0.5):
+        if not np.all(np.abs(along - 1.0) < 0.5):
             raise unfit(element, "bends", "lanes within half of the radius", "a sharper bend")
+        if not np.all(np.abs(across) <= _STEEPEST):
+            wanted = f"lanes that move aside by at most {_STEEPEST:g} m per metre"
+            raise unfit(element, "widens", wanted, "more")
         square = along * along + across * across
         turn = (along * more(p) + across * (growth * d + bend * across)) / square
         speed = np.sqrt(square)
@@ -246,10 +252,13 @@ def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> li
         lengths = (speed * weights * half).sum(axis=1)
         rows = zip(at.x, at.y, at.heading, lengths, at.curvature, at.curvature[1:], strict=False)
         chain = [Piece(*map(float, row)) for row in rows]
-        ends = [ReferenceLine.of([one]).at(one.length) for one in chain]
-        misfit = np.hypot([one.x for one in ends] - at.x[1:], [one.y for one in ends] - at.y[1:])
-        if misfit.max() <= MAX_MISFIT:
-            return chain
+        first, last = at.curvature[:-1], at.curvature[1:]
+        turns = lengths * np.maximum(np.abs(first), np.abs(last))
+        if turns.max() <= 1.0:  # Of longer pieces the chord is not known, and they fit nothing.
+            east, north = chord(at.heading[:-1], first, (last - first) / lengths, lengths)
+            misfit = np.hypot(at.x[:-1] + east - at.x[1:], at.y[:-1] + north - at.y[1:])
+            if misfit.max() <= MAX_MISFIT:
+                return chain
         parts *= 2
     raise unfit(element, "bends too often", f"{_MOST_PARTS} clothoids or fewer", "more")
 
