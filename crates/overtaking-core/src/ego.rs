@@ -234,7 +234,7 @@ pub fn decide<S: Simd, const N: usize>(
     };
     wait(state, w, &view);
     let two_way = w.road.ways.two_way;
-    // How it stands to oncoming traffic counts for its pedals and haste, whoever decides.
+    // Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
     let meets = two_way.then(|| meet(state, w, near, &view, mind.oncoming));
     let intent = match orders {
         None => intend(state, w, &view, mind.looks, mind.waits, meets.as_ref()),

@@ -245,7 +245,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
 ) {
     outlined!(w.simd, {
         let two_way = w.road.ways.two_way;
-        // It flashes, whoever has the pedals.
+        // The ego flashes under another driver, too.
         let gives_way = two_way.then(|| give_way(state, w, EGO, mind.oncoming));
         let wanted = orders.and_then(Orders::accel).unwrap_or_else(|| {
             let mut leader = control::behind_leader(state, w, EGO, mind.believed);

@@ -229,7 +229,7 @@ def decide(
     """One decision of every ego; what it intends holds until it looks around again."""
     view = look(state, given, p, near, believed)
     _wait(state, given, view)
-    # How it stands to oncoming traffic counts for its pedals and haste, whoever decides.
+    # Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
     meets = _meet(state, given, p, q, near, view, oncoming)
     if orders is None:
         waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
