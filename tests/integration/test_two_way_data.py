@@ -113,7 +113,7 @@ def test_the_learner_knows_oncoming_traffic(passes):
 def test_a_road_of_one_direction_has_no_oncoming_traffic(tmp_path):
     data = ot.generate("pinto2023-physical", 8, seed=3, out=tmp_path / "data", keep="features")
     for table in (data.safety(), data.decisions()):
-        columns = [name for name in table if name.startswith("oncoming_")]
+        columns = [name for name in table.columns if str(name).startswith("oncoming_")]
         assert len(columns) >= 6
         assert table[columns].isna().all().all()
     assert not any(one.of_two_ways for one in examples_of(data).attributes)
