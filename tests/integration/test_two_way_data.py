@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import overtaking as ot
+from overtaking.analysis.learning.examples import examples_of
 from overtaking.core.errors import ConfigError
 
 PROFILE = "rural"
@@ -101,12 +102,21 @@ def test_sql_finds_the_margins_that_the_tables_have(passes):
     assert least == pytest.approx(passes.safety().oncoming_time_back_s.min())
 
 
+def test_the_learner_knows_oncoming_traffic(passes):
+    examples = examples_of(passes)
+    found = examples.column("oncoming_time_s")
+    known = passes.decisions().oncoming_time_s.to_numpy(float)
+    np.testing.assert_allclose(found, np.clip(np.nan_to_num(known, nan=60.0), 0.0, 60.0))
+    assert set(examples.column("oncoming_crossable")) <= {0.0, 1.0}
+
+
 def test_a_road_of_one_direction_has_no_oncoming_traffic(tmp_path):
     data = ot.generate("pinto2023-physical", 8, seed=3, out=tmp_path / "data", keep="features")
     for table in (data.safety(), data.decisions()):
-        columns = [name for name in table if name.startswith("oncoming_")]
+        columns = [name for name in table.columns if str(name).startswith("oncoming_")]
         assert len(columns) >= 6
         assert table[columns].isna().all().all()
+    assert not any(one.of_two_ways for one in examples_of(data).attributes)
 
 
 def test_a_road_of_one_direction_is_refused(tmp_path):
