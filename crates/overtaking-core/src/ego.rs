@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::exp;
 use crate::following::{forced_braking, needed_braking};
-use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
+use crate::lanes::{M, V, at_least, at_most, choose, min, pick, put, splat};
 use crate::mobil::{change_of, soon, time_left, turn_to_lane};
 use crate::names::Vehicle;
 use crate::neighbours::Neighbours;
@@ -298,7 +298,7 @@ pub fn decide<S: Simd, const N: usize>(
         orders::show(state, orders);
     }
     end(state, w, &intent, next, step);
-    state.stage_time = choose(next.simd_ne(old), splat(w.simd, 0.0), state.stage_time);
+    put(&mut state.stage_time, next.simd_ne(old), splat(w.simd, 0.0));
     state.stage = next;
 }
 
@@ -336,7 +336,8 @@ fn wait<S: Simd, const N: usize>(
         & view.detected[LEAD]
         & queues
         & view.own.desired_speed.simd_gt(view.leader_speed);
-    state.waited = choose(waits, state.waited + w.c.decision, state.waited);
+    let longer = state.waited + w.c.decision;
+    put(&mut state.waited, waits, longer);
 }
 
 #[inline(always)]
@@ -516,8 +517,8 @@ fn act<S: Simd, const N: usize>(
 ) {
     let (zero, one) = (splat(w.simd, 0.0), splat(w.simd, 1.0));
     let (faster, slower) = (intent.go_out | intent.remain, intent.go_back | intent.abort);
-    state.target = choose(intent.go_out, near.slot[LEAD], state.target);
-    state.attempted = choose(intent.go_out, one, state.attempted);
+    put(&mut state.target, intent.go_out, near.slot[LEAD]);
+    put(&mut state.attempted, intent.go_out, one);
     let broken_off = intent.abort | intent.remain;
     let sides = (faster, slower, broken_off);
     turn_to_lane(state, w, EGO, sides, left, hasty, decision);
@@ -525,8 +526,8 @@ fn act<S: Simd, const N: usize>(
     let kept = choose(state.signalled.simd_gt(0.0), state.indicator[EGO], zero);
     let used = w.p[EGO].uses_indicator;
     let shown = choose(intent.start, used, choose(intent.back, -used, kept));
-    state.indicator[EGO] = choose(intent.arrived & !moved, shown, state.indicator[EGO]);
-    state.signalled = choose(moved, zero, state.signalled);
+    put(&mut state.indicator[EGO], intent.arrived & !moved, shown);
+    put(&mut state.signalled, moved, zero);
 }
 
 /// End the simulation some time after the overtake, or at the deadline if the ego follows then.
@@ -542,7 +543,9 @@ fn end<S: Simd, const N: usize>(
     let now = splat(w.simd, step as f32);
     let over = next.simd_eq(stage::DONE) & state.stage.simd_ne(stage::DONE);
     let after = now + (c.after_overtake / c.step).round_ties_even();
-    state.end_step = choose(over, min(state.end_step, after), state.end_step);
+    let sooner = min(state.end_step, after);
+    put(&mut state.end_step, over, sooner);
     let idle = in_stage(state, stage::FOLLOW) & !intent.start & now.simd_ge(w.q.deadline_step);
-    state.end_step = choose(idle, min(state.end_step, now), state.end_step);
+    let sooner = min(state.end_step, now);
+    put(&mut state.end_step, idle, sooner);
 }
