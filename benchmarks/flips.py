@@ -63,6 +63,8 @@ EQUIVALENT = {
     "let a = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
     "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
+    "let never = zero«.simd_lt(zero);": "no number is less or greater than itself",
+    "let mut in_lane = slot«.simd_gt(nearest);": "only read of an oncomer that was found",
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
     "a«.simd_gt(b).select(a, b)": "only for other CPUs than x86",
