@@ -18,9 +18,11 @@ from tests.support.worlds import Vehicle, body_of, scenario
 from overtaking import _core
 from overtaking.labels.label import label
 from overtaking.model.known_roads import known_road
+from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.scenarios import sample, spec
 from overtaking.scenarios.sampling import long_enough
 from overtaking.sim import engine, reference
+from overtaking.world.constants import known
 
 from .situations import difference
 
@@ -158,6 +160,54 @@ def test_drivers_slow_down_before_a_bend_as_on_rural_roads(radius: float):
     assert inside.any()
     assert 3.6 * speed[inside].mean() == pytest.approx(104.82 - 3574.51 / radius - 8.0, abs=10.0)
     assert of(run, "accel_lon").min() > -3.0
+
+
+RADIUS, STRAIGHT, ARC = 100.0, 200.0, 150.0
+
+
+@cache
+def crooked() -> Road:
+    """The rural road, laid out along straights and tight bends to either side in turn."""
+    rural = long_enough(spec("rural"), known_road("rural"))
+    parts: list[tuple[float, float, float]] = []
+    for k in range(int(rural.length // (STRAIGHT + ARC)) + 1):
+        bend = (-1) ** k / RADIUS
+        parts += [(STRAIGHT, 0.0, 0.0), (ARC, bend, bend)]
+    return on(dataclasses.replace(rural, course=None), *parts)
+
+
+def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
+    batch = sample(spec("rural"), crooked(), 5, np.arange(48))
+    run = engine.simulate(batch)
+    there, comes = batch.vehicles.valid.copy(), batch.start_lane == 1
+    # Once with the road, once against it: a bend is `ARC` long, and one way from the next.
+    place = batch.start_s % (STRAIGHT + ARC)
+    along = np.maximum(STRAIGHT - place, 0.0)
+    against = np.where(place < STRAIGHT, place, 0.0)
+    way = np.where(comes, against, along)
+    accel, braking = (known(f"model.steering.bend_{name}") for name in ("accel", "decel"))
+    allowed = np.sqrt(accel * RADIUS + 2.0 * braking * way)
+    # The road is known by stations 2 m apart, as a mean around each: at the end of a bend as half.
+    leaves = np.where(comes, (place >= STRAIGHT) & (place < STRAIGHT + 4.0), place > 346.0)
+    there &= ~leaves
+    assert (batch.start_speed**2 <= allowed**2 + 4.0 * braking + 0.01)[there].all()
+    assert (batch.start_speed > allowed - 1.0)[there].mean() > 0.2
+    line = 1.75 * np.where(comes, 1.0, -1.0)[:, :, None]
+    aside = np.abs(1e-3 * run.states.d[:, :, :100] - line).max(axis=2)
+    assert aside[there].max() < 1.2
+    assert (run.contacts.partner == NO_VEHICLE).all()
+
+
+@pytest.mark.parametrize("kind", ["M", "T", "MC"])
+@pytest.mark.parametrize("radius", [100.0, -100.0, 300.0])
+def test_who_starts_in_a_bend_drives_through_it_as_before(kind: str, radius: float):
+    speed = math.sqrt(2.0 * abs(radius))
+    road = on(wide(), (6000.0, 1 / radius, 1 / radius))
+    run = lone(road, kind=kind, seconds=10.0, desired_speed=speed, speed=speed)
+    rate = speed / (radius + 1.75)  # In the lane right of the reference line.
+    assert of(run, "yaw_rate")[0] == pytest.approx(rate, rel=0.01)
+    # Before, up to 1.6 m: drivers took a second to turn the wheels. They wander by 0.3 m.
+    assert np.abs(of(run, "d") + 1.75).max() < 0.35
 
 
 def test_a_truck_climbs_as_fast_as_its_power_lifts_it():

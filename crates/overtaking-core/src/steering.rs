@@ -3,6 +3,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
+use crate::elementary::{atan, sincos};
 use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
 use crate::state::{EGO, State, Stride, World};
 
@@ -86,6 +87,26 @@ pub fn reach<S: Simd, const N: usize>(
     i: usize,
 ) -> V<S> {
     w.c.slip_share * 0.5 * (state.mu_fast[i] + state.mu_slow[i]) / w.p[i].front_stiffness
+}
+
+/// Drive vehicle `i` steadily along the bend at the first frame, as who came into it before.
+#[inline(always)]
+pub fn hold_bend<S: Simd, const N: usize>(
+    state: &mut State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) {
+    let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
+    let rides = p.two_wheeler.simd_gt(0.0);
+    let rate = state.curve[i] * v;
+    let accel = rate * v;
+    let slips = p.cg_rear * rate - v * (accel / (c.gravity * p.rear_stiffness));
+    let angle = state.curve[i] * (p.wheelbase + p.understeer * (v * v));
+    state.wheel[i] = choose(rides, accel, angle);
+    state.vy[i] = choose(rides, splat(w.simd, 0.0), slips);
+    state.psi[i] = -atan(state.vy[i] / at_least(v, c.slip_speed));
+    (state.sine[i], state.cosine[i]) = sincos(state.psi[i]);
+    (state.r[i], state.a_lat[i]) = (rate, accel);
 }
 
 /// Turn the front wheels of vehicle `i`, or lean, towards the path for one step; the angle in its middle.

@@ -305,7 +305,12 @@ fn surroundings<S: Simd, const N: usize>(
     );
     if w.road.varies() {
         for i in 0..w.count {
-            outlined!(w.simd, environment::course(state, w, i));
+            outlined!(w.simd, {
+                environment::course(state, w, i);
+                if step == 0 {
+                    steering::hold_bend(state, w, i);
+                }
+            });
         }
     }
     outlined!(w.simd, environment::grip(state, w));

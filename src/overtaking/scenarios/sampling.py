@@ -8,6 +8,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from overtaking.core.compiled import minimum
+from overtaking.core.elementary import F32
 from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.core.philox import U64
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
@@ -24,16 +26,19 @@ from overtaking.scenarios.bodies import (
     top_speeds,
 )
 from overtaking.scenarios.grip import usable_decel
-from overtaking.scenarios.layout import Draft, Followers, Zone, draw_layout, settle
+from overtaking.scenarios.layout import Bends, Draft, Followers, Zone, draw_layout, settle
 from overtaking.scenarios.natural import PASSING_MARGIN, Start
+from overtaking.scenarios.noise import U8
 from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
 from overtaking.scenarios.proposal import Bending
 from overtaking.scenarios.schema import Spec, Traffic
 from overtaking.scenarios.schema_flow import Flow
 from overtaking.scenarios.schema_ways import TwoWay
 from overtaking.scenarios.weather import sample_weather
-from overtaking.world.conditions import acting
-from overtaking.world.lanes import has_two_directions
+from overtaking.world.conditions import acting, world_of
+from overtaking.world.constants import constants
+from overtaking.world.effects import Effects
+from overtaking.world.lanes import bend_speed, has_two_directions, road_parameters
 from overtaking.world.people import wanted_speed
 
 T = TypeVar("T", bound=np.generic)
@@ -313,7 +318,11 @@ def _block(
         pushes=spec.weather.pushes and spec.weather.pushes.value,
     )
     scenario = scenario if changed is None else changed(scenario)
-    s, speed = start.pace(wanted_speed(scenario))
+    wanted, bends = wanted_speed(scenario), _bends(scenario)
+    s, speed = start.pace(wanted)
+    if bends is not None:
+        # Who drives slowly through a bend is followed slowly.
+        s, speed = start.pace(minimum(wanted, bends(s.T, start.lane.T).T))
     draft = Draft(valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept)
     lane = start.lane if start.turned is None else np.where(start.turned, np.uint8(0), start.lane)
     followers = Followers(
@@ -321,7 +330,20 @@ def _block(
         reaction_time=scenario.drivers.reaction_time,
         decel=usable_decel(scenario.vehicles, acting(scenario).weather, road, lane, speed),
     )
-    s, speed = settle(draft, followers, spec.starts, start.zone)
+    s, speed = settle(draft, followers, spec.starts, start.zone, bends)
     if start.turned is not None:
         s = np.where(start.turned, np.float32(road.length) - s, s)
     return scenario.replace(start_s=s, start_speed=speed)
+
+
+def _bends(scenario: Scenario) -> Bends | None:
+    """The speeds that drivers choose for the bends of a road; None where it has none."""
+    road, c = road_parameters(scenario.road), constants()
+    if not scenario.road.bends:
+        return None
+    side_accel = world_of(acting(scenario), c, Effects()).step.side_accel
+
+    def chosen(s: F32, lane: U8) -> F32:
+        return bend_speed(c, road, side_accel, s, lane >= road.own_lanes)
+
+    return chosen

@@ -8,12 +8,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from overtaking.core.elementary import F32, as_f32, sincos
+from overtaking.core.elementary import F32, Mask, as_f32, clamp, minimum, sincos
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
 from overtaking.model.scenario import Scenario
 from overtaking.world import film
-from overtaking.world.constants import known
+from overtaking.world.constants import Constants, known
 from overtaking.world.sight import shown
 
 F64 = NDArray[np.float64]
@@ -198,6 +198,36 @@ def _course(road: Road) -> F32:
     against = np.minimum.accumulate(radius - rise * stations) + rise * stations
     rows = [road.side * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
     return np.array([*rows, *_shown(road, len(stations))], np.float32)
+
+
+def along_course(row: F32, station: F32) -> F32:
+    """A row of `RoadParameters.course`, linear between its stations and constant beyond.
+
+    Args:
+        row: The row, shape (station,).
+        station: Where, counted in stations, any shape.
+    """
+    last = np.float32(len(row) - 1)
+    place = clamp(station, np.float32(0.0), last)
+    first = minimum(film.floor(place), last - np.float32(1.0))
+    low, high = (row[first.astype(np.int64) + k] for k in (0, 1))
+    return low + (place - first) * (high - low)
+
+
+def bend_speed(c: Constants, road: RoadParameters, side_accel: F32, s: F32, turned: Mask) -> F32:
+    """Speed that drivers choose for the bends at and ahead of a place [m/s].
+
+    Args:
+        c: Constants.
+        road: A road that bends or rises.
+        side_accel: Largest lateral acceleration that drivers ask for [m/s^2].
+        s: Where they are, in the frame of their own direction [m].
+        turned: Who comes the other way.
+    """
+    station = np.where(turned, road.far_end - s, s) * c.per_station
+    along, against = (along_course(road.course[k], station) for k in (2, 3))
+    radius = np.where(turned, against, along)
+    return np.sqrt(minimum(c.bend_accel, side_accel) * radius)
 
 
 def _shown(road: Road, count: int) -> list[F64]:

@@ -6,6 +6,7 @@ from overtaking.core.elementary import F32, atan, clamp, exp, maximum, minimum, 
 from overtaking.core.philox import Stream, uniform, words
 from overtaking.sim.reference.state import Fields, State, on_the_road, seen_from_each
 from overtaking.world import film, friction
+from overtaking.world.lanes import along_course, bend_speed
 from overtaking.world.parameters import Parameters, SimulationParameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
@@ -82,7 +83,7 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
     if not road.course.shape[1]:
         return
     one, half = np.float32(1.0), np.float32(0.5)
-    curvature, slope, *ways = road.course
+    curvature, slope, _, _, *sights = road.course
     high = p.truck > 0
     turned = p.direction < 0
     offset = np.where(turned, state.d - road.across, state.d)
@@ -92,12 +93,7 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
     there = state.s + (soon + late) * state.vx
 
     def at(row: F32, s: F32) -> F32:
-        last = np.float32(len(row) - 1)
-        station = np.where(turned, road.far_end - s, s) * c.per_station
-        station = clamp(station, np.float32(0.0), last)
-        first = minimum(film.floor(station), last - one)
-        low, high = (row[first.astype(np.int64) + k] for k in (0, 1))
-        return low + (station - first) * (high - low)
+        return along_course(row, np.where(turned, road.far_end - s, s) * c.per_station)
 
     def stretch(bend: F32) -> F32:
         return one / maximum(one - bend * offset, _LEAST_SHARE)
@@ -107,12 +103,12 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
     state.curve = bend * state.stretch
     state.curve_ahead = ahead * stretch(ahead)
     state.slope = p.direction * at(slope, here)
-    each = [at(row, state.s) for row in ways]
-    radius, by_car, by_truck = (
+    each = [at(row, state.s) for row in sights]
+    by_car, by_truck = (
         np.where(turned, against, along)
         for along, against in zip(each[::2], each[1::2], strict=True)
     )
-    state.bend_speed = np.sqrt(minimum(c.bend_accel, q.side_accel) * radius)
+    state.bend_speed = bend_speed(c, road, q.side_accel, state.s, turned)
     state.shown = np.where(high, by_truck, by_car)
 
 

@@ -147,6 +147,8 @@ def perceive(
     perception.remember(state, decision)
     environment.move_random_processes(state, given, p, q, decision)
     environment.course(state, given, p, q)
+    if step == 0 and road.course.shape[1]:
+        steering.hold_bend(state, c, p)
     environment.grip(state, given, p, q)
     environment.wind(state, given, p, q)
     steering.hold_against_wind(state, c, p, step)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sincos
+from overtaking.core.elementary import F32, Mask, atan, clamp, maximum, minimum, sincos
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants
@@ -75,6 +75,25 @@ def hold_against_wind(state: State, c: Constants, p: Fields, step: int) -> None:
     if step == 0:
         state.trim = target
     state.trim = state.trim + (target - state.trim) * (c.decision / c.wind_lag)
+
+
+def hold_bend(state: State, c: Constants, p: Fields) -> None:
+    """Drive steadily along the bend at the first frame, as who came into it before.
+
+    The vehicle turns with the road; its tail hangs out by the slip of the rear tyres.
+
+    Source:
+        Steady-state cornering of the single-track model (Gillespie 1992, chapter 6).
+    """
+    rides, v = p.two_wheeler > 0, state.vx
+    rate = state.curve * v
+    accel = rate * v
+    slips = p.cg_rear * rate - v * (accel / (c.gravity * p.rear_stiffness))
+    angle = state.curve * (p.wheelbase + p.understeer * (v * v))
+    state.wheel = np.where(rides, accel, angle)
+    state.vy = np.where(rides, _NOW, slips)
+    state.psi = -atan(state.vy / maximum(v, c.slip_speed))
+    state.r, state.a_lat = rate, accel
 
 
 def steer(
