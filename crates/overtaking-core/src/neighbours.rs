@@ -155,7 +155,7 @@ pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_
 /// Slot and distance of the nearest vehicle ahead and behind of vehicle `i` in one lane, between these borders and
 /// `shift` lanes from its own; only ahead if `WATCHED` is 1.
 ///
-/// One lane after the other: what is known of one fits into the registers of AVX2, of three it does not.
+/// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
 #[inline(always)]
 fn nearest_in<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
     state: &State<'_, S, N>,
