@@ -62,7 +62,10 @@ demo: build  ## Generate the paper's 276 simulations twice, as it tells them and
 	@echo "The study's experiment is in $(abspath $(DEMO))-study, the same scenes with physical weather in $(abspath $(DEMO)):"
 	@echo "tables, report/index.html, videos/; reproduction/index.html has the study, its experiment and ours side by side."
 
-test: check test-rust test-python  ## Checks, then the tests of both languages but those of test-ci
+# Pyright works on one core for as long as the crates take to check and to test on the other.
+test: dev  ## Checks, then the tests of both languages but those of test-ci
+	@$(MAKE) check-rust test-rust & rust=$$!; $(MAKE) check-python; python=$$?; wait $$rust && exit $$python
+	@$(MAKE) test-python
 
 test-ci: check-viewer  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"

@@ -55,7 +55,8 @@ def of(run: Trajectories, name: str) -> np.ndarray:
 
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
 def test_both_engines_have_the_same_bits(profile: str):
-    plan = spec(profile)
+    # 20 s are some 600 m: through bends of either side, over a rise or a fall.
+    plan = spec(profile, {"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0})
     straight = long_enough(plan, known_road(plan.road))
     batch = sample(plan, on(straight, *BENDS, grade=HILLS), 5, np.arange(4))
     read = reference.simulate(batch)

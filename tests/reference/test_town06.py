@@ -367,18 +367,18 @@ def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
         text, found = texts(maps / name)[road.road_id], road.road
         stations = np.linspace(road.part.start, road.part.end, 12)[1:-1]
         sign = 1 if found.lanes[0].lane_id > 0 else -1
-        passed = []
+        middles, points = [placed(text, float(station), 0.0) for station in stations], []
         for station in stations:
-            lanes = [one for one in across(text, station, sign) if one[0] == "driving"]
             # From the slow side, which is the outer one.
-            for lane, centre, (_, t, width, _) in zip(
-                found.lanes, found.centres, reversed(lanes), strict=True
-            ):
+            lanes = [one for one in across(text, station, sign) if one[0] == "driving"][::-1]
+            for lane, (_, t, width, _) in zip(found.lanes, lanes, strict=True):
                 assert lane.width == pytest.approx(width, abs=0.006)
-                s, d = found.road_coordinates(*placed(text, float(station), t))
-                assert d == pytest.approx(centre, abs=CENTIMETRE), (road.road_id, station)
-                assert 0.0 <= s <= found.length
-            passed.append(float(found.road_coordinates(*placed(text, float(station), 0.0))[0]))
+                points.append(placed(text, float(station), t))
+        s, d = found.road_coordinates(*np.transpose(points))
+        where = np.tile(found.centres, len(stations))
+        np.testing.assert_allclose(d, where, rtol=0.0, atol=CENTIMETRE, err_msg=road.road_id)
+        assert ((s >= 0.0) & (s <= found.length)).all()
+        passed, _ = found.road_coordinates(*np.transpose(middles))
         ahead = np.diff(passed) * -sign * found.side
         assert (ahead > 0.0).all()
 

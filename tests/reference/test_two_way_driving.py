@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import numpy as np
 import pytest
 from examples.human_ego import HumanEgo
@@ -32,8 +34,7 @@ def rural(numbers, seed: int = 7, **changes: object):
     return sample(given, load_road("rural"), seed, np.asarray(numbers, np.uint64))
 
 
-@pytest.mark.parametrize("is_true", [False, True])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "is_true"), list(zip(KINDS, cycle([False, True]), strict=False)))
 def test_both_engines_observe_the_same_bits(kind, is_true):
     given = parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
     values = random_actions(kind, (len(SCENES), 181), seed=2).values
