@@ -26,6 +26,10 @@ from overtaking.world.parameters import parameters
 from .situations import difference
 
 SHORT = {"time.horizon_s": 15.0, "time.attempt_deadline_s": 15.0}
+SHORTER = {
+    "time.horizon_s": 8.0,
+    "time.attempt_deadline_s": 8.0,
+}  # For the reference, which is slow.
 
 
 def scenes(count: int, profile: str = "pinto2023-physical", **changes: object):
@@ -51,9 +55,9 @@ def random_actions(kind: str, shape: tuple[int, int], seed: int = 1) -> Actions:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
-    scenario = scenes(12)
+    scenario = scenes(12, **SHORTER)
     given = parameters(scenario)
-    actions = random_actions(kind, (12, 301))
+    actions = random_actions(kind, (12, 161))
     expected = reference.run(scenario, given, actions=actions)
     for level in [name for name, available in _core.simd_levels() if available]:
         found = engine.run(scenario, given, actions=actions, level=level)
@@ -71,8 +75,8 @@ VIEWS = [("pinto2023-physical", False), ("pinto2023-physical", True), ("pinto202
     [(kind, *view) for kind, view in zip(KINDS, cycle(VIEWS), strict=False)],
 )
 def test_both_engines_observe_the_same_bits(kind, profile, is_true):
-    given = parameters(scenes(10, profile))
-    values = random_actions(kind, (10, 301), seed=2).values
+    given = parameters(scenes(10, profile, **SHORTER))
+    values = random_actions(kind, (10, 161), seed=2).values
     pair = [
         stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
     ]
