@@ -11,6 +11,8 @@ SEED   ?= 1
 # Tests that ask for more processes than the machine has cores only get slower. With worksteal a process
 # runs neighbouring tests, so that most fixtures of a module are made once.
 PYTEST_FLAGS ?= -n 2 --dist worksteal
+# What is installed while the engine is built.
+PACKAGES = requirements/demo.txt
 # How often `make test-all` runs the property tests, each time with other examples.
 ROUNDS ?= 20
 # `make lock LOCK_FLAGS=--upgrade` moves every package to its newest version.
@@ -127,6 +129,7 @@ docs: dev  ## Write the pages and pictures that are made from the project anew
 
 build: $(VENV)/.build  ## Make .venv with the compiled engine and the packages that make demo needs
 
+dev: PACKAGES = requirements/dev.txt
 dev: $(VENV)/.build $(VENV)/.dev  ## The same with the packages that developers need
 	@grep -qx all $(VENV)/.build || { $(ENGINE) && $(EDITABLE) && echo all > $(VENV)/.build; }
 
@@ -186,7 +189,7 @@ $(VENV)/.dev: requirements/dev.txt | $(VENV)/.build
 $(VENV)/.build: requirements/demo.txt $(CRATES) Cargo.toml Cargo.lock pyproject.toml | $(VENV)/.python
 	@command -v cargo >/dev/null || { \
 	  echo "cargo is not on PATH, overtaking needs Rust 1.89 or newer: install it with rustup" >&2; exit 1; }
-	@echo "building the engine, and installing the packages of $< into $(VENV)"
-	@$(INSTALL) -r $< & packages=$$!; $(ENGINE); engine=$$?; wait $$packages && exit $$engine
+	@echo "building the engine, and installing the packages of $(PACKAGES) into $(VENV)"
+	@$(INSTALL) -r $(PACKAGES) & packages=$$!; $(ENGINE); engine=$$?; wait $$packages && exit $$engine
 	@$(EDITABLE)
 	@echo $(or $(OVERTAKING_LEVELS),all) > $@
