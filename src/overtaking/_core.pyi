@@ -350,15 +350,35 @@ class Stepper:
             ValueError: A row is named twice or is none, or an array has another length.
         """
 
-class Hash:
-    """BLAKE3, 256 bits."""
+class ColumnHash:
+    """BLAKE3 over the values of a column of Arrow, and over where it is null."""
 
-    def __init__(self) -> None: ...
-    def update(self, data: bytes | memoryview) -> None:
-        """Add bytes."""
+    def __init__(self, layout: str, width: int, *, nullable: bool) -> None:
+        """Start without rows.
 
-    def hexdigest(self) -> str:
-        """The hash so far, 64 hexadecimal digits."""
+        Args:
+            layout: "numbers", "bits", "codes" of names, "texts" of any length, or "fixed".
+            width: Bytes of a number, or of a text of fixed length.
+            nullable: Whether the column may hold nulls.
+
+        Raises:
+            ValueError: There is no such layout.
+        """
+
+    def update(self, rows: Mapping[str, Any], meaning: Sequence[int] | None = None) -> bool:
+        """Add rows; whether any of them has a value.
+
+        Args:
+            rows: Their `count`, their `offset` in the buffers, and these: `validity` or None,
+                `data`, and `ends` of texts.
+            meaning: The code of each place in a list of names.
+
+        Raises:
+            ValueError: The buffers are too short, or a name is none of the list.
+        """
+
+    def hexdigests(self) -> tuple[str, str]:
+        """The hashes over all values and over all nulls so far, 64 hexadecimal digits each."""
 
 class Drawing:
     """Shapes, the first below the others; x grows to the right, y downwards.

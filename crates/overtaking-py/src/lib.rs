@@ -291,7 +291,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stepper::around_fields, module)?)?;
     module.add_function(wrap_pyfunction!(stepper::meeting_fields, module)?)?;
     module.add_class::<stepper::Stepper>()?;
-    module.add_class::<hash::Hash>()?;
+    module.add_class::<hash::ColumnHash>()?;
     module.add_class::<canvas::Canvas>()?;
     module.add_class::<drawing::Drawing>()?;
     Ok(())
