@@ -120,7 +120,8 @@ def bits_within(values: Any, span: Span) -> tuple[Any, Any]:
     """Bits that are set ever and always, one simulation after the other."""
     each = zip(values, _frames(span), strict=True)
     found = [readable_stretches.bits_within(*one) for one in each]
-    return tuple(np.array(row, np.uint8) for row in zip(*found, strict=True))
+    ever, always = zip(*found, strict=True)
+    return np.array(ever, np.uint8), np.array(always, np.uint8)
 
 
 def overlaps(case: Case, span: Span) -> Alongside:

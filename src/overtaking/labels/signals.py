@@ -294,7 +294,9 @@ def _layout(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) 
     simulations, frames = trajectories.stage.shape
     whole, narrow = (simulations, len(Around), frames), (simulations, frames)
     kinds, wide = declarations(cls), _OF_NEIGHBOURS if cls is Signals else ()
-    return tuple((name, whole if name in wide else narrow, kinds[name].dtype) for name in names)
+    return tuple(
+        (name, whole if name in wide else narrow, np.dtype(kinds[name].dtype)) for name in names
+    )
 
 
 def adjacent(values: NDArray[Any]) -> NDArray[Any]:

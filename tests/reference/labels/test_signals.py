@@ -48,11 +48,13 @@ def test_nothing_shows_of_what_the_memory_held_before(monkeypatch):
     for one in (run, short, run, short):
         seen, frame = case_of(one).signals, np.arange(one.stage.shape[1])
         behind = frame >= -(-one.num_frames[:, None] // 16) * 16  # Sixteen are worked out together.
-        for name in (*compiled.SEEN, "accel"):
-            values = getattr(seen, name)
-            assert not values[behind if values.ndim == 2 else behind[:, None] & (values > -1)].any()
+        narrow = [
+            getattr(seen, name)[behind] for name in (*compiled.SEEN, "accel") if name != "vehicle"
+        ]
+        assert not any(values.any() for values in narrow)
+        assert not seen.vehicle[np.broadcast_to(behind[:, None], seen.vehicle.shape)].any()
         used.add(seen.speed.ctypes.data)
-        del seen, values
+        del seen
     assert len(used) == 1
 
 
