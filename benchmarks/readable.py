@@ -13,11 +13,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # The reference li
 
 from tests.reference.labels import events as readable_events
 from tests.reference.labels import signals as readable_signals
-from tests.reference.labels.stretches import answers_of
+from tests.reference.labels import stretches as readable_stretches
 
 from overtaking import _core
 from overtaking.labels import signals
-from overtaking.labels.law import frames
+from overtaking.labels.law import alongside, frames
+from overtaking.labels.law.alongside import Alongside
 from overtaking.labels.law.frames import Span, Stretch, Stretches
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
@@ -78,25 +79,17 @@ def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
 def answers(case: Case, spans: dict[str, Span]) -> Stretches:
     """Everything about stretches of frames, one simulation after the other."""
     names = (*signals.SEEN, "left_count")
+    stretched = {name: _frames(span) for name, span in spans.items()}
     found = []
     for one in _ones(case.trajectories):
-        own = {
-            name: range(int(span.start[one.number]), int(span.stop[one.number]) + 1)
-            for name, span in spans.items()
-        }
-        found.append(answers_of(case, one, _row(case.signals, one, names), own))
+        own = {name: each[one.number] for name, each in stretched.items()}
+        found.append(readable_stretches.answers_of(case, one, _row(case.signals, one, names), own))
 
     def rows(name: str) -> Any:
         return zip(*(one[name] for one in found), strict=True)
 
     def stretch(name: str) -> Stretch:
-        low, first, last, longest = rows(name)
-        return Stretch(
-            low=np.array(low, np.float32),
-            first=np.array(first, np.int32),
-            last=np.array(last, np.int32),
-            longest=np.array(longest, np.int32),
-        )
+        return _stretch([one[name] for one in found])
 
     due, length = (np.array(each, np.int32) for each in rows("due"))
 
@@ -114,6 +107,45 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         worst=table("worst", np.float32),
         sums=table("sums", np.int64),
     )
+
+
+def limited(signal: Any, limit: Any, span: Span, *, is_most: bool) -> Stretch:
+    """Margins to a limit, one simulation after the other."""
+    limits = np.full(len(signal), limit, np.float32)
+    each = zip(signal, limits, _frames(span), strict=True)
+    return _stretch([readable_stretches.limited(*one, is_most=is_most) for one in each])
+
+
+def bits_within(values: Any, span: Span) -> tuple[Any, Any]:
+    """Bits that are set ever and always, one simulation after the other."""
+    each = zip(values, _frames(span), strict=True)
+    found = [readable_stretches.bits_within(*one) for one in each]
+    ever, always = zip(*found, strict=True)
+    return np.array(ever, np.uint8), np.array(always, np.uint8)
+
+
+def overlaps(case: Case, span: Span) -> Alongside:
+    """Frames in which ego and target overlap, from the signals of the target."""
+    target = target_signals(case.trajectories, case.signals, case.target.vehicle)
+    every = np.arange(case.signals.num_simulations)
+    rows, at = np.nonzero(target.overlaps & span.mask(every, case.signals.num_frames))
+    said = {name: getattr(target, name)[rows, at] for name in ("lane", "lateral_gap", "accel")}
+    return Alongside(rows=rows, frames=at, **said)
+
+
+def _stretch(found: list[readable_stretches.Lowest]) -> Stretch:
+    low, first, last, longest = zip(*found, strict=True)
+    return Stretch(
+        low=np.array(low, np.float32),
+        first=np.array(first, np.int32),
+        last=np.array(last, np.int32),
+        longest=np.array(longest, np.int32),
+    )
+
+
+def _frames(span: Span) -> list[range]:
+    ends = zip(span.start.tolist(), span.stop.tolist(), strict=True)
+    return [range(start, stop + 1) for start, stop in ends]
 
 
 def _ones(run: Trajectories) -> list[One]:
@@ -141,6 +173,9 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     signals.target_signals: target_signals,
     signals.encounter: encounter,
     frames.answers: answers,
+    frames.limited: limited,
+    frames.bits_within: bits_within,
+    alongside.overlaps: overlaps,
 }
 """Compiled functions and what a person reads instead."""
 

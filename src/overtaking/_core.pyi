@@ -61,6 +61,7 @@ def watch(
     limits: Mapping[str, Any],
     constants: Mapping[str, Any],
     signals: dict[str, NDArray[Any]],
+    filled: NDArray[np.int32],
     events: NDArray[np.int32],
     level: str | None = None,
 ) -> None:
@@ -75,6 +76,7 @@ def watch(
         limits: As `labels.events.thresholds` gives them.
         constants: As in `simulate`.
         signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name, filled.
+        filled: From which frame on these are zero, before and after, shape (simulation,).
         events: A row for each of `event_fields`, filled.
         level: SIMD level; None for the best of this CPU.
 
@@ -126,6 +128,37 @@ def target(
         ValueError: As in `watch`, or a slot does not exist.
     """
 
+def alongside(
+    *,
+    recorded: Mapping[str, Any],
+    seen: Mapping[str, NDArray[Any]],
+    target: NDArray[np.uint8],
+    span: NDArray[np.int32],
+    level: str | None = None,
+) -> tuple[
+    NDArray[np.intp],
+    NDArray[np.intp],
+    NDArray[np.uint8],
+    NDArray[np.float32],
+    NDArray[np.float32],
+]:
+    """The frames in which ego and target overlap along the road, in order.
+
+    Args:
+        recorded: As in `watch`.
+        seen: As in `target`.
+        target: As in `target`.
+        span: First and last frame in which to look, flat (end, simulation).
+        level: As in `watch`.
+
+    Returns:
+        Simulation and frame of each, and of the target its lane, the gap between the sides of both
+        [m], and its acceleration [m/s^2].
+
+    Raises:
+        ValueError: As in `target`.
+    """
+
 def stretches(
     *,
     recorded: Mapping[str, Any],
@@ -153,6 +186,44 @@ def stretches(
 
 def stretch_fields() -> list[tuple[str, list[str]]]:
     """Names of spans, moments, measures, frames and sums of `stretches`, in order."""
+
+def limited(
+    *,
+    signal: NDArray[np.float32],
+    span: NDArray[np.int32],
+    limit: NDArray[np.float32],
+    is_most: bool,
+    low: NDArray[np.float32],
+    frames: NDArray[np.int32],
+    level: str | None = None,
+) -> None:
+    """Margins of a signal to a limit over a stretch of frames of each simulation.
+
+    Args:
+        signal: Shape (simulation, time), the frames adjacent.
+        span: First and last frame, flat (end, simulation).
+        limit: Shape (simulation,).
+        is_most: Whether it is the greatest value that is allowed, not the least.
+        low: The smallest margins, 3e38 without a frame, shape (simulation,), filled.
+        frames: First and last frame with a negative margin, -1 without one, and the length of the
+            longest run of them, shape (3, simulation), filled.
+        level: As in `watch`.
+
+    Raises:
+        ValueError: As in `watch`.
+    """
+
+def bits(*, values: NDArray[np.uint8], span: NDArray[np.int32], out: NDArray[np.uint8]) -> None:
+    """Bits that are set in any frame of a stretch of each simulation, and those that are in all.
+
+    Args:
+        values: Shape (simulation, time), the frames adjacent.
+        span: As in `limited`.
+        out: Both, shape (2, simulation), filled; no bit and all bits without a frame.
+
+    Raises:
+        ValueError: An array has another shape.
+    """
 
 def encounters(
     *,
@@ -350,15 +421,35 @@ class Stepper:
             ValueError: A row is named twice or is none, or an array has another length.
         """
 
-class Hash:
-    """BLAKE3, 256 bits."""
+class ColumnHash:
+    """BLAKE3 over the values of a column of Arrow, and over where it is null."""
 
-    def __init__(self) -> None: ...
-    def update(self, data: bytes | memoryview) -> None:
-        """Add bytes."""
+    def __init__(self, layout: str, width: int, *, nullable: bool) -> None:
+        """Start without rows.
 
-    def hexdigest(self) -> str:
-        """The hash so far, 64 hexadecimal digits."""
+        Args:
+            layout: "numbers", "bits", "codes" of names, "texts" of any length, or "fixed".
+            width: Bytes of a number, or of a text of fixed length.
+            nullable: Whether the column may hold nulls.
+
+        Raises:
+            ValueError: There is no such layout.
+        """
+
+    def update(self, rows: Mapping[str, Any], meaning: Sequence[int] | None = None) -> bool:
+        """Add rows; whether any of them has a value.
+
+        Args:
+            rows: Their `count`, their `offset` in the buffers, and these: `validity` or None,
+                `data`, and `ends` of texts.
+            meaning: The code of each place in a list of names.
+
+        Raises:
+            ValueError: The buffers are too short, or a name is none of the list.
+        """
+
+    def hexdigests(self) -> tuple[str, str]:
+        """The hashes over all values and over all nulls so far, 64 hexadecimal digits each."""
 
 class Drawing:
     """Shapes, the first below the others; x grows to the right, y downwards.

@@ -111,3 +111,12 @@ def test_the_interval_of_a_rate_with_equal_weights_is_the_exact_one_of_poisson()
     assert low == pytest.approx(2.81e-3, abs=5e-6)
     assert high == pytest.approx(14.42e-3, abs=5e-6)
     assert halved == pytest.approx([0.5 * rate, 0.5 * low, 0.5 * high])
+
+
+def test_the_pages_list_what_mutations_break():
+    rows = "[print(f'| `{one.file}` | {one.meaning} |') for one in mutations.MUTATIONS]"
+    done = run("-c", f"import mutations; {rows}")
+    page = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
+    part = page.partition("## Broken on purpose")[2].partition("\n## ")[0]
+    listed = [line for line in part.splitlines() if line.startswith("| `")]
+    assert done.stdout.splitlines() == listed != []

@@ -4,14 +4,16 @@
 //! Here sixteen frames of one simulation lie side by side. Gaps to all neighbours, the lane to the left and the
 //! frames of the target are worked out apart, as few ask for them.
 
+mod alongside;
 mod around;
 mod chunk;
 mod target;
 
 use fearless_simd::{Level, Simd};
 
+pub use self::alongside::{Alongside, alongside};
 pub use self::around::{Around, around};
-use self::chunk::{Chunk, Frames, in_chunks};
+use self::chunk::{Chunk, Frames, Lamps, in_chunks};
 pub use self::target::{Target, target};
 use crate::lanes::{LANES, dispatch};
 use crate::names::Constants;
@@ -169,28 +171,33 @@ macro_rules! signal_outputs {
             /// Rows of frames that each slice has for a simulation, by name.
             pub const ROWS: &'static [(&'static str, usize)] = &[$((stringify!($field), $rows)),*];
 
-            /// Zero every row from a frame on: nothing was recorded there.
-            fn clear_from(&mut self, first: usize, frames: usize) {
+            /// Zero some frames of every row: nothing was recorded there.
+            fn clear(&mut self, unused: std::ops::Range<usize>, frames: usize) {
                 $(for row in self.$field.chunks_mut(frames.max(1)) {
-                    row[first..].fill(Default::default());
+                    row[unused.clone()].fill(Default::default());
                 })*
             }
 
             /// Have each simulation filled, on all threads: its number, how many frames have to be, and where.
             ///
-            /// Behind these frames are zeros.
+            /// Behind these frames are zeros. `filled` says how far each was filled before: behind that are zeros
+            /// already.
             fn fill(
                 &mut self,
                 recording: &Recording<'_>,
+                filled: &mut [i32],
                 work: impl Fn(usize, usize, &mut $name<'_>) + Sync,
             ) {
                 use rayon::prelude::*;
                 self.simulations(recording.num_frames.len(), recording.frames)
                     .into_par_iter()
+                    .zip(filled)
                     .enumerate()
-                    .for_each(|(simulation, mut out)| {
+                    .for_each(|(simulation, (mut out, filled))| {
                         let rest = recording.rest(simulation);
-                        out.clear_from(rest, recording.frames);
+                        let before = (*filled).clamp(rest as i32, recording.frames as i32);
+                        out.clear(rest..before as usize, recording.frames);
+                        *filled = rest as i32;
                         work(simulation, rest, &mut out);
                     });
             }
@@ -251,22 +258,24 @@ impl Signals<'_> {
     }
 }
 
-/// Work out the signals of a batch.
+/// Work out the signals of a batch. `filled` is how many frames of each simulation are not zero in `out`, before and
+/// after.
 pub fn signals(
     recording: &Recording<'_>,
     around: &Surroundings<'_>,
     level: Level,
     out: &mut Signals<'_>,
+    filled: &mut [i32],
 ) {
-    out.fill(recording, |simulation, rest, out| {
+    out.fill(recording, filled, |simulation, rest, out| {
         let ego = simulation * recording.slots;
         lateral_speed(recording, ego, &mut out.lateral_speed[..rest]);
         dispatch!(level, |simd| {
-            let mut lamp = None;
+            let mut lamps = Lamps::NONE;
             in_chunks!(Frames::new(simd, recording, simulation), rest, |frames| {
                 let chunk = Chunk { frames, around };
                 let body = frames.footprint(ego);
-                chunk.own(body, &mut lamp, out);
+                chunk.own(body, &mut lamps, out);
                 chunk.nearest(out);
             });
         });

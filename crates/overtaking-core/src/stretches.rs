@@ -6,6 +6,7 @@ mod behind;
 mod encounters;
 mod follow;
 mod formulas;
+mod linear;
 mod one;
 mod row;
 mod sums;
@@ -18,6 +19,7 @@ use rayon::prelude::*;
 
 pub use self::encounters::{Along, ENCOUNTERS, Pair, encounters};
 pub use self::formulas::Numbers;
+pub use self::linear::{Limited, bits, limited};
 use self::one::One;
 pub use self::sums::SUMS;
 use self::worst::WORST;
@@ -134,9 +136,10 @@ fn answer<S: Simd>(
     let [crossed, returned, target, original_lane] =
         [0, 1, 2, 3].map(|which| asked.moments[which * count + simulation]);
     let (conduct, target) = (span(0), target as u8);
+    let [stop_lit, stop_unlit] = one.stops(simd, conduct.clone());
     let margins = [
-        one.stop(simd, one.seen.sight_lit, conduct.clone()),
-        one.stop(simd, one.seen.sight_unlit, conduct.clone()),
+        stop_lit,
+        stop_unlit,
         one.follow(simd, span(1)),
         one.braking(simd, span(3)),
     ];
@@ -198,6 +201,18 @@ impl Lowest {
             if self.first == NEVER {
                 self.first = frame;
             }
+        }
+    }
+
+    /// Note frames after those that were taken, all with a negative margin; the smallest is left to the caller.
+    fn take_all(&mut self, frames: Range<usize>) {
+        let (begin, end) = (frames.start as i32, frames.end as i32);
+        let before = if self.last + 1 == begin { self.run } else { 0 };
+        self.run = before + end - begin;
+        self.longest = self.longest.max(self.run);
+        self.last = end - 1;
+        if self.first == NEVER {
+            self.first = begin;
         }
     }
 }

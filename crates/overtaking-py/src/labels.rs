@@ -1,6 +1,9 @@
 //! What labels are made of: signals and events of a recording, its targets, and answers about stretches of frames.
 
-use numpy::{PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods};
+use numpy::{
+    PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
+    PyUntypedArrayMethods,
+};
 use overtaking_core::events::{self as core_events, Limits};
 use overtaking_core::signals::{
     self as core, Around, NO_VEHICLE, PLACES, Signals as Outputs, Surroundings, Target,
@@ -14,7 +17,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::Numbers;
-use crate::arrays::{expect_length, output};
+use crate::arrays::{expect_length, output, rows_of_two};
 use crate::recorded::{Floats, Ints, Octets, Recorded, Signals, expect_slots};
 
 /// What signals need beside the states, of each simulation.
@@ -116,7 +119,7 @@ macro_rules! with_outputs {
 
 /// Work out the signals and the events of recordings.
 #[pyfunction]
-#[pyo3(signature = (*, recorded, conditions, limits, constants, signals, events, level=None))]
+#[pyo3(signature = (*, recorded, conditions, limits, constants, signals, filled, events, level=None))]
 #[allow(clippy::too_many_arguments)]
 pub fn watch(
     py: Python<'_>,
@@ -125,6 +128,7 @@ pub fn watch(
     limits: Thresholds<'_>,
     constants: Numbers,
     signals: &Bound<'_, PyDict>,
+    mut filled: PyReadwriteArray1<'_, i32>,
     mut events: PyReadwriteArray2<'_, i32>,
     level: Option<&str>,
 ) -> PyResult<()> {
@@ -140,6 +144,7 @@ pub fn watch(
     of_each("lamp_clear", &conditions.lamp_clear)?;
     of_each("unlit_limit", &conditions.unlit_limit)?;
     expect_length("film", conditions.film.len(), count * 8)?;
+    expect_length("filled", filled.len(), count)?;
     expect_length("events", events.len(), core_events::NAMES.len() * count)?;
     let (constants, limits) = (constants.constants()?, limits.limits(count)?);
     let given = Surroundings {
@@ -155,11 +160,11 @@ pub fn watch(
         attention: conditions.attention,
         constants: &constants,
     };
-    let events = events.as_slice_mut()?;
+    let (filled, events) = (filled.as_slice_mut()?, events.as_slice_mut()?);
     with_outputs!(
         Outputs, signals, count * recording.frames,
         |out| py.detach(|| {
-            core::signals(&recording, &given, level, &mut out);
+            core::signals(&recording, &given, level, &mut out, filled);
             core_events::events(&recording, &out.seen(), &limits, events);
         }),
         lane: u8, lateral: f32, lateral_speed: f32, speed: f32, accel: f32, right_reach: f32, left_reach: f32,
@@ -224,6 +229,43 @@ pub fn target(
         speed: f32, accel: f32, lateral_speed: f32,
     );
     Ok(())
+}
+
+/// Arrays with a number for each frame in which ego and target overlap.
+type Beside<'py> = (
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<u8>>,
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray1<f32>>,
+);
+
+/// The frames within a stretch in which ego and target overlap along the road: simulation, frame, and lane, lateral gap
+/// and acceleration of the target.
+#[pyfunction]
+#[pyo3(signature = (*, recorded, seen, target, span, level=None))]
+pub fn alongside<'py>(
+    py: Python<'py>,
+    recorded: Recorded<'py>,
+    seen: Signals<'py>,
+    target: Octets<'py>,
+    span: Ints<'py>,
+    level: Option<&str>,
+) -> PyResult<Beside<'py>> {
+    let (recording, level) = (recorded.recording()?, supported(level).map_err(refused)?);
+    let (seen, target) = (seen.seen_alone(&recording)?, target.as_slice()?);
+    expect_length("target", target.len(), recording.num_frames.len())?;
+    expect_length("span", span.len(), 2 * target.len())?;
+    expect_slots("target", target, recording.slots)?;
+    let span = span.as_slice()?;
+    let found = py.detach(|| core::alongside(&recording, &seen, target, span, level));
+    Ok((
+        PyArray1::from_vec(py, found.simulation),
+        PyArray1::from_vec(py, found.frame),
+        PyArray1::from_vec(py, found.lane),
+        PyArray1::from_vec(py, found.lateral_gap),
+        PyArray1::from_vec(py, found.accel),
+    ))
 }
 
 /// Where the answers about stretches go, (row, simulation).
@@ -292,6 +334,55 @@ pub fn stretch_fields() -> [(&'static str, Vec<&'static str>); 5] {
         ("frames", FRAMES.to_vec()),
         ("sums", SUMS.to_vec()),
     ]
+}
+
+/// Margins of a signal (simulation, time) to a limit of each simulation, over a stretch of frames.
+///
+/// `low` gets the smallest of each simulation, the rows of `frames` the first and the last frame with a negative one, and
+/// the longest run of them.
+#[pyfunction]
+#[pyo3(signature = (*, signal, span, limit, is_most, low, frames, level=None))]
+#[allow(clippy::too_many_arguments)]
+pub fn limited(
+    py: Python<'_>,
+    signal: PyReadonlyArray2<'_, f32>,
+    span: Ints<'_>,
+    limit: Floats<'_>,
+    is_most: bool,
+    mut low: PyReadwriteArray1<'_, f32>,
+    mut frames: PyReadwriteArray2<'_, i32>,
+    level: Option<&str>,
+) -> PyResult<()> {
+    let (rows, level) = (rows_of_two(&signal)?, supported(level).map_err(refused)?);
+    let count = rows.len();
+    expect_length("span", span.len(), 2 * count)?;
+    expect_length("limit", limit.len(), count)?;
+    expect_length("low", low.len(), count)?;
+    expect_length("frames", frames.len(), 3 * count)?;
+    let asked = core_stretches::Limited {
+        signal: rows,
+        span: span.as_slice()?,
+        limit: limit.as_slice()?,
+        is_most,
+    };
+    let (low, frames) = (low.as_slice_mut()?, frames.as_slice_mut()?);
+    py.detach(|| core_stretches::limited(&asked, level, low, frames));
+    Ok(())
+}
+
+/// Bits of an array (simulation, time) that are set in any frame of a stretch, and in all: two rows of `out`.
+#[pyfunction]
+#[pyo3(signature = (*, values, span, out))]
+pub fn bits(
+    values: PyReadonlyArray2<'_, u8>,
+    span: Ints<'_>,
+    mut out: PyReadwriteArray2<'_, u8>,
+) -> PyResult<()> {
+    let rows = rows_of_two(&values)?;
+    expect_length("span", span.len(), 2 * rows.len())?;
+    expect_length("out", out.len(), 2 * rows.len())?;
+    core_stretches::bits(&rows, span.as_slice()?, out.as_slice_mut()?);
+    Ok(())
 }
 
 /// Encounters with neighbours at single frames: a row of `out` for each of `encounter_fields`.

@@ -267,8 +267,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(labels::event_fields, module)?)?;
     module.add_function(wrap_pyfunction!(labels::around, module)?)?;
     module.add_function(wrap_pyfunction!(labels::target, module)?)?;
+    module.add_function(wrap_pyfunction!(labels::alongside, module)?)?;
     module.add_function(wrap_pyfunction!(labels::stretches, module)?)?;
     module.add_function(wrap_pyfunction!(labels::stretch_fields, module)?)?;
+    module.add_function(wrap_pyfunction!(labels::limited, module)?)?;
+    module.add_function(wrap_pyfunction!(labels::bits, module)?)?;
     module.add_function(wrap_pyfunction!(labels::encounters, module)?)?;
     module.add_function(wrap_pyfunction!(labels::encounter_fields, module)?)?;
     module.add_function(wrap_pyfunction!(driven::weather_driven, module)?)?;
@@ -291,7 +294,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(stepper::around_fields, module)?)?;
     module.add_function(wrap_pyfunction!(stepper::meeting_fields, module)?)?;
     module.add_class::<stepper::Stepper>()?;
-    module.add_class::<hash::Hash>()?;
+    module.add_class::<hash::ColumnHash>()?;
     module.add_class::<canvas::Canvas>()?;
     module.add_class::<drawing::Drawing>()?;
     Ok(())

@@ -108,6 +108,13 @@ pub struct Signals<'py> {
 impl Signals<'_> {
     /// The same, if they are of a recording and its neighbours are vehicles of it.
     pub fn seen(&self, recording: &Recording<'_>) -> PyResult<Seen<'_>> {
+        let seen = self.seen_alone(recording)?;
+        expect_slots("vehicle", seen.vehicle, recording.slots)?;
+        Ok(seen)
+    }
+
+    /// The same for who asks nothing of neighbours: it takes a while to look at them all.
+    pub fn seen_alone(&self, recording: &Recording<'_>) -> PyResult<Seen<'_>> {
         let cells = recording.num_frames.len() * recording.frames;
         let seen = Seen {
             lane: self.lane.as_slice()?,
@@ -136,7 +143,6 @@ impl Signals<'_> {
             expect_length("signals", each.len(), cells)?;
         }
         expect_length("vehicle", seen.vehicle.len(), PLACES * cells)?;
-        expect_slots("vehicle", seen.vehicle, recording.slots)?;
         Ok(seen)
     }
 }

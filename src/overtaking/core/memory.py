@@ -31,7 +31,7 @@ _PAGE_BYTES = 2 << 20  # What Linux calls a huge page, on x86 and on ARM.
 _LINE_BYTES = 64
 """Arrays begin where a line of the CPU's cache does."""
 
-Layout = tuple[tuple[str, tuple[int, ...], type[np.generic]], ...]
+Layout = tuple[tuple[str, tuple[int, ...], type[np.generic] | np.dtype[Any]], ...]
 """Names, shapes and types of some arrays."""
 
 _Use = tuple[Hashable, int]

@@ -38,6 +38,13 @@ def at(values: NDArray[T], frames: Frames) -> NDArray[T]:
     return values[np.arange(len(frames)), np.maximum(frames, 0)]
 
 
+def spread_over(values: NDArray[T], where: Index | Mask, count: int) -> NDArray[T]:
+    """Values of some of `count` simulations among all, 0 for the others."""
+    spread = np.zeros(count, values.dtype)
+    spread[where] = values
+    return spread
+
+
 def frames_within(start: I32, stop: I32) -> tuple[Index, Index]:
     """Simulation and frame of each frame from `start` to `stop`, both within it, in order."""
     length = np.maximum(stop - start + 1, 0)

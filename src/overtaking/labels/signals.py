@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.elementary import F32, as_f32, log, maximum
-from overtaking.core.memory import empty
+from overtaking.core.memory import Buffers, Layout, empty
 from overtaking.labels.instants import (
     METRES,
     U8,
@@ -71,12 +71,16 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, 
     """
     names, recorded = _core.event_fields(), pack(trajectories)
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
-    outputs = _room(trajectories, Signals, (*SEEN, "accel"))
+    layout = _layout(trajectories, Signals, (*SEEN, "accel"))
+    filled = ("filled", trajectories.num_frames.shape, np.int32)
+    # Most simulations end early: what is zero behind their ends need not be cleared again.
+    outputs = Buffers().together("signals", (*layout, filled))
     _core.watch(
         recorded=recorded,
         conditions=conditions(trajectories),
         limits=limits,
         constants=constant_values(constants()),
+        filled=outputs.pop("filled"),
         signals=outputs,
         events=events,
         level=chosen_level(),
@@ -175,8 +179,8 @@ def pack(trajectories: Trajectories) -> dict[str, Any]:
         along = np.broadcast_to(~oncoming(trajectories)[:, :, None], states.s.shape)
         present = along.copy() if present is None else present & along
     return {
-        **{name: _adjacent(values) for name, values in recorded.items()},
-        "present": None if present is None else _adjacent(present),
+        **{name: adjacent(values) for name, values in recorded.items()},
+        "present": None if present is None else adjacent(present),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
         **{name: _flat(getattr(bodies, name)) for name in ("valid", "length", "width")},
         "num_lanes": min(road.num_lanes + road.is_two_way, MAX_LANES),
@@ -279,16 +283,23 @@ def _target_names() -> list[str]:
 
 def _room(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Arrays:
     """Arrays for some fields of a batch, of their types, whose content means nothing yet."""
+    return {
+        name: empty(math.prod(shape), kind).reshape(shape)
+        for name, shape, kind in _layout(trajectories, cls, names)
+    }
+
+
+def _layout(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Layout:
+    """Names, shapes and types of some fields of a batch."""
     simulations, frames = trajectories.stage.shape
     whole, narrow = (simulations, len(Around), frames), (simulations, frames)
-    kinds, outputs = declarations(cls), Arrays()
-    for name in names:
-        shape = whole if cls is Signals and name in _OF_NEIGHBOURS else narrow
-        outputs[name] = empty(math.prod(shape), kinds[name].dtype).reshape(shape)
-    return outputs
+    kinds, wide = declarations(cls), _OF_NEIGHBOURS if cls is Signals else ()
+    return tuple(
+        (name, whole if name in wide else narrow, np.dtype(kinds[name].dtype)) for name in names
+    )
 
 
-def _adjacent(values: NDArray[Any]) -> NDArray[Any]:
+def adjacent(values: NDArray[Any]) -> NDArray[Any]:
     """`values` with the frames of a vehicle side by side; a copy only where they are not."""
     return values if values.strides[-1] == values.itemsize else np.ascontiguousarray(values)
 

@@ -74,6 +74,19 @@ def lowest(margins: Iterable[tuple[int, np.float32]]) -> Lowest:
     return low, begin, end, max(runs.values(), default=0)
 
 
+def limited(signal: Row, limit: np.float32, span: range, *, is_most: bool) -> Lowest:
+    """A signal minus the least that is allowed, or the most minus the signal."""
+    return lowest((t, limit - signal[t] if is_most else signal[t] - limit) for t in span)
+
+
+def bits_within(values: Row, span: range) -> tuple[int, int]:
+    """Bits that are set in any frame, and in all."""
+    ever, always = 0, 255
+    for t in span:
+        ever, always = ever | int(values[t]), always & int(values[t])
+    return ever, always
+
+
 def who(seen: dict[str, Row], place: Around, frame: int) -> int | None:
     """Slot of a neighbour."""
     slot = int(seen["vehicle"][place, frame])

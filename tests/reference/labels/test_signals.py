@@ -10,6 +10,7 @@ from tests.reference.labels.recordings import case, every_recording, readable, s
 from tests.reference.labels.signals import One, Row, encounter, signals, target_signals
 
 from overtaking import _core
+from overtaking.core import memory
 from overtaking.core.errors import ConfigError
 from overtaking.labels import signals as compiled
 from overtaking.labels.events import case_of
@@ -38,6 +39,23 @@ def test_every_signal_is_the_same(name, level, monkeypatch):
     seen = case_of(case(name).trajectories).signals
     for number, (_, expected) in enumerate(readable(name)):
         assert not differences(seen, number, expected), number
+
+
+def test_nothing_shows_of_what_the_memory_held_before(monkeypatch):
+    monkeypatch.setattr(memory, "LARGE_BYTES", 0)
+    run, used = case("pinto2023").trajectories, set[int]()
+    short = dataclasses.replace(run, num_frames=(run.num_frames + 1) // np.int32(2))
+    for one in (run, short, run, short):
+        seen, frame = case_of(one).signals, np.arange(one.stage.shape[1])
+        behind = frame >= -(-one.num_frames[:, None] // 16) * 16  # Sixteen are worked out together.
+        narrow = [
+            getattr(seen, name)[behind] for name in (*compiled.SEEN, "accel") if name != "vehicle"
+        ]
+        assert not any(values.any() for values in narrow)
+        assert not seen.vehicle[np.broadcast_to(behind[:, None], seen.vehicle.shape)].any()
+        used.add(seen.speed.ctypes.data)
+        del seen
+    assert len(used) == 1
 
 
 def test_signals_of_overtakes_written_by_hand_are_the_same():

@@ -41,11 +41,24 @@ pub struct Limits<'a> {
 }
 
 impl Limits<'_> {
-    /// Whether a recorded heading is that of a vehicle that has spun.
-    fn is_across(&self, heading: i16) -> bool {
-        let turned = (i32::from(heading) - self.direction + TURN / 2).rem_euclid(TURN) - TURN / 2;
-        turned.abs() > self.spin_angle
+    /// First frame in which a vehicle has spun.
+    fn spin(&self, headings: &[i16]) -> Option<usize> {
+        let direction = (self.direction + TURN / 2).rem_euclid(TURN) - TURN / 2;
+        first(headings, |heading| {
+            // Both lie within half a turn of zero, or little more, so the difference within one and a half.
+            let turned = (i32::from(heading) - direction).abs();
+            turned.min((turned - TURN).abs()) > self.spin_angle
+        })
     }
+}
+
+/// The first frame in which something holds; many are asked together, as it mostly holds in none.
+fn first<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
+    const TOGETHER: usize = 64;
+    let any = |few: &[T]| few.iter().fold(false, |any, &one| any | holds(one));
+    let begin = TOGETHER * row.chunks(TOGETHER).position(any)?;
+    let step = row[begin..].iter().position(|&one| holds(one))?;
+    Some(begin + step)
 }
 
 /// One simulation.
@@ -87,16 +100,10 @@ impl<'a> Scene<'a> {
             recording.vehicles(simulation),
         );
         let (lane, hit) = (seen.lane, recording.hit[simulation]);
-        let collision = hit[..recorded]
-            .iter()
-            .position(|&other| other != NO_VEHICLE);
+        let collision = first(&hit[..recorded], |other| other != NO_VEHICLE);
         let beyond = limits.borders.len() - 1;
-        let departure = lane[..recorded]
-            .iter()
-            .position(|&each| usize::from(each) >= beyond);
-        let spin = recording.heading[slots.start][..recorded]
-            .iter()
-            .position(|&heading| limits.is_across(heading));
+        let departure = first(&lane[..recorded], |each| usize::from(each) >= beyond);
+        let spin = limits.spin(&recording.heading[slots.start][..recorded]);
         let accident = [collision, departure, spin].into_iter().flatten().min();
         Self {
             limits,

@@ -27,7 +27,8 @@ signal_outputs! {
 /// Work out the gaps of a batch to its neighbours, slots by (simulation, place, frame), and its lanes to the left.
 pub fn around(recording: &Recording<'_>, vehicle: &[u8], level: Level, out: &mut Around<'_>) {
     let row = PLACES * recording.frames;
-    out.fill(recording, |simulation, rest, out| {
+    let mut filled = vec![i32::MAX; recording.num_frames.len()];
+    out.fill(recording, &mut filled, |simulation, rest, out| {
         let vehicle = &vehicle[simulation * row..(simulation + 1) * row];
         dispatch!(level, |simd| in_chunks!(
             Frames::new(simd, recording, simulation),

@@ -7,10 +7,16 @@ use super::{METRES, NO_VEHICLE, PLACES, Recording, Signals, Surroundings};
 use crate::elementary::{log, sincos};
 use crate::environment::{at_film, speed_columns};
 use crate::lanes::{LANES, M, V, at_least, at_most, choose, max, min, splat};
+use crate::tile::prefetch;
 
+/// Frames for which memory is asked before they are loaded: rows of many vehicles are more than the CPU follows.
+const AHEAD: usize = 2 * LANES;
 const RADIANS: f32 = 1e-4;
 const NEWTON_STEPS: usize = 8;
 const LEAST_EXTINCTION: f32 = 1e-7;
+/// Optical depth by which a lamp that is seen beyond the reach of attention surely is: Newton's steps end within a
+/// thousandth of their limit.
+const SURELY: f32 = 0.01;
 /// Lanes that a road has at most.
 const MAX_LANES: usize = 8;
 
@@ -63,6 +69,7 @@ impl<S: Simd> Frames<'_, S> {
     /// The frames of a row as integers, zero beyond its end.
     #[inline(always)]
     pub(super) fn load<T: Copy + Into<i32>>(&self, row: &[T]) -> i32x16<S> {
+        prefetch(row, self.at + AHEAD);
         let mut values = [0; LANES];
         if let Some(row) = row[self.at..].first_chunk::<LANES>() {
             for (value, recorded) in values.iter_mut().zip(row) {
@@ -132,6 +139,21 @@ impl<S: Simd> Frames<'_, S> {
     }
 }
 
+/// What frames of a simulation leave for later ones.
+pub(super) struct Lamps<S: Simd> {
+    /// Distance at which a lamp was seen.
+    range: Option<V<S>>,
+    /// Twice the logarithm of the reach of attention.
+    attention: Option<V<S>>,
+}
+
+impl<S: Simd> Lamps<S> {
+    pub(super) const NONE: Self = Self {
+        range: None,
+        attention: None,
+    };
+}
+
 /// The same, with what is around the ego.
 pub(super) struct Chunk<'a, S: Simd> {
     pub(super) frames: Frames<'a, S>,
@@ -144,7 +166,7 @@ impl<S: Simd> Chunk<'_, S> {
     pub(super) fn own(
         &self,
         (across, reach): (V<S>, V<S>),
-        lamp: &mut Option<V<S>>,
+        lamps: &mut Lamps<S>,
         out: &mut Signals<'_>,
     ) {
         let ego = self.frames.slot(0);
@@ -165,7 +187,7 @@ impl<S: Simd> Chunk<'_, S> {
         self.frames.store(out.right_reach, across - reach);
         self.frames.store(out.left_reach, across + reach);
         self.frames.store(out.friction, self.friction(ego, speed));
-        let (lit, unlit) = self.sights(speed, lamp);
+        let (lit, unlit) = self.sights(speed, lamps);
         self.frames.store(out.sight_lit, lit);
         self.frames.store(out.sight_unlit, unlit);
     }
@@ -193,7 +215,7 @@ impl<S: Simd> Chunk<'_, S> {
 
     /// Distances at which something lit and something unlit is seen.
     #[inline(always)]
-    fn sights(&self, speed: V<S>, known: &mut Option<V<S>>) -> (V<S>, V<S>) {
+    fn sights(&self, speed: V<S>, lamps: &mut Lamps<S>) -> (V<S>, V<S>) {
         let (a, k) = (self.around, self.frames.simulation);
         let rain = a.rain[k] * (1.0 + speed / a.constants.rain_speed);
         let air = a.fog[k] + rain;
@@ -203,12 +225,28 @@ impl<S: Simd> Chunk<'_, S> {
             return (splat(self.frames.simd, a.attention), unlit);
         }
         // Without rain the air is the same at any speed, and so in every frame.
-        let lamp = match *known {
-            Some(lamp) if a.rain[k] == 0.0 => lamp,
-            _ => self.lamp_range(air),
+        let lamp = if let (Some(lamp), 0.0) = (lamps.range, a.rain[k]) {
+            lamp
+        } else if self.is_seen_far(air, lamps) {
+            splat(self.frames.simd, a.attention)
+        } else {
+            self.lamp_range(air)
         };
-        *known = Some(lamp);
+        lamps.range = Some(lamp);
         (at_most(max(lamp, unlit), a.attention), unlit)
+    }
+
+    /// Whether a lamp is surely seen beyond the reach of attention, in each of these frames.
+    #[inline(always)]
+    fn is_seen_far(&self, air: V<S>, lamps: &mut Lamps<S>) -> bool {
+        let (a, k) = (self.around, self.frames.simulation);
+        let attention = match lamps.attention {
+            Some(known) => known,
+            None => 2.0 * log(splat(self.frames.simd, a.attention)),
+        };
+        lamps.attention = Some(attention);
+        let excess = attention + air * a.attention - a.lamp_depth[k];
+        excess.simd_lt(-SURELY).all_true()
     }
 
     #[inline(always)]

@@ -40,7 +40,8 @@ pub fn target(
     level: Level,
     out: &mut Target<'_>,
 ) {
-    out.fill(recording, |simulation, rest, out| {
+    let mut filled = vec![i32::MAX; targets.len()];
+    out.fill(recording, &mut filled, |simulation, rest, out| {
         let (seen, vehicle) = (seen.of(simulation, recording.frames), targets[simulation]);
         // The ego's own row where there is no target.
         let own = if vehicle == NO_VEHICLE { 0 } else { vehicle };
@@ -102,12 +103,19 @@ impl<S: Simd> Frames<'_, S> {
     /// Its place across the road, and the gap between its side and the ego's.
     #[inline(always)]
     fn across(&self, slot: usize, seen: &Seen<'_>, out: &mut Target<'_>) {
-        let (across, reach) = self.footprint(slot);
-        let own_reach = (self.own(seen.left_reach) - self.own(seen.right_reach)) * 0.5;
-        let aside = (across - self.own(seen.lateral)).abs() - (own_reach + reach);
+        let (across, aside) = self.aside(slot, seen);
         self.store(out.lateral, across);
         self.store(out.lateral_gap, aside);
         self.store_bytes(out.lane, self.load(self.recording.lane[slot]));
+    }
+
+    /// The place of a body across the road, and the gap between its side and the ego's.
+    #[inline(always)]
+    pub(super) fn aside(&self, slot: usize, seen: &Seen<'_>) -> (V<S>, V<S>) {
+        let (across, reach) = self.footprint(slot);
+        let own_reach = (self.own(seen.left_reach) - self.own(seen.right_reach)) * 0.5;
+        let aside = (across - self.own(seen.lateral)).abs() - (own_reach + reach);
+        (across, aside)
     }
 
     /// These frames of a row, zero beyond its end.

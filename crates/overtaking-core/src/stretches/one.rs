@@ -57,29 +57,32 @@ impl<'a> One<'a> {
         }
     }
 
-    /// Sight minus stopping distance.
-    pub(super) fn stop<S: Simd>(&self, simd: S, sight: &[f32], span: Range<usize>) -> Lowest {
+    /// Sights, of something lit and of something unlit, minus stopping distance.
+    pub(super) fn stops<S: Simd>(&self, simd: S, span: Range<usize>) -> [Lowest; 2] {
         let (seen, numbers) = (&self.seen, self.numbers);
+        let sights = [seen.sight_lit, seen.sight_unlit];
         simd.vectorize(
             #[inline(always)]
             || {
-                let mut found = Lowest::NOTHING;
-                let mut low = splat(simd, found.low);
+                let mut found = [Lowest::NOTHING; 2];
+                let mut low = [splat(simd, Lowest::NOTHING.low); 2];
                 for at in span.clone().step_by(LANES) {
                     let piece = Piece::new(simd, at, span.end);
                     let (speed, friction) = (piece.load(seen.speed), piece.load(seen.friction));
                     let decel = numbers.usable * at_least(friction, numbers.floor);
                     let way = speed * numbers.stop_reaction_time + speed * speed / (2.0 * decel);
-                    let margin = piece.load(sight) - way;
-                    low = min(margin, low);
-                    if margin.simd_lt(0.0).any_true() {
-                        piece.each(margin, |margin, frame| found.take(margin, frame));
+                    for ((sight, low), found) in sights.iter().zip(&mut low).zip(&mut found) {
+                        let margin = piece.load(sight) - way;
+                        *low = min(margin, *low);
+                        if margin.simd_lt(0.0).any_true() {
+                            piece.each(margin, |margin, frame| found.take(margin, frame));
+                        }
                     }
                 }
-                Lowest {
-                    low: least(low),
-                    ..found
+                for (found, low) in found.iter_mut().zip(low) {
+                    found.low = least(low);
                 }
+                found
             },
         )
     }

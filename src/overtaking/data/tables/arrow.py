@@ -5,6 +5,7 @@ than simulating the scenarios of a paper, and writing a data set does not need i
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,7 +54,13 @@ def to_names(codes: Array, names: Sequence[str], missing: Mask | None = None) ->
         missing: Where it is null, shape (row,).
     """
     indices = to_arrow(codes.astype(np.int32, copy=False), missing)
-    return pa.DictionaryArray.from_arrays(indices, to_texts(names))
+    return pa.DictionaryArray.from_arrays(indices, listed(tuple(names)))
+
+
+@lru_cache(maxsize=256)
+def listed(names: tuple[str, ...]) -> pa.Array:
+    """`to_texts` of a few names, the same array each time."""
+    return to_texts(names)
 
 
 def to_numpy(chunk: pa.Array) -> Array:

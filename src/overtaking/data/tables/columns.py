@@ -252,16 +252,6 @@ def codes(values: pa.ChunkedArray | pa.Array, names: Names) -> NDArray[np.int64]
     return np.concatenate(parts)
 
 
-def short_codes(chunk: pa.Array, names: Names) -> NDArray[np.int8]:
-    """The codes of an enumeration column of few names, as `codes`."""
-    if chunk.dictionary.to_pylist() != list(names):
-        return codes(chunk, names).astype(np.int8)
-    found = to_numpy(chunk.indices).astype(np.int8)
-    if chunk.null_count:
-        found[missing_in(chunk.indices)] = -1
-    return found
-
-
 def _listed(field: pa.Field, key: bytes) -> Names:
     text = (field.metadata or {}).get(key)
     return _read_list(text) if text else ()

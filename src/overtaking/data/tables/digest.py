@@ -1,18 +1,18 @@
 """A hash over the values of a table, independent of its file and batches."""
 
 import hashlib
+from functools import cache
+from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from overtaking import _core
-from overtaking.data.tables.arrow import Array, Mask, missing_in, to_numpy
-from overtaking.data.tables.columns import names_of, short_codes
+from overtaking.data.tables.arrow import listed
+from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.schemas import SINCE
 
 _ALWAYS_COUNTED = 3
 """The last version of the tables all of whose columns count, with or without a value."""
-_LENGTH_BYTES = 8
 
 
 class ContentDigest:
@@ -26,31 +26,24 @@ class ContentDigest:
     def __init__(self, schema: pa.Schema) -> None:
         """Start with no rows of a table of one of the `SCHEMAS`."""
         self._schema = schema
-        self._values = [_core.Hash() for _ in schema]
-        self._nulls = [_core.Hash() for _ in schema]
+        self._columns = [_Column(field) for field in schema]
         self._counts = [SINCE.get(field.name, 0) <= _ALWAYS_COUNTED for field in schema]
         self.num_rows = 0
 
     def update(self, table: pa.Table) -> None:
         """Add rows."""
         self.num_rows += table.num_rows
-        for index, field in enumerate(self._schema):
+        for index, column in enumerate(self._columns):
             for chunk in table.column(index).chunks:
-                missing = missing_in(chunk) if field.nullable else None
-                self._counts[index] |= chunk.null_count < len(chunk)
-                if missing is not None:
-                    self._nulls[index].update(_little_endian(missing))
-                self._values[index].update(_little_endian(_values(chunk, field, missing)))
+                self._counts[index] |= column.update(chunk)
 
     def hexdigest(self) -> str:
         """The hash over all rows so far, 64 hexadecimal digits."""
         total = hashlib.sha256()
-        columns = zip(self._schema, self._values, self._nulls, self._counts, strict=True)
-        for field, values, nulls, counts in columns:
-            if not counts:
-                continue
-            parts = (field.name, field.type, values.hexdigest(), nulls.hexdigest())
-            total.update("".join(f"{part}\0" for part in parts).encode())
+        for field, column, counts in zip(self._schema, self._columns, self._counts, strict=True):
+            if counts:
+                parts = (field.name, field.type, *column.hash.hexdigests())
+                total.update("".join(f"{part}\0" for part in parts).encode())
         return total.hexdigest()
 
 
@@ -61,50 +54,48 @@ def content_of(table: pa.Table) -> str:
     return digest.hexdigest()
 
 
-def _values(chunk: pa.Array, field: pa.Field, missing: Mask | None) -> Array:
-    """The values of a chunk as an array whose bytes say all of them, with zero for null."""
-    if names := names_of(field):
-        return short_codes(chunk, names)
-    if pa.types.is_string(field.type) or pa.types.is_fixed_size_binary(field.type):
-        return _texts(chunk)
-    values = to_numpy(chunk)
-    if missing is None or not missing.any():
-        return values
-    return np.where(missing, np.zeros(1, dtype=values.dtype), values)
+class _Column:
+    """A column and its hash."""
+
+    def __init__(self, field: pa.Field) -> None:
+        self._names = names_of(field)
+        layout, width = ("codes", 4) if self._names else _layout(field.type)
+        self.hash = _core.ColumnHash(layout, width, nullable=field.nullable)
+
+    def update(self, chunk: pa.Array) -> bool:
+        """Add rows; whether any of them has a value."""
+        if not self._names:
+            return self.hash.update(_rows(chunk))
+        return self.hash.update(_rows(chunk.indices), self._meaning(chunk.dictionary))
+
+    def _meaning(self, dictionary: pa.Array) -> list[int]:
+        """The code of each name of a dictionary, which may hold them in any order."""
+        if dictionary.equals(listed(self._names)):
+            return list(range(len(self._names)))
+        return [self._names.index(name) for name in dictionary.to_pylist()]
 
 
-def _texts(chunk: pa.Array) -> Array:
-    """Each text after its length, so that no two columns of texts look alike; null is empty."""
-    data, lengths = _octets(chunk)
-    missing = missing_in(chunk)
-    if missing.any():  # What lies behind a null does not count.
-        data = data[np.repeat(~missing, lengths)]
-        lengths = np.where(missing, 0, lengths)
-    row = np.arange(len(chunk), dtype=np.int64)
-    begins = np.cumsum(lengths) - lengths + _LENGTH_BYTES * row
-    hashed = np.empty(len(data) + _LENGTH_BYTES * len(chunk), dtype=np.uint8)
-    prefixes = lengths.astype("<i8").view(np.uint8).reshape(-1, _LENGTH_BYTES)
-    hashed[begins[:, None] + np.arange(_LENGTH_BYTES)] = prefixes
-    hashed[np.arange(len(data)) + np.repeat(_LENGTH_BYTES * (row + 1), lengths)] = data
-    return hashed
+@cache
+def _layout(kind: pa.DataType) -> tuple[str, int]:
+    """How the values of a type lie in its data, and the bytes of each that has a fixed number."""
+    if pa.types.is_boolean(kind):
+        return "bits", 1
+    if pa.types.is_string(kind):
+        return "texts", 0
+    if pa.types.is_fixed_size_binary(kind):
+        return "fixed", kind.byte_width
+    return "numbers", kind.byte_width
 
 
-def _octets(chunk: pa.Array) -> tuple[Array, Array]:
-    """The bytes of all texts one after the other, and the length of each."""
-    _, *others = chunk.buffers()
-    count, first = len(chunk), chunk.offset
-    if pa.types.is_fixed_size_binary(chunk.type):
-        width = chunk.type.byte_width
-        data = np.frombuffer(others[0], np.uint8)[first * width : (first + count) * width]
-        return data, np.full(count, width, dtype=np.int64)
-    if not count or others[0] is None:
-        return np.empty(0, dtype=np.uint8), np.zeros(count, dtype=np.int64)
-    ends = np.frombuffer(others[0], np.int32)[first : first + count + 1].astype(np.int64)
-    texts = others[1] if others[1] is not None else b""
-    return np.frombuffer(texts, np.uint8)[ends[0] : ends[-1]], np.diff(ends)
-
-
-def _little_endian(values: Array) -> bytes | memoryview:
-    """The bytes of an array, the same on every machine."""
-    ordered = values.astype(values.dtype.newbyteorder("<"), copy=False)
-    return np.ascontiguousarray(ordered).data.cast("B") if len(ordered) else b""
+def _rows(chunk: pa.Array) -> dict[str, Any]:
+    """The rows of an array as the compiled hash takes them."""
+    # Arrow's buffers say that they hold signed bytes.
+    buffers = [None if one is None else memoryview(one).cast("B") for one in chunk.buffers()]
+    validity, *ends, data = buffers
+    return {
+        "count": len(chunk),
+        "offset": chunk.offset,
+        "validity": validity,
+        "data": data,
+        "ends": ends[0] if ends else None,
+    }

@@ -5,8 +5,9 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -129,23 +130,27 @@ def _parquet_writer(path: Path, table: str, schema: pa.Schema) -> pq.ParquetWrit
     Integers change little from row to row, so their differences take few bits. Names and texts
     repeat. Floats rarely repeat: a dictionary of them costs time and saves nothing.
     """
+    return pq.ParquetWriter(path, schema, **_options(table))
+
+
+@cache
+def _options(table: str) -> dict[str, Any]:
+    """What a writer is told about the columns of a table."""
+    schema, keys = SCHEMAS[table], [(name, "ascending") for name in KEYS[table]]
     integers = [field.name for field in schema if pa.types.is_integer(field.type)]
     repeated = [
         field.name
         for field in schema
         if pa.types.is_dictionary(field.type) or pa.types.is_string(field.type)
     ]
-    keys = [(name, "ascending") for name in KEYS[table]]
-    return pq.ParquetWriter(
-        path,
-        schema,
-        use_dictionary=repeated,
-        column_encoding=dict.fromkeys(integers, "DELTA_BINARY_PACKED"),
-        compression="none" if table in _DENSE else "zstd",
-        compression_level=None if table in _DENSE else 1,
-        write_statistics=KEYS[table],
-        sorting_columns=pq.SortingColumn.from_ordering(schema, keys),
-    )
+    return {
+        "use_dictionary": repeated,
+        "column_encoding": dict.fromkeys(integers, "DELTA_BINARY_PACKED"),
+        "compression": "none" if table in _DENSE else "zstd",
+        "compression_level": None if table in _DENSE else 1,
+        "write_statistics": KEYS[table],
+        "sorting_columns": pq.SortingColumn.from_ordering(schema, keys),
+    }
 
 
 def facts_of(path: Path, rows: int, content: str) -> FileFacts:

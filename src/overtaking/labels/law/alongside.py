@@ -4,26 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.labels.instants import (
-    METRES,
-    U8,
-    Index,
-    across_at,
-    at,
-    half_lengths,
-    lead_at,
-    slot_of,
-    vehicle_at,
-)
+from overtaking import _core
+from overtaking.core.elementary import F32, Mask
+from overtaking.labels.instants import U8, Index, across_at, at, slot_of, vehicle_at
 from overtaking.labels.law.errors import lane_error
 from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
 from overtaking.labels.law.others import num_slow, target_may_be
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
+from overtaking.labels.signals import pack_seen, packed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.world.compiled import chosen_level
 from overtaking.world.constants import known
 
 _HALF_LANE = np.float32(0.5)
@@ -62,24 +55,22 @@ class Alongside:
 @once
 def alongside(case: Case) -> Alongside:
     """The frames in which ego and target overlap, in the overtake."""
-    run, events, end = case.trajectories, case.events, driving_end(case)
+    events, end = case.events, driving_end(case)
     over = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, end), end)
     begun = (events.overlap_begin != NEVER) & (case.target.vehicle != NO_VEHICLE)
-    rows, frames = Span(start=np.where(begun, events.overlap_begin, over + 1), stop=over).frames()
-    targets = slot_of(case.target.vehicle)
-    halves = half_lengths(run, np.arange(len(targets)), targets)
-    slot = targets[rows]
-    beside = np.abs(lead_at(run, rows, slot, frames)) - halves[rows] < 0
-    if run.present is not None:
-        beside &= run.present[rows, slot, frames]
-    rows, frames, slot = rows[beside], frames[beside], slot[beside]
-    return Alongside(
-        rows=rows,
-        frames=frames,
-        lane=run.states.lane[rows, slot, frames],
-        lateral_gap=across_at(run, case.signals, rows, slot, frames)[1],
-        accel=as_f32(run.states.accel_lon[rows, slot, frames]) * METRES,
+    return overlaps(case, Span(start=np.where(begun, events.overlap_begin, over + 1), stop=over))
+
+
+def overlaps(case: Case, span: Span) -> Alongside:
+    """The frames of a span in which ego and target overlap along the road."""
+    rows, frames, lane, lateral_gap, accel = _core.alongside(
+        recorded=packed(case),
+        seen=pack_seen(case.signals),
+        target=np.ascontiguousarray(case.target.vehicle, np.uint8),
+        span=span.ends,
+        level=chosen_level(),
     )
+    return Alongside(rows=rows, frames=frames, lane=lane, lateral_gap=lateral_gap, accel=accel)
 
 
 def lane_index(lane: U8) -> np.ndarray:

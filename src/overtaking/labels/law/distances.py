@@ -1,10 +1,14 @@
 """The distances of the law, with its numbers, and how much room the slower lane has."""
 
+from dataclasses import fields
+from functools import partial
+
 import numpy as np
 
 from overtaking.core.elementary import F32, F32Like, as_f32, clamp, maximum, minimum
-from overtaking.labels.instants import Frames
+from overtaking.labels.instants import Frames, at, spread_over
 from overtaking.labels.signals import encounter
+from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around
@@ -82,8 +86,13 @@ def margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
 
 
 def beside(case: Case, place: Around, frame: Frames) -> Encounter:
-    """The neighbour in a place at one frame of each simulation; the first where that is `NEVER`."""
-    return encounter(case, place, np.arange(len(frame)), np.maximum(frame, 0).astype(np.intp))
+    """The neighbour in a place at one frame of each simulation; nobody where that is `NEVER`."""
+    rows = np.flatnonzero(frame != NEVER)
+    found = encounter(case, place, rows, frame[rows].astype(np.intp))
+    if len(rows) == len(frame):
+        return found
+    spread = partial(spread_over, where=rows, count=len(frame))
+    return Encounter(**{one.name: spread(getattr(found, one.name)) for one in fields(Encounter)})
 
 
 def slow_lane_room(case: Case, frame: Frames) -> F32:
@@ -94,10 +103,9 @@ def slow_lane_room(case: Case, frame: Frames) -> F32:
 
     Args:
         case: The batch.
-        frame: A frame of each simulation.
+        frame: A frame of each simulation; nobody is there where that is `NEVER`.
     """
-    own = (np.arange(len(frame)), frame)
-    speed, decel = case.signals.speed[own], sure_decel(case.signals.friction[own])
+    speed, decel = at(case.signals.speed, frame), sure_decel(at(case.signals.friction, frame))
     ahead = beside(case, Around.RIGHT_LEADER, frame)
     behind = beside(case, Around.RIGHT_FOLLOWER, frame)
     return room_beside(speed, decel, ahead, behind)

@@ -1,6 +1,6 @@
 """Stretches of frames in which rules look, and what they find there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from overtaking import _core
 from overtaking.core.elementary import F32, Mask
 from overtaking.labels.instants import I32, U8, Index, frames_within
 from overtaking.labels.law.rule import Check, decided
-from overtaking.labels.signals import Arrays, pack_seen, packed
+from overtaking.labels.signals import Arrays, adjacent, pack_seen, packed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
@@ -39,6 +39,15 @@ class Span:
     def exists(self) -> Mask:
         """Whether it has a frame, shape (simulation,)."""
         return self.stop >= self.start
+
+    @property
+    def ends(self) -> I32:
+        """First frames and then last frames, as compiled functions take them."""
+        return np.concatenate([self.start, self.stop], dtype=np.int32)
+
+    def of(self, rows: Index) -> "Span":
+        """The spans of some simulations."""
+        return Span(start=self.start[rows], stop=self.stop[rows])
 
     def mask(self, rows: Index, num_frames: int) -> Mask:
         """Which frames it has in some simulations, shape (row, time)."""
@@ -153,6 +162,13 @@ class Stretch:
     first: I32
     last: I32
     longest: I32
+
+    def replaced(self, rows: Index, by: "Stretch") -> "Stretch":
+        """The same with other margins in some simulations."""
+        changed = {one.name: getattr(self, one.name).copy() for one in fields(self)}
+        for name, values in changed.items():
+            values[rows] = getattr(by, name)
+        return Stretch(**changed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -327,6 +343,42 @@ def stretch(margin: F32, span: Span) -> Stretch:
     rows = np.flatnonzero(span.exists & (low < 0))
     first, last, longest = ends_in(span, rows, margin[rows] < 0)
     return Stretch(low=low, first=first, last=last, longest=longest)
+
+
+def limited(signal: F32, limit: F32 | np.float32, span: Span, *, is_most: bool) -> Stretch:
+    """`stretch` of a signal minus the least that is allowed, or of the most minus the signal.
+
+    Args:
+        signal: Shape (simulation, time).
+        limit: The limit of each simulation, shape (simulation,), or of all.
+        span: Where the margin counts.
+        is_most: Whether the limit is the most that is allowed.
+    """
+    count = len(signal)
+    low, frames = np.empty(count, np.float32), np.empty((3, count), np.int32)
+    _core.limited(
+        signal=adjacent(signal),
+        span=span.ends,
+        limit=np.full(count, limit, np.float32),
+        is_most=is_most,
+        low=low,
+        frames=frames,
+        level=chosen_level(),
+    )
+    first, last, longest = frames
+    return Stretch(low=low, first=first, last=last, longest=longest)
+
+
+def bits_within(values: U8, span: Span) -> tuple[U8, U8]:
+    """Bits that are set in any frame of a span, and in all: none and all where it is empty.
+
+    Args:
+        values: Shape (simulation, time).
+        span: Where to look.
+    """
+    out = np.empty((2, len(values)), np.uint8)
+    _core.bits(values=adjacent(values), span=span.ends, out=out)
+    return out[0], out[1]
 
 
 def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> Check:

@@ -6,12 +6,13 @@ from overtaking.core.elementary import Mask
 from overtaking.labels.instants import I32, U8, Index, at, seconds_of
 from overtaking.labels.law.frames import (
     Span,
+    bits_within,
     conduct,
     driving_end,
     ends_in,
     ends_of,
     frames_of,
-    reduced,
+    limited,
 )
 from overtaking.labels.law.others import back_indicator, others_at, out_indicator
 from overtaking.labels.law.rule import Check, Grade, Rule, decided
@@ -52,8 +53,7 @@ def _return_crossed(case: Case) -> I32:
     # Of the lane in which the return begins, the border on its slow side.
     lane = np.minimum(at(case.signals.lane, begin), road.num_lanes)
     border = (road.side * road.boundaries).astype(np.float32)[lane]
-    rows = np.flatnonzero(span.exists)
-    return ends_in(span, rows, case.signals.right_reach[rows] < border[rows, None])[0]
+    return limited(case.signals.right_reach, border, span, is_most=False).first
 
 
 def _dark(case: Case, crossed: I32, bit: int) -> tuple[Index, Index]:
@@ -104,7 +104,7 @@ def _right_lamps(case: Case) -> Check:
 
 def _suspect(lights: U8, span: Span, needed: Mask, thick: Mask) -> Mask:
     """Whether a frame may be wrong, from what is on ever and always, shape (simulation,)."""
-    ever, always_on = (reduced(by, lights, span) for by in (np.bitwise_or, np.bitwise_and))
+    ever, always_on = bits_within(lights, span)
     dark = needed & ((always_on & BEAMS) == 0)
     fog = np.where(thick, (always_on & FOG) == 0, (ever & FOG) != 0)
     return dark | fog | ((ever & HIGH) != 0)

@@ -6,7 +6,15 @@ from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.labels.instants import Index
 from overtaking.labels.law.alongside import lane_index
 from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
-from overtaking.labels.law.frames import ENDLESS, Span, conduct, ends_in, instant, reduced
+from overtaking.labels.law.frames import (
+    ENDLESS,
+    Span,
+    conduct,
+    ends_in,
+    instant,
+    limited,
+    reduced,
+)
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
 from overtaking.model.events import NEVER
@@ -66,9 +74,9 @@ def _lowest_clearance(case: Case, span: Span, k: int, sides: tuple[bool, bool]) 
     seen, road = case.signals, case.trajectories.road
     border = as_f32(road.side * road.boundaries)[k]
     if k == 0:
-        return reduced(np.minimum, seen.right_reach, span) - border
+        return limited(seen.right_reach, border, span, is_most=False).low
     if k == road.num_lanes and len(road.fast_edge_marks) == 1:
-        return border - reduced(np.maximum, seen.left_reach, span)
+        return limited(seen.left_reach, border, span, is_most=True).low
     every = np.arange(seen.num_simulations)
     return reduced(np.minimum, _clearance(case, every, k, sides), span)
 
@@ -168,12 +176,14 @@ def _in_slow_lanes(case: Case) -> Check:
     motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
     if not (motorway and trucks.any() and road.num_lanes >= known("law.trucks.from_lanes")):
         return inapplicable(seen.num_simulations)
-    # What is beyond the slow edge counts as below lane 0.
-    lane, span, lanes = lane_index(seen.lane), conduct(case), known("law.trucks.lanes")
-    margin = lanes - _HALF - as_f32(reduced(np.maximum, lane, span))
+    span, lanes = conduct(case), known("law.trucks.lanes")
     applies = trucks & span.exists
-    rows = np.flatnonzero(applies & (margin < 0))
-    first, last, longest = ends_in(span, rows, lane[rows] >= lanes)
+    rows = np.flatnonzero(applies)
+    # What is beyond the slow edge counts as below lane 0.
+    lane, margin = lane_index(seen.lane[rows]), np.zeros(len(applies), np.float32)
+    margin[rows] = lanes - _HALF - as_f32(reduced(np.maximum, lane, span.of(rows)))
+    over = np.flatnonzero(margin[rows] < 0)
+    first, last, longest = ends_in(span, rows[over], lane[over] >= lanes)
     return decided(applies, margin, first, last, longest=longest)
 
 

@@ -10,6 +10,7 @@ from overtaking.labels.law.frames import (
     Stretch,
     always,
     conduct,
+    limited,
     manoeuvre,
     never_negative,
     stretches,
@@ -113,12 +114,14 @@ def _until_passed(case: Case) -> Span:
 
 def _sees(case: Case, sight: F32) -> Check:
     """A sight (simulation, time) that is enough, at the pull-out also against oncoming traffic."""
-    margin = sight - known("law.sight.least")
-    if case.trajectories.road.is_two_way:
-        row, first = np.flatnonzero(case.events.attempted), pull_out_frame(case)
-        clear = passing_margin(case)[row]
-        margin[row, first[row]] = np.minimum(margin[row, first[row]], clear)
-    return always(margin, _until_passed(case))
+    least, span = known("law.sight.least"), _until_passed(case)
+    if not case.trajectories.road.is_two_way:
+        return never_negative(limited(sight, least, span, is_most=False), span)
+    margin = sight - least
+    row, first = np.flatnonzero(case.events.attempted), pull_out_frame(case)
+    clear = passing_margin(case)[row]
+    margin[row, first[row]] = np.minimum(margin[row, first[row]], clear)
+    return always(margin, span)
 
 
 def pull_out_frame(case: Case) -> I32:

@@ -10,9 +10,8 @@ from overtaking.labels.law.errors import OF_SPEED
 from overtaking.labels.law.frames import (
     ENDLESS,
     conduct,
-    ends_in,
+    limited,
     never_negative,
-    reduced,
     stretch,
 )
 from overtaking.labels.law.others import num_slow
@@ -90,11 +89,11 @@ def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Check:
     """Speed never exceeds a limit; in doubt between the lowest and the highest that may hold."""
     speed, span = case.signals.speed, conduct(case)
     least, most = limits
-    fastest = reduced(np.maximum, speed, span)
-    rows = np.flatnonzero(span.exists & (fastest > most))
-    first, last, longest = ends_in(span, rows, speed[rows] > most[rows, None])
-    doubtful = fastest > least
-    return decided(span.exists, most - fastest, first, last, longest=longest, doubtful=doubtful)
+    found, doubtful = limited(speed, most, span, is_most=True), None
+    if not np.array_equal(least, most):
+        doubtful = limited(speed, least, span, is_most=True).low < 0
+    ends = found.first, found.last
+    return decided(span.exists, found.low, *ends, longest=found.longest, doubtful=doubtful)
 
 
 def posted_limits(case: Case) -> tuple[F32, F32]:
@@ -144,13 +143,13 @@ def _above_minimum(case: Case) -> Check:
     if road_known and case.trajectories.road.kind != "motorway":
         return inapplicable(seen.num_simulations)
     span, least = conduct(case), known("law.minimum.speed")
-    margin = seen.speed - least
-    slow = np.flatnonzero(span.exists & (reduced(np.minimum, margin, span) < 0))
-    inside = span.mask(slow, seen.num_frames) & (margin[slow] < 0)
-    row, frames = np.nonzero(inside)
+    low = limited(seen.speed, least, span, is_most=False)
+    slow = np.flatnonzero(span.exists & (low.low < 0))
+    margin, within = seen.speed[slow] - least, span.of(slow)
+    row, frames = np.nonzero(within.mask(np.arange(len(slow)), seen.num_frames) & (margin < 0))
     held = _is_held_up(case, slow[row], frames)
-    margin[slow[row[held]], frames[held]] = ENDLESS
-    found = never_negative(stretch(margin, span), span)
+    margin[row[held], frames[held]] = ENDLESS
+    found = never_negative(low.replaced(slow, stretch(margin, within)), span)
     return found if road_known else perhaps(found)
 
 

@@ -1,11 +1,12 @@
 """Rules about when to overtake and when to return: L6, L7, L9, L21."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, maximum
-from overtaking.labels.instants import Index, T, at, seconds_of, slot_of
+from overtaking.labels.instants import Index, at, seconds_of, slot_of, spread_over
 from overtaking.labels.law.distances import slow_lane_room
 from overtaking.labels.law.errors import DUE, KEEPING_RIGHT, of_both, standard_error
 from overtaking.labels.law.frames import driving_end, frames_of, instant, passed, stretches
@@ -34,19 +35,13 @@ def _nobody_overtakes(case: Case) -> Check:
     shown = same & ((others.lights & out_indicator(case)) != 0) & (not hidden)
     begun = (moving | shown).any(axis=1)
     arrival = np.where(begun, np.float32(0.0), _arrival(case, others, left, rows))
+    spread = partial(spread_over, where=attempted, count=len(attempted))
     return instant(
         frame,
-        _spread(arrival - known("law.others.arrival"), attempted),
-        _spread((left | same).any(axis=1), attempted),
-        doubtful=_spread(same.any(axis=1) & hidden, attempted),
+        spread(arrival - known("law.others.arrival")),
+        spread((left | same).any(axis=1)),
+        doubtful=spread(same.any(axis=1) & hidden),
     )
-
-
-def _spread(values: np.ndarray[tuple[int], np.dtype[T]], where: Mask) -> np.ndarray:
-    """Values of some simulations among all, 0 for the others."""
-    spread = np.zeros(len(where), values.dtype)
-    spread[where] = values
-    return spread
 
 
 def _arrival(case: Case, others: Others, left: Mask, rows: Index) -> F32:
@@ -72,7 +67,8 @@ def _arrival_error(case: Case, found: Check, errors: Errors) -> F32:
         seen = replace(others, gap=others.gap + own - its, speed=others.speed + its_faster - faster)
         return _arrival(case, seen, left, rows)
 
-    error = _spread(standard_error(moved, *of_both(errors)), case.events.attempted)
+    attempted = case.events.attempted
+    error = spread_over(standard_error(moved, *of_both(errors)), attempted, len(attempted))
     begun = found.margin <= -known("law.others.arrival")
     return np.where(begun, np.float32(0.0), error)
 
@@ -162,7 +158,7 @@ def _keeps_right(case: Case) -> Check:
     frame = case.events.first
     lane = at(case.signals.lane, frame)
     applies = (lane > 0) & (lane < case.trajectories.road.num_lanes) & (driving_end(case) >= frame)
-    return instant(frame, -slow_lane_room(case, np.maximum(frame, 0)), applies)
+    return instant(frame, -slow_lane_room(case, np.where(applies, frame, NEVER)), applies)
 
 
 L21 = Rule(
