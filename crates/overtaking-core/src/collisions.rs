@@ -88,7 +88,7 @@ fn end_with_ego<S: Simd, const N: usize>(
     step: u32,
 ) {
     let c = w.c;
-    state.stage = choose(crashed, splat(w.simd, stage::CRASHED), state.stage);
+    state.stage[EGO] = choose(crashed, splat(w.simd, stage::CRASHED), state.stage[EGO]);
     let after = splat(
         w.simd,
         step as f32 + (c.after_collision / c.step).round_ties_even(),
