@@ -81,6 +81,7 @@ test-all: test test-ci  ## All of that, then random properties, hostile sizes, s
 	$(BIN)/python benchmarks/kill_resume.py
 	$(BIN)/python benchmarks/carla_fuzz.py
 	$(BIN)/python benchmarks/carla_soak.py
+	$(BIN)/python benchmarks/extensions.py
 	$(BIN)/python benchmarks/mutations.py
 	$(BIN)/python benchmarks/flips.py
 

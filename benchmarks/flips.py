@@ -33,8 +33,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 STEP_FILES = (
     "collisions", "control", "dynamics", "ego", "elementary", "engine", "environment", "following",
-    "lanes", "mobil", "neighbours", "perception", "recording", "state", "steering",
-    "trace", "words",
+    "lanes", "mobil", "neighbours", "oncoming", "passing", "perception", "recording", "state",
+    "steering", "trace", "words",
 )  # fmt: skip
 """What the step consists of, and what writes it down."""
 
@@ -63,6 +63,8 @@ EQUIVALENT = {
     "let a = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
     "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
+    "let never = zero«.simd_lt(zero);": "no number is less or greater than itself",
+    "let mut in_lane = slot«.simd_gt(nearest);": "only read of an oncomer that was found",
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
     "a«.simd_gt(b).select(a, b)": "only for other CPUs than x86",
@@ -162,9 +164,14 @@ def _instrumented(text: str, flip: Flip) -> str:
     raise AssertionError(flip)
 
 
-def cargo(folder: Path) -> subprocess.CompletedProcess[str]:
-    """Build the binding of a copy of the workspace, quickly rather than well."""
-    settings = {"CARGO_TARGET_DIR": str(folder / "target"), "PYO3_PYTHON": sys.executable}
+def cargo(folder: Path, target: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Build the binding of a copy of the workspace, quickly rather than well.
+
+    Args:
+        folder: The copy.
+        target: What is built goes there; `target` in the copy by default.
+    """
+    settings = {"CARGO_TARGET_DIR": str(target or folder / "target"), "PYO3_PYTHON": sys.executable}
     settings |= {"CARGO_PROFILE_RELEASE_LTO": "off", "CARGO_PROFILE_RELEASE_OPT_LEVEL": "1"}
     settings["OVERTAKING_LEVELS"] = "native"  # One is enough: all record the same bits.
     return subprocess.run(

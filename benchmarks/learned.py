@@ -26,7 +26,7 @@ from examples.rl.learn_to_overtake import HOLD, STEPS, Learned, train
 from numpy.typing import NDArray
 
 import overtaking as ot
-from overtaking.analysis.stats.moments import wilson
+from overtaking.core.intervals import wilson
 from overtaking.model.events import NEVER
 
 PROFILES = ("motorway-risk", "pinto2023-physical")

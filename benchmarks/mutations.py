@@ -83,7 +83,7 @@ MUTATIONS = (
     ),
     Mutation(
         file="neighbours.rs",
-        marked="let inside = other.valid & (overlaps | (other.shows & shift«.simd_eq(SHIFTS[k])));",
+        marked="let shows = other.shows & state.lane[j]«.simd_eq(lane);",
         meaning="comparison: who moves over is seen in every lane but the one that he makes for",
     ),
     Mutation(
@@ -93,7 +93,7 @@ MUTATIONS = (
     ),
     Mutation(
         file="words.rs",
-        marked="rounded(y0 + state.s[i] * sine «+ d * cosine, THOUSAND, INT32_LIMIT),",
+        marked="rounded(y0 + s * sine «+ d * cosine, THOUSAND, INT32_LIMIT),",
         meaning="sign: of the lateral offset in the recorded y",
     ),
     Mutation(

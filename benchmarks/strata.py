@@ -4,12 +4,13 @@ A label that is impossible in a stratum says more about the stratum than about t
 is the share of legal overtakes among those completed, for day and night, three ranges of sight and
 three of rain, with Wilson's interval; a stratum fails with a share below 1 % or above 99 %, or with
 too few completed. Each stratum is drawn on its own, with weather from its ranges and everything
-else as the profile has it: most of them are too rare to wait for.
+else as the profile has it: most of them are too rare to wait for. With --classes the share of each
+class among all simulations is printed as a table, and a stratum fails that lacks one of the five.
 
     python benchmarks/strata.py --profile motorway-risk --each 1024
+    python benchmarks/strata.py --profile rural rural-risk --each 512 --classes
 """
 
-import math
 import sys
 from typing import Any
 
@@ -17,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from measure import parser
+from overtaking.core.intervals import wilson
 from overtaking.labels.label import label
+from overtaking.model.batch import concatenate
 from overtaking.model.events import Outcome
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.labels import Labels, OvertakeClass
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
@@ -28,7 +31,8 @@ from overtaking.world.visibility import meteorological_range
 
 PIECE = 64
 ENOUGH = 30
-Z_95 = 1.96
+STUDIED = tuple(OvertakeClass)[: OvertakeClass.UNSUCCESS_NCOL + 1]
+"""The study's five classes."""
 LIGHTS = {"day": (0.0, 60.0), "night": (-60.0, 0.0)}  # Height of the sun [deg].
 SIGHTS = {
     "sight > 1000 m": (1000.0, 10000.0),
@@ -58,26 +62,24 @@ def weather(light: str, sight: str, rain: str) -> dict[str, Any]:
     return overrides | ({} if far > 1000.0 else {"weather.fog_probability": 1.0})
 
 
-def verdicts(
-    profile: str, overrides: dict[str, Any], simulations: int, policy: str
-) -> NDArray[np.bool_]:
-    """Whether each completed overtake is legal."""
+def labels_of(profile: str, overrides: dict[str, Any], simulations: int) -> Labels:
+    """The labels of some simulations."""
     given = spec(profile, overrides)
     road = load_road(given.road)
-    parts: list[NDArray[np.bool_]] = []
-    for first in range(0, simulations, PIECE):
-        index = np.arange(first, min(first + PIECE, simulations), dtype=np.uint64)
-        said = label(engine.simulate(sample(given, road, 3, index))).labels
-        legal = said.classes[:, said.policies.index(policy)] == OvertakeClass.SUCCESS_L
-        parts.append(legal[said.outcome == Outcome.COMPLETED])
-    return np.concatenate(parts)
+    return concatenate(
+        [
+            label(engine.simulate(sample(given, road, 3, piece))).labels
+            for piece in np.split(
+                np.arange(simulations, dtype=np.uint64), range(PIECE, simulations, PIECE)
+            )
+        ]
+    )
 
 
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Wilson's interval of a share."""
-    centre = (hits + Z_95**2 / 2) / (count + Z_95**2)
-    half = Z_95 / (count + Z_95**2) * math.sqrt(hits * (count - hits) / count + Z_95**2 / 4)
-    return centre - half, centre + half
+def verdicts(said: Labels, policy: str) -> NDArray[np.bool_]:
+    """Whether each completed overtake is legal."""
+    legal = said.classes[:, said.policies.index(policy)] == OvertakeClass.SUCCESS_L
+    return legal[said.outcome == Outcome.COMPLETED]
 
 
 def row(legal: NDArray[np.bool_]) -> tuple[str, bool]:
@@ -85,7 +87,7 @@ def row(legal: NDArray[np.bool_]) -> tuple[str, bool]:
     count, hits = len(legal), int(legal.sum())
     if count < ENOUGH:
         return f"{count:6d} completed: too few", True
-    low, high = wilson(hits, count)
+    low, high = wilson(hits / count, count)
     share = hits / count
     fails = not 0.01 <= share <= 0.99
     interval = f"[{100 * low:.1f}, {100 * high:.1f}]"
@@ -93,21 +95,44 @@ def row(legal: NDArray[np.bool_]) -> tuple[str, bool]:
     return f"{text}  OUTSIDE 1-99 %" if fails else text, fails
 
 
+def classes_row(said: Labels, policy: str) -> tuple[str, bool]:
+    """Number and share of each of the study's classes, and whether one is missing."""
+    found = said.classes[:, said.policies.index(policy)]
+    counts = [int((found == kind).sum()) for kind in STUDIED]
+    cells = [f"{count:,} ({shares(count, len(found))})" for count in counts]
+    return " | ".join(cells), not all(counts)
+
+
+def shares(hits: int, count: int) -> str:
+    """The interval of a share in percent; what it is below where there is none."""
+    low, high = (100.0 * end for end in wilson(hits / count, count))
+    return f"{low:.1f} to {high:.1f} %" if hits else f"below {high:.1f} %"
+
+
 def main() -> int:
     """Measure and print."""
     arguments = parser(__doc__)
-    arguments.add_argument("--profile", default="motorway-risk")
+    arguments.add_argument("--profile", nargs="+", default=["motorway-risk"])
     arguments.add_argument("--each", type=int, default=1024)
     arguments.add_argument("--policy", default="default")
+    arguments.add_argument("--classes", action="store_true")
     given = arguments.parse_args()
     failed = 0
+    if given.classes:
+        print("| light | sight | rain | " + " | ".join(kind.title for kind in STUDIED) + " |")
+        print("|---|---|---" + "|--:" * len(STUDIED) + "|")
     for light in LIGHTS:
         for sight in SIGHTS:
             for rain in RAINS:
                 drawn = weather(light, sight, rain)
-                text, fails = row(verdicts(given.profile, drawn, given.each, given.policy))
+                said = concatenate([labels_of(one, drawn, given.each) for one in given.profile])
+                if given.classes:
+                    text, fails = classes_row(said, given.policy)
+                    print(f"| {light} | {sight} | {rain} | {text} |", flush=True)
+                else:
+                    text, fails = row(verdicts(said, given.policy))
+                    print(f"{light:6s}{sight:16s}{rain:12s}{text}", flush=True)
                 failed += fails
-                print(f"{light:6s}{sight:16s}{rain:12s}{text}", flush=True)
     print(f"{failed} strata fail", file=sys.stderr)
     return 1 if failed else 0
 

@@ -1,7 +1,8 @@
 """Draws the first ten simulations of each profile: place, offset and speed over time.
 
 `python docs/generate.py` writes `ten-<profile>.svg` beside this file. They are the first ones of a
-seed, as they come, so that a driver can judge what the profile makes.
+seed, as they come, so that a driver can judge what the profile makes. On two-way roads, where few
+egos overtake, they are the first ones in which the ego pulls out.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from figures.svg import box, curve, document, element, label, line
 
 import overtaking as ot
 from overtaking.core.elementary import F64
+from overtaking.labels.instants import borders_of
 from overtaking.model.events import NEVER
 from overtaking.model.labels import OvertakeClass
+from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 
 if TYPE_CHECKING:
@@ -24,8 +27,9 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", float, F64)
 
-PROFILES = ("pinto2023", "pinto2023-physical", "motorway", "motorway-risk")
+PROFILES = ("pinto2023", "pinto2023-physical", "motorway", "motorway-risk", "rural")
 NUMBER, SEED = 10, 1
+ENOUGH, PIECE = 256, 64  # Scenes in which attempts are looked for, so many at a time.
 THEME = THEMES[0]  # On white paper: one picture serves light and dark pages.
 
 WIDTH, TOP, ROW, TALL = 960.0, 64.0, 96.0, 76.0
@@ -96,7 +100,7 @@ class Row:
         )
         ahead = (s - s[Role.EGO]) / 1000.0
         near = np.abs(ahead) <= REACH
-        self.borders = np.sort(runs.road.boundaries)
+        self.borders = np.sort(borders_of(runs.road))
         d = np.clip(d / 1e3, self.borders[0] - VERGE, self.borders[-1] + VERGE)
         self.curves = [np.where(near, one, np.nan) for one in (ahead, d, speed * 3.6e-3)]
         self.others = np.flatnonzero(runs.scenario.vehicles.valid[row])[1:]
@@ -112,7 +116,7 @@ class Row:
         self.last = last
 
     def draw(self, number: int, top: float, fastest: float) -> list[str]:
-        """Its name and the three panels, from `top` down."""
+        """Its number and name, and the three panels, from `top` down."""
         middle = top + TALL / 2
         parts = [
             label((LEFT - 34, middle - 2), f"{number}", THEME.ink, 15, **END, font_weight=600),
@@ -171,9 +175,9 @@ def mark(name: str, x: float, top: float, bottom: float) -> list[str]:
     return [*parts, element("circle", cx=x, cy=top, r=4, **ring)]
 
 
-def heading(profile: str) -> list[str]:
+def heading(profile: str, chosen: str) -> list[str]:
     """What is shown, who is who, and the names of the three columns."""
-    parts = [label((20, 26), f"{profile}: simulations 0 to 9 of seed {SEED}", THEME.ink, 16)]
+    parts = [label((20, 26), f"{profile}: {chosen} of seed {SEED}", THEME.ink, 16)]
     x = LEFT + PANEL + BETWEEN
     signs = (("ego", THEME.ego), ("to overtake", THEME.overtaken), ("others", THEME.faint))
     for name, stroke in signs:
@@ -198,17 +202,31 @@ def clock(top: float, last: float) -> list[str]:
     ]
 
 
+def first(profile: str) -> tuple[ot.Scenario, str]:
+    """The first scenes of a profile, on two-way roads those with an attempt; and what they are."""
+    scenes = ot.sample(profile, NUMBER, seed=SEED)
+    if not scenes.road.is_two_way:
+        return scenes, f"simulations 0 to {NUMBER - 1}"
+    scenes = ot.sample(profile, ENOUGH, seed=SEED)
+    tried = [
+        (ot.simulate(scenes.select(slice(at, at + PIECE))).stage == Stage.PULL_OUT).any(axis=1)
+        for at in range(0, ENOUGH, PIECE)
+    ]
+    return scenes.select(np.flatnonzero(np.concatenate(tried))[:NUMBER]), "the first attempts"
+
+
 def picture(profile: str) -> str:
     """The first simulations of a profile."""
-    runs = ot.simulate(ot.sample(profile, NUMBER, seed=SEED))
+    scenes, chosen = first(profile)
+    runs = ot.simulate(scenes)
     found = ot.label(runs)
     seconds = float(runs.time_ms[int(runs.num_frames.max()) - 1]) / 1000.0
     last = 10.0 * float(np.ceil(seconds / 10.0))
     fastest = 20.0 * float(np.ceil(float(runs.states.speed.max()) * 3.6e-3 / 20.0))
     size = WIDTH, TOP + NUMBER * ROW + 8.0
-    parts = [box((0, 0), size, THEME.paper), *heading(profile)]
-    for row in range(NUMBER):
-        parts += Row(runs, found, row, last).draw(row, TOP + row * ROW, fastest)
+    parts = [box((0, 0), size, THEME.paper), *heading(profile, chosen)]
+    for row, number in enumerate(runs.scenario.index.tolist()):
+        parts += Row(runs, found, row, last).draw(number, TOP + row * ROW, fastest)
     parts += clock(TOP + NUMBER * ROW - 4.0, last)
     return document(size, f"Ten simulations of {profile}: place, offset and speed over time", parts)
 

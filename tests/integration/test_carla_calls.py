@@ -17,19 +17,12 @@ from tests.support.carla import (
 from overtaking.simulators.carla_server.maps import known_map
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 pytestmark = [
     needs_wheel,
     stopped_by_signals,
 ]
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Address]:
-    with headless_server() as address:
-        yield address
 
 
 # --- actors that are gone ---

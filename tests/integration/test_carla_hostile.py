@@ -8,7 +8,6 @@ import socket
 import struct
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from tests.support.carla import (
@@ -23,19 +22,10 @@ from tests.support.carla import (
 
 from overtaking.simulators.carla_server.wire import encode
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 pytestmark = [
     needs_wheel,
     stopped_by_signals,
 ]
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Address]:
-    with headless_server() as address:
-        yield address
 
 
 HOSTILE = {

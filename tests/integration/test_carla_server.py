@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from typing import TYPE_CHECKING
 
 import pytest
 from tests.support.carla import (
@@ -20,19 +19,10 @@ from tests.support.carla import (
     stopped_by_signals,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 pytestmark = [
     needs_wheel,
     stopped_by_signals,
 ]
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Address]:
-    with headless_server() as address:
-        yield address
 
 
 def test_it_is_ready_within_five_seconds():

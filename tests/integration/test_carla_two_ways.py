@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.reference.test_bends import on
 from tests.reference.test_two_way import pair, road
+from tests.support.bends import on
 from tests.support.carla import needs_wheel
 from tests.support.worlds import scenario
 

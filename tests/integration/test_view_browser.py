@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tests.support.browser import PATIENCE_MS, chromium, expect, opened, settle
+from tests.support.browser import PATIENCE_MS, expect, opened, settle
 
 import overtaking as ot
 from overtaking.cli import main
@@ -20,7 +20,6 @@ from overtaking.show.report.page import page as page_of_report
 from overtaking.show.wording import breach_words, sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from playwright.sync_api import Browser, Locator, Page
@@ -29,12 +28,6 @@ pytestmark = pytest.mark.ci
 
 PHONE = {"width": 360, "height": 740}
 FRAME = "Number(document.getElementById('frame').value)"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.integration.test_view_browser import shows
-from tests.support.browser import chromium, expect, settle
+from tests.support.browser import expect, settle
 from tests.support.serving import serving
 from tests.support.viewing import ROWS, Held, at, enter
 
@@ -21,12 +21,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ci
 
 ALL = "120 of 120 simulations"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

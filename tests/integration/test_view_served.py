@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.integration.test_view_browser import FRAME, PHONE, says, shows
-from tests.support.browser import PATIENCE_MS, chromium, expect, settle
+from tests.support.browser import PATIENCE_MS, expect, settle
 from tests.support.serving import Client, serving
 from tests.support.viewing import ROWS, at, enter
 
@@ -30,12 +30,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ci
 
 EVERYTHING = "#sim=3&t=3&against=strict&if=STAY@1,STAY@1~PULL_OUT@3&vs=8&fan=truth"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

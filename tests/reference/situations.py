@@ -13,10 +13,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from tests.support.bends import BENDS, HILLS, on
 
 from overtaking.model.batch import Batch
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
+from overtaking.scenarios.sampling import long_enough
 from overtaking.sim import engine
 from overtaking.sim.branch import Decision
 from overtaking.world.parameters import SIMULATION_FIELDS, parameters
@@ -62,6 +64,7 @@ class Situation:
         profile: Name of the profile, or path of its file.
         road: Name of the road.
         mirrored: Whether traffic keeps left.
+        winds: Whether the road bends and rises.
         heading: Direction of the road, None for its own [rad].
         seed: Seed of its random numbers.
         first: Number of its first simulation.
@@ -76,6 +79,7 @@ class Situation:
     profile: str = "pinto2023-physical"
     road: str = "town06"
     mirrored: bool = False
+    winds: bool = False
     heading: float | None = None
     seed: int = 1
     first: int = 0
@@ -88,12 +92,15 @@ class Situation:
     def scenario(self, count: int) -> Scenario:
         """The first `count` scenarios."""
         road = load_road(self.road)
+        plan = spec(self.profile, self.overrides)
+        if self.winds:
+            road = on(long_enough(plan, road), *BENDS, grade=HILLS)
         road = road.mirrored() if self.mirrored else road
         if self.heading is not None:
             road = dataclasses.replace(road, heading=self.heading)
         rest = np.uint64(self.first) + np.arange(count, dtype=np.uint64)
         index = np.concatenate([np.array(self.numbers, np.uint64), rest])[:count]
-        drawn = sample(spec(self.profile, self.overrides), road, self.seed, index)
+        drawn = sample(plan, road, self.seed, index)
         return self.placed(drawn) if self.placed else drawn
 
     def run(self, scenario: Scenario, run: Run) -> Trajectories:
@@ -135,6 +142,16 @@ def in_a_gap(scenario: Scenario) -> Scenario:
     vehicles = scenario.vehicles.replace(max_speed=limit)
     placed = scenario.replace(start_s=start, start_lane=lane, start_speed=speed)
     return placed.replace(vehicles=vehicles, drivers=drivers)
+
+
+def before_oncomers(scenario: Scenario) -> Scenario:
+    """The nearest vehicle that comes is 60 to 440 m ahead of the ego, the others behind it."""
+    comes = scenario.vehicles.valid & (scenario.start_lane == 1)
+    ahead = np.where(comes, scenario.start_s - scenario.start_s[:, :1], np.float32(np.inf))
+    nearest = np.where(ahead > 0, ahead, np.float32(np.inf)).min(axis=1, keepdims=True)
+    wanted = np.float32(60.0) + np.float32(20.0) * (scenario.index % 20).astype(np.float32)
+    shift = np.where(np.isfinite(nearest), wanted[:, None] - nearest, np.float32(0.0))
+    return scenario.replace(start_s=np.where(comes, scenario.start_s + shift, scenario.start_s))
 
 
 SITUATIONS = (
@@ -238,6 +255,28 @@ FURTHER = (
         overrides={"time.horizon_s": 12.0, "time.attempt_deadline_s": 11.0}
         | {"traffic.held_up": 1.0, "weather.wind_percent": [40.0, 100.0]}
         | {"weather.puddles_percent": [60.0, 100.0]},
+    ),
+    Situation(
+        name="bends and crests",
+        road="motorway",
+        winds=True,
+        seed=11,
+        share=32,
+        overrides={**ROUGH, "time.horizon_s": 7.0, "time.attempt_deadline_s": 6.0}
+        | {"traffic.spawn_s_m": [330.0, 700.0], "traffic.types": {"MC": 1, "T": 1, "M": 2}},
+    ),
+    Situation(
+        name="forced to meet",
+        profile="rural",
+        road="rural",
+        winds=True,
+        seed=13,
+        share=40,
+        switch=60,
+        placed=before_oncomers,
+        overrides={"time.horizon_s": 4.5, "time.attempt_deadline_s": 4.0}
+        | {"traffic.held_up": 1.0, "traffic.start_s_m": [350.0, 1000.0]}
+        | {"traffic.types": {"M": 4, "T": 5, "MC": 1}, "weather.fog_probability": 0.5},
     ),
 )
 """Other populations and kinds of traffic, each compared with the reference once."""

@@ -12,7 +12,7 @@ import pytest
 from overtaking import _core
 from overtaking.core.memory import Buffers
 from overtaking.model.scenario import SLOTS
-from overtaking.model.trajectory import DecisionKind, Stage
+from overtaking.model.trajectory import DecisionKind, Lights, Stage
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
@@ -41,7 +41,10 @@ def simulated(situation: Situation) -> Trajectories:
     "situation",
     [
         *SITUATIONS,
-        *(pytest.param(one, marks=pytest.mark.ci if one.share < 20 else ()) for one in FURTHER),
+        *(
+            pytest.param(one, marks=() if one.profile.startswith("pinto") else pytest.mark.ci)
+            for one in FURTHER
+        ),
     ],
     ids=lambda one: one.name.replace(" ", "-"),
 )
@@ -78,7 +81,7 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
 
 
 def test_further_situations_are_what_they_are_called():
-    told, *met, two_way = FURTHER
+    told, *met, two_way, winding, meeting = FURTHER
     pushes = parameters(told.scenario(told.share)).of_simulations.push_accel
     assert (pushes != 0).all()
     for situation in met:
@@ -88,6 +91,12 @@ def test_further_situations_are_what_they_are_called():
     run = simulated(two_way)
     assert (parameters(run.scenario).of_vehicles.direction < 0).any()
     assert (run.stage == Stage.PULL_OUT).any()
+    assert simulated(winding).road.bends
+    run = simulated(meeting)
+    assert run.road.bends
+    assert run.road.is_two_way
+    assert (run.stage == Stage.ABORT).any()
+    assert (run.states.lights & int(Lights.HIGH_BEAM)).any()  # Somebody flashes at the ego.
 
 
 @pytest.mark.parametrize("slots", SLOTS)

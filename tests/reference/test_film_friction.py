@@ -101,6 +101,34 @@ def test_grip_in_rain_is_the_one_worked_out_by_hand(
     np.testing.assert_allclose(grip, expected, atol=0.016)
 
 
+def braking_distance(speed: float, film_mm: float, wear: float) -> float:
+    """Way to a stop with anti-lock brakes, which use 0.95 of the friction [m]."""
+    steps = np.linspace(0.0, speed, 2001, dtype=np.float32)
+    v, dv = 0.5 * (steps[1:] + steps[:-1]), float(steps[1])
+    others = [np.full_like(v, one) for one in (film_mm, wear, 0.0)]
+    grip = friction.peak_friction(constants(), v, *others).astype(np.float64)
+    return float((v * dv / (0.95 * 9.81 * grip)).sum())
+
+
+MEASURED = {0.0: 26.0, 1.0: 40.0}
+"""Braking from 50 mph in 0.5 to 1.5 mm of water by wear, of four cars [m].
+
+MIRA (2003), tyre tread depth on wet roads, for the British Rubber Manufacturers' Association, as
+reported by others.
+"""
+
+
+@pytest.mark.parametrize(
+    ("film_mm", "new", "worn"), [(0.2, 42.0, 66.0), (0.5, 46.0, 73.0), (1.5, 65.0, 111.0)]
+)
+def test_wet_roads_are_more_slippery_than_measured_by_what_the_page_says(film_mm, new, worn):
+    found = [braking_distance(50.0 * 0.44704, film_mm, wear) for wear in MEASURED]
+    assert found == pytest.approx([new, worn], abs=0.5)
+    assert 1.5 < found[1] / found[0] < 1.8  # Measured: 1.5.
+    for one, measured in zip(found, MEASURED.values(), strict=True):
+        assert 1.6 < one / measured < 2.8
+
+
 @given(rain=st.floats(1.0, 100.0), path=st.floats(0.5, 30.0))
 def test_the_film_is_gallaways_in_float64(rain: float, path: float):
     rate = 50.0 * (rain / 100.0) ** 2.5

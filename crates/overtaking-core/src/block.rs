@@ -132,6 +132,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             p,
             q,
             count: 1,
+            is_ring: has_ring(&q),
             key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
             index_low: index.map(|number| number as u32),
             index_high: index.map(|number| (number >> 32) as u32),
@@ -201,6 +202,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         );
         let before = std::mem::replace(&mut self.world.p, p);
         self.world.q = q;
+        self.world.is_ring = has_ring(&q);
         for (lane, simulation) in self.simulations.into_iter().enumerate() {
             let number = later.index[simulation];
             self.world.index_low[lane] = number as u32;
@@ -260,7 +262,8 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     pub(crate) fn dismiss(&mut self, step: u32) -> bool {
         for lane in 0..LANES {
             if self.state.end_step[lane] < step as f32 {
-                self.recorder.finish(lane, &self.state, &self.world);
+                let (simd, state, world) = (self.world.simd, &self.state, &self.world);
+                outlined!(simd, self.recorder.finish(lane, state, world));
             }
         }
         self.world.count = slots_in_use(&self.world, &self.recorder);
@@ -366,6 +369,11 @@ pub(crate) fn load<S: Simd, const N: usize>(
         }
     });
     (p, Simulation::load(simd, |field| row(simulation, field)))
+}
+
+/// Whether the road of any simulation is a ring.
+fn has_ring<S: Simd>(q: &Simulation<S>) -> bool {
+    (0..LANES).any(|lane| q.ring[lane] != 0.0)
 }
 
 fn runs<S: Simd, const N: usize>(state: &State<'_, S, N>, simd: S, step: u32) -> bool {

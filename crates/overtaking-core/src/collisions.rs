@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::sincos;
-use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, splat};
+use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, put, splat};
 use crate::state::{EGO, Each, State, Stride, World, stage, turned_round};
 
 /// Keeps the instant of contact finite without relative motion [m].
@@ -72,7 +72,7 @@ pub fn leave_road<S: Simd, const N: usize>(
         let lost = (beyond | state.psi[i].abs().simd_gt(c.spin_angle))
             & w.p[i].valid.simd_gt(0.0)
             & state.crashed[i].simd_eq(0.0);
-        state.crashed[i] = choose(lost, splat(w.simd, 1.0), state.crashed[i]);
+        put(&mut state.crashed[i], lost, splat(w.simd, 1.0));
         if i == EGO {
             end_with_ego(state, w, lost, step);
         }
@@ -88,12 +88,13 @@ fn end_with_ego<S: Simd, const N: usize>(
     step: u32,
 ) {
     let c = w.c;
-    state.stage[EGO] = choose(crashed, splat(w.simd, stage::CRASHED), state.stage[EGO]);
+    put(&mut state.stage[EGO], crashed, splat(w.simd, stage::CRASHED));
     let after = splat(
         w.simd,
         step as f32 + (c.after_collision / c.step).round_ties_even(),
     );
-    state.end_step = choose(crashed, min(state.end_step, after), state.end_step);
+    let sooner = min(state.end_step, after);
+    put(&mut state.end_step, crashed, sooner);
 }
 
 /// Exchange momentum in every near pair that touched during the last step.

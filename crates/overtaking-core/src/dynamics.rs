@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::sincos;
-use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, max, min, splat};
+use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, max, min, put, splat};
 use crate::names::{Constants, Vehicle};
 use crate::state::{State, Stride, World};
 
@@ -321,8 +321,8 @@ fn lean<S: Simd, const N: usize>(
     motion.vy = choose(rides, splat(w.simd, 0.0), motion.vy);
     motion.r = choose(rides, r, motion.r);
     motion.mean_r = choose(rides, r, motion.mean_r);
-    state.a_lon[i] = choose(rides, a_lon, state.a_lon[i]);
-    state.a_lat[i] = choose(rides, lean, state.a_lat[i]);
+    put(&mut state.a_lon[i], rides, a_lon);
+    put(&mut state.a_lat[i], rides, lean);
 }
 
 /// New place of vehicle `i` with the mean of the old and the new velocity.

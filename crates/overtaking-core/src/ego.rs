@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::exp;
 use crate::following::{forced_braking, needed_braking};
-use crate::lanes::{M, V, at_least, at_most, choose, min, pick, splat};
+use crate::lanes::{M, V, at_least, at_most, choose, min, pick, put, splat};
 use crate::mobil::{change_of, soon, time_left, turn_to_lane};
 use crate::names::Vehicle;
 use crate::neighbours::Neighbours;
@@ -255,7 +255,11 @@ pub fn decide<S: Simd, const N: usize>(
     wait(state, w, &view);
     let two_way = w.road.ways.two_way;
     // Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
-    let meets = two_way.then(|| meet(state, w, &view, &mind));
+    let meets = if two_way {
+        Some(meet(state, w, &view, &mind))
+    } else {
+        None
+    };
     let intent = match orders {
         None => intend(state, w, &view, mind.looks, mind.waits, meets.as_ref()),
         Some(orders) => orders::obey(state, w, orders),
@@ -308,7 +312,7 @@ pub fn decide<S: Simd, const N: usize>(
     );
     let next = next_stage(state, w, near, EGO, &intent);
     act(state, w, near, &view, &intent, step / SUBSTEPS);
-    state.attempted = choose(intent.go_out, splat(w.simd, 1.0), state.attempted);
+    put(&mut state.attempted, intent.go_out, splat(w.simd, 1.0));
     if let Some(orders) = orders {
         orders::show(state, orders);
     }
@@ -338,7 +342,7 @@ pub fn decide_other<S: Simd, const N: usize>(
     let next = next_stage(state, w, mind.near, i, &intent);
     act(state, w, mind.near, &view, &intent, step / SUBSTEPS);
     let done = next.simd_eq(stage::DONE);
-    state.waited[i] = choose(done, splat(w.simd, 0.0), state.waited[i]);
+    put(&mut state.waited[i], done, splat(w.simd, 0.0));
     enter(
         state,
         w,
@@ -356,7 +360,7 @@ fn enter<S: Simd, const N: usize>(
     next: V<S>,
 ) {
     let changed = next.simd_ne(state.stage[i]);
-    state.stage_time[i] = choose(changed, splat(w.simd, 0.0), state.stage_time[i]);
+    put(&mut state.stage_time[i], changed, splat(w.simd, 0.0));
     state.stage[i] = next;
 }
 
@@ -395,7 +399,8 @@ fn wait<S: Simd, const N: usize>(
         & view.detected[LEAD]
         & queues
         & view.own.desired_speed.simd_gt(view.leader_speed);
-    state.waited[i] = choose(waits, state.waited[i] + w.c.decision, state.waited[i]);
+    let longer = state.waited[i] + w.c.decision;
+    put(&mut state.waited[i], waits, longer);
 }
 
 #[inline(always)]
@@ -601,21 +606,23 @@ fn act<S: Simd, const N: usize>(
 ) {
     let (i, zero) = (view.i, splat(w.simd, 0.0));
     let (faster, slower) = (intent.go_out | intent.remain, intent.go_back | intent.abort);
-    state.target[i] = choose(intent.go_out, near.slot[LEAD], state.target[i]);
+    put(&mut state.target[i], intent.go_out, near.slot[LEAD]);
     let broken_off = intent.abort | intent.remain;
     let sides = (faster, slower, broken_off);
     let left = time_left(view.gap[LEAD], view.closing[LEAD]);
-    let hasty = w.road.ways.two_way.then(|| {
+    let hasty = if w.road.ways.two_way {
         let hurried = state.hurries[i].simd_gt(0.0) | state.yields[i].simd_gt(0.0);
-        choose(hurried, w.q.hasty_change, zero)
-    });
+        Some(choose(hurried, w.q.hasty_change, zero))
+    } else {
+        None
+    };
     turn_to_lane(state, w, i, sides, left, hasty, decision);
     let moved = faster | slower;
     let kept = choose(state.signalled[i].simd_gt(0.0), state.indicator[i], zero);
     let used = view.own.uses_indicator;
     let shown = choose(intent.start, used, choose(intent.back, -used, kept));
-    state.indicator[i] = choose(intent.arrived & !moved, shown, state.indicator[i]);
-    state.signalled[i] = choose(moved, zero, state.signalled[i]);
+    put(&mut state.indicator[i], intent.arrived & !moved, shown);
+    put(&mut state.signalled[i], moved, zero);
 }
 
 /// End the simulation some time after the overtake, or at the deadline if the ego follows then.
@@ -631,7 +638,9 @@ fn end<S: Simd, const N: usize>(
     let now = splat(w.simd, step as f32);
     let over = next.simd_eq(stage::DONE) & state.stage[EGO].simd_ne(stage::DONE);
     let after = now + (c.after_overtake / c.step).round_ties_even();
-    state.end_step = choose(over, min(state.end_step, after), state.end_step);
+    let sooner = min(state.end_step, after);
+    put(&mut state.end_step, over, sooner);
     let idle = in_stage(state, EGO, stage::FOLLOW) & !intent.start & now.simd_ge(w.q.deadline_step);
-    state.end_step = choose(idle, min(state.end_step, now), state.end_step);
+    let sooner = min(state.end_step, now);
+    put(&mut state.end_step, idle, sooner);
 }

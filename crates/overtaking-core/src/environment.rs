@@ -74,7 +74,11 @@ fn facing<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, value: V<S>) -
 pub fn lane_value<S: Simd>(values: &[f32], lane: V<S>) -> V<S> {
     let mut chosen = splat(lane.simd, values[0]);
     for (k, value) in values.iter().enumerate().skip(1) {
-        chosen = choose(lane.simd_ge(k as f32), splat(lane.simd, *value), chosen);
+        chosen = choose(
+            lane.simd_ge(k as i32 as f32),
+            splat(lane.simd, *value),
+            chosen,
+        );
     }
     chosen
 }
@@ -198,7 +202,7 @@ pub fn grip<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, 
         for k in 1..n {
             lane = choose(
                 state.d[i].simd_ge(road.boundaries[k]),
-                splat(w.simd, k as f32),
+                splat(w.simd, k as i32 as f32),
                 lane,
             );
         }

@@ -1,5 +1,7 @@
 //! Sixteen simulations side by side, and the few operations on them that need a name.
 
+use core::sync::atomic::{Ordering, compiler_fence};
+
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x16, mask32x16};
 
@@ -21,6 +23,17 @@ pub fn splat<S: Simd>(simd: S, value: f32) -> V<S> {
 #[inline(always)]
 pub fn choose<S: Simd>(mask: M<S>, a: V<S>, b: V<S>) -> V<S> {
     mask.select(a, b)
+}
+
+/// Write `value` to a place where `mask` holds.
+///
+/// The fence, which is no instruction, lies between the load and the store: else LLVM 22 makes one masked store of both,
+/// which AMD's CPUs up to Zen 3 take a dozen cycles for (llvm-project, issue 213195).
+#[inline(always)]
+pub fn put<S: Simd>(place: &mut V<S>, mask: M<S>, value: V<S>) {
+    let before = *place;
+    compiler_fence(Ordering::SeqCst);
+    *place = choose(mask, value, before);
 }
 
 /// Whether the CPU's own minimum and maximum return the second value where both are equal, as zeros
@@ -151,7 +164,7 @@ macro_rules! pick {
             $value
         };
         for $j in 1..$count {
-            picked = $crate::lanes::choose(slot.simd_eq($j as f32), $value, picked);
+            picked = $crate::lanes::choose(slot.simd_eq($j as i32 as f32), $value, picked);
         }
         picked
     }};
@@ -167,7 +180,7 @@ macro_rules! pick_each {
             $values
         };
         for $j in 1..$count {
-            let here = slot.simd_eq($j as f32);
+            let here = slot.simd_eq($j as i32 as f32);
             for (picked, value) in picked.iter_mut().zip($values) {
                 *picked = $crate::lanes::choose(here, value, *picked);
             }

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::following::{follow, forced_braking, needed_braking};
-use crate::lanes::{M, V, at_least, choose, min, splat};
+use crate::lanes::{M, V, at_least, choose, min, put, splat};
 use crate::neighbours::{Body, along, lane_borders};
 use crate::perception::{Beliefs, draw_check};
 use crate::state::{FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World};
@@ -152,7 +152,7 @@ pub fn change_lanes<S: Simd, const N: usize>(
         & !fast;
     let wanted = side(w, fast, slow);
     let shows = looks & state.path_time[i].simd_ge(state.path_duration[i]);
-    state.indicator[i] = choose(shows, wanted * p.uses_indicator, state.indicator[i]);
+    put(&mut state.indicator[i], shows, wanted * p.uses_indicator);
     let decided = decide(state, w, i, wanted, looks);
     let (mut fast, mut slow) = (fast & decided, slow & decided);
     if (fast | slow).any_true() {
@@ -247,8 +247,8 @@ fn decide<S: Simd, const N: usize>(
     looks: M<S>,
 ) -> M<S> {
     let same = wanted.simd_eq(state.wanted[i]) & wanted.simd_ne(0.0);
-    state.wanted_time[i] = choose(looks & !same, splat(w.simd, 0.0), state.wanted_time[i]);
-    state.wanted[i] = choose(looks, wanted, state.wanted[i]);
+    put(&mut state.wanted_time[i], looks & !same, splat(w.simd, 0.0));
+    put(&mut state.wanted[i], looks, wanted);
     looks & same & state.wanted_time[i].simd_ge(w.p[i].signal_time)
 }
 

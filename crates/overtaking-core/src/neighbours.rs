@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::environment::lane_value;
-use crate::lanes::{M, V, at_most, choose, splat};
+use crate::lanes::{M, V, at_most, choose, pick_each, splat};
 use crate::state::{NOBODY, ROLES, State, World};
 
 const FAR: f32 = 1e9;
@@ -113,6 +113,9 @@ pub fn lane_borders<S: Simd, const N: usize>(
 /// A distance along the road; on a ring that to the nearest image [m].
 #[inline(always)]
 pub fn along<S: Simd, const N: usize>(w: &World<'_, S, N>, distance: V<S>) -> V<S> {
+    if !w.is_ring {
+        return distance;
+    }
     distance - w.q.ring * (distance * w.q.inverse_ring).round_ties_even()
 }
 
@@ -126,55 +129,65 @@ pub fn find_neighbours<S: Simd, const N: usize, const WATCHED: usize, const TWO_
     i: usize,
     near: &mut Neighbours<S>,
 ) {
-    let c = w.c;
     let lane = state.lane[i];
     let (low, high) = lane_borders(w, lane, 0.0);
     let (slower, _) = lane_borders(w, lane, -1.0);
     let (_, faster) = lane_borders(w, lane, 1.0);
     let bands = [(low, high), (high, faster), (slower, low)];
-    let mut slot = [splat(w.simd, NOBODY); ROLES];
-    let mut nearest = [splat(w.simd, FAR); ROLES];
-    let mut aside = [splat(w.simd, 0.0); ROLES];
-    let mut half_length = [w.p[0].half_length; ROLES];
+    near.slot = [splat(w.simd, NOBODY); ROLES];
+    for k in 0..WATCHED {
+        let ends = nearest_in::<S, N, WATCHED, TWO_WAY>(state, w, bodies, i, bands[k], SHIFTS[k]);
+        for (end, (slot, distance)) in ends.into_iter().enumerate().take(WATCHED.min(2)) {
+            let role = 2 * k + end;
+            let [half_length, place] =
+                pick_each!(w.count, slot, |j| [w.p[j].half_length, state.d[j]]);
+            let zero = splat(w.simd, 0.0);
+            near.slot[role] = slot;
+            near.gap[role] = distance - (half_length + w.p[i].half_length);
+            near.distance[role] = distance;
+            near.aside[role] = choose(slot.simd_ge(0.0), place - state.d[i], zero);
+            near.half_length[role] = half_length;
+        }
+    }
+    (near.lane_low, near.lane_high) = (low, high);
+}
+
+/// Slot and distance of the nearest vehicle ahead and behind of vehicle `i` in one lane, between these borders and
+/// `shift` lanes from its own; only ahead if `WATCHED` is 1.
+///
+/// The search takes one lane at a time: AVX2 has enough registers for the state of one lane, but not of three.
+#[inline(always)]
+fn nearest_in<S: Simd, const N: usize, const WATCHED: usize, const TWO_WAY: bool>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    bodies: &[Body<S>; N],
+    i: usize,
+    (low, high): (V<S>, V<S>),
+    shift: f32,
+) -> [(V<S>, V<S>); 2] {
+    let (low, high) = (low + w.c.corridor_margin, high - w.c.corridor_margin);
+    let lane = state.lane[i] + shift;
+    let (nobody, far) = (splat(w.simd, NOBODY), splat(w.simd, FAR));
+    let [mut ahead, mut behind] = [(nobody, far); 2];
     for j in 0..w.count {
         if i == j {
             continue;
         }
-        let ahead = along(w, state.s[j] - state.s[i]);
-        let beside = state.d[j] - state.d[i];
-        let other = &bodies[j];
-        let shift = state.lane[j] - lane;
-        let there = if TWO_WAY {
-            other.valid & w.p[j].direction.simd_eq(w.p[i].direction)
-        } else {
-            other.valid
-        };
-        for k in 0..WATCHED {
-            let (low, high) = bands[k];
-            let overlaps = other.high_side.simd_gt(low + c.corridor_margin)
-                & other.low_side.simd_lt(high - c.corridor_margin);
-            let inside = there & (overlaps | (other.shows & shift.simd_eq(SHIFTS[k])));
-            let front = inside & ahead.simd_ge(0.0) & ahead.simd_lt(nearest[2 * k]);
-            nearest[2 * k] = choose(front, ahead, nearest[2 * k]);
-            slot[2 * k] = choose(front, splat(w.simd, j as f32), slot[2 * k]);
-            aside[2 * k] = choose(front, beside, aside[2 * k]);
-            half_length[2 * k] = choose(front, w.p[j].half_length, half_length[2 * k]);
-            if WATCHED == 1 {
-                continue;
-            }
-            let back = inside & ahead.simd_lt(0.0) & (-ahead).simd_lt(nearest[2 * k + 1]);
-            nearest[2 * k + 1] = choose(back, -ahead, nearest[2 * k + 1]);
-            slot[2 * k + 1] = choose(back, splat(w.simd, j as f32), slot[2 * k + 1]);
-            aside[2 * k + 1] = choose(back, beside, aside[2 * k + 1]);
-            half_length[2 * k + 1] = choose(back, w.p[j].half_length, half_length[2 * k + 1]);
+        let (other, number) = (&bodies[j], splat(w.simd, j as i32 as f32));
+        let way = along(w, state.s[j] - state.s[i]);
+        let overlaps = other.high_side.simd_gt(low) & other.low_side.simd_lt(high);
+        let shows = other.shows & state.lane[j].simd_eq(lane);
+        let mut inside = other.valid & (overlaps | shows);
+        if TWO_WAY {
+            inside &= w.p[j].direction.simd_eq(w.p[i].direction);
+        }
+        let is_ahead = way.simd_ge(0.0);
+        let front = inside & is_ahead & way.simd_lt(ahead.1);
+        ahead = (choose(front, number, ahead.0), choose(front, way, ahead.1));
+        if WATCHED > 1 {
+            let back = inside & !is_ahead & (-way).simd_lt(behind.1);
+            behind = (choose(back, number, behind.0), choose(back, -way, behind.1));
         }
     }
-    near.slot = slot;
-    for role in 0..2 * WATCHED {
-        near.gap[role] = nearest[role] - (half_length[role] + w.p[i].half_length);
-        near.distance[role] = nearest[role];
-        near.aside[role] = aside[role];
-        near.half_length[role] = half_length[role];
-    }
-    (near.lane_low, near.lane_high) = (low, high);
+    [ahead, behind]
 }

@@ -4,7 +4,9 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::elementary::exp;
-use crate::lanes::{M, V, at_least, at_most, choose, clamp_to, max, min, pick, pick_each, splat};
+use crate::lanes::{
+    M, V, at_least, at_most, choose, clamp_to, max, min, pick, pick_each, put, splat,
+};
 use crate::neighbours::{Body, Neighbours, lane_borders};
 use crate::perception::{
     DEEPEST, FARTHEST, LEAST_CONTRAST, LEAST_LOOMING, LEAST_REACH, NEAREST, optical_depth, recall,
@@ -324,14 +326,14 @@ fn nearest<S: Simd, const N: usize>(
         let (low_side, high_side) = (d - other.half_width, d + other.half_width);
         let lane = (road.num_lanes - 1) as f32 - state.lane[j];
         let comes = bodies[j].shows & lane.simd_eq(state.lane[i]);
-        let there = opposed & ahead.simd_ge(0.0) & but.simd_ne(j as f32);
+        let there = opposed & ahead.simd_ge(0.0) & but.simd_ne(j as i32 as f32);
         for ((slot, nearest), (begin, end)) in
             met.iter_mut().zip([(edges[0], edges[1]), (low, high)])
         {
             let overlaps = high_side.simd_gt(begin + c.corridor_margin)
                 & low_side.simd_lt(end - c.corridor_margin);
             let nearer = there & (comes | overlaps) & ahead.simd_lt(*nearest);
-            *slot = choose(nearer, splat(w.simd, j as f32), *slot);
+            *slot = choose(nearer, splat(w.simd, j as i32 as f32), *slot);
             *nearest = choose(nearer, ahead, *nearest);
         }
     }
@@ -487,7 +489,7 @@ fn move_aside<S: Simd, const N: usize>(
             splat(2.0 * c.aside_duration),
         );
         begin_path(state, i, moved, 0.5 * (low + high) - wanted, duration);
-        state.aside[i] = choose(moved, wanted, state.aside[i]);
+        put(&mut state.aside[i], moved, wanted);
     }
-    state.aside[i] = choose(out, splat(0.0), state.aside[i]);
+    put(&mut state.aside[i], out, splat(0.0));
 }

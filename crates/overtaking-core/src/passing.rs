@@ -108,7 +108,7 @@ pub fn room_ahead<S: Simd, const N: usize>(
         let beyond = p.valid.simd_gt(0.0)
             & p.direction.simd_eq(w.p[i].direction)
             & state.s[j].simd_gt(place)
-            & slot.simd_ne(j as f32);
+            & slot.simd_ne(j as i32 as f32);
         room = choose(
             beyond,
             min(room, (state.s[j] - p.half_length) - front),

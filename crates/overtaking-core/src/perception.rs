@@ -6,7 +6,7 @@ use fearless_simd::{Simd, i32x16};
 use crate::elementary::exp;
 use crate::environment::{lane_film, lane_value};
 use crate::lanes::{
-    LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, pick_each, splat,
+    LANES, M, V, at_least, at_most, choose, clamp_to, floor, max, min, pick, pick_each, put, splat,
 };
 use crate::neighbours::{Body, Neighbours, along};
 use crate::philox::{GLANCES, uniform, words};
@@ -243,8 +243,8 @@ fn notice<S: Simd, const N: usize>(
     let first = before.0[role].simd_eq(UNKNOWN);
     let longer = choose(first, splat(w.simd, c.seen_before), longer + more);
     let longer = choose(visible, longer, zero);
-    state.seen_time[i][role] = choose(now, longer, state.seen_time[i][role]);
-    state.seen_id[i][role] = choose(now, slot, state.seen_id[i][role]);
+    put(&mut state.seen_time[i][role], now, longer);
+    put(&mut state.seen_id[i][role], now, slot);
     let needed = w.q.detection_time * (1.0 + c.detection_growth * (effort * effort * effort));
     now & visible & state.seen_time[i][role].simd_ge(needed)
 }
@@ -339,8 +339,8 @@ pub fn perceive<S: Simd, const N: usize>(
         };
         let now = looks | steadily;
         if slot.simd_lt(0.0).all_true() {
-            state.seen_id[i][role] = choose(now, slot, state.seen_id[i][role]);
-            state.seen_time[i][role] = choose(now, zero, state.seen_time[i][role]);
+            put(&mut state.seen_id[i][role], now, slot);
+            put(&mut state.seen_time[i][role], now, zero);
             continue;
         }
         let noticed = w.simd.vectorize(

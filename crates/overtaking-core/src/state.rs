@@ -195,6 +195,8 @@ pub struct World<'a, S: Simd, const N: usize> {
     pub q: Simulation<S>,
     /// Slots in use by any simulation of the block.
     pub count: usize,
+    /// Whether any of its roads is a ring.
+    pub is_ring: bool,
     pub key: [u32; 2],
     pub index_low: [u32; LANES],
     pub index_high: [u32; LANES],
@@ -204,6 +206,7 @@ impl<S: Simd, const N: usize> Seats for World<'_, S, N> {
     fn seat(&mut self, lane: usize, from: &Self, other: usize) {
         self.p.seat(lane, &from.p, other);
         self.q.seat(lane, &from.q, other);
+        self.is_ring |= from.is_ring;
         self.index_low.seat(lane, &from.index_low, other);
         self.index_high.seat(lane, &from.index_high, other);
     }

@@ -288,9 +288,16 @@ pub fn drive_ego<S: Simd, const N: usize>(
     outlined!(w.simd, {
         let two_way = w.road.ways.two_way;
         // The ego flashes under another driver, too.
-        let gives_way = two_way.then(|| give_way(state, w, EGO, mind.met));
+        let gives_way = if two_way {
+            Some(give_way(state, w, EGO, mind.met))
+        } else {
+            None
+        };
         let passed = mind.met.passed;
-        let wanted = orders.and_then(Orders::accel).unwrap_or_else(|| {
+        // No closure: the compiler would leave it outside, without the features of the CPU.
+        let wanted = if let Some(ordered) = orders.and_then(Orders::accel) {
+            ordered
+        } else {
             let mut leader = control::behind_leader(state, w, EGO, mind.believed, passed);
             if let Some(most) = gives_way {
                 let coming = &mind.met.coming;
@@ -302,7 +309,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
             }
             let mind = (mind.near, mind.believed);
             control::wanted(state, w, EGO, mind, passed, leader)
-        });
+        };
         control::press(state, w, EGO, wanted);
     });
     outlined!(w.simd, ego::decide(state, w, mind, recorder, step, orders));

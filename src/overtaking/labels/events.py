@@ -15,6 +15,7 @@ from overtaking.labels.instants import (
     U8,
     across_at,
     borders_of,
+    frames_within,
     lateral_speed_at,
     slot_of,
     vehicle_at,
@@ -116,10 +117,11 @@ def _struck(trajectories: Trajectories, seen: Signals, partner: U8, collision: I
 def _intended(trajectories: Trajectories, found: Mapping[str, I32]) -> Mask:
     """Whether the driver meant each attempt, shape (simulation,): by its stage until the line."""
     ends = (np.where(found[name] == NEVER, found["last"], found[name]) for name in _LINE_OR_BACK)
-    begin, end = found["attempt"][:, None], np.minimum(*ends)[:, None]
-    frame = np.arange(trajectories.stage.shape[1])[None, :]
-    meant = np.isin(trajectories.stage, UNDER_WAY) & (frame >= begin) & (frame <= end)
-    return meant.any(axis=1) & (found["attempt"] != NEVER)
+    begin, end = found["attempt"], np.minimum(*ends)
+    rows, frames = frames_within(begin, np.where(begin != NEVER, end, NEVER - 1))
+    meant = np.zeros(len(begin), np.bool_)
+    meant[rows[np.isin(trajectories.stage[rows, frames], UNDER_WAY)]] = True
+    return meant
 
 
 def outcome(events: Events) -> U8:

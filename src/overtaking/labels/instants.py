@@ -38,6 +38,14 @@ def at(values: NDArray[T], frames: Frames) -> NDArray[T]:
     return values[np.arange(len(frames)), np.maximum(frames, 0)]
 
 
+def frames_within(start: I32, stop: I32) -> tuple[Index, Index]:
+    """Simulation and frame of each frame from `start` to `stop`, both within it, in order."""
+    length = np.maximum(stop - start + 1, 0)
+    rows = np.repeat(np.arange(len(length)), length)
+    before = np.cumsum(length) - length
+    return rows, np.arange(rows.size) + np.repeat(start - before, length)
+
+
 def seconds_of(case: Case, frames: Frames) -> F32:
     """Duration of a number of frames, of the same shape [s]."""
     return as_f32(frames * np.int32(case.signals.frame_interval_ms)) / np.float32(1000.0)

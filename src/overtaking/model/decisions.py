@@ -112,6 +112,36 @@ class LeftLane(Batch):
     ]
 
 
+_other_side = partial(meant, column="oncoming_{}", present=".exists", since=4)
+_comes = partial(_other_side, present=".comes")
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OtherSide(Batch):
+    """The side of oncoming traffic; every array has shape (simulation,).
+
+    Where `exists` is false, on one-way roads, the others mean nothing; where `comes` is false
+    nobody comes from ahead, and what is of that vehicle means nothing.
+    """
+
+    exists: Annotated[
+        Mask, meant("Whether the lane to the left is for oncoming traffic", column=None)
+    ]
+    comes: Annotated[Mask, meant("Whether anybody comes", column=None)]
+    kind: Annotated[U8, _comes("Type of who comes next", needs=["kinds"], names=_KINDS)]
+    gap: Annotated[F32, _comes("Gap to it", "m")]
+    closing_speed: Annotated[F32, _comes("Both speeds together", "m/s")]
+    time: Annotated[F32, _comes("Time to meet it", "s")]
+    sight: Annotated[
+        F32, _other_side("Distance up to which air and road show it", "m", needs=["weather"])
+    ]
+    crossable: Annotated[
+        Mask,
+        _other_side("Whether the line between the directions may be crossed", needs=["marks"]),
+    ]
+
+
 _weather = partial(meant, needs=["weather"])
 
 
@@ -226,6 +256,7 @@ class Decisions(Batch):
         ego: The ego.
         ahead: The vehicle ahead in its lane.
         left: The lane to its left.
+        oncoming: The side of oncoming traffic.
         around: Road, weather and light.
         law: What the law would say.
         believed: What the driver believed.
@@ -235,6 +266,7 @@ class Decisions(Batch):
     ego: OwnState
     ahead: VehicleAhead
     left: LeftLane
+    oncoming: OtherSide
     around: Surround
     law: LawAhead
     believed: Believed

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, Mask
 from overtaking.model.batch import Batch
+from overtaking.model.oncoming import Oncoming
 from overtaking.model.values import documented, meant
 
 I32 = NDArray[np.int32]
@@ -106,6 +107,7 @@ class Safety(Batch):
     return_encroachment: Annotated[
         F32, meant("Until the overtaken vehicle was where the ego returned; null if never", "s")
     ]
+    oncoming: Annotated[Oncoming, meant("on two-way roads", since=4)]
 
 
 MANOEUVRE_MEASURES = (
@@ -114,5 +116,6 @@ MANOEUVRE_MEASURES = (
     "time_integrated",
     "entry_encroachment",
     "return_encroachment",
+    "oncoming",
 )
 """The fields of `Safety` that are measured once, over the whole manoeuvre."""

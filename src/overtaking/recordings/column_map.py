@@ -213,7 +213,8 @@ class _Reading:
         about = self.section("recording", _RECORDING_KEYS)
         files = self.section("files", dict.fromkeys(TABLES, str))
         columns = {
-            name: self.column(name, cell, files) for name, cell in self.content["columns"].items()
+            name: self.column(name, cell, files)
+            for name, cell in self.content.get("columns", {}).items()
         }
         self.check_complete(columns, about, files)
         point, side = about.get("point", POINTS[0]), about.get("y_axis", "left")

@@ -182,7 +182,7 @@ def _parquet_file(path: Path) -> Any:
         if not path.is_file():
             raise refused(path, "file", "a readable Parquet file", "no plain file")
         return pq.ParquetFile(path)
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise refused(path, "file", "a readable Parquet file", str(error)) from None
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.core.plain import plain
 from overtaking.core.units import STEPS
 from overtaking.data.tables.columns import SUFFIXES, si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
-from overtaking.labels.explain.explanation import case_of
-from overtaking.labels.features.oncoming import oncoming_measures
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.model.oncoming import Oncoming
 from overtaking.model.trajectory import Stage
@@ -99,12 +97,14 @@ def _oncoming(labelled: Labelled) -> Values:
     """The measures against oncoming traffic, on roads that have some."""
     if not labelled.trajectories.road.is_two_way:
         return {}
-    measures = oncoming_measures(case_of(labelled))
+    measures = labelled.safety.oncoming
     values = {
-        name + SUFFIXES[one.unit]: round(float(getattr(measures, name)[0]), _DECIMALS)
+        name + SUFFIXES[one.unit]: plain(getattr(measures, name)[0])
         for name, one in declarations(Oncoming).items()
+        if one.column
     }
-    return {"oncoming": {name: None if math.isnan(one) else one for name, one in values.items()}}
+    there = bool(measures.exists[0])
+    return {"oncoming": {name: _rounded(one) if there else None for name, one in values.items()}}
 
 
 def lane_name(road: Road, code: int) -> str:
@@ -142,6 +142,10 @@ def _plain(value: Any, field: pa.Field) -> Any:
     """A value of a column as people read it."""
     if value is not None and unit_of(field) in STEPS:
         value /= STEPS[unit_of(field)][1]
+    return _rounded(value)
+
+
+def _rounded(value: Any) -> Any:
     return round(value, _DECIMALS) if isinstance(value, float) else value
 
 

@@ -354,6 +354,21 @@ def test_a_map_is_checked_section_by_section(content, message):
         ot.Trajectories.from_frame(states(), columns=content)
 
 
+def test_a_map_without_columns_is_refused(tmp_path):
+    path = tmp_path / "map.toml"
+    path.write_text('[recording]\nname = "bridge"\n', encoding="utf-8")
+    with pytest.raises(ConfigError, match="columns: expected vehicle, got none"):
+        ot.Trajectories.from_frame(states(), columns=path)
+
+
+def test_a_column_whose_name_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "tracks.parquet"
+    pd.DataFrame(states()).rename(columns={"x": "sideways"}).to_parquet(path)
+    path.write_bytes(path.read_bytes().replace(b"sideways", b"side\xabays"))
+    with pytest.raises(ImportFormatError, match="expected a readable Parquet file"):
+        read_recording("table", path, {"columns": {"columns": COLUMNS}})
+
+
 def test_a_bad_cell_is_named(tmp_path):
     table = pd.DataFrame(states())
     for column, value, message in (

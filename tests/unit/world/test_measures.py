@@ -11,9 +11,7 @@ from overtaking.world.measures import (
     drac,
     headway,
     picud,
-    rss_lateral,
     rss_longitudinal,
-    rss_opposite,
     safe_distance,
     time_gap,
     ttc,
@@ -134,41 +132,6 @@ def test_picud_is_the_margin_to_the_safe_distance(rear, lead, gap):
     needed = float(safe_distance(F(rear), F(lead), **b))
     assert (margin >= 0) == (gap >= needed) or abs(margin) < 1e-3
     assert margin == pytest.approx(gap - needed, abs=1e-3) or needed == 0.0
-
-
-@given(own=speeds, other=speeds)
-def test_two_that_meet_need_both_ways_to_a_stop(own, other):
-    got = rss_opposite(
-        F(own), F(other), reaction_time=F(1.0), accel=F(3.5),
-        correct_decel=F(3.0), oncoming_decel=F(4.0),
-    )  # fmt: skip
-    assert got == pytest.approx(integrated(own, 3.0) + integrated(other, 4.0), rel=1e-3)
-
-
-def integrated(speed: float, decel: float) -> float:
-    """Way of a second at +3.5 m/s^2 and a stop, added up step by step [m]."""
-    total = 0.0
-    for k in range(100_000):
-        speed += FINE * (3.5 if k * FINE < 1.0 else -decel)
-        if speed <= 0.0:
-            return total
-        total += speed * FINE
-    raise AssertionError("it never stopped")
-
-
-def test_side_by_side_at_rest_each_may_swerve_once():
-    # 2 (0.2 / 2 + 0.2^2 / (2 0.8)) + 0.1, by hand.
-    got = rss_lateral(
-        F(0.0), F(0.0), reaction_time=F(1.0), accel=F(0.2), decel=F(0.8), margin=F(0.1)
-    )
-    assert got == pytest.approx(0.35, abs=1e-6)
-
-
-def test_vehicles_that_part_need_only_the_margin():
-    got = rss_lateral(
-        F(-2.0), F(2.0), reaction_time=F(1.0), accel=F(0.2), decel=F(0.8), margin=F(0.1)
-    )
-    assert got == pytest.approx(0.1)
 
 
 def test_measures_stay_float32():

@@ -8,7 +8,7 @@ use fearless_simd::prelude::*;
 use super::formulas::{drac, time_gap, ttc_accel};
 use super::one::{FOLLOWER, LEADER, One, Slots};
 use super::row::{Piece, greatest, least};
-use crate::lanes::{LANES, M, V, choose, max, min, splat};
+use crate::lanes::{LANES, M, V, choose, max, min, put, splat};
 use crate::signals::METRES;
 
 /// Measures of a simulation, in the order of the rows of the result.
@@ -130,10 +130,12 @@ impl<S: Simd> Extremes<S> {
         let mttc = ttc_accel(gap, closing, one.closing_accel);
         let low = [gap, time_gap(gap, one.speed), ttc, mttc];
         for (lowest, value) in self.lowest.iter_mut().zip(low) {
-            *lowest = choose(one.there, min(value, *lowest), *lowest);
+            let lower = min(value, *lowest);
+            put(lowest, one.there, lower);
         }
         for (highest, value) in self.highest.iter_mut().zip([closing, drac(gap, closing)]) {
-            *highest = choose(one.there, max(value, *highest), *highest);
+            let higher = max(value, *highest);
+            put(highest, one.there, higher);
         }
         self.exists = true;
         ttc
@@ -191,7 +193,8 @@ impl<S: Simd> Margins<S> {
             lawful,
         ];
         for (lowest, value) in self.lowest.iter_mut().zip(values) {
-            *lowest = choose(one.there, min(value, *lowest), *lowest);
+            let lower = min(value, *lowest);
+            put(lowest, one.there, lower);
         }
         let nothing = splat(piece.simd, 0.0);
         if (one.there & lawful.simd_lt(0.0)).any_true() {

@@ -67,6 +67,7 @@ class Attribute:
         below: Of a difference: the words for negative values.
         levels: The names of a nominal attribute; of yes and no the words for no and yes.
         is_plain: Whether a driver would speak of it, so that rules may use it.
+        of_two_ways: Whether it is one of two-way roads alone.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Attribute:
     below: str = ""
     levels: tuple[str, ...] = ()
     is_plain: bool = True
+    of_two_ways: bool = False
 
     @property
     def is_nominal(self) -> bool:

@@ -97,10 +97,11 @@ def examples_of(data: Dataset, policy: str = "paper") -> Examples:
     classes = data.features(policy)["CLASS"].reindex(decisions.index)
     events = data.events()
     begun = events.loc[events["event"] == "attempt", "simulation"]
+    attributes = tuple(one for one in ATTRIBUTES if data.road.is_two_way or not one.of_two_ways)
     return Examples(
         simulations=decisions.index.to_numpy(dtype=np.int64),
-        attributes=ATTRIBUTES,
-        values=values_of(decisions),
+        attributes=attributes,
+        values=values_of(decisions, attributes),
         classes=classes,
         attempted=decisions.index.isin(begun),
         groups=groups_of(data.simulations().set_index("simulation").reindex(decisions.index)),
@@ -108,9 +109,9 @@ def examples_of(data: Dataset, policy: str = "paper") -> Examples:
     )
 
 
-def values_of(decisions: pd.DataFrame) -> F64:
-    """Every attribute of each row of `decisions` [SI], shape (row, attribute)."""
-    columns = [_column(decisions, one) for one in ATTRIBUTES]
+def values_of(decisions: pd.DataFrame, attributes: tuple[Attribute, ...]) -> F64:
+    """Some attributes of each row of `decisions` [SI], shape (row, attribute)."""
+    columns = [_column(decisions, one) for one in attributes]
     return np.column_stack(columns) if len(decisions) else np.zeros((0, len(columns)))
 
 

@@ -15,6 +15,7 @@ from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.targets import Target, is_ended
 from overtaking.analysis.stats.columns import ALL_CLASSES
 from overtaking.core.elementary import F64, I64
+from overtaking.core.errors import DatasetError
 from overtaking.core.plain import plain
 from overtaking.core.steps import Progress, Steps
 from overtaking.core.summary import Summarized
@@ -139,7 +140,7 @@ def learn_factors(
 
     Args:
         examples: The examples of a data set.
-        factors: The attributes of each factor.
+        factors: The attributes of each factor; those that the examples lack are left out.
         target: What to predict; None: the class.
         seed: Seed of all choices.
         repeats: Number of rankings.
@@ -147,10 +148,11 @@ def learn_factors(
         progress: Called with the number of fits that are done, and of all.
 
     Raises:
-        DatasetError: There are too few examples.
+        DatasetError: There are too few examples, or they have none of the factors.
         MissingExtraError: scikit-learn is not installed.
     """
     asked, outcomes, chosen = _asked(examples, target)
+    factors = _known(factors, examples)
     seen = asked.with_attributes(tuple(name for names in factors.values() for name in names))
     parts = known, kept = ml.split(seen.groups, seed)
     step = Steps(len(MODELS) + num_fits(len(factors), repeats) + len(leaks or {}), progress)
@@ -172,6 +174,22 @@ def learn_factors(
         ranking=ranking.rank(repeats),
         leakage=_leakage(seen, outcomes, parts, given, seed, step),
     )
+
+
+def _known(factors: Factors, examples: Examples) -> Factors:
+    """The factors with the attributes that examples have; one-way roads have fewer."""
+    has = {one.name for one in examples.attributes}
+    kept = {name: tuple(one for one in names if one in has) for name, names in factors.items()}
+    found = {name: names for name, names in kept.items() if names}
+    if not found:
+        raise DatasetError.of(
+            what="factors",
+            where="learn factors",
+            expected="one that the examples have",
+            got=", ".join(factors),
+            next_step="take a data set of a two-way road",
+        )
+    return found
 
 
 def _asked(examples: Examples, target: Target | None) -> tuple[Examples, Outcomes, I64]:

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.analysis.stats.moments import wilson
 from overtaking.core.elementary import F64, I64, Mask
+from overtaking.core.intervals import wilson
 from overtaking.core.plain import plain
 
 

@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 
 from overtaking.analysis.stats.columns import BY_NAME, CENSORED, EGO_TYPES, FEATURES, Feature
-from overtaking.analysis.stats.moments import Moments, moments, wilson
+from overtaking.analysis.stats.moments import Moments, moments
 from overtaking.analysis.stats.sample import Sample, effective_size
 from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.elementary import Mask
+from overtaking.core.intervals import wilson
 
 ALL = "All"
 """Column of all simulations together."""

@@ -25,6 +25,7 @@ from overtaking.analysis.validation.changes import (
 from overtaking.analysis.validation.poisson import poisson_limits
 from overtaking.analysis.validation.tally import Tally, quantile, ratio
 from overtaking.analysis.validation.traffic import ACCEL_WIDTH, GAP_WIDTH, limit
+from overtaking.core.intervals import wilson
 from overtaking.core.plain import plain
 from overtaking.knowledge.validation import Standing, Target, targets
 from overtaking.model.labels import OvertakeClass
@@ -98,6 +99,8 @@ class Definition:
             empty for a figure that is not a property of the traffic.
         events: The sum of rare events whose rate it is, with their squares under `_squares`.
             Empty for all others.
+        among: The sum of few events of which it is a share, with their squares under `_squares`.
+            Empty for all others.
         of: Section of `validation.toml`.
         is_signed: Whether it may be negative.
     """
@@ -106,6 +109,7 @@ class Definition:
     statistic: Statistic
     counts: str = ""
     events: str = ""
+    among: str = ""
     of: str = "figures"
     is_signed: bool = False
 
@@ -117,7 +121,7 @@ class Definition:
     def measured(self, tally: Tally) -> Figure:
         """The figure of a tally, with its interval, target and standing."""
         target = self.target
-        estimate = self._rare(tally) if self.events else tally.estimate(self.statistic)
+        estimate = self._estimate(tally)
         value, low, high = (float(target.scale * number) for number in estimate)
         least = target.least_distance.number if target.least_distance else 0.0
         lacks = tally.total("metres").sum() < least
@@ -134,6 +138,23 @@ class Definition:
             source=target.source,
             needs_km=1e-3 * least if lacks else 0.0,
         )
+
+    def _estimate(self, tally: Tally) -> tuple[float, float, float]:
+        if self.events:
+            return self._rare(tally)
+        return self._of_few(tally) if self.among else tally.estimate(self.statistic)
+
+    def _of_few(self, tally: Tally) -> tuple[float, float, float]:
+        """A share with the wider limits of two: Wilson's of the effective number, the jackknife's.
+
+        Where all events are alike, the jackknife knows no doubt.
+        """
+        total, squares = (tally.total(f"{self.among}{end}").sum() for end in ("", "_squares"))
+        if not squares > 0.0:
+            return math.nan, math.nan, math.nan
+        share, least, most = tally.estimate(self.statistic)
+        low, high = wilson(share, float(total * total / squares))
+        return share, np.fmin(low, least), np.fmax(high, most)
 
     def _rare(self, tally: Tally) -> tuple[float, float, float]:
         """The rate with the wider limits of two: a Poisson count's and the jackknife's.
@@ -258,9 +279,14 @@ DEFINITIONS = (
 
 
 def _pass(
-    name: str, statistic: Statistic, counts: str = "", *, is_signed: bool = False
+    name: str,
+    statistic: Statistic,
+    counts: str = "",
+    *,
+    among: str = "",
+    is_signed: bool = False,
 ) -> Definition:
-    return Definition(name, statistic, counts, of="passes", is_signed=is_signed)
+    return Definition(name, statistic, counts, among=among, of="passes", is_signed=is_signed)
 
 
 def _of_passes(name: str) -> Statistic:
@@ -312,7 +338,7 @@ PASSES = (
     _pass("squeezed", _difference("left_pressed", "left_calm"), is_signed=True),
     _pass("over_limit", _of_passes("too_fast"), "too_fast"),
     _pass("legal", _legal_share),
-    _pass("collided", _share("collided", "attempts"), "collided"),
+    _pass("collided", _share("collided", "attempts"), "collided", among="attempts"),
     _pass("attempts", _share("attempts", "simulations"), "attempts"),
     _pass("others_per_hour", _share("others_attempts", "others_seconds"), "others_attempts"),
     _pass("others_aborted", _share("others_aborted", "others_attempts"), "others_aborted"),
@@ -324,7 +350,7 @@ PASSES = (
 )
 """The figures of passes on two-way roads, in the order in which they are shown."""
 
-HEAD_ON = _pass("head_on_share", _share("head_on", "hard"))
+HEAD_ON = _pass("head_on_share", _share("head_on", "hard"), among="hard")
 """Of profiles with a proposal alone: head-on collisions are too rare to be met by running."""
 
 

@@ -44,6 +44,7 @@ def count_classes(tally: Tally, batch: Batch) -> Events:
     ended = labels.classes[:, labels.policies.index(POLICY)]
     begun = (runs.stage == Stage.PULL_OUT).any(axis=1)
     tally.add("attempts", batch.group, batch.weight * begun)
+    tally.add("attempts_squares", batch.group, batch.weight**2 * begun)
     last = runs.stage[np.arange(len(runs.num_frames)), runs.num_frames - 1]
     tally.add("open", batch.group, batch.weight * np.isin(last, UNDER_WAY))
     for number, inside in enumerate(strata(runs.scenario.weather)):

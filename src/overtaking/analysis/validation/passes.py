@@ -229,6 +229,7 @@ def _collisions(tally: Tally, batch: Batch, attempts: Array) -> None:
     comes = runs.scenario.start_lane[rows, other] == runs.road.num_lanes
     tally.add("collided", group, weight)
     tally.add("hard", group, weight * hard)
+    tally.add("hard_squares", group, weight**2 * hard)
     tally.add("head_on", group, weight * (hard & comes))
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.analysis.stats.moments import wilson
 from overtaking.analysis.whatif.beliefs import Percept, proposals
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.checks import check_name
+from overtaking.core.intervals import wilson
 from overtaking.labels.label import label
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.decision import Decision

@@ -8,7 +8,10 @@ import pyarrow as pa
 from overtaking import _core
 from overtaking.data.tables.arrow import Array, Mask, missing_in, to_numpy
 from overtaking.data.tables.columns import names_of, short_codes
+from overtaking.data.tables.schemas import SINCE
 
+_ALWAYS_COUNTED = 3
+"""The last version of the tables all of whose columns count, with or without a value."""
 _LENGTH_BYTES = 8
 
 
@@ -16,7 +19,8 @@ class ContentDigest:
     """A hash over the values of a table that arrives in pieces.
 
     Each column has a BLAKE3 hash of its own, so that pieces of any length give the same result;
-    nulls are hashed as a column of their own, and the values behind them do not count.
+    nulls are hashed as a column of their own, and the values behind them do not count. A column
+    that tables got later counts only if it has a value: an older table without it says the same.
     """
 
     def __init__(self, schema: pa.Schema) -> None:
@@ -24,6 +28,7 @@ class ContentDigest:
         self._schema = schema
         self._values = [_core.Hash() for _ in schema]
         self._nulls = [_core.Hash() for _ in schema]
+        self._counts = [SINCE.get(field.name, 0) <= _ALWAYS_COUNTED for field in schema]
         self.num_rows = 0
 
     def update(self, table: pa.Table) -> None:
@@ -32,6 +37,7 @@ class ContentDigest:
         for index, field in enumerate(self._schema):
             for chunk in table.column(index).chunks:
                 missing = missing_in(chunk) if field.nullable else None
+                self._counts[index] |= chunk.null_count < len(chunk)
                 if missing is not None:
                     self._nulls[index].update(_little_endian(missing))
                 self._values[index].update(_little_endian(_values(chunk, field, missing)))
@@ -39,7 +45,10 @@ class ContentDigest:
     def hexdigest(self) -> str:
         """The hash over all rows so far, 64 hexadecimal digits."""
         total = hashlib.sha256()
-        for field, values, nulls in zip(self._schema, self._values, self._nulls, strict=True):
+        columns = zip(self._schema, self._values, self._nulls, self._counts, strict=True)
+        for field, values, nulls, counts in columns:
+            if not counts:
+                continue
             parts = (field.name, field.type, values.hexdigest(), nulls.hexdigest())
             total.update("".join(f"{part}\0" for part in parts).encode())
         return total.hexdigest()

@@ -185,7 +185,7 @@ def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
     def rows(values: Array) -> Array:
         return values.reshape(-1).take(came) if values.ndim > 1 else values.take(simulation)
 
-    once = [one for one in COLUMNS["safety"] if one.path in MANOEUVRE_MEASURES]
+    once = [one for one in COLUMNS["safety"] if one.path.partition(".")[0] in MANOEUVRE_MEASURES]
     others = moment != MOMENTS.index("manoeuvre")
     computed = {
         "simulation": numbers[simulation],

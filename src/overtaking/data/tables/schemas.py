@@ -26,7 +26,14 @@ from overtaking.data.tables.columns import (
     column,
     declared,
 )
-from overtaking.model.decisions import LawAhead, LeftLane, OwnState, Surround, VehicleAhead
+from overtaking.model.decisions import (
+    LawAhead,
+    LeftLane,
+    OtherSide,
+    OwnState,
+    Surround,
+    VehicleAhead,
+)
 from overtaking.model.drivers import Drivers
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
@@ -322,6 +329,7 @@ _LABELS: dict[str, list[Column]] = {
         *declared("ego", OwnState, nullable=True),
         *declared("ahead", VehicleAhead, nullable=True),
         *declared("left", LeftLane, nullable=True),
+        *declared("oncoming", OtherSide, nullable=True),
         *declared(
             "around", Surround, nullable=True, kinds={"lane_width": DOUBLE, "speed_limit": DOUBLE}
         ),

@@ -7,6 +7,7 @@ number comes from one frame, that of the instant, or from a decision before it.
 import numpy as np
 
 from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.labels.features.oncoming import next_oncomer
 from overtaking.labels.features.safety import stop_margins
 from overtaking.labels.features.study import moment, unless_under_way
 from overtaking.labels.instants import (
@@ -29,13 +30,15 @@ from overtaking.labels.law.distances import (
     margin_of_gap,
     sure_decel,
 )
-from overtaking.labels.law.lanes import closed_borders
+from overtaking.labels.law.lanes import closed_borders, is_closed_at
+from overtaking.labels.law.sight import shown_sight
 from overtaking.labels.law.speeds import speed_limits
 from overtaking.model.decisions import (
     Believed,
     Decisions,
     LawAhead,
     LeftLane,
+    OtherSide,
     OwnState,
     Surround,
     VehicleAhead,
@@ -82,6 +85,7 @@ def features_at(case: Case, frame: I32) -> Decisions:
         ego=ego,
         ahead=ahead,
         left=left,
+        oncoming=_other_side(case, frame),
         around=around,
         law=LawAhead(
             follow=margin_of_gap(*_pair(ahead.encounter, ego), decel),
@@ -252,6 +256,34 @@ def _left_lane(case: Case, frames: Index) -> LeftLane:
         # Fast vehicles pass a place more often: Wardrop (1952), sum of squares over sum.
         time_mean_speed=_sum(speed * speed, inside) / np.where(total > 0, total, np.float32(1.0)),
         crossable=_crossable(case)[np.minimum(lane, run.road.num_lanes)],
+    )
+
+
+def _other_side(case: Case, frame: I32) -> OtherSide:
+    """The side of oncoming traffic of each simulation at one frame each."""
+    road, count = case.trajectories.road, len(frame)
+    nothing, nobody = np.zeros(count, np.float32), np.zeros(count, np.bool_)
+    if not road.is_two_way:
+        return OtherSide(
+            exists=nobody,
+            comes=nobody,
+            kind=np.zeros(count, np.uint8),
+            gap=nothing,
+            closing_speed=nothing,
+            time=nothing,
+            sight=nothing,
+            crossable=nobody,
+        )
+    gap, both, slot = next_oncomer(case, frame)
+    return OtherSide(
+        exists=~nobody,
+        comes=np.isfinite(gap),
+        kind=case.trajectories.scenario.vehicles.kind[np.arange(count), slot],
+        gap=gap,
+        closing_speed=both,
+        time=np.maximum(gap, _ZERO) / both,
+        sight=shown_sight(case, frame),
+        crossable=~is_closed_at(road, at(case.signals.s, frame)),
     )
 
 

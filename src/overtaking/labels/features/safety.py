@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.elementary import F32, as_f32
+from overtaking.labels.features.oncoming import oncoming_measures
 from overtaking.labels.instants import I32, METRES, U8, Index, at, half_lengths, slot_of
 from overtaking.labels.law.distances import margin_of_gap, stop_distance, sure_decel
 from overtaking.labels.law.frames import Span, conduct, stretches
@@ -74,6 +75,7 @@ def safety_measures(case: Case) -> Safety:
         **{name: worst[name] for name in ("close_share", "time_exposed", "time_integrated")},
         entry_encroachment=entry_encroachment(case),
         return_encroachment=return_encroachment(case),
+        oncoming=oncoming_measures(case),
     )
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.elementary import F32, Mask
-from overtaking.labels.instants import I32, U8, Index
+from overtaking.labels.instants import I32, U8, Index, frames_within
 from overtaking.labels.law.rule import Check, decided
 from overtaking.labels.signals import Arrays, pack_seen, packed
 from overtaking.model.events import NEVER
@@ -47,10 +47,7 @@ class Span:
 
     def frames(self) -> tuple[Index, Index]:
         """Simulation and frame of each of its frames, in order."""
-        length = np.maximum(self.stop - self.start + 1, 0)
-        rows = np.repeat(np.arange(len(length)), length)
-        before = np.cumsum(length) - length
-        return rows, np.arange(rows.size) + np.repeat(self.start - before, length)
+        return frames_within(self.start, self.stop)
 
 
 def frames_of(case: Case, seconds: float | np.floating) -> int:

@@ -85,7 +85,7 @@ def _clearance(case: Case, rows: Index, k: int, sides: tuple[bool, bool]) -> F32
     if k == 0:
         return on_left
     if k == road.num_lanes:
-        return np.where(_is_closed_at(road, seen.s[rows]), on_right, ENDLESS)
+        return np.where(is_closed_at(road, seen.s[rows]), on_right, ENDLESS)
     clear = np.maximum(on_right, on_left)
     from_right, from_left = sides
     if from_right and from_left:
@@ -94,7 +94,7 @@ def _clearance(case: Case, rows: Index, k: int, sides: tuple[bool, bool]) -> F32
     return np.where(came_from_right == from_right, clear, np.abs(clear))
 
 
-def _is_closed_at(road: Road, s: F32) -> Mask:
+def is_closed_at(road: Road, s: F32) -> Mask:
     """Whether the line on the fast side of the fastest lane is continuous from there at `s`."""
     begins, marks = zip(*road.fast_edge_marks, strict=True)
     closed = np.array([mark in _CLOSED for mark in marks])

@@ -1,6 +1,8 @@
 """The columns of the list, in memory, so that a filter of a million simulations is quick.
 
 Files are read one after another, in a thread; until all are read, the list has the first ones.
+Reading takes all processors, which the browser needs as well, so the others wait until the list
+of the first file is shown.
 """
 
 from __future__ import annotations
@@ -43,6 +45,8 @@ _COLUMNS = {
 }
 _NONE = -1
 _KEPT_ORDERS = 4
+_HEAD_START_S = 2.0
+"""Longest time that the second file waits for the list of the first to be shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,7 @@ class Index:
         """Make room, and read nothing yet."""
         count, rules = len(data), names.RULES
         self._data, self.done, self.total = data, 0, count
-        self._begun = threading.Event()
+        self._begun, self._told = threading.Event(), threading.Event()
         # To sort a million takes longer than all the rest of a filter.
         self._orders = Kept(_KEPT_ORDERS, self._order)
 
@@ -107,11 +111,17 @@ class Index:
         for first, tables in self._data.columns(**wanted):
             self._take(first, tables)
             self.done = first + tables["simulations"].num_rows
-            self._begun.set()
+            if not self._begun.is_set():
+                self._begun.set()
+                self._told.wait(_HEAD_START_S)
 
     def wait(self, seconds: float) -> None:
         """Wait until something is read, but no longer than some time [s]."""
         self._begun.wait(seconds)
+
+    def told(self) -> None:
+        """Go on reading: somebody has the first rows."""
+        self._told.set()
 
     def select(self, asked: Rows, extra: Mask | None) -> tuple[NDArray[np.integer], dict[str, Any]]:
         """The simulations that a request wants, in its order, and how many have each value.

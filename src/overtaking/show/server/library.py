@@ -91,6 +91,7 @@ class Library:
         if asked.around is not None:
             at = np.flatnonzero(numbers == asked.around)
             first = int(at[0]) // asked.count * asked.count if len(at) else 0
+        self._index.told()
         return {
             "rows": self._index.rows(numbers[first : first + asked.count]),
             "first": first,

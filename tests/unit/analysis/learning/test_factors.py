@@ -10,6 +10,7 @@ from overtaking.analysis.learning.factors import calibration_error, learn_factor
 from overtaking.analysis.learning.models import MODELS, folds, model_of, split
 from overtaking.analysis.learning.rules import BASELINE, learn_rules
 from overtaking.analysis.learning.targets import TARGETS
+from overtaking.core.errors import DatasetError
 
 NUMBER = 600
 FACTORS = {
@@ -112,3 +113,15 @@ def test_counterexamples_are_where_a_rule_holds_and_is_wrong():
     overlooked = ~np.logical_or.reduce([one.rule.holds(examples) for one in found.rules])
     overlooked &= (examples.classes == "Unsuccess_col").to_numpy()
     assert found.num_missed == overlooked.sum()
+
+
+def test_factors_that_the_examples_lack_are_refused():
+    factors = {"sight of the other side": ("oncoming_sight_m",)}
+    with pytest.raises(DatasetError, match="got sight of the other side; take a data set of a two"):
+        learn_factors(planted(NUMBER), factors)
+
+
+def test_factors_that_the_examples_lack_are_left_out(found):
+    lacking = {"sight of the other side": ("oncoming_sight_m",)}
+    again = learn_factors(planted(NUMBER), FACTORS | lacking, seed=3)
+    assert [one.factor for one in again.ranking] == [one.factor for one in found.ranking]

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 import scipy.optimize
+import scipy.stats
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking.analysis.validation import passes
@@ -249,6 +250,24 @@ def test_a_head_on_collision_is_told_from_others():
     assert tally.total("collided").sum() == pytest.approx(weight[:3].sum())
     assert tally.total("hard").sum() == pytest.approx(weight[[0, 2]].sum())
     assert tally.total("head_on").sum() == pytest.approx(weight[0])
+    share = weight[0] / (weight[0] + weight[2])
+    found = HEAD_ON.measured(tally)
+    assert found.value == pytest.approx(share)
+    assert found.low < share < found.high
+
+
+def test_three_head_on_collisions_of_three_do_not_settle_the_share():
+    tally, groups = Tally(), np.arange(3)
+    for name, values in (("hard", 0.5), ("head_on", 0.5), ("hard_squares", 0.25)):
+        tally.add(name, groups, np.full(3, values))
+    found = HEAD_ON.measured(tally)
+    known = scipy.stats.binomtest(3, 3).proportion_ci(method="wilson")
+    assert (found.value, found.high) == (1.0, 1.0)
+    assert found.low == pytest.approx(known.low, rel=1e-9)
+    assert found.met is False
+    assert not found.is_sure
+    nothing = HEAD_ON.measured(Tally())
+    assert np.isnan([nothing.value, nothing.low, nothing.high]).all()
 
 
 def test_flows_are_those_that_the_traffic_was_drawn_with():

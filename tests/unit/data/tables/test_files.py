@@ -179,6 +179,23 @@ def test_a_newer_version_says_to_upgrade(tables, tmp_path: Path):
     )
 
 
+@pytest.mark.parametrize("name", ["safety", "decisions"])
+def test_a_table_of_version_3_lacks_oncoming_traffic(name: str, tables, tmp_path: Path):
+    later = [column for column in SCHEMAS[name].names if column.startswith("oncoming_")]
+    older = tables[name].drop_columns(later)
+    path = tmp_path / "a.parquet"
+    pq.write_table(older.replace_schema_metadata(SCHEMAS[name].metadata | {b"version": b"3"}), path)
+    read = read_table(path, name)
+    assert all(read[column].null_count == read.num_rows for column in later)
+    assert read.select(older.schema.names).equals(
+        older.cast(read.select(older.schema.names).schema)
+    )
+    assert content_of(read) == content_of(tables[name])
+    pq.write_table(older.replace_schema_metadata(SCHEMAS[name].metadata), path)
+    with pytest.raises(SchemaError, match=r"oncoming_\w+: .* got no such column"):
+        read_table(path, name)
+
+
 def test_another_table_is_refused(tables, tmp_path: Path):
     write(tmp_path / "a.parquet", "weather", tables["weather"])
     with pytest.raises(SchemaError, match=r"expected overtaking\.states, got overtaking\.weather"):

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.overtakes import along_course, meeting, overtake, rural
+from tests.support.cases import ramp
+from tests.support.overtakes import FRAMES, along_course, meeting, overtake, rural
 
+from overtaking.labels.features import decision_features
 from overtaking.labels.features.oncoming import oncoming_measures
-from overtaking.model.course import Course
+from overtaking.model.course import Course, Line
+from overtaking.model.road import RoadMark
+from overtaking.model.vehicles import VehicleKind
+
+if TYPE_CHECKING:
+    from overtaking.model.decisions import OtherSide
 
 
 def told(case) -> dict[str, float]:
@@ -53,4 +61,49 @@ def test_who_has_gone_by_is_not_met_again():
 
 @pytest.mark.parametrize("make", [overtake, lambda: rural(ego={"lane": 0.0})])
 def test_without_the_other_side_nothing_is_measured(make):
-    assert np.isnan(list(told(make()).values())).all()
+    found = told(make())
+    assert not found.pop("exists")
+    assert not found.pop("given_up")
+    assert np.isnan(list(found.values())).all()
+
+
+def test_who_falls_back_behind_its_target_has_given_up():
+    away = ramp((3, 0), (6, 1), (7, 1), (10, 0), frames=FRAMES)
+    found = told(rural(meeting(60.0), ego={"lane": away, "speed": 21.0}))
+    assert found["exists"]
+    assert found["given_up"]
+    assert np.isnan(found["time_abreast"])
+    assert not told(rural(meeting(60.0)))["given_up"]
+
+
+def test_who_comes_is_known_when_the_overtake_begins():
+    one = rural(meeting(60.0, kind="MC"))
+    found, frame = decision_features(one).oncoming, int(one.events.attempt[0])
+    gap = 60.0 + 50.0 * (335 - frame) * 0.05
+    # It is as long as a motorcycle, and `meeting` places the centre of a car of 4.4 m.
+    gap += 0.5 * (4.4 - float(one.trajectories.scenario.vehicles.length[0, 2]))
+    assert found.exists[0]
+    assert found.comes[0]
+    assert found.kind[0] == VehicleKind.MC
+    assert found.gap[0] == pytest.approx(gap, abs=0.01)
+    assert found.closing_speed[0] == pytest.approx(50.0, rel=1e-5)
+    assert found.time[0] == pytest.approx(gap / 50.0, abs=1e-3)
+
+
+def test_the_line_and_the_sight_are_those_of_the_place():
+    def at_the_attempt(course: Course) -> OtherSide:
+        return decision_features(along_course(course)).oncoming
+
+    def solid(start: float) -> Line:
+        return Line(mark=RoadMark.SOLID, start=start, stop=400.0)
+
+    # The attempt begins at 100 m; the ego is over the line beyond 114 m.
+    ahead, here = (at_the_attempt(Course(lines=(solid(start),))) for start in (110.0, 80.0))
+    assert ahead.crossable[0]
+    assert not ahead.comes[0]
+    assert not here.crossable[0]
+    assert at_the_attempt(Course(sight=((0.0, 400.0),))).sight[0] == 400.0
+
+
+def test_a_road_of_one_direction_has_no_other_side():
+    assert not decision_features(overtake()).oncoming.exists[0]
