@@ -141,8 +141,9 @@ def without_fields(given):
 
 
 def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
-    gaps = np.arange(200.0, 800.0, 25.0)
-    many = simulated(*(pair(gap, comes=60.0, gap_acceptance=0.0) for gap in gaps))
+    keen = {"lead": 24.0, "desired_speed": 33.0, "gap_acceptance": 0.0}
+    gaps = np.arange(650.0, 900.0, 12.5)
+    many = simulated(*(pair(gap, comes=70.0, **keen) for gap in gaps))
     hit = np.flatnonzero(many.contacts.partner[:, 0] == 2)
     assert len(hit)
     hardest = hit[many.contacts.closing_speed[hit, 0].argmax()]
@@ -376,6 +377,44 @@ def test_nobody_returns_beside_another_however_short_of_time():
     assert apart.min() > 0.0
     # Some are short of time: they leave less than half a second to one of them.
     assert apart.min() < 9.0
+
+
+def longest_beside(run: Trajectories, row: int) -> float:
+    """For how long the ego stays beside the vehicle that it passes, though somebody comes [s].
+
+    Beside is less than 5 m between them, with less than 1.5 m/s of difference in speed; somebody
+    comes whom it would meet within 15 s.
+    """
+    states, specs = run.states, run.scenario.vehicles
+    apart = np.abs(states.s[row, 0] - states.s[row, 1]) / 1e3
+    apart = apart - 0.5 * (specs.length[row, 0] + specs.length[row, 1])
+    level = np.abs(states.speed[row, 0] - states.speed[row, 1]) < 1500
+    frames = np.arange(states.s.shape[2])
+    time, _, _ = meeting(run, np.full_like(frames, row), frames)
+    stays = (run.stage[row] == Stage.PASS) & level & (apart < 5.0) & (time < 15.0)
+    edges = np.flatnonzero(np.diff(stays & run.frame_valid[row], prepend=False, append=False))
+    return 0.05 * float(max(edges[1::2] - edges[::2], default=0))
+
+
+def closing_up(room: float, gap: float, ahead: float, **ego: float) -> list[Vehicle]:
+    """As `platoon`, with a first van that catches up with the slower second one."""
+    scene = platoon(room, gap, **ego)
+    scene[2] = dataclasses.replace(scene[2], speed=ahead, driver={"desired_speed": ahead})
+    return scene
+
+
+def test_nobody_stays_beside_another_with_neither_time_nor_room():
+    scenes = [
+        closing_up(room, gap, ahead, gap_acceptance=0.2)
+        for room in (40.0, 50.0, 60.0, 75.0)
+        for gap in np.arange(500.0, 1200.0, 50.0)
+        for ahead in (12.0, 14.0, 16.0)
+    ]
+    run = simulated(*scenes, horizon=40.0)
+    tried = np.flatnonzero((run.stage == Stage.PASS).any(axis=1))
+    assert len(tried) > 30
+    longest = [longest_beside(run, int(row)) for row in tried]
+    assert max(longest) < 2.5
 
 
 def least_accepted(duration: float) -> tuple[float, float]:

@@ -8,7 +8,7 @@ use crate::lanes::{M, V, at_least, choose, clamp, max, min, pick, splat};
 use crate::neighbours::Neighbours;
 use crate::passing::speed_of_pass;
 use crate::perception::Beliefs;
-use crate::state::{FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
+use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
 
 const FREE: f32 = 1e9;
 
@@ -25,13 +25,15 @@ fn desired_speed<S: Simd, const N: usize>(
     passed: M<S>,
 ) -> V<S> {
     let p = &w.p[i];
-    let (mut desired, mut passing) = (p.desired_speed, p.pass_speed);
+    let mut desired = p.desired_speed;
     if w.road.ways.two_way {
-        passing = speed_of_pass(state, w, i);
         desired = choose(passed, desired * p.passed_factor, desired);
-    }
-    if w.road.lets_overtake(i) {
-        desired = choose(is_passing(state, i), passing, desired);
+        let passing = is_passing(state, i);
+        if passing.any_true() {
+            desired = choose(passing, speed_of_pass(state, w, i), desired);
+        }
+    } else if i == EGO {
+        desired = choose(is_passing(state, i), p.pass_speed, desired);
     }
     if w.road.varies() {
         return min(desired, state.bend_speed[i]);

@@ -11,6 +11,7 @@ use crate::names::Vehicle;
 use crate::neighbours::Neighbours;
 use crate::orders::{self, Orders};
 use crate::passing::{may_meet, room_left, weigh};
+use crate::perception::Beliefs;
 use crate::recording::{Kind, Recorder};
 use crate::state::{
     EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World, stage,
@@ -204,7 +205,7 @@ fn meet<S: Simd, const N: usize>(
     let (c, i, coming) = (w.c, view.i, &mind.met.coming);
     let leader = (view.gap[LEAD], view.leader_speed);
     let may_go = may_meet(state, w, i, mind.near, coming, leader, view.impatience);
-    let plight = weigh(state, w, i, coming);
+    let plight = weigh(state, w, i, mind);
     let (one, zero) = (splat(w.simd, 1.0), splat(w.simd, 0.0));
     state.yields[i] = choose(plight.yields, one, zero);
     state.hurries[i] = choose(plight.hurries, one, zero);
@@ -252,7 +253,7 @@ pub fn decide<S: Simd, const N: usize>(
 ) {
     let (near, believed) = (mind.near, mind.believed);
     let view = look(state, w, &mind, EGO);
-    wait(state, w, &view);
+    wait(state, w, EGO, mind.believed);
     let two_way = w.road.ways.two_way;
     // Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
     let meets = if two_way {
@@ -329,14 +330,14 @@ pub fn decide_other<S: Simd, const N: usize>(
     i: usize,
     step: u32,
 ) {
-    let view = look(state, w, &mind, i);
-    wait(state, w, &view);
     let settled = state.stage[i].simd_eq(stage::FOLLOW) & state.signalled[i].simd_eq(0.0);
-    if (settled & state.wanted[i].simd_eq(0.0) & state.indicator[i].simd_eq(0.0) & !mind.looks)
-        .all_true()
-    {
+    let still = settled & state.wanted[i].simd_eq(0.0) & state.indicator[i].simd_eq(0.0);
+    if (still & !mind.looks).all_true() {
+        wait(state, w, i, mind.believed);
         return; // Nobody begins anything without a look.
     }
+    let view = look(state, w, &mind, i);
+    wait(state, w, i, mind.believed);
     let meets = meet(state, w, &view, &mind);
     let intent = intend(state, w, &view, mind.looks, mind.waits, Some(&meets));
     let next = next_stage(state, w, mind.near, i, &intent);
@@ -391,14 +392,15 @@ pub fn in_stage<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize, whic
 fn wait<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    view: &View<'_, S>,
+    i: usize,
+    believed: &Beliefs<S>,
 ) {
-    let queues = view.gap[LEAD].simd_lt(w.c.waiting_time_gap * view.speed);
-    let i = view.i;
+    let speed = state.vx[i];
+    let queues = believed.gap[LEAD].simd_lt(w.c.waiting_time_gap * speed);
     let waits = in_stage(state, i, stage::FOLLOW)
-        & view.detected[LEAD]
+        & believed.detected[LEAD]
         & queues
-        & view.own.desired_speed.simd_gt(view.leader_speed);
+        & w.p[i].desired_speed.simd_gt(speed - believed.closing[LEAD]);
     let longer = state.waited[i] + w.c.decision;
     put(&mut state.waited[i], waits, longer);
 }

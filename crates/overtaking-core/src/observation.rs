@@ -254,7 +254,7 @@ fn meets<S: Simd, const N: usize>(
 ) -> Meeting<S> {
     let flag = |mask| flag(w.simd, mask);
     let coming = &mind.met.coming;
-    let plight = weigh(state, w, EGO, coming);
+    let plight = weigh(state, w, EGO, &mind);
     let lead = mind.near.slot[LEAD];
     let passed = choose(in_stage(state, EGO, stage::FOLLOW), lead, state.target[EGO]);
     Meeting {

@@ -86,34 +86,119 @@ impl<S: Simd> Encounters<S> {
     }
 }
 
-/// Who overtakes: in which simulations, and slots in which somebody does, a bit for each.
+/// A vehicle as who comes the other way sees it.
 #[derive(Clone, Copy)]
-pub struct Overtakers<S: Simd, const N: usize> {
+struct Turned<S: Simd> {
+    s: V<S>,
+    low_side: V<S>,
+    high_side: V<S>,
+    lane: V<S>,
+    /// Whether it is on the road, in any lane.
+    on_road: M<S>,
+}
+
+impl<S: Simd> Turned<S> {
+    /// Whether it is in a lane, or on a road, between edges.
+    #[inline(always)]
+    fn overlaps(&self, (low, high): (V<S>, V<S>)) -> M<S> {
+        self.high_side.simd_gt(low) & self.low_side.simd_lt(high)
+    }
+}
+
+/// What everybody on a two-way road looks for in everybody else; sets of slots have a bit for each.
+#[derive(Clone, Copy)]
+pub struct Traffic<S: Simd, const N: usize> {
+    turned: [Turned<S>; N],
+    /// Who drives along the road, and who against it, in any simulation.
+    directions: [u32; 2],
+    /// Who may be in the lane that those who come drive in, in any simulation.
+    strays: u32,
+    /// Who overtakes, in which simulations and in any.
     pub out: [M<S>; N],
-    pub slots: u32,
+    overtakers: u32,
+}
+
+impl<S: Simd, const N: usize> Traffic<S, N> {
+    /// An empty road.
+    pub fn nobody(simd: S) -> Self {
+        let zero = splat(simd, 0.0);
+        let never = zero.simd_lt(zero);
+        let turned = Turned {
+            s: zero,
+            low_side: zero,
+            high_side: zero,
+            lane: zero,
+            on_road: never,
+        };
+        Self {
+            turned: [turned; N],
+            directions: [0; 2],
+            strays: 0,
+            out: [never; N],
+            overtakers: 0,
+        }
+    }
+
+    /// Look at everybody.
+    #[inline(always)]
+    pub fn survey(&mut self, state: &State<'_, S, N>, w: &World<'_, S, N>, bodies: &[Body<S>; N]) {
+        let (c, road) = (w.c, w.road);
+        let low = splat(w.simd, road.boundaries[0] + c.corridor_margin);
+        let home = (low, splat(w.simd, road.boundaries[1] - c.corridor_margin));
+        let edge = road.boundaries[road.num_lanes] - c.corridor_margin;
+        let whole = (low, splat(w.simd, edge));
+        (self.directions, self.strays, self.overtakers) = ([0; 2], 0, 0);
+        for j in 0..w.count {
+            let other = &w.p[j];
+            let valid = other.valid.simd_gt(0.0);
+            let d = road.ways.across - state.d[j];
+            let turned = Turned {
+                s: road.ways.far_end - state.s[j],
+                low_side: d - other.half_width,
+                high_side: d + other.half_width,
+                lane: (road.num_lanes - 1) as f32 - state.lane[j],
+                on_road: valid,
+            };
+            let strays = turned.overlaps(home) | (bodies[j].shows & turned.lane.simd_eq(0.0));
+            let along = other.direction.simd_gt(0.0);
+            self.directions[0] |= u32::from((valid & along).any_true()) << j;
+            self.directions[1] |= u32::from((valid & !along).any_true()) << j;
+            self.strays |= u32::from((valid & strays).any_true()) << j;
+            self.out[j] = is_out(state, j);
+            self.overtakers |= u32::from(self.out[j].any_true()) << j;
+            self.turned[j] = Turned {
+                on_road: valid & turned.overlaps(whole),
+                ..turned
+            };
+        }
+    }
 }
 
 /// Whom driver `i` meets, and what it believes of them; advances the time in view.
 ///
-/// What it believes of who comes in any lane is left as it was where it is not `asked`: nothing is decided then.
+/// What it believes of who comes in any lane, and of its leader, is left as it was where it is not `asked`:
+/// nothing is decided then.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 pub fn look_ahead<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    (bodies, others): (&[Body<S>; N], &Overtakers<S, N>),
+    (bodies, traffic): (&[Body<S>; N], &Traffic<S, N>),
     near: &Neighbours<S>,
     i: usize,
     decision: usize,
     asked: bool,
     met: &mut Encounters<S>,
 ) {
-    let [coming, facing] = nearest(state, w, bodies, i, splat(w.simd, NOBODY));
+    let [coming, facing] = nearest(state, w, bodies, traffic, i);
     let sight = sight(state, w, near, i);
     let view = look_at(state, w, near, i, coming, sight);
     let sure = watch(state, w, i, ANY_LANE, coming, &view);
     if asked {
         met.coming = judged(state, w, i, coming, sight, &view, sure, decision);
+        let lead = near.slot[LEAD];
+        let side = pick!(w.count, lead, |j| state.indicator[j]);
+        met.leader_goes = lead.simd_ge(0.0) & side.simd_gt(0.0);
     }
     if facing.0.simd_ge(0.0).any_true() {
         let range = state.shown[i];
@@ -126,10 +211,7 @@ pub fn look_ahead<S: Simd, const N: usize>(
         remember(state, w, i, OWN_LANE, facing.0);
         met.faces = sure & !sure;
     }
-    met.passed = is_passed(state, w, others, i);
-    let lead = near.slot[LEAD];
-    let side = pick!(w.count, lead, |j| state.indicator[j]);
-    met.leader_goes = lead.simd_ge(0.0) & side.simd_gt(0.0);
+    met.passed = is_passed(state, w, traffic, i);
 }
 
 /// Whether driver `i` has looked for long enough to know who comes in some lanes; advances the time in view.
@@ -184,7 +266,12 @@ pub fn look_beyond<S: Simd, const N: usize>(
             Body::nothing(w.simd)
         }
     });
-    let met = nearest(state, w, &bodies, EGO, first.slot)[ANY_LANE];
+    let mut traffic = Traffic::nobody(w.simd);
+    traffic.survey(state, w, &bodies);
+    for j in 0..w.count {
+        traffic.turned[j].on_road &= first.slot.simd_ne(j as i32 as f32);
+    }
+    let met = nearest(state, w, &bodies, &traffic, EGO)[ANY_LANE];
     let view = look_at(state, w, near, EGO, met, first.sight);
     let sight = first.sight;
     judged(state, w, EGO, met, sight, &view, first.detected, decision)
@@ -296,48 +383,71 @@ fn judged<S: Simd, const N: usize>(
     }
 }
 
-/// The nearest oncomer of vehicle `i` in any lane, and in its own; slots `but` do not count. One that is visibly
-/// on its way into a lane is there.
+/// The nearest oncomer of vehicle `i` in any lane, and in its own. One that is visibly on its way into the own
+/// lane is there.
 #[inline(always)]
 fn nearest<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     bodies: &[Body<S>; N],
+    traffic: &Traffic<S, N>,
     i: usize,
-    but: V<S>,
 ) -> [Met<S>; 2] {
-    let (c, road, own) = (w.c, w.road, &w.p[i]);
-    let (low, high) = lane_borders(w, state.lane[i], 0.0);
-    let edges = [road.boundaries[0], road.boundaries[road.num_lanes]].map(|d| splat(w.simd, d));
-    let mut met = [(splat(w.simd, NOBODY), splat(w.simd, FAR)); 2];
-    for j in 0..w.count {
-        let other = &w.p[j];
-        let opposed = other.valid.simd_gt(0.0)
-            & other.direction.simd_ne(own.direction)
-            & own.valid.simd_gt(0.0);
-        if !opposed.any_true() {
-            continue;
-        }
-        let (s, d) = (
-            road.ways.far_end - state.s[j],
-            road.ways.across - state.d[j],
-        );
-        let ahead = s - state.s[i];
-        let (low_side, high_side) = (d - other.half_width, d + other.half_width);
-        let lane = (road.num_lanes - 1) as f32 - state.lane[j];
-        let comes = bodies[j].shows & lane.simd_eq(state.lane[i]);
-        let there = opposed & ahead.simd_ge(0.0) & but.simd_ne(j as i32 as f32);
-        for ((slot, nearest), (begin, end)) in
-            met.iter_mut().zip([(edges[0], edges[1]), (low, high)])
-        {
-            let overlaps = high_side.simd_gt(begin + c.corridor_margin)
-                & low_side.simd_lt(end - c.corridor_margin);
-            let nearer = there & (comes | overlaps) & ahead.simd_lt(*nearest);
-            *slot = choose(nearer, splat(w.simd, j as i32 as f32), *slot);
-            *nearest = choose(nearer, ahead, *nearest);
+    let nobody = (splat(w.simd, NOBODY), splat(w.simd, FAR));
+    let [mut coming, mut facing] = [nobody; 2];
+    let [along, against] = traffic.directions;
+    let mut opposed = 0;
+    for (own, other) in [(along, against), (against, along)] {
+        if own >> i & 1 == 1 {
+            opposed |= other;
         }
     }
-    met
+    for j in (0..w.count).filter(|j| opposed >> *j & 1 == 1) {
+        let other = &traffic.turned[j];
+        let ahead = other.s - state.s[i];
+        let there = w.p[j].direction.simd_ne(w.p[i].direction) & ahead.simd_ge(0.0);
+        let nearer = there & other.on_road & ahead.simd_lt(coming.1);
+        coming.0 = choose(nearer, splat(w.simd, j as i32 as f32), coming.0);
+        coming.1 = choose(nearer, ahead, coming.1);
+    }
+    // Who keeps to its lane meets those alone who have left theirs.
+    let at_home = state.lane[i].simd_eq(0.0).all_true();
+    let opposed = if at_home {
+        opposed & traffic.strays
+    } else {
+        opposed
+    };
+    if opposed == 0 {
+        return [chosen(w, i, coming), facing];
+    }
+    let (low, high) = lane_borders(w, state.lane[i], 0.0);
+    let (low, high) = (low + w.c.corridor_margin, high - w.c.corridor_margin);
+    for j in (0..w.count).filter(|j| opposed >> *j & 1 == 1) {
+        let other = &traffic.turned[j];
+        let ahead = other.s - state.s[i];
+        let there = w.p[j].valid.simd_gt(0.0)
+            & w.p[j].direction.simd_ne(w.p[i].direction)
+            & ahead.simd_ge(0.0);
+        let comes = bodies[j].shows & other.lane.simd_eq(state.lane[i]);
+        let nearer = there & (comes | other.overlaps((low, high))) & ahead.simd_lt(facing.1);
+        facing.0 = choose(nearer, splat(w.simd, j as i32 as f32), facing.0);
+        facing.1 = choose(nearer, ahead, facing.1);
+    }
+    [chosen(w, i, coming), chosen(w, i, facing)]
+}
+
+/// Whom vehicle `i` meets, where there is a vehicle `i`.
+#[inline(always)]
+fn chosen<S: Simd, const N: usize>(
+    w: &World<'_, S, N>,
+    i: usize,
+    (slot, distance): Met<S>,
+) -> Met<S> {
+    let valid = w.p[i].valid.simd_gt(0.0);
+    (
+        choose(valid, slot, splat(w.simd, NOBODY)),
+        choose(valid, distance, splat(w.simd, FAR)),
+    )
 }
 
 /// How far driver `i` sees the other lane: by the road, the weather, and past a high leader.
@@ -448,15 +558,15 @@ pub fn give_way<S: Simd, const N: usize>(
 fn is_passed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
-    others: &Overtakers<S, N>,
+    traffic: &Traffic<S, N>,
     i: usize,
 ) -> M<S> {
     let p = &w.p[i];
-    let mut passed = others.out[i] & !others.out[i];
-    for j in (0..w.count).filter(|j| others.slots >> *j & 1 == 1) {
+    let mut passed = traffic.out[i] & !traffic.out[i];
+    for j in (0..w.count).filter(|j| traffic.overtakers >> *j & 1 == 1) {
         let other = &w.p[j];
         let apart = (state.s[i] - state.s[j]).abs() - (p.half_length + other.half_length);
-        let same = p.direction.simd_eq(other.direction) & others.out[j];
+        let same = p.direction.simd_eq(other.direction) & traffic.out[j];
         let beside = apart.simd_lt(w.c.beside_margin) & same;
         passed |= beside & state.lane[j].simd_gt(state.lane[i]);
     }

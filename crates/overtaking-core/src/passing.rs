@@ -6,11 +6,11 @@ use fearless_simd::prelude::*;
 use crate::ego::in_stage;
 use crate::following::follow;
 use crate::lanes::{M, V, at_least, choose, max, min, pick, pick_each, splat};
-use crate::names::Vehicle;
+use crate::names::{Constants, Vehicle};
 use crate::neighbours::Neighbours;
 use crate::oncoming::{Oncoming, knots};
-use crate::perception::Beliefs;
-use crate::state::{EGO, LEAD, SLOW_LEAD, State, World, stage};
+use crate::state::{EGO, LEAD, SLOW_LEAD, SLOW_REAR, State, World, stage};
+use crate::step::Mind;
 
 const FAR: f32 = 1e9;
 /// Least surplus of speed to be past with, and of approach [m/s].
@@ -27,6 +27,19 @@ fn time_to_gain<S: Simd>(way: V<S>, faster: V<S>, top: V<S>, accel: V<S>) -> V<S
     let covered = 0.5 * (v + most) * ramp;
     let within = ((v * v + 2.0 * a * way).sqrt() - v) / a;
     choose(way.simd_lt(covered), within, ramp + (way - covered) / most)
+}
+
+/// The acceleration that a driver reckons with on the way up to a speed: what it likes to use, and no more
+/// than the engine leaves halfway.
+#[inline(always)]
+fn reckoned_accel<S: Simd>(c: &Constants, own: &Vehicle<S>, speed: V<S>, top: V<S>) -> V<S> {
+    let halfway = 0.5 * (speed + max(top, speed));
+    let engine = min(
+        own.launch_force,
+        own.power / at_least(halfway, c.slip_speed),
+    );
+    let left = (engine - (own.drag * halfway * halfway + own.rolling)) * own.inverse_mass;
+    min(c.accelerate_gain * own.accel, left)
 }
 
 /// The speed that is passed at: well above that of the other, if the vehicle can.
@@ -79,10 +92,11 @@ pub fn may_meet<S: Simd, const N: usize>(
     let bodies = 2.0 * (near.half_length[LEAD] + own.half_length);
     let returns = own.return_time_gap * impatience * room_left(w, near.slot[LEAD]) * leader;
     let way = gap + bodies + returns;
-    let top = top_speed(own, c.passing_surplus, leader) - leader;
-    let gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel);
+    let top = top_speed(own, c.passing_surplus, leader);
+    let accel = reckoned_accel(c, own, speed, top);
+    let gaining = time_to_gain(way, speed - leader, top - leader, accel);
     let need = own.need_factor * (gaining + own.lane_change_duration);
-    let closing = coming.closing + 0.5 * at_least(top + leader - speed, 0.0);
+    let closing = coming.closing + 0.5 * at_least(top - speed, 0.0);
     let spare = own.spare * at_least(impatience, c.spare_kept);
     let enough = seen_ahead(w, coming).simd_gt(need * (1.0 + spare) * closing);
     let room = room_ahead(state, w, i, near.slot[LEAD]);
@@ -129,16 +143,15 @@ pub fn is_solid<S: Simd, const N: usize>(
     let ahead = direction * (w.c.line_ahead * state.vx[i]);
     let [stations, along, against] = &w.road.ways.line;
     let turned = direction.simd_lt(0.0);
-    let at = |place: V<S>| {
-        let mut here = splat(w.simd, 0.0);
-        for k in knots(stations) {
-            let (one, other) = (splat(w.simd, along[k]), splat(w.simd, against[k]));
-            here = choose(place.simd_ge(stations[k]), choose(turned, other, one), here);
-        }
-        here.simd_gt(0.0)
-    };
     let (place, _) = state.on_the_road(w, i);
-    at(place) | at(place + ahead)
+    let mut solid = [splat(w.simd, 0.0); 2];
+    for k in knots(stations) {
+        let mark = choose(turned, splat(w.simd, against[k]), splat(w.simd, along[k]));
+        for (solid, place) in solid.iter_mut().zip([place, place + ahead]) {
+            *solid = choose(place.simd_ge(stations[k]), mark, *solid);
+        }
+    }
+    solid[0].simd_gt(0.0) | solid[1].simd_gt(0.0)
 }
 
 /// How a driver in the other lane stands.
@@ -157,18 +170,19 @@ pub fn weigh<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
-    coming: &Oncoming<S>,
+    mind: &Mind<'_, S>,
 ) -> Plight<S> {
-    let (c, own) = (w.c, &w.p[i]);
+    let (c, own, near, coming) = (w.c, &w.p[i], mind.near, &mind.met.coming);
     let out = is_passing(state, i);
     let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
     let speed = state.road_velocity(i).0;
     let (lead, bodies) = to_fall_in(state, w, i);
     let faster = speed - other;
-    let top = top_speed(own, c.passing_surplus, other) - other;
+    let top = top_speed(own, c.passing_surplus, other);
     let aside = 0.5 * w.q.hasty_change;
     let onwards = at_least(lead + bodies, 0.0);
-    let rest = time_to_gain(onwards, faster, top, c.accelerate_gain * own.accel) + aside;
+    let accel = reckoned_accel(c, own, speed, top);
+    let rest = time_to_gain(onwards, faster, top - other, accel) + aside;
     let brake = c.fall_back_share * own.hardest_decel;
     let backwards = at_least(bodies - lead, 0.0);
     let back = (faster + (faster * faster + 2.0 * brake * backwards).sqrt()) / brake + aside;
@@ -178,18 +192,45 @@ pub fn weigh<S: Simd, const N: usize>(
         splat(w.simd, FAR),
     );
     let gives_up = lead.simd_gt(0.0) & (rest + c.abort_margin).simd_gt(there) & back.simd_lt(rest);
-    let room = room_ahead(state, w, i, state.target[i]);
-    let room = room.simd_gt(2.0 * (own.half_length + c.squeeze_gap));
-    let waits_no_more = there.simd_lt(back + c.calm_margin);
-    let trapped = lead.simd_le(0.0) & coming.detected & !room & waits_no_more;
+    let no_time = is_confined(state, w, i, mind);
+    let room = near.gap[SLOW_LEAD] + near.gap[SLOW_REAR];
+    let left = own.return_time_gap * room_left(w, state.target[i]);
+    let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
+    let trapped = no_time & room.simd_lt(2.0 * c.squeeze_gap);
     let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
-    let hurries =
-        (out | in_stage(state, i, stage::RETURN)) & !yields & (there - rest).simd_lt(c.calm_margin);
+    let hurries = (out | in_stage(state, i, stage::RETURN)) & !yields;
     Plight {
         yields,
-        hurries,
+        hurries: hurries & ((there - rest).simd_lt(c.calm_margin) | cramped),
         fits: lead.simd_gt(bodies),
     }
+}
+
+/// Whether driver `i` is past the one that it overtakes, and has no time to pass the next one as well.
+#[inline(always)]
+fn is_confined<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    mind: &Mind<'_, S>,
+) -> M<S> {
+    let passes = in_stage(state, i, stage::PASS);
+    if !passes.any_true() {
+        return passes;
+    }
+    let (c, own, coming) = (w.c, &w.p[i], &mind.met.coming);
+    let past = passes & state.s[i].simd_gt(pick!(w.count, state.target[i], |j| state.s[j]));
+    let (gap, closing) = (
+        mind.believed.gap[SLOW_LEAD],
+        mind.believed.closing[SLOW_LEAD],
+    );
+    let next_one = state.vx[i] - closing;
+    let top = top_speed(own, c.passing_surplus, next_one);
+    let bodies = 2.0 * (mind.near.half_length[SLOW_LEAD] + own.half_length);
+    let accel = reckoned_accel(c, own, state.vx[i], top);
+    let longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel);
+    let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
+    past & seen_ahead(w, coming).simd_lt(longer * coming.closing)
 }
 
 /// Whether driver `i` is on its way past another.
@@ -233,29 +274,19 @@ pub fn held_back<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
-    near: &Neighbours<S>,
-    coming: &Oncoming<S>,
-    believed: &Beliefs<S>,
+    mind: &Mind<'_, S>,
 ) -> V<S> {
-    let (c, own) = (w.c, &w.p[i]);
+    let (c, own, near, believed) = (w.c, &w.p[i], mind.near, mind.believed);
     let (gap, closing) = (believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]);
-    let [other, place] = pick_each!(w.count, state.target[i], |j| [
-        state.road_velocity(j).0,
-        state.s[j]
-    ]);
+    let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
     let slow = state.road_velocity(i).0.simd_lt(other - c.fall_back_speed);
     let brake = choose(
         slow,
         splat(w.simd, 0.0),
         -(c.fall_back_share * own.hardest_decel),
     );
-    let past = in_stage(state, i, stage::PASS) & state.s[i].simd_gt(place);
-    let next_one = state.vx[i] - closing;
-    let top = top_speed(own, c.passing_surplus, next_one) - next_one;
-    let onwards = gap + 2.0 * (near.half_length[SLOW_LEAD] + own.half_length) + c.squeeze_gap;
-    let longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel);
-    let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
-    let fits_in = past & seen_ahead(w, coming).simd_lt(longer * coming.closing);
+    let middle = 0.5 * (near.gap[SLOW_LEAD] + near.gap[SLOW_REAR]);
+    let nearest = at_least(middle - own.min_gap, 0.0) / at_least(state.vx[i], c.slip_speed);
     let fitting = follow(
         c,
         own,
@@ -263,9 +294,9 @@ pub fn held_back<S: Simd, const N: usize>(
         speed_of_pass(state, w, i),
         gap,
         closing,
-        c.fit_share * own.time_gap,
+        min(c.fit_share * own.time_gap, nearest),
         believed.accel[SLOW_LEAD],
     );
-    let capped = choose(fits_in, fitting, splat(w.simd, FAR));
+    let capped = choose(is_confined(state, w, i, mind), fitting, splat(w.simd, FAR));
     choose(state.yields[i].simd_gt(0.0), brake, capped)
 }

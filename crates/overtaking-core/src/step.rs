@@ -7,7 +7,7 @@ use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::dynamics::Motion;
 use crate::lanes::{M, V, min, outlined, splat};
 use crate::neighbours::{Body, Neighbours, find_neighbours};
-use crate::oncoming::{Encounters, Overtakers, give_way, is_out, look_ahead};
+use crate::oncoming::{Encounters, Traffic, give_way, look_ahead};
 use crate::orders::Orders;
 use crate::passing::{held_back, is_held_back};
 use crate::perception::Beliefs;
@@ -25,9 +25,9 @@ pub struct Minds<S: Simd, const N: usize> {
     near: [Neighbours<S>; N],
     believed: [Beliefs<S>; N],
     looks: [M<S>; N],
-    /// Whom they meet, and who overtakes; unused on roads of one direction.
+    /// Whom they meet, and what they look for; unused on roads of one direction.
     met: [Encounters<S>; N],
-    others: Overtakers<S, N>,
+    traffic: Traffic<S, N>,
     /// Whether the ego would let somebody first who signals for the same place.
     waits: M<S>,
     /// Where everybody was before a step, if anybody is near anybody.
@@ -43,10 +43,7 @@ impl<S: Simd, const N: usize> Minds<S, N> {
             believed: [Beliefs::nothing(simd); N],
             looks: [never(simd); N],
             met: [Encounters::nobody(simd); N],
-            others: Overtakers {
-                out: [never(simd); N],
-                slots: 0,
-            },
+            traffic: Traffic::nobody(simd),
             waits: never(simd),
             before: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
         }
@@ -128,7 +125,7 @@ pub fn perceive<S: Simd, const N: usize>(
         believed,
         looks,
         met,
-        others,
+        traffic,
         waits,
         ..
     } = minds;
@@ -138,11 +135,7 @@ pub fn perceive<S: Simd, const N: usize>(
             bodies[i] = Body::new(state, w, i);
         }
         if two_way {
-            others.slots = 0;
-            for i in 0..w.count {
-                others.out[i] = is_out(state, i);
-                others.slots |= u32::from(others.out[i].any_true()) << i;
-            }
+            traffic.survey(state, w, bodies);
         }
     });
     for i in 0..w.count {
@@ -170,8 +163,8 @@ pub fn perceive<S: Simd, const N: usize>(
         if two_way {
             let met = &mut met[i];
             outlined!(w.simd, {
-                let asked = i == EGO || (*looks | others.out[i]).any_true();
-                let seen = (&*bodies, &*others);
+                let asked = i == EGO || (*looks | traffic.out[i]).any_true();
+                let seen = (&*bodies, &*traffic);
                 look_ahead(state, w, seen, near, i, decision as usize, asked, met);
             });
         }
@@ -239,8 +232,7 @@ pub fn drive_others<S: Simd, const N: usize>(
             outlined!(w.simd, {
                 leader[i] = min(leader[i], give_way(state, w, i, &met[i]));
                 if is_held_back(state, i).any_true() {
-                    let kept = held_back(state, w, i, &near[i], &met[i].coming, &believed[i]);
-                    leader[i] = min(leader[i], kept);
+                    leader[i] = min(leader[i], held_back(state, w, i, &minds.of_other(i)));
                 }
             });
         }
@@ -300,12 +292,10 @@ pub fn drive_ego<S: Simd, const N: usize>(
         } else {
             let mut leader = control::behind_leader(state, w, EGO, mind.believed, passed);
             if let Some(most) = gives_way {
-                let coming = &mind.met.coming;
                 leader = min(leader, most);
-                leader = min(
-                    leader,
-                    held_back(state, w, EGO, mind.near, coming, mind.believed),
-                );
+                if is_held_back(state, EGO).any_true() {
+                    leader = min(leader, held_back(state, w, EGO, &mind));
+                }
             }
             let mind = (mind.near, mind.believed);
             control::wanted(state, w, EGO, mind, passed, leader)

@@ -326,7 +326,7 @@ def _meet(
     who, coming = view.who, moment.met.coming
     leader = view.gap[LEAD], view.leader_speed
     ahead = outlook(state, given, p, moment.near, coming, who, leader)
-    plight = weigh(state, given, p, q, coming, who)
+    plight = weigh(state, given, p, q, moment, who)
     state.yields[who] = np.where(plight.yields, _ONE, _STEADY)
     state.hurries[who] = np.where(plight.hurries, _ONE, _STEADY)
     return Meeting(

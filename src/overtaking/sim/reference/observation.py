@@ -79,7 +79,7 @@ def observe(
         beyond = look_beyond(state, given, p, q, moment.near, oncoming, decision)
         for role, who in enumerate((oncoming, beyond), _ROLES):
             _write(around[:, role], AROUND, _coming(state, given, p, who, is_true=is_true))
-        _write(meeting, MEETING, _meeting(state, given, p, q, moment.near, oncoming))
+        _write(meeting, MEETING, _meeting(state, given, p, q, moment, oncoming))
     return table
 
 
@@ -196,13 +196,13 @@ def _meeting(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    near: Neighbours,
+    moment: Moment,
     oncoming: Oncoming,
 ) -> dict[str, F32 | Mask]:
     """How the ego stands to oncoming traffic."""
     ego = Role.EGO
-    plight = weigh(state, given, p, q, oncoming, ego)
-    lead = near.slot[LEAD, ego]
+    plight = weigh(state, given, p, q, moment, ego)
+    lead = moment.near.slot[LEAD, ego]
     passed = np.where(in_stage(state, ego, Stage.FOLLOW), lead, state.target[ego])
     room = room_ahead(state, p, lead, ego)
     return {

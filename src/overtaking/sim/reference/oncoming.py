@@ -140,7 +140,7 @@ def look_beyond(
 def _nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[Met, Met]:
     """The nearest oncomer of each vehicle in any lane, and in its own; slots `but` do not count.
 
-    One that is visibly on its way into a lane is there.
+    One that is visibly on its way into the own lane is there.
     """
     c, road = given.constants, given.road
     low, high = lane_borders(state, given, 0.0)
@@ -154,12 +154,11 @@ def _nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[Met,
         lane = np.float32(road.num_lanes - 1) - state.lane[j]
         comes = shows_change(state, given, j) & (lane == state.lane)
         opposed = (p.valid[j] > 0) & (p.direction[j] != p.direction) & (p.valid > 0)
-        there = opposed & (ahead >= 0) & (but != np.float32(j))
+        opposed = opposed & (ahead >= 0) & (but != np.float32(j))
         for lanes, (begin, end) in enumerate((edges, (low, high))):
-            overlaps = (high_side > begin + c.corridor_margin) & (
-                low_side < end - c.corridor_margin
-            )
-            nearer = there & (comes | overlaps) & (ahead < nearest[lanes])
+            there = (high_side > begin + c.corridor_margin) & (low_side < end - c.corridor_margin)
+            there = there | comes if lanes == OWN_LANE else there
+            nearer = opposed & there & (ahead < nearest[lanes])
             slot[lanes] = np.where(nearer, np.float32(j), slot[lanes])
             nearest[lanes] = np.where(nearer, ahead, nearest[lanes])
     return (slot[ANY_LANE], nearest[ANY_LANE]), (slot[OWN_LANE], nearest[OWN_LANE])

@@ -11,12 +11,13 @@ from overtaking.core.elementary import F32, Mask, maximum, minimum
 from overtaking.model.trajectory import Stage
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.intent import in_stage
+from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming
-from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import (
     LEAD,
     SLOW_LEAD,
+    SLOW_REAR,
     Fields,
     State,
     Who,
@@ -51,6 +52,24 @@ def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
     covered = _HALF * (v + most) * ramp
     within = (np.sqrt(v * v + _TWO * a * way) - v) / a
     return np.where(way < covered, within, ramp + (way - covered) / most)
+
+
+def reckoned_accel(c: Constants, own: Fields, speed: F32, top: F32) -> F32:
+    """The acceleration that drivers reckon with on the way up to a speed [m/s^2].
+
+    What they like to use, and no more than the engine leaves halfway. How they misjudge the time
+    that follows is `need_factor`, which has a source; what the vehicle does, its driver knows.
+
+    Args:
+        c: Constants of the model.
+        own: Parameters of the drivers.
+        speed: Their own [m/s].
+        top: The speed that they pass at [m/s].
+    """
+    halfway = _HALF * (speed + maximum(top, speed))
+    engine = minimum(own.launch_force, own.power / maximum(halfway, c.slip_speed))
+    left = (engine - (own.drag * halfway * halfway + own.rolling)) * own.inverse_mass
+    return minimum(c.accelerate_gain * own.accel, left)
 
 
 def top_speed(own: Fields, c_surplus: np.float32, leader: F32) -> F32:
@@ -172,10 +191,11 @@ def may_meet(
     bodies = ahead.length + _TWO * own.half_length
     returns = own.return_time_gap * impatience * ahead.room_left * leader
     way = ahead.gap + bodies + returns
-    top = top_speed(own, c.passing_surplus, leader) - leader
-    gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel)
+    top = top_speed(own, c.passing_surplus, leader)
+    accel = reckoned_accel(c, own, speed, top)
+    gaining = time_to_gain(way, speed - leader, top - leader, accel)
     need = own.need_factor * (gaining + own.lane_change_duration)
-    closing = ahead.closing + _HALF * maximum(top + leader - speed, _ZERO)
+    closing = ahead.closing + _HALF * maximum(top - speed, _ZERO)
     spare = own.spare * maximum(impatience, c.spare_kept)
     enough = ahead.seen > need * (np.float32(1.0) + spare) * closing
     least = _TWO * own.half_length + c.squeeze_gap + returns
@@ -226,25 +246,35 @@ def weigh(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    coming: Oncoming,
+    moment: Moment,
     who: Who,
 ) -> Plight:
     """Whether drivers go on with their pass, and how.
 
     Until they are abreast they give up where they would not be back a moment before the oncomer is
-    there, and falling back lacks less time than going on; later where there is no room to return
-    to, once falling back takes nearly all the time left. They are in a hurry where little would be
-    to spare.
+    there, and falling back lacks less time than going on. Later those who have no time to pass the
+    next one, too, take the room beside them: at once where it is less than they would ask for, and
+    where it is none they fall back. They are in a hurry where little would be to spare.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+        who: The drivers.
     """
-    c, own = given.constants, p.of(who)
+    assert moment.met is not None
+    c, own, near, coming = given.constants, p.of(who), moment.near, moment.met.coming
     out = is_passing(state, who)
     along, _ = road_velocity(state)
     speed, other = along[who], pick(along, state.target[who])
     lead, bodies = _to_fall_in(state, given, p, who)
-    faster, top = speed - other, top_speed(own, c.passing_surplus, other) - other
+    faster, top = speed - other, top_speed(own, c.passing_surplus, other)
     aside = _HALF * q.hasty_change
     onwards = maximum(lead + bodies, _ZERO)
-    rest = time_to_gain(onwards, faster, top, c.accelerate_gain * own.accel) + aside
+    accel = reckoned_accel(c, own, speed, top)
+    rest = time_to_gain(onwards, faster, top - other, accel) + aside
     brake = c.fall_back_share * own.hardest_decel
     backwards = maximum(bodies - lead, _ZERO)
     back = (faster + np.sqrt(faster * faster + _TWO * brake * backwards)) / brake + aside
@@ -253,14 +283,46 @@ def weigh(
         noticed, coming.believed_gap[who] / maximum(coming.closing[who], _SLOWEST), _FAR
     )
     gives_up = (lead > 0) & (rest + c.abort_margin > there) & (back < rest)
-    room = room_ahead(state, p, state.target[who], who)
-    room = room > _TWO * (own.half_length + c.squeeze_gap)
-    trapped = (lead <= 0) & noticed & ~room & (there < back + c.calm_margin)
+    no_time = is_confined(state, given, p, q, moment)[who]
+    room = near.gap[SLOW_LEAD, who] + near.gap[SLOW_REAR, who]
+    left = own.return_time_gap * room_left(c, p, state.target[who])
+    cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
+    trapped = no_time & (room < _TWO * c.squeeze_gap)
     yields = (gives_up | trapped | (state.yields[who] > 0)) & out
     hurries = (out | in_stage(state, who, Stage.RETURN)) & ~yields
     return Plight(
-        yields=yields, hurries=hurries & (there - rest < c.calm_margin), fits=lead > bodies
+        yields=yields,
+        hurries=hurries & ((there - rest < c.calm_margin) | cramped),
+        fits=lead > bodies,
     )
+
+
+def is_confined(
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, moment: Moment
+) -> Mask:
+    """Who is past the one that it overtakes, and has no time to pass the next one as well.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+
+    Returns:
+        Shape (vehicle, simulation).
+    """
+    assert moment.met is not None
+    c, coming, everybody = given.constants, moment.met.coming, slice(None)
+    past = in_stage(state, everybody, Stage.PASS) & (state.s > pick(state.s, state.target))
+    gap, closing = moment.believed.gap[SLOW_LEAD], moment.believed.closing[SLOW_LEAD]
+    next_one = state.vx - closing
+    top = top_speed(p, c.passing_surplus, next_one)
+    bodies = _TWO * (moment.near.half_length[SLOW_LEAD] + p.half_length)
+    accel = reckoned_accel(c, p, state.vx, top)
+    longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel)
+    longer = longer + _HALF * q.hasty_change + c.calm_margin
+    return past & (seen_ahead(c, coming.believed_gap, coming.sight) < longer * coming.closing)
 
 
 def is_passing(state: State, who: Who) -> Mask:
@@ -286,40 +348,32 @@ def held_back(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    near: Neighbours,
-    coming: Oncoming,
-    believed: Beliefs,
+    moment: Moment,
 ) -> F32:
     """The acceleration that drivers in the other lane do not go beyond [m/s^2].
 
     Who falls back brakes until it is slower than the vehicle that it was to pass. Who is past that
-    keeps behind the next one, as it has to fit in between, unless time is left to pass that, too.
+    keeps behind the next one, as it has to fit in between, unless time is left to pass that, too:
+    with a part of its time gap, or in the middle of the room where that is nearer.
 
     Args:
         state: State at a decision.
         given: All inputs.
         p: Vehicle parameters.
         q: Simulation parameters.
-        near: Neighbours.
-        coming: Who comes.
-        believed: What drivers believe of their neighbours.
+        moment: What drivers know; there is oncoming traffic on the road.
 
     Returns:
         Shape (vehicle, simulation).
     """
-    c, everybody = given.constants, slice(None)
+    c, near, believed = given.constants, moment.near, moment.believed
     along, _ = road_velocity(state)
     slow = along < pick(along, state.target) - c.fall_back_speed
     brake = np.where(slow, _ZERO, -(c.fall_back_share * p.hardest_decel))
-    past = in_stage(state, everybody, Stage.PASS) & (state.s > pick(state.s, state.target))
     gap, closing = believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]
-    kept, wished = c.fit_share * p.time_gap, speed_of_pass(state, given, p)
-    next_one = state.vx - closing
-    top = top_speed(p, c.passing_surplus, next_one) - next_one
-    onwards = gap + _TWO * (near.half_length[SLOW_LEAD] + p.half_length) + c.squeeze_gap
-    longer = time_to_gain(onwards, closing, top, c.accelerate_gain * p.accel)
-    longer = longer + _HALF * q.hasty_change + c.calm_margin
-    seen = seen_ahead(c, coming.believed_gap, coming.sight)
-    fits_in = past & (seen < longer * coming.closing)
+    middle = _HALF * (near.gap[SLOW_LEAD] + near.gap[SLOW_REAR])
+    nearest = maximum(middle - p.min_gap, _ZERO) / maximum(state.vx, c.slip_speed)
+    kept, wished = minimum(c.fit_share * p.time_gap, nearest), speed_of_pass(state, given, p)
     fitting = follow(c, p, state.vx, wished, gap, closing, kept, believed.accel[SLOW_LEAD])
+    fits_in = is_confined(state, given, p, q, moment)
     return np.where(state.yields > 0, brake, np.where(fits_in, fitting, _FAR))

@@ -158,7 +158,7 @@ def act(
     leader = control.behind_leader(state, given, p, believed, met)
     if met is not None:
         leader = minimum(leader, give_way(state, given, p, met))
-        leader = minimum(leader, held_back(state, given, p, q, near, met.coming, believed))
+        leader = minimum(leader, held_back(state, given, p, q, moment))
     old_leader = control.behind_old_leader(state, given, p, near, believed, met)
     control.set_acceleration(state, given, p, *pedals(orders, leader, old_leader))
     if met is None:
