@@ -2,6 +2,7 @@
 
     python benchmarks/flips.py                 # every flip; exits with 1 if one goes unnoticed
     python benchmarks/flips.py --file ego.rs   # those of one file
+    python benchmarks/flips.py --again LOG     # those that an earlier output calls UNNOTICED
 
 A copy of the crates is instrumented so that each operator asks whether it is the flipped one: one
 build serves all flips. Unflipped, the copy records what the engine records. A flip is noticed if
@@ -338,6 +339,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Flip every operator of the engine's step.")
     parser.add_argument("--file", help="only those of one file, such as ego.rs")
     parser.add_argument(
+        "--again", type=Path, metavar="LOG", help="only those that went unnoticed in this output"
+    )
+    parser.add_argument(
         "--search", type=int, default=0, metavar="N",
         help="look for simulations, in N times as many, that would notice the unnoticed",
     )  # fmt: skip
@@ -351,6 +355,9 @@ def main() -> int:
                 "the instrumented engine differs from the reference with nothing flipped"
             )
         chosen = [flip for flip in flips if given.file in (None, flip.file)]
+        if given.again:
+            before = given.again.read_text(encoding="utf-8")
+            chosen = [flip for flip in chosen if f"UNNOTICED  {flip}  " in before]
         survivors, by = list[Flip](), Counter[str]()
         for flip in chosen:
             found = sweep.result(sweep.start(flip))

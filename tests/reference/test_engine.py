@@ -19,6 +19,7 @@ from overtaking.scenarios import sample, spec
 from overtaking.sim import branch, engine, reference
 from overtaking.world.parameters import parameters
 
+from .scenes import WRITTEN
 from .situations import FURTHER, SITUATIONS, SMALL, Situation, arrays, difference, turned_round
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def simulated(situation: Situation) -> Trajectories:
         *SITUATIONS,
         *(
             pytest.param(one, marks=() if one.profile.startswith("pinto") else pytest.mark.ci)
-            for one in FURTHER
+            for one in (*FURTHER, *WRITTEN)
         ),
     ],
     ids=lambda one: one.name.replace(" ", "-"),
