@@ -7,6 +7,7 @@ what is done and what would be done with any sign or comparison turned round.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -225,10 +226,10 @@ def overtakes() -> Iterable[Scene]:
             ahead(20.0, 0, 22.0, desired_speed=29.0, accel=2.5),
         ],
     )  # fmt: skip
-    for gap in np.arange(150.0, 270.0, 20.0):
+    for gap in np.arange(56.0, 96.0, 8.0):
         yield Scene(
             name="the ego returns, or passes the next one, too",
-            vehicles=[car(1000.0, 0, 27.0, **keen), ahead(20.0, 0, 20.0), ahead(gap, 0, 26.0)],
+            vehicles=[car(1000.0, 0, 27.0, **keen), ahead(20.0, 0, 20.0), ahead(gap, 0, 22.0)],
         )
     heedless = keen | HEEDLESS
     beside = ahead(-2.0, 1, 27.0)
@@ -244,18 +245,28 @@ def overtakes() -> Iterable[Scene]:
         s=1000.0, speed=24.0, body={"max_speed": 24.0},
         driver=keen | {"checks_blind_spot": 0.0, "accel": 3.0, "decel": 4.0, "safe_decel": 5.0},
     )  # fmt: skip
-    target, fog = ahead(28.0, 0, 20.0), {"fog": 100.0}
+    target, fog = ahead(28.0, 0, 20.0), {"fog": 100.0, "rain": 100.0}
     for weather, others in (
         ({}, []),
-        ({}, [ahead(-60.0, 1, 30.0, **TAILGATER)]),
-        *((fog, [ahead(gap, 1, 0.5)]) for gap in np.arange(250.0, 400.0, 10.0)),
-        *((fog, [ahead(-gap, 1, 45.0)]) for gap in np.arange(180.0, 300.0, 10.0)),
+        *((fog, [ahead(gap, 1, 0.5)]) for gap in (310.0, 315.0)),
     ):
         yield Scene(
             name="the ego returns too early, and stays out or cannot",
             vehicles=[ego, target, *others],
             weather=weather,
         )
+    for gap, speed in itertools.product((12.0, 15.0, 18.0), (18.0, 19.0)):
+        yield Scene(
+            name="the ego gives up beside another whom it does not see; somebody is close behind",
+            vehicles=[
+                Vehicle(
+                    s=1000.0, speed=24.0, body={"max_speed": 24.0},
+                    driver=heedless | {"safe_decel": 6.0},
+                ),
+                ahead(10.0, 0, speed, desired_speed=24.0),
+                ahead(-gap, 1, 24.0, **TAILGATER, desired_speed=33.0),
+            ],
+        )  # fmt: skip
 
 
 # --- A lane in each direction -------------------------------------------------------------------
