@@ -14,6 +14,7 @@ import overtaking as ot
 from overtaking.core.elementary import Mask, exp, maximum, minimum
 from overtaking.model.observation import ROLES
 from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
 from overtaking.sim.reference.ego import (
     View,
     has_room_behind,
@@ -60,6 +61,7 @@ class HumanEgo:
         around = np.moveaxis(seen.around, 0, -1)[: len(ROLES) - 2]
         told = driver.gap_acceptance <= 0  # Told to change lanes, as in the study: looks at no gap.
         return View(
+            who=Role.EGO,
             own=driver,
             speed=seen.of("speed"),
             gap=around[:, 1],
@@ -74,6 +76,7 @@ class HumanEgo:
             impatience=impatience,
             told=told,
             ordered=told & (around[LEAD, 0] > 0) & (around[LEAD, 2] > driver.passing_gain),
+            command=np.zeros_like(demand),
         )
 
     def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
@@ -102,8 +105,8 @@ class HumanEgo:
             solid=seen.of("solid") > 0,
             room_left=seen.of("room_left"),
         )
-        q = self.given.of_simulations
-        return may_meet(self.given, view.own, q, view.speed, view.impatience, ahead)
+        may = may_meet(self.given, view.own, view.speed, view.impatience, ahead)
+        return may & ~(seen.of("indicator", "lead") > 0)  # One overtakes at a time.
 
     def returns(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to signal to return: past the other, or stuck beside it for too long."""

@@ -39,5 +39,5 @@ def test_what_the_name_says_happens(entry):
     assert scene.happens(simulated(entry)).tolist() == [True]
 
 
-def test_there_are_twenty_one_different_ones():
-    assert len({entry["trace_hash"] for entry in ENTRIES}) == len(SCENES) == 21
+def test_there_are_twenty_four_different_ones():
+    assert len({entry["trace_hash"] for entry in ENTRIES}) == len(SCENES) == 24

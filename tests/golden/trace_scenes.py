@@ -16,9 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.analysis.validation.passes import meeting, passes
+from overtaking.analysis.validation.passes import (
+    LEADER,
+    attempts_of_others,
+    meeting,
+    passes,
+)
 from overtaking.model.course import PlaceKind
-from overtaking.model.trajectory import NO_VEHICLE, Stage, Trajectories
+from overtaking.model.trajectory import NO_VEHICLE, Lights, Stage, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
@@ -155,7 +160,7 @@ def beyond(run: Trajectories) -> NDArray[np.bool_]:
 
 def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
     """The ego comes back over a line that it may not cross, and went out where it may."""
-    stations, solid = road_parameters(run.road).line
+    stations, solid, _ = road_parameters(run.road).line
     there = beyond(run)
     first = there.argmax(axis=1)
     last = there.shape[1] - 1 - there[:, ::-1].argmax(axis=1)
@@ -173,6 +178,30 @@ def over_a_crest(run: Trajectories) -> NDArray[np.bool_]:
     crests = [one for one in course.places if one.kind is PlaceKind.CREST] if course else []
     over = [(s > one.start) & (s < one.stop) for one in crests]
     return done(run) & (beyond(run) & np.any(over, axis=0)).any(axis=1)
+
+
+def another_passes_the_leader(run: Trajectories) -> NDArray[np.bool_]:
+    """Somebody else in the ego's direction passes the vehicle that began ahead of the ego."""
+    found = np.zeros(len(run.stage), bool)
+    for one in attempts_of_others(run):
+        found[one.row] |= one.passed and one.target == LEADER
+    return found
+
+
+def another_gives_up(run: Trajectories) -> NDArray[np.bool_]:
+    """Somebody else in the ego's direction falls back, as an oncomer is near."""
+    found = np.zeros(len(run.stage), bool)
+    for one in attempts_of_others(run):
+        found[one.row] |= not one.passed and one.margin < 10.0
+    return found
+
+
+def meets_an_overtaker(run: Trajectories) -> NDArray[np.bool_]:
+    """The ego brakes and moves over for who comes in its lane, before it sets out to overtake."""
+    lights, brakes = run.states.lights[:, Role.EGO], run.states.accel_lon[:, Role.EGO] < -2500
+    flashes = ((lights & Lights.HIGH_BEAM) > 0) & (run.stage == Stage.FOLLOW)
+    aside = run.states.d[:, Role.EGO] < -1750 - 400
+    return np.logical_and.reduce([one.any(axis=1) for one in (flashes, flashes & brakes, aside)])
 
 
 FOG = {
@@ -234,6 +263,9 @@ SCENES = (
             ("rural-head-on-collision", head_on),
             ("rural-ends-on-a-solid-line", ends_on_a_solid_line),
             ("rural-over-a-crest", over_a_crest),
+            ("rural-another-passes-the-leader", another_passes_the_leader),
+            ("rural-another-gives-up", another_gives_up),
+            ("rural-oncomer-in-the-own-lane", meets_an_overtaker),
         )
     ),
     Scene(name="last-numbers-overtake", happens=done, seed=2**64 - 1, first=2**64 - MOST),

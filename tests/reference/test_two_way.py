@@ -18,7 +18,7 @@ from overtaking.model.trajectory import Lights, Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
-from overtaking.world.parameters import SIMULATION_FIELDS, parameters
+from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, parameters
 from overtaking.world.sight import sight_at
 
 from .situations import difference
@@ -62,7 +62,27 @@ def simulated(
     return engine.run(world, parameters(world))
 
 
+def with_another(*gaps: float, comes: float = 25.0, **driver: float) -> list[Vehicle]:
+    """The ego follows far behind another, who is held up by a van; others come from distances."""
+    ego = Vehicle(s=800.0, speed=17.0, driver={"desired_speed": 17.0})
+    another, leader, *others = pair(*gaps, comes=comes, **{"gap_acceptance": 0.5, **driver})
+    return [ego, leader, another, *others]
+
+
+def with_an_oncomer_that_overtakes(gap: float, **driver: float) -> list[Vehicle]:
+    """Somebody who comes from a distance is held up by a van."""
+    ego = Vehicle(s=1000.0, speed=22.0, driver={"desired_speed": 22.0})
+    another, leader = (
+        dataclasses.replace(one, s=1000.0 + gap + (1035.0 - one.s), lane=1)
+        for one in pair(**{"gap_acceptance": 0.5, **driver})
+    )
+    return [ego, leader, another]
+
+
 SCENES = (
+    with_another(700.0),
+    with_another(500.0, comes=60.0, gap_acceptance=0.2),
+    with_an_oncomer_that_overtakes(900.0, gap_acceptance=0.2),
     pair(300.0),
     pair(900.0, gap_acceptance=0.0),
     pair(250.0, gap_acceptance=0.0),
@@ -121,8 +141,9 @@ def without_fields(given):
 
 
 def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
-    gaps = np.arange(200.0, 800.0, 25.0)
-    many = simulated(*(pair(gap, comes=60.0, gap_acceptance=0.0) for gap in gaps))
+    keen = {"lead": 24.0, "desired_speed": 33.0, "gap_acceptance": 0.0}
+    gaps = np.arange(650.0, 900.0, 12.5)
+    many = simulated(*(pair(gap, comes=70.0, **keen) for gap in gaps))
     hit = np.flatnonzero(many.contacts.partner[:, 0] == 2)
     assert len(hit)
     hardest = hit[many.contacts.closing_speed[hit, 0].argmax()]
@@ -172,6 +193,124 @@ def test_who_meets_an_overtaker_flashes_brakes_and_moves_aside():
     assert (run.states.accel_lon[0, 2, before] > -500).all()
     assert run.states.accel_lon[0, 2].min() < -2500
     assert lateral.max() > 1.75 + 0.4
+
+
+def beyond(run: Trajectories, slot: int) -> list[np.ndarray]:
+    """Frames in which the middle of a vehicle is in the lane of others, by simulation."""
+    away = run.states.lane[:, slot] != run.scenario.start_lane[:, [slot]]
+    return [np.flatnonzero(row) for row in away & run.frame_valid]
+
+
+def test_another_passes_by_the_rules_of_the_ego():
+    run = simulated(with_another(), with_another(330.0), horizon=45.0)
+    free, waits = beyond(run, 2)
+    s = run.states.s
+    assert len(free)
+    assert s[0, 2, free[0]] < s[0, 1, free[0]]
+    assert s[0, 2, free[-1]] > s[0, 1, free[-1]]
+    # It is faster than it wants to be behind the van, and shows where it goes.
+    speed = run.states.speed[0, 2] / 1e3
+    assert speed[free].max() > 18.0 + 7.0
+    shown = run.states.lights[0, 2, free[0] - 1], run.states.lights[0, 2, free[-1]]
+    assert shown[0] & Lights.INDICATOR_LEFT
+    assert shown[1] & Lights.INDICATOR_RIGHT
+    met = np.flatnonzero(s[1, 3] < s[1, 2])[0]
+    assert len(waits)
+    assert waits[0] >= met
+
+
+def test_another_that_meets_an_unusually_fast_one_falls_back():
+    gaps = np.arange(300.0, 1500.0, 50.0)
+    scenes = [with_another(gap, comes=70.0, gap_acceptance=0.1) for gap in gaps]
+    run = simulated(*scenes, horizon=30.0)
+    s, last = run.states.s, run.num_frames - 1
+    tried = [row for row, away in enumerate(beyond(run, 2)) if len(away)]
+    behind = [s[row, 2, last[row]] < s[row, 1, last[row]] for row in tried]
+    back = [run.states.lane[row, 2, last[row]] == 0 for row in tried]
+    gave_up = [row for row, one, other in zip(tried, behind, back, strict=True) if one and other]
+    assert gave_up
+    for row in gave_up:
+        assert run.states.accel_lon[row, 2].min() < -2000
+
+
+def test_the_ego_brakes_and_moves_over_for_who_comes_in_its_lane():
+    # A van that comes is passed by one that does not look far: it reckons with half of its need.
+    scenes = [
+        with_an_oncomer_that_overtakes(gap, gap_acceptance=0.0, desired_speed=40.0)
+        for gap in np.arange(300.0, 700.0, 20.0)
+    ]
+    run = simulated(*scenes, horizon=20.0)
+    lights, lateral = run.states.lights[:, 0], run.states.d[:, 0] / 1e3
+    flashes = (lights & Lights.HIGH_BEAM) > 0
+    brakes = run.states.accel_lon[:, 0].min(axis=1) < -2500
+    rows = np.flatnonzero(flashes.any(axis=1) & brakes)
+    assert len(rows)
+    for row in rows:
+        first = int(flashes[row].argmax())
+        assert run.states.lane[row, 2, first] == 0  # In the ego's lane.
+        assert (run.states.accel_lon[row, 0, :first] > -500).all()
+        assert lateral[row].min() < -1.75 - 0.3
+    assert (run.stage == Stage.FOLLOW).mean() > 0.9
+
+
+def test_who_follows_one_that_overtakes_waits():
+    ego = Vehicle(s=800.0, speed=17.0, driver={"desired_speed": 17.0})
+    leader = Vehicle(kind="L", s=1100.0, speed=14.0, driver={"desired_speed": 14.0})
+    keen = [
+        Vehicle(s=1100.0 - back, speed=15.0, driver=KEEN | {"gap_acceptance": 0.5})
+        for back in (30.0, 55.0)
+    ]
+    run = simulated([ego, leader, *keen], horizon=60.0)
+    away = (run.states.lane[0] == 1) & run.frame_valid[0]
+    assert away[2:].any(axis=1).sum() >= 2
+    assert away.sum(axis=0).max() == 1
+
+
+def turned(road: Road) -> Road:
+    """A road as seen from its other end, but for its direction."""
+    course, length = road.course, road.length
+    assert course is not None
+
+    def back(table: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        return tuple((length - s, value) for s, value in reversed(table))
+
+    lines = tuple(
+        dataclasses.replace(
+            one, start=length - one.stop, stop=length - one.start, mark=one.mark.reversed
+        )
+        for one in reversed(course.lines)
+    )
+    sight, against = back(course.sight_against), back(course.sight)
+    other = dataclasses.replace(course, lines=lines, places=(), sight=sight, sight_against=against)
+    return dataclasses.replace(road, course=other)
+
+
+def test_who_comes_overtakes_as_who_goes_seen_from_the_other_end():
+    """On a road whose sight and line change: what one direction sees is what the other would."""
+    there = road(is_open=False)
+    keen, van = pair(gap_acceptance=0.5, lead=15.0)
+    starts = np.arange(1000.0, 3000.0, 400.0)
+    far = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
+    goes = [
+        [far, *(dataclasses.replace(one, s=one.s - 1000.0 + start) for one in (van, keen))]
+        for start in starts
+    ]
+    comes = [
+        [
+            dataclasses.replace(far, s=100.0),
+            *(dataclasses.replace(one, s=8000.0 - one.s, lane=1) for one in scene[1:]),
+        ]
+        for scene in goes
+    ]
+    runs = []
+    for scenes, on in ((goes, there), (comes, turned(there))):
+        world = scenario(*scenes, road=on, horizon=45.0, index=[7] * len(scenes))
+        runs.append(engine.run(world, without_fields(parameters(world))))
+    one, other = (run.states for run in runs)
+    away = one.lane[:, 2] == 1
+    assert away.any(axis=1).sum() > 1
+    np.testing.assert_allclose(other.s[:, 1:3], 8_000_000 - one.s[:, 1:3], atol=3)
+    np.testing.assert_allclose(other.d[:, 1:3], -one.d[:, 1:3], atol=3)
 
 
 def test_no_arrival_is_missing_within_sight():
@@ -240,6 +379,44 @@ def test_nobody_returns_beside_another_however_short_of_time():
     assert apart.min() < 9.0
 
 
+def longest_beside(run: Trajectories, row: int) -> float:
+    """For how long the ego stays beside the vehicle that it passes, though somebody comes [s].
+
+    Beside is less than 5 m between them, with less than 1.5 m/s of difference in speed; somebody
+    comes whom it would meet within 15 s.
+    """
+    states, specs = run.states, run.scenario.vehicles
+    apart = np.abs(states.s[row, 0] - states.s[row, 1]) / 1e3
+    apart = apart - 0.5 * (specs.length[row, 0] + specs.length[row, 1])
+    level = np.abs(states.speed[row, 0] - states.speed[row, 1]) < 1500
+    frames = np.arange(states.s.shape[2])
+    time, _, _ = meeting(run, np.full_like(frames, row), frames)
+    stays = (run.stage[row] == Stage.PASS) & level & (apart < 5.0) & (time < 15.0)
+    edges = np.flatnonzero(np.diff(stays & run.frame_valid[row], prepend=False, append=False))
+    return 0.05 * float(max(edges[1::2] - edges[::2], default=0))
+
+
+def closing_up(room: float, gap: float, ahead: float, **ego: float) -> list[Vehicle]:
+    """As `platoon`, with a first van that catches up with the slower second one."""
+    scene = platoon(room, gap, **ego)
+    scene[2] = dataclasses.replace(scene[2], speed=ahead, driver={"desired_speed": ahead})
+    return scene
+
+
+def test_nobody_stays_beside_another_with_neither_time_nor_room():
+    scenes = [
+        closing_up(room, gap, ahead, gap_acceptance=0.2)
+        for room in (40.0, 50.0, 60.0, 75.0)
+        for gap in np.arange(500.0, 1200.0, 50.0)
+        for ahead in (12.0, 14.0, 16.0)
+    ]
+    run = simulated(*scenes, horizon=40.0)
+    tried = np.flatnonzero((run.stage == Stage.PASS).any(axis=1))
+    assert len(tried) > 30
+    longest = [longest_beside(run, int(row)) for row in tried]
+    assert max(longest) < 2.5
+
+
 def least_accepted(duration: float) -> tuple[float, float]:
     """Least time to an oncomer that an ego takes, and what it asks for over what it needs."""
     gaps = np.arange(300.0, 1400.0, 10.0)
@@ -252,7 +429,7 @@ def least_accepted(duration: float) -> tuple[float, float]:
     out = run.stage == Stage.PULL_OUT
     rows, frame = np.flatnonzero(out.any(axis=1)), out.argmax(axis=1)
     time, _, _ = meeting(run, rows, frame[rows])
-    of = dict(zip(SIMULATION_FIELDS, given.simulation[:, 0], strict=True))
+    of = dict(zip(VEHICLE_FIELDS, given.vehicle[:, 0, 0], strict=True))
     return float(time.min()), float(of["need_factor"] * (1.0 + of["spare"]))
 
 

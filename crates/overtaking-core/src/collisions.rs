@@ -88,7 +88,11 @@ fn end_with_ego<S: Simd, const N: usize>(
     step: u32,
 ) {
     let c = w.c;
-    put(&mut state.stage, crashed, splat(w.simd, stage::CRASHED));
+    put(
+        &mut state.stage[EGO],
+        crashed,
+        splat(w.simd, stage::CRASHED),
+    );
     let after = splat(
         w.simd,
         step as f32 + (c.after_collision / c.step).round_ties_even(),

@@ -6,7 +6,6 @@ use fearless_simd::prelude::*;
 use crate::following::follow;
 use crate::lanes::{M, V, at_least, choose, clamp, max, min, pick, splat};
 use crate::neighbours::Neighbours;
-use crate::oncoming::is_passed;
 use crate::passing::speed_of_pass;
 use crate::perception::Beliefs;
 use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
@@ -14,8 +13,8 @@ use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
 const FREE: f32 = 1e9;
 
 #[inline(always)]
-fn is_passing<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
-    state.stage.simd_eq(stage::PULL_OUT) | state.stage.simd_eq(stage::PASS)
+fn is_passing<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
+    state.stage[i].simd_eq(stage::PULL_OUT) | state.stage[i].simd_eq(stage::PASS)
 }
 
 #[inline(always)]
@@ -23,22 +22,19 @@ fn desired_speed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
+    passed: M<S>,
 ) -> V<S> {
     let p = &w.p[i];
-    let two_way = w.road.ways.two_way;
-    let desired = if i == EGO {
-        let passing = if two_way {
-            speed_of_pass(state, w)
-        } else {
-            p.pass_speed
-        };
-        choose(is_passing(state), passing, p.desired_speed)
-    } else if two_way {
-        let passed = is_passed(state, w, i);
-        choose(passed, p.desired_speed * p.passed_factor, p.desired_speed)
-    } else {
-        p.desired_speed
-    };
+    let mut desired = p.desired_speed;
+    if w.road.ways.two_way {
+        desired = choose(passed, desired * p.passed_factor, desired);
+        let passing = is_passing(state, i);
+        if passing.any_true() {
+            desired = choose(passing, speed_of_pass(state, w, i), desired);
+        }
+    } else if i == EGO {
+        desired = choose(is_passing(state, i), p.pass_speed, desired);
+    }
     if w.road.varies() {
         return min(desired, state.bend_speed[i]);
     }
@@ -53,24 +49,25 @@ fn time_gap<S: Simd, const N: usize>(
     i: usize,
 ) -> V<S> {
     let own = w.p[i].time_gap;
-    if i == EGO {
-        let about_to = state.signalled.simd_gt(0.0) & state.stage.simd_eq(stage::FOLLOW);
+    if w.road.lets_overtake(i) {
+        let about_to = state.signalled[i].simd_gt(0.0) & state.stage[i].simd_eq(stage::FOLLOW);
         choose(about_to, w.c.signalling_time_gap * own, own)
     } else {
         own
     }
 }
 
-/// Acceleration behind the leader of the lane that is driven in or being entered.
+/// Acceleration behind the leader of the lane that is driven in or being entered; somebody may pass the driver.
 #[inline(always)]
 pub fn behind_leader<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
     believed: &Beliefs<S>,
+    passed: M<S>,
 ) -> V<S> {
     let (c, p) = (w.c, &w.p[i]);
-    let desired = desired_speed(state, w, i);
+    let desired = desired_speed(state, w, i, passed);
     let kept = time_gap(state, w, i);
     let (gap, closing) = (believed.gap[LEAD], believed.closing[LEAD]);
     let wanted = follow(
@@ -83,12 +80,12 @@ pub fn behind_leader<S: Simd, const N: usize>(
         kept,
         believed.accel[LEAD],
     );
-    if i == EGO {
-        let eager = is_passing(state) & wanted.simd_gt(0.0);
+    if w.road.lets_overtake(i) {
+        let eager = is_passing(state, i) & wanted.simd_gt(0.0);
         let usual = splat(w.simd, w.c.accelerate_gain);
         let gain = if w.road.ways.two_way {
             let hurried = splat(w.simd, w.c.hurry_gain);
-            choose(state.hurries.simd_gt(0.0), hurried, usual)
+            choose(state.hurries[i].simd_gt(0.0), hurried, usual)
         } else {
             usual
         };
@@ -106,6 +103,7 @@ fn behind_old_leader<S: Simd, const N: usize>(
     i: usize,
     near: &Neighbours<S>,
     believed: &Beliefs<S>,
+    passed: M<S>,
 ) -> V<S> {
     let (c, p, n) = (w.c, &w.p[i], w.count);
     let free = splat(w.simd, FREE);
@@ -142,7 +140,7 @@ fn behind_old_leader<S: Simd, const N: usize>(
         c,
         p,
         state.vx[i],
-        desired_speed(state, w, i),
+        desired_speed(state, w, i, passed),
         gap,
         closing,
         p.time_gap,
@@ -167,30 +165,20 @@ fn braking_to_clear<S: Simd, const N: usize>(
     )
 }
 
-/// Move the pedals of vehicle `i` as its driver wants.
-#[inline(always)]
-pub fn set_acceleration<S: Simd, const N: usize>(
-    state: &mut State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-    near: &Neighbours<S>,
-    believed: &Beliefs<S>,
-    leader: V<S>,
-) {
-    press(state, w, i, wanted(state, w, i, near, believed, leader));
-}
-
 /// The acceleration that driver `i` wants behind the leader, and behind the one whose lane is being left.
 #[inline(always)]
 pub fn wanted<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
-    near: &Neighbours<S>,
-    believed: &Beliefs<S>,
+    (near, believed): (&Neighbours<S>, &Beliefs<S>),
+    passed: M<S>,
     leader: V<S>,
 ) -> V<S> {
-    min(leader, behind_old_leader(state, w, i, near, believed))
+    min(
+        leader,
+        behind_old_leader(state, w, i, near, believed, passed),
+    )
 }
 
 /// Move the pedals of vehicle `i` towards the wanted acceleration.

@@ -19,7 +19,7 @@ lane_fields! {
         threshold, bias, safe_decel, lane_change_duration, passing_gain, inverse_patience,
         pull_out_time, gap_acceptance, return_time_gap, signal_time, uses_indicator,
         checks_blind_spot, start_s, start_d, start_speed, start_lane, direction, makes_room,
-        passed_factor,
+        passed_factor, need_factor, spare, heeds_lines,
     }
 }
 
@@ -31,7 +31,7 @@ lane_fields! {
         wind_across, gust_gain, gust_phase, gust_length, push_accel, push_rate, push_share,
         push_phase, least_film, film_rain, texture, puddle_reach, puddle_film, puddle_phase_1,
         puddle_phase_2, side_accel, command, ring, inverse_ring, oncoming_error, oncoming_sight,
-        usual_speed, need_factor, spare, heeds_lines, hasty_change,
+        usual_speed, hasty_change,
     }
 }
 

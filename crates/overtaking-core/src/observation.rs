@@ -96,7 +96,7 @@ pub fn observe<S: Simd, const N: usize>(
         };
         neighbour(state, w, mind, role, seen).write(columns);
     }
-    let (near, first) = (mind.near, mind.oncoming);
+    let (near, first) = (mind.near, &mind.met.coming);
     let mut who = [Oncoming::nobody(w.simd); 2];
     if w.road.ways.two_way {
         who = [*first, look_beyond(state, w, near, first, decision)];
@@ -125,20 +125,20 @@ fn own_columns<S: Simd, const N: usize>(
         heading: state.psi[EGO],
         yaw_rate: state.r[EGO],
         lane: state.lane[EGO],
-        stage: state.stage,
-        stage_time: state.stage_time,
-        waited: state.waited,
-        signalled: state.signalled,
+        stage: state.stage[EGO],
+        stage_time: state.stage_time[EGO],
+        waited: state.waited[EGO],
+        signalled: state.signalled[EGO],
         wanted: state.wanted[EGO],
         since_change: state.since_change[EGO],
-        arrived: flag(has_arrived(state)),
+        arrived: flag(has_arrived(state, EGO)),
         looks: flag(mind.looks),
         contested: flag(mind.waits),
-        passed: flag(has_passed(state, w)),
-        behind_target: flag(is_behind(state, w)),
+        passed: flag(has_passed(state, w, EGO)),
+        behind_target: flag(is_behind(state, w, EGO)),
         can_go_out: flag(can_go_out(state, w)),
         can_go_back: flag(can_go_back(state)),
-        can_abort: flag(can_abort(state, w) | can_remain(state, w)),
+        can_abort: flag(can_abort(state, w, EGO) | can_remain(state, w, EGO)),
     }
 }
 
@@ -253,16 +253,17 @@ fn meets<S: Simd, const N: usize>(
     mind: Mind<'_, S>,
 ) -> Meeting<S> {
     let flag = |mask| flag(w.simd, mask);
-    let plight = weigh(state, w, mind.oncoming);
+    let coming = &mind.met.coming;
+    let plight = weigh(state, w, EGO, &mind);
     let lead = mind.near.slot[LEAD];
-    let passed = choose(in_stage(state, stage::FOLLOW), lead, state.target);
+    let passed = choose(in_stage(state, EGO, stage::FOLLOW), lead, state.target[EGO]);
     Meeting {
-        sight: mind.oncoming.sight,
-        sure: flag(mind.oncoming.sure),
+        sight: coming.sight,
+        sure: flag(coming.sure),
         expected: usual_closing(state, w, EGO),
-        room: at_most(room_ahead(state, w, lead), w.c.unseen_gap),
+        room: at_most(room_ahead(state, w, EGO, lead), w.c.unseen_gap),
         room_left: room_left(w, passed),
-        solid: flag(is_solid(state, w)),
+        solid: flag(is_solid(state, w, EGO)),
         hurries: flag(plight.hurries),
         yields: flag(plight.yields),
         can_fall_in: flag(can_fall_in(state, w)),

@@ -127,15 +127,15 @@ impl<S: Simd> Orders<S> {
 /// Whether there is a faster lane, and no lane change under way.
 #[inline(always)]
 pub fn can_go_out<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
-    let settled = in_stage(state, stage::FOLLOW) | in_stage(state, stage::PASS);
-    settled & has_arrived(state) & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32)
+    let settled = in_stage(state, EGO, stage::FOLLOW) | in_stage(state, EGO, stage::PASS);
+    settled & has_arrived(state, EGO) & state.lane[EGO].simd_lt((w.road.num_lanes - 1) as f32)
 }
 
 /// Whether there is a slower lane, and no lane change under way that cannot be given up.
 #[inline(always)]
 pub fn can_go_back<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
-    let follows = in_stage(state, stage::FOLLOW) & has_arrived(state);
-    (follows | in_stage(state, stage::PASS)) & state.lane[EGO].simd_ge(1.0)
+    let follows = in_stage(state, EGO, stage::FOLLOW) & has_arrived(state, EGO);
+    (follows | in_stage(state, EGO, stage::PASS)) & state.lane[EGO].simd_ge(1.0)
 }
 
 /// What the ego sets out to do: what another driver asks for, where that is possible.
@@ -151,18 +151,18 @@ pub fn obey<S: Simd, const N: usize>(
     let zero = splat(w.simd, 0.0);
     let side = side(orders);
     let turned = (state.wanted[EGO] * side).simd_lt(0.0);
-    state.signalled = choose(turned, zero, state.signalled);
+    state.signalled[EGO] = choose(turned, zero, state.signalled[EGO]);
     let start = can_go_out(state, w) & side.simd_gt(0.0);
     let back = can_go_back(state) & side.simd_lt(0.0);
-    signal(state, w, start, back);
+    signal(state, w, EGO, start, back);
     let [now, drops_out, drops_back] = if let Some(code) = orders.code() {
         let is = |which: f32| code.simd_eq(which);
         [is(PULL_OUT) | is(RETURN), is(ABORT), is(ABORT)]
     } else {
-        let shown = state.signalled.simd_gt(w.p[EGO].signal_time);
+        let shown = state.signalled[EGO].simd_gt(w.p[EGO].signal_time);
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
     };
-    let mut gives_up = can_abort(state, w);
+    let mut gives_up = can_abort(state, w, EGO);
     if w.road.ways.two_way && orders.code().is_some() {
         gives_up |= can_fall_in(state, w);
     }
@@ -172,9 +172,9 @@ pub fn obey<S: Simd, const N: usize>(
         go_out: start & now,
         go_back: back & now,
         abort: gives_up & drops_out,
-        remain: can_remain(state, w) & drops_back,
-        passed: has_passed(state, w),
-        arrived: has_arrived(state),
+        remain: can_remain(state, w, EGO) & drops_back,
+        passed: has_passed(state, w, EGO),
+        arrived: has_arrived(state, EGO),
     }
 }
 
@@ -220,10 +220,10 @@ fn drift<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, 
     }
     let faster = lane.simd_gt(state.lane[EGO]);
     let slower = lane.simd_lt(state.lane[EGO]);
-    let out = in_stage(state, stage::PULL_OUT);
-    let comes_back = in_stage(state, stage::RETURN) | in_stage(state, stage::ABORT);
+    let out = in_stage(state, EGO, stage::PULL_OUT);
+    let comes_back = in_stage(state, EGO, stage::RETURN) | in_stage(state, EGO, stage::ABORT);
     let never = lane.simd_ne(lane);
-    signal(state, w, never, never);
+    signal(state, w, EGO, never, never);
     Intent {
         start: never,
         back: never,
@@ -231,7 +231,7 @@ fn drift<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, 
         go_back: slower & !out,
         abort: slower & out,
         remain: faster & comes_back,
-        passed: has_passed(state, w),
-        arrived: has_arrived(state),
+        passed: has_passed(state, w, EGO),
+        arrived: has_arrived(state, EGO),
     }
 }

@@ -1,4 +1,4 @@
-//! How the ego passes against oncoming traffic; see `overtaking.sim.reference.passing`.
+//! How drivers pass against oncoming traffic, the ego and the others alike; see `overtaking.sim.reference.passing`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -6,14 +6,14 @@ use fearless_simd::prelude::*;
 use crate::ego::in_stage;
 use crate::following::follow;
 use crate::lanes::{M, V, at_least, choose, max, min, pick, pick_each, splat};
-use crate::names::Vehicle;
+use crate::names::{Constants, Vehicle};
 use crate::neighbours::Neighbours;
-use crate::oncoming::Oncoming;
-use crate::perception::Beliefs;
-use crate::state::{EGO, LEAD, SLOW_LEAD, State, World, stage};
+use crate::oncoming::{Oncoming, knots};
+use crate::state::{EGO, LEAD, SLOW_LEAD, SLOW_REAR, State, World, stage};
+use crate::step::Mind;
 
 const FAR: f32 = 1e9;
-/// Least surplus of speed to be past with [m/s].
+/// Least surplus of speed to be past with, and of approach [m/s].
 const SLOWEST: f32 = 0.5;
 /// Keeps the time of accelerating finite [m/s^2].
 const LEAST_ACCEL: f32 = 0.1;
@@ -29,29 +29,43 @@ fn time_to_gain<S: Simd>(way: V<S>, faster: V<S>, top: V<S>, accel: V<S>) -> V<S
     choose(way.simd_lt(covered), within, ramp + (way - covered) / most)
 }
 
+/// The acceleration that a driver reckons with on the way up to a speed: what it likes to use, and no more
+/// than the engine leaves halfway.
+#[inline(always)]
+fn reckoned_accel<S: Simd>(c: &Constants, own: &Vehicle<S>, speed: V<S>, top: V<S>) -> V<S> {
+    let halfway = 0.5 * (speed + max(top, speed));
+    let engine = min(
+        own.launch_force,
+        own.power / at_least(halfway, c.slip_speed),
+    );
+    let left = (engine - (own.drag * halfway * halfway + own.rolling)) * own.inverse_mass;
+    min(c.accelerate_gain * own.accel, left)
+}
+
 /// The speed that is passed at: well above that of the other, if the vehicle can.
 #[inline(always)]
 fn top_speed<S: Simd>(own: &Vehicle<S>, surplus: f32, leader: V<S>) -> V<S> {
     min(max(own.pass_speed, leader + surplus), own.max_speed)
 }
 
-/// The speed that an ego which passes wants now.
+/// The speed that driver `i` wants now, if it passes.
 #[inline(always)]
 pub fn speed_of_pass<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
+    i: usize,
 ) -> V<S> {
-    let (c, own) = (w.c, &w.p[EGO]);
-    let other = pick!(w.count, state.target, |j| state.road_velocity(j).0);
+    let (c, own) = (w.c, &w.p[i]);
+    let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
     let top = top_speed(own, c.passing_surplus, other);
-    let hurried = choose(state.hurries.simd_gt(0.0), c.hurry_speed * top, top);
+    let hurried = choose(state.hurries[i].simd_gt(0.0), c.hurry_speed * top, top);
     min(hurried, own.max_speed)
 }
 
 /// The way up to who comes, or may come from where the road is not seen.
 #[inline(always)]
-fn seen_ahead<S: Simd, const N: usize>(w: &World<'_, S, N>, oncoming: &Oncoming<S>) -> V<S> {
-    min(oncoming.believed_gap, w.c.unseen_trust * oncoming.sight)
+fn seen_ahead<S: Simd, const N: usize>(w: &World<'_, S, N>, coming: &Oncoming<S>) -> V<S> {
+    min(coming.believed_gap, w.c.unseen_trust * coming.sight)
 }
 
 /// How much more room drivers leave to the vehicle in a slot than to a car.
@@ -62,50 +76,53 @@ pub fn room_left<S: Simd, const N: usize>(w: &World<'_, S, N>, slot: V<S>) -> V<
     choose(tall.simd_gt(0.0), more, same)
 }
 
-/// Whether the other lane is believed to be free for long enough: `believed` is the gap to the leader, and
-/// its speed.
+/// Whether the other lane is believed to be free for long enough by driver `i`, who believes the leader to be
+/// at a gap, and at a speed.
 #[inline(always)]
 pub fn may_meet<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
+    i: usize,
     near: &Neighbours<S>,
-    oncoming: &Oncoming<S>,
+    coming: &Oncoming<S>,
     (gap, leader): (V<S>, V<S>),
     impatience: V<S>,
 ) -> M<S> {
-    let (c, q, own, speed) = (w.c, &w.q, &w.p[EGO], state.vx[EGO]);
+    let (c, own, speed) = (w.c, &w.p[i], state.vx[i]);
     let bodies = 2.0 * (near.half_length[LEAD] + own.half_length);
     let returns = own.return_time_gap * impatience * room_left(w, near.slot[LEAD]) * leader;
     let way = gap + bodies + returns;
-    let top = top_speed(own, c.passing_surplus, leader) - leader;
-    let gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel);
-    let need = q.need_factor * (gaining + own.lane_change_duration);
-    let closing = oncoming.closing + 0.5 * at_least(top + leader - speed, 0.0);
-    let spare = q.spare * at_least(impatience, c.spare_kept);
-    let enough = seen_ahead(w, oncoming).simd_gt(need * (1.0 + spare) * closing);
-    let room = room_ahead(state, w, near.slot[LEAD]);
+    let top = top_speed(own, c.passing_surplus, leader);
+    let accel = reckoned_accel(c, own, speed, top);
+    let gaining = time_to_gain(way, speed - leader, top - leader, accel);
+    let need = own.need_factor * (gaining + own.lane_change_duration);
+    let closing = coming.closing + 0.5 * at_least(top - speed, 0.0);
+    let spare = own.spare * at_least(impatience, c.spare_kept);
+    let enough = seen_ahead(w, coming).simd_gt(need * (1.0 + spare) * closing);
+    let room = room_ahead(state, w, i, near.slot[LEAD]);
     let least = 2.0 * own.half_length + c.squeeze_gap + returns;
     let room = room.simd_gt(least + c.fit_share * own.time_gap * leader);
-    let solid = is_solid(state, w);
-    enough & oncoming.sure & room & !(solid & q.heeds_lines.simd_gt(0.0))
+    let solid = is_solid(state, w, i);
+    enough & coming.sure & room & !(solid & own.heeds_lines.simd_gt(0.0))
 }
 
-/// Gap between the vehicle in a slot and the one ahead of it.
+/// Gap that driver `i` finds between the vehicle in a slot and the one ahead of it.
 #[inline(always)]
 pub fn room_ahead<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
+    i: usize,
     slot: V<S>,
 ) -> V<S> {
     let [place, half_length] = pick_each!(w.count, slot, |j| [state.s[j], w.p[j].half_length]);
     let front = place + half_length;
     let mut room = splat(w.simd, FAR);
-    for j in EGO + 1..w.count {
+    for j in (0..w.count).filter(|j| *j != i) {
         let p = &w.p[j];
         let beyond = p.valid.simd_gt(0.0)
-            & p.direction.simd_eq(w.p[EGO].direction)
+            & p.direction.simd_eq(w.p[i].direction)
             & state.s[j].simd_gt(place)
-            & slot.simd_ne(j as f32);
+            & slot.simd_ne(j as i32 as f32);
         room = choose(
             beyond,
             min(room, (state.s[j] - p.half_length) - front),
@@ -115,22 +132,29 @@ pub fn room_ahead<S: Simd, const N: usize>(
     room
 }
 
-/// Whether the line is not to be crossed where the ego is, or soon will be.
+/// Whether the line is not to be crossed where driver `i` is, or soon will be.
 #[inline(always)]
-pub fn is_solid<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
-    let ahead = w.c.line_ahead * state.vx[EGO];
-    let [stations, solid] = &w.road.ways.line;
-    let at = |place: V<S>| {
-        let mut here = splat(w.simd, 0.0);
-        for (station, solid) in stations.iter().zip(solid) {
-            here = choose(place.simd_ge(*station), splat(w.simd, *solid), here);
+pub fn is_solid<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+) -> M<S> {
+    let direction = w.p[i].direction;
+    let ahead = direction * (w.c.line_ahead * state.vx[i]);
+    let [stations, along, against] = &w.road.ways.line;
+    let turned = direction.simd_lt(0.0);
+    let (place, _) = state.on_the_road(w, i);
+    let mut solid = [splat(w.simd, 0.0); 2];
+    for k in knots(stations) {
+        let mark = choose(turned, splat(w.simd, against[k]), splat(w.simd, along[k]));
+        for (solid, place) in solid.iter_mut().zip([place, place + ahead]) {
+            *solid = choose(place.simd_ge(stations[k]), mark, *solid);
         }
-        here.simd_gt(0.0)
-    };
-    at(state.s[EGO]) | at(state.s[EGO] + ahead)
+    }
+    solid[0].simd_gt(0.0) | solid[1].simd_gt(0.0)
 }
 
-/// How an ego in the other lane stands.
+/// How a driver in the other lane stands.
 pub struct Plight<S: Simd> {
     /// It falls back behind the vehicle that it was to pass.
     pub yields: M<S>,
@@ -140,113 +164,139 @@ pub struct Plight<S: Simd> {
     pub fits: M<S>,
 }
 
-/// Whether the ego goes on with its pass, and how.
+/// Whether driver `i` goes on with its pass, and how.
 #[inline(always)]
 pub fn weigh<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
-    oncoming: &Oncoming<S>,
+    i: usize,
+    mind: &Mind<'_, S>,
 ) -> Plight<S> {
-    let (c, own) = (w.c, &w.p[EGO]);
-    let out = is_passing(state);
-    let other = pick!(w.count, state.target, |j| state.road_velocity(j).0);
-    let speed = state.road_velocity(EGO).0;
-    let (lead, bodies) = to_fall_in(state, w);
+    let (c, own, near, coming) = (w.c, &w.p[i], mind.near, &mind.met.coming);
+    let out = is_passing(state, i);
+    let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
+    let speed = state.road_velocity(i).0;
+    let (lead, bodies) = to_fall_in(state, w, i);
     let faster = speed - other;
-    let top = top_speed(own, c.passing_surplus, other) - other;
+    let top = top_speed(own, c.passing_surplus, other);
     let aside = 0.5 * w.q.hasty_change;
     let onwards = at_least(lead + bodies, 0.0);
-    let rest = time_to_gain(onwards, faster, top, c.accelerate_gain * own.accel) + aside;
+    let accel = reckoned_accel(c, own, speed, top);
+    let rest = time_to_gain(onwards, faster, top - other, accel) + aside;
     let brake = c.fall_back_share * own.hardest_decel;
     let backwards = at_least(bodies - lead, 0.0);
     let back = (faster + (faster * faster + 2.0 * brake * backwards).sqrt()) / brake + aside;
     let there = choose(
-        oncoming.detected,
-        oncoming.believed_gap / oncoming.closing,
+        coming.detected,
+        coming.believed_gap / at_least(coming.closing, SLOWEST),
         splat(w.simd, FAR),
     );
     let gives_up = lead.simd_gt(0.0) & (rest + c.abort_margin).simd_gt(there) & back.simd_lt(rest);
-    let room = room_ahead(state, w, state.target);
-    let room = room.simd_gt(2.0 * (own.half_length + c.squeeze_gap));
-    let waits_no_more = there.simd_lt(back + c.calm_margin);
-    let trapped = lead.simd_le(0.0) & oncoming.detected & !room & waits_no_more;
-    let yields = (gives_up | trapped | state.yields.simd_gt(0.0)) & out;
-    let hurries =
-        (out | in_stage(state, stage::RETURN)) & !yields & (there - rest).simd_lt(c.calm_margin);
+    let no_time = is_confined(state, w, i, mind);
+    let room = near.gap[SLOW_LEAD] + near.gap[SLOW_REAR];
+    let left = own.return_time_gap * room_left(w, state.target[i]);
+    let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
+    let trapped = no_time & room.simd_lt(2.0 * c.squeeze_gap);
+    let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
+    let hurries = (out | in_stage(state, i, stage::RETURN)) & !yields;
     Plight {
         yields,
-        hurries,
+        hurries: hurries & ((there - rest).simd_lt(c.calm_margin) | cramped),
         fits: lead.simd_gt(bodies),
     }
 }
 
-/// Whether the ego is on its way past another.
+/// Whether driver `i` is past the one that it overtakes, and has no time to pass the next one as well.
 #[inline(always)]
-fn is_passing<S: Simd, const N: usize>(state: &State<'_, S, N>) -> M<S> {
-    in_stage(state, stage::PULL_OUT) | in_stage(state, stage::PASS)
+fn is_confined<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    mind: &Mind<'_, S>,
+) -> M<S> {
+    let passes = in_stage(state, i, stage::PASS);
+    if !passes.any_true() {
+        return passes;
+    }
+    let (c, own, coming) = (w.c, &w.p[i], &mind.met.coming);
+    let past = passes & state.s[i].simd_gt(pick!(w.count, state.target[i], |j| state.s[j]));
+    let (gap, closing) = (
+        mind.believed.gap[SLOW_LEAD],
+        mind.believed.closing[SLOW_LEAD],
+    );
+    let next_one = state.vx[i] - closing;
+    let top = top_speed(own, c.passing_surplus, next_one);
+    let bodies = 2.0 * (mind.near.half_length[SLOW_LEAD] + own.half_length);
+    let accel = reckoned_accel(c, own, state.vx[i], top);
+    let longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel);
+    let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
+    past & seen_ahead(w, coming).simd_lt(longer * coming.closing)
+}
+
+/// Whether driver `i` is on its way past another.
+#[inline(always)]
+fn is_passing<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
+    in_stage(state, i, stage::PULL_OUT) | in_stage(state, i, stage::PASS)
 }
 
 /// Whether the ego of a two-way road can give up its pass: it is behind who is overtaken.
 #[inline(always)]
 pub fn can_fall_in<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
-    let (lead, bodies) = to_fall_in(state, w);
-    is_passing(state) & lead.simd_gt(bodies)
+    let (lead, bodies) = to_fall_in(state, w, EGO);
+    is_passing(state, EGO) & lead.simd_gt(bodies)
 }
 
-/// How far ahead the target is, and has to be for the ego to fall in behind it [m].
+/// How far ahead the target is, and has to be for driver `i` to fall in behind it [m].
 #[inline(always)]
 fn to_fall_in<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
+    i: usize,
 ) -> (V<S>, V<S>) {
-    let [place, half_length] =
-        pick_each!(w.count, state.target, |j| [state.s[j], w.p[j].half_length]);
-    let bodies = w.p[EGO].half_length + half_length + w.c.squeeze_gap;
-    (place - state.s[EGO], bodies)
+    let [place, half_length] = pick_each!(w.count, state.target[i], |j| [
+        state.s[j],
+        w.p[j].half_length
+    ]);
+    let bodies = w.p[i].half_length + half_length + w.c.squeeze_gap;
+    (place - state.s[i], bodies)
 }
 
-/// The acceleration that an ego in the other lane does not go beyond: falling back, or fitting in
+/// Where driver `i` may be held back: it falls back, or is in the other lane.
+#[inline(always)]
+pub fn is_held_back<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
+    state.yields[i].simd_gt(0.0) | in_stage(state, i, stage::PASS)
+}
+
+/// The acceleration that driver `i` in the other lane does not go beyond: falling back, or fitting in
 /// where no time is left to pass the next one, too.
 #[inline(always)]
 pub fn held_back<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
-    near: &Neighbours<S>,
-    oncoming: &Oncoming<S>,
-    believed: &Beliefs<S>,
+    i: usize,
+    mind: &Mind<'_, S>,
 ) -> V<S> {
-    let (c, own) = (w.c, &w.p[EGO]);
+    let (c, own, near, believed) = (w.c, &w.p[i], mind.near, mind.believed);
     let (gap, closing) = (believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]);
-    let [other, place] = pick_each!(w.count, state.target, |j| [
-        state.road_velocity(j).0,
-        state.s[j]
-    ]);
-    let slow = state
-        .road_velocity(EGO)
-        .0
-        .simd_lt(other - c.fall_back_speed);
+    let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
+    let slow = state.road_velocity(i).0.simd_lt(other - c.fall_back_speed);
     let brake = choose(
         slow,
         splat(w.simd, 0.0),
         -(c.fall_back_share * own.hardest_decel),
     );
-    let past = in_stage(state, stage::PASS) & state.s[EGO].simd_gt(place);
-    let next_one = state.vx[EGO] - closing;
-    let top = top_speed(own, c.passing_surplus, next_one) - next_one;
-    let onwards = gap + 2.0 * (near.half_length[SLOW_LEAD] + own.half_length) + c.squeeze_gap;
-    let longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel);
-    let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
-    let fits_in = past & seen_ahead(w, oncoming).simd_lt(longer * oncoming.closing);
+    let middle = 0.5 * (near.gap[SLOW_LEAD] + near.gap[SLOW_REAR]);
+    let nearest = at_least(middle - own.min_gap, 0.0) / at_least(state.vx[i], c.slip_speed);
     let fitting = follow(
         c,
         own,
-        state.vx[EGO],
-        speed_of_pass(state, w),
+        state.vx[i],
+        speed_of_pass(state, w, i),
         gap,
         closing,
-        c.fit_share * own.time_gap,
+        min(c.fit_share * own.time_gap, nearest),
         believed.accel[SLOW_LEAD],
     );
-    let capped = choose(fits_in, fitting, splat(w.simd, FAR));
-    choose(state.yields.simd_gt(0.0), brake, capped)
+    let capped = choose(is_confined(state, w, i, mind), fitting, splat(w.simd, FAR));
+    choose(state.yields[i].simd_gt(0.0), brake, capped)
 }

@@ -10,7 +10,7 @@ use crate::lanes::{
 };
 use crate::neighbours::{Body, Neighbours, along};
 use crate::philox::{GLANCES, uniform, words};
-use crate::state::{EGO, FAST_LEAD, HISTORY, LEAD, ROLES, ROOM, State, UNKNOWN, World};
+use crate::state::{FAST_LEAD, HISTORY, LEAD, ROLES, ROOM, State, UNKNOWN, World};
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
 pub const NEAREST: f32 = 1.0;
@@ -82,8 +82,8 @@ pub fn looks_around<S: Simd, const N: usize>(
     if decision >= interval && turn.is_multiple_of(interval) {
         return p.valid.simd_eq(p.valid);
     }
-    let signalled = if i == EGO {
-        state.signalled.simd_gt(p.signal_time)
+    let signalled = if w.road.lets_overtake(i) {
+        state.signalled[i].simd_gt(p.signal_time)
     } else {
         state.wanted_time[i].simd_ge(p.signal_time)
     };

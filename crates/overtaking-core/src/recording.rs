@@ -94,7 +94,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 self.fetch(i, at);
             }
         }
-        let stage: i32x16<S> = state.stage.to_int();
+        let stage: i32x16<S> = state.stage[EGO].to_int();
         let nobody = state.contact_partner[EGO].simd_lt(0.0);
         let partner: i32x16<S> = state.contact_partner[EGO].to_int();
         let partner = nobody.select(i32x16::splat(simd, NO_VEHICLE), partner);

@@ -43,7 +43,7 @@ pub const EGO: usize = 0;
 /// A number of every vehicle of every simulation of a block.
 pub type Each<S, const N: usize> = [V<S>; N];
 
-/// Stages of the ego, as `overtaking.model.trajectory.Stage`.
+/// Stages of an overtake, as `overtaking.model.trajectory.Stage`.
 pub mod stage {
     pub const FOLLOW: f32 = 0.0;
     pub const PULL_OUT: f32 = 1.0;
@@ -91,10 +91,11 @@ pub struct Ways {
     pub far_end: f32,
     /// Sum of the edges: what an oncoming vehicle takes its lateral position from [m].
     pub across: f32,
-    /// Stations, how far one sees there [m], and how much more per metre.
-    pub sight: [[f32; MAX_KNOTS]; 3],
-    /// Stations, and 1 from where on the line is not to be crossed.
-    pub line: [[f32; MAX_KNOTS]; 2],
+    /// Along and against the road: stations, how far one sees there [m], and how much more per metre.
+    pub sight: [[[f32; MAX_KNOTS]; 3]; 2],
+    /// Stations, and 1 from where on the line is not to be crossed by who drives along the road, and by who
+    /// comes the other way.
+    pub line: [[f32; MAX_KNOTS]; 3],
 }
 
 impl<'a> Road<'a> {
@@ -111,6 +112,11 @@ impl<'a> Road<'a> {
             ways: inputs.ways,
             course: std::array::from_fn(row),
         }
+    }
+
+    /// Whether vehicle `i` overtakes as the ego does: against oncoming traffic everybody.
+    pub fn lets_overtake(&self, i: usize) -> bool {
+        i == EGO || self.ways.two_way
     }
 
     /// Whether it bends or rises anywhere.
@@ -278,20 +284,20 @@ state_fields! {
     contact_time: Each<S, N>,
     contact_impulse: Each<S, N>,
     contact_speed: Each<S, N>,
-    stage: V<S>,
-    target: V<S>,
-    waited: V<S>,
-    signalled: V<S>,
-    stage_time: V<S>,
+    stage: Each<S, N>,
+    target: Each<S, N>,
+    waited: Each<S, N>,
+    signalled: Each<S, N>,
+    stage_time: Each<S, N>,
     attempted: V<S>,
     end_step: V<S>,
     num_percepts: V<S>,
-    oncoming_id: Each<S, N>,
-    oncoming_time: Each<S, N>,
+    oncoming_id: [[V<S>; 2]; N],
+    oncoming_time: [[V<S>; 2]; N],
     aside: Each<S, N>,
     flashes: Each<S, N>,
-    yields: V<S>,
-    hurries: V<S>,
+    yields: Each<S, N>,
+    hurries: Each<S, N>,
     curve: Each<S, N>,
     curve_ahead: Each<S, N>,
     stretch: Each<S, N>,
@@ -368,20 +374,20 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             contact_time: each(0.0),
             contact_impulse: each(0.0),
             contact_speed: each(0.0),
-            stage: splat(w.simd, stage::FOLLOW),
-            target: splat(w.simd, NOBODY),
-            waited: zero,
-            signalled: zero,
-            stage_time: zero,
+            stage: each(stage::FOLLOW),
+            target: each(NOBODY),
+            waited: each(0.0),
+            signalled: each(0.0),
+            stage_time: each(0.0),
             attempted: zero,
             end_step: w.q.last_step,
             num_percepts: zero,
-            oncoming_id: each(UNKNOWN),
-            oncoming_time: each(0.0),
+            oncoming_id: [[splat(w.simd, UNKNOWN); 2]; N],
+            oncoming_time: [[zero; 2]; N],
             aside: each(0.0),
             flashes: each(0.0),
-            yields: zero,
-            hurries: zero,
+            yields: each(0.0),
+            hurries: each(0.0),
             curve: each(0.0),
             curve_ahead: each(0.0),
             stretch: each(1.0),

@@ -7,9 +7,9 @@ use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::dynamics::Motion;
 use crate::lanes::{M, V, min, outlined, splat};
 use crate::neighbours::{Body, Neighbours, find_neighbours};
-use crate::oncoming::{Oncoming, give_way, look_ahead};
+use crate::oncoming::{Encounters, Traffic, give_way, look_ahead};
 use crate::orders::Orders;
-use crate::passing::held_back;
+use crate::passing::{held_back, is_held_back};
 use crate::perception::Beliefs;
 use crate::recording::Recorder;
 use crate::state::{EGO, Each, State, Stride, World};
@@ -25,8 +25,9 @@ pub struct Minds<S: Simd, const N: usize> {
     near: [Neighbours<S>; N],
     believed: [Beliefs<S>; N],
     looks: [M<S>; N],
-    /// Who comes the other way; unused on roads of one direction.
-    oncoming: [Oncoming<S>; N],
+    /// Whom they meet, and what they look for; unused on roads of one direction.
+    met: [Encounters<S>; N],
+    traffic: Traffic<S, N>,
     /// Whether the ego would let somebody first who signals for the same place.
     waits: M<S>,
     /// Where everybody was before a step, if anybody is near anybody.
@@ -41,19 +42,20 @@ impl<S: Simd, const N: usize> Minds<S, N> {
             near: [Neighbours::nobody(simd); N],
             believed: [Beliefs::nothing(simd); N],
             looks: [never(simd); N],
-            oncoming: [Oncoming::nobody(simd); N],
+            met: [Encounters::nobody(simd); N],
+            traffic: Traffic::nobody(simd),
             waits: never(simd),
             before: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
         }
     }
 }
 
-/// What the ego knows when it decides.
+/// What a driver knows when it decides.
 #[derive(Clone, Copy)]
 pub struct Mind<'a, S: Simd> {
     pub near: &'a Neighbours<S>,
     pub believed: &'a Beliefs<S>,
-    pub oncoming: &'a Oncoming<S>,
+    pub met: &'a Encounters<S>,
     pub looks: M<S>,
     pub waits: M<S>,
 }
@@ -64,9 +66,21 @@ impl<S: Simd, const N: usize> Minds<S, N> {
         Mind {
             near: &self.near[EGO],
             believed: &self.believed[EGO],
-            oncoming: &self.oncoming[EGO],
+            met: &self.met[EGO],
             looks: self.looks[EGO],
             waits: self.waits,
+        }
+    }
+
+    /// That of another vehicle on a two-way road: of two lanes neither lies between two others, so nobody else
+    /// signals for the same place.
+    fn of_other(&self, i: usize) -> Mind<'_, S> {
+        Mind {
+            near: &self.near[i],
+            believed: &self.believed[i],
+            met: &self.met[i],
+            looks: self.looks[i],
+            waits: self.waits & !self.waits,
         }
     }
 }
@@ -110,7 +124,8 @@ pub fn perceive<S: Simd, const N: usize>(
         near,
         believed,
         looks,
-        oncoming,
+        met,
+        traffic,
         waits,
         ..
     } = minds;
@@ -118,6 +133,9 @@ pub fn perceive<S: Simd, const N: usize>(
     outlined!(w.simd, {
         for i in 0..w.count {
             bodies[i] = Body::new(state, w, i);
+        }
+        if two_way {
+            traffic.survey(state, w, bodies);
         }
     });
     for i in 0..w.count {
@@ -143,9 +161,11 @@ pub fn perceive<S: Simd, const N: usize>(
             }),
         }
         if two_way {
-            let oncoming = &mut oncoming[i];
+            let met = &mut met[i];
             outlined!(w.simd, {
-                *oncoming = look_ahead(state, w, bodies, near, i, decision as usize);
+                let asked = i == EGO || (*looks | traffic.out[i]).any_true();
+                let seen = (&*bodies, &*traffic);
+                look_ahead(state, w, seen, near, i, decision as usize, asked, met);
             });
         }
         // Written in place: what a function with other features returns goes through memory twice.
@@ -173,7 +193,7 @@ fn turn_head<S: Simd, const N: usize>(
         perception::draw_check(state, w, i, drawn, decision);
     }
     *looks = perception::looks_around(state, w, i, decision);
-    if w.road.ways.two_way && i == EGO {
+    if w.road.ways.two_way {
         // Who is in the lane of others looks all the time.
         *looks |= state.lane[i].simd_ge(1.0);
     }
@@ -197,25 +217,39 @@ pub fn drive_others<S: Simd, const N: usize>(
         near,
         believed,
         looks,
-        oncoming,
+        met,
         ..
     } = minds;
     let mut leader = [splat(w.simd, 0.0); N];
     for i in 1..w.count {
-        leader[i] = outlined!(w.simd, control::behind_leader(state, w, i, &believed[i]));
+        leader[i] = outlined!(
+            w.simd,
+            control::behind_leader(state, w, i, &believed[i], met[i].passed)
+        );
     }
     if w.road.ways.two_way {
         for i in 1..w.count {
             outlined!(w.simd, {
-                leader[i] = min(leader[i], give_way(state, w, i, &oncoming[i]));
+                leader[i] = min(leader[i], give_way(state, w, i, &met[i]));
+                if is_held_back(state, i).any_true() {
+                    leader[i] = min(leader[i], held_back(state, w, i, &minds.of_other(i)));
+                }
             });
         }
     }
     for i in 1..w.count {
-        outlined!(
-            w.simd,
-            control::set_acceleration(state, w, i, &near[i], &believed[i], leader[i])
-        );
+        outlined!(w.simd, {
+            let mind = (&near[i], &believed[i]);
+            let wanted = control::wanted(state, w, i, mind, met[i].passed, leader[i]);
+            control::press(state, w, i, wanted);
+        });
+    }
+    if w.road.ways.two_way {
+        for i in 1..w.count {
+            let mind = minds.of_other(i);
+            outlined!(w.simd, ego::decide_other(state, w, mind, i, step));
+        }
+        return;
     }
     for i in (1..w.count).filter(|i| looks[*i].any_true()) {
         outlined!(w.simd, {
@@ -247,23 +281,24 @@ pub fn drive_ego<S: Simd, const N: usize>(
         let two_way = w.road.ways.two_way;
         // The ego flashes under another driver, too.
         let gives_way = if two_way {
-            Some(give_way(state, w, EGO, mind.oncoming))
+            Some(give_way(state, w, EGO, mind.met))
         } else {
             None
         };
+        let passed = mind.met.passed;
         // No closure: the compiler would leave it outside, without the features of the CPU.
         let wanted = if let Some(ordered) = orders.and_then(Orders::accel) {
             ordered
         } else {
-            let mut leader = control::behind_leader(state, w, EGO, mind.believed);
+            let mut leader = control::behind_leader(state, w, EGO, mind.believed, passed);
             if let Some(most) = gives_way {
                 leader = min(leader, most);
-                leader = min(
-                    leader,
-                    held_back(state, w, mind.near, mind.oncoming, mind.believed),
-                );
+                if is_held_back(state, EGO).any_true() {
+                    leader = min(leader, held_back(state, w, EGO, &mind));
+                }
             }
-            control::wanted(state, w, EGO, mind.near, mind.believed, leader)
+            let mind = (mind.near, mind.believed);
+            control::wanted(state, w, EGO, mind, passed, leader)
         };
         control::press(state, w, EGO, wanted);
     });
@@ -291,8 +326,10 @@ fn surroundings<S: Simd, const N: usize>(
 ) {
     let decision = step / SUBSTEPS;
     outlined!(w.simd, {
-        state.stage_time += w.c.decision;
         for i in 0..w.count {
+            if w.road.lets_overtake(i) {
+                state.stage_time[i] += w.c.decision;
+            }
             state.since_change[i] += w.c.decision;
             state.wanted_time[i] += w.c.decision;
         }

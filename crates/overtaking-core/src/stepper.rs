@@ -13,7 +13,7 @@ use crate::engine::{Inputs, Seat, alike_together, shares};
 use crate::lanes::{LANES, M, outlined};
 use crate::neighbours::Neighbours;
 use crate::observation::{Source, Table, WIDTH, observe};
-use crate::oncoming::Oncoming;
+use crate::oncoming::Encounters;
 use crate::orders::{Kind, PARTS, Script};
 use crate::output::{Output, Storage};
 use crate::perception::Beliefs;
@@ -294,7 +294,7 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
 struct Kept<S: Simd> {
     near: Neighbours<S>,
     believed: Beliefs<S>,
-    oncoming: Oncoming<S>,
+    met: Encounters<S>,
     looks: M<S>,
     waits: M<S>,
 }
@@ -304,7 +304,7 @@ impl<S: Simd> Kept<S> {
         Self {
             near: *mind.near,
             believed: *mind.believed,
-            oncoming: *mind.oncoming,
+            met: *mind.met,
             looks: mind.looks,
             waits: mind.waits,
         }
@@ -314,7 +314,7 @@ impl<S: Simd> Kept<S> {
         Mind {
             near: &self.near,
             believed: &self.believed,
-            oncoming: &self.oncoming,
+            met: &self.met,
             looks: self.looks,
             waits: self.waits,
         }

@@ -37,8 +37,8 @@ struct Road {
     two_way: bool,
     far_end: f32,
     across: f32,
-    sight: [[f32; MAX_KNOTS]; 3],
-    line: [[f32; MAX_KNOTS]; 2],
+    sight: [[[f32; MAX_KNOTS]; 3]; 2],
+    line: [[f32; MAX_KNOTS]; 3],
     course: Vec<f32>,
 }
 

@@ -43,6 +43,7 @@ class Stream(enum.IntEnum):
     GLANCES = 0x400  # + slot: looks over the shoulder
     SENSOR = 0x500  # + role: errors of another driver's sensors
     PASSED = 0x600  # + slot: what a driver does while being passed
+    OVERTAKING = 0x700  # + slot: how a driver other than the ego judges what it takes to pass
 
 
 def philox4x32(

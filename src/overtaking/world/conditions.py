@@ -60,9 +60,6 @@ class SimulationParameters(NamedTuple):
         oncoming_error: Coefficient of variation of judged distances to oncoming vehicles [1].
         oncoming_sight: How far an oncoming car is seen in this weather and light [m].
         usual_speed: At which drivers believe that others come until it looms [m/s].
-        need_factor: What the ego believes that passing takes, over what it does [1].
-        spare: Time that it wants beyond before it waits, over what it believes to need [1].
-        heeds_lines: Whether it starts no pass across a solid line.
         hasty_change: Shortest change of lane in an emergency [s].
 
     Every array has shape (simulation,).
@@ -102,9 +99,6 @@ class SimulationParameters(NamedTuple):
     oncoming_error: F32
     oncoming_sight: F32
     usual_speed: F32
-    need_factor: F32
-    spare: F32
-    heeds_lines: F32
     hasty_change: F32
 
 
@@ -112,9 +106,6 @@ PASSING = (
     "oncoming_error",
     "oncoming_sight",
     "usual_speed",
-    "need_factor",
-    "spare",
-    "heeds_lines",
     "hasty_change",
 )
 """What only two-way roads have; `passing` works it out there."""

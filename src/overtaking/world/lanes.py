@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.elementary import F32, Mask, as_f32, clamp, minimum, sincos
 from overtaking.core.errors import ConfigError
+from overtaking.model.course import Course
 from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
 from overtaking.model.scenario import Scenario
 from overtaking.world import film
@@ -38,8 +39,10 @@ class RoadParameters:
         two_way: Whether others may come the other way.
         far_end: Station from which oncoming vehicles count theirs, the end of the road [m].
         across: Sum of the edges: what an oncoming vehicle takes its lateral position from [m].
-        sight: Stations, how far one sees there [m], and how much more per metre; (3, MAX_KNOTS).
-        line: Stations, and 1 from where on the line is not to be crossed; (2, MAX_KNOTS).
+        sight: Along and against the road: stations, how far one sees there [m], and how much more
+            per metre; (2, 3, MAX_KNOTS).
+        line: Stations, and 1 from where on the line is not to be crossed by who drives along the
+            road, and by who comes the other way; (3, MAX_KNOTS).
         course: What the road does at stations every `model.steering.station`: curvature towards
             the fast side [1/m], sine of the slope, and along and against the road the radius by
             which drivers choose their speed [m], see `_course`, how far they see [m], and how far
@@ -96,8 +99,8 @@ def road_parameters(road: Road) -> RoadParameters:
         two_way=two_way,
         far_end=np.float32(road.length),
         across=across,
-        sight=_sight(road) if two_way else np.zeros((3, MAX_KNOTS), np.float32),
-        line=_line(road) if two_way else np.zeros((2, MAX_KNOTS), np.float32),
+        sight=_sight(road) if two_way else np.zeros((2, 3, MAX_KNOTS), np.float32),
+        line=_line(road) if two_way else np.zeros((3, MAX_KNOTS), np.float32),
         course=course,
         boundaries=borders,
         film_path=film.film_per_path(_drainage_path(borders, crown)),
@@ -130,13 +133,13 @@ def has_two_directions(road: Road) -> bool:
     A course may have `MAX_KNOTS` - 1 stations. Elsewhere vehicles keep to the lanes of the road's
     own direction.
     """
-    beyond, course = road.fast_side_neighbour, road.course
+    beyond, course = road.fast_side_neighbour, road.course or Course()
     return (
         road.is_two_way
         and road.num_lanes == 1
         and beyond is not None
         and beyond.width == road.lanes[0].width
-        and max(len(course.sight) if course else 0, len(road.fast_edge_marks)) < MAX_KNOTS
+        and max(map(len, (course.sight, course.sight_against, road.fast_edge_marks))) < MAX_KNOTS
     )
 
 
@@ -159,21 +162,26 @@ def refuse_oncoming(scenario: Scenario, where: str) -> None:
 
 
 def _sight(road: Road) -> F32:
-    """Stations, sight there, and its change per metre; the last knot is repeated."""
-    table = road.course.sight if road.course else ()
-    stations = np.array([s for s, _ in table] or [0.0], np.float64)
-    seen = np.array([distance for _, distance in table] or [_FAR], np.float64)
-    change = np.append(np.diff(seen) / np.diff(stations), 0.0)
-    # Before the first station sight is as there.
-    rows = [np.append(-_FAR, stations), np.append(seen[0], seen), np.append(0.0, change)]
-    return _knots(rows)
+    """Along and against: stations, sight there, and its change per metre; see `_knots`."""
+    course = road.course or Course()
+    both = []
+    for table in (course.sight, course.sight_against):
+        stations = np.array([s for s, _ in table] or [0.0], np.float64)
+        seen = np.array([distance for _, distance in table] or [_FAR], np.float64)
+        change = np.append(np.diff(seen) / np.diff(stations), 0.0)
+        # Before the first station sight is as there.
+        rows = [np.append(-_FAR, stations), np.append(seen[0], seen), np.append(0.0, change)]
+        both.append(_knots(rows))
+    return np.stack(both)
 
 
 def _line(road: Road) -> F32:
-    """Stations, and whether the line is solid for the road's own direction from there on."""
+    """Stations, and whether the line is solid from there on for the one and the other direction."""
     marks = road.fast_edge_marks
     stations = [max(start, -_FAR) for start, _ in marks]
-    return _knots([stations, [float(mark in _SOLID) for _, mark in marks]])
+    along = [float(mark in _SOLID) for _, mark in marks]
+    against = [float(mark.reversed in _SOLID) for _, mark in marks]
+    return _knots([stations, along, against])
 
 
 def _course(road: Road) -> F32:

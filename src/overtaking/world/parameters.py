@@ -125,9 +125,12 @@ class VehicleParameters(NamedTuple):
     direction: F32
     makes_room: F32
     passed_factor: F32
+    need_factor: F32
+    spare: F32
+    heeds_lines: F32
 
-    def of(self, slot: int) -> "VehicleParameters":
-        """The parameters of one vehicle, shape (simulation,)."""
+    def of(self, slot: int | slice) -> "VehicleParameters":
+        """The parameters of one vehicle, shape (simulation,), or of several."""
         return VehicleParameters._make(row[slot] for row in self)
 
 
@@ -195,8 +198,8 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     vehicle = _unchanged(scenario.vehicles) | _unchanged(scenario.drivers)
     vehicle |= body_parameters(scenario, c, world, effects)
     vehicle |= driver_parameters(acting(scenario), c, world, effects)
-    own, others = passing_parameters(scenario, world, effects)
-    vehicle |= others
+    own, each = passing_parameters(scenario, world, effects)
+    vehicle |= each
     return Parameters(
         vehicle=_stacked(vehicle, VEHICLE_FIELDS),
         simulation=_stacked(world.step._asdict() | own, SIMULATION_FIELDS),

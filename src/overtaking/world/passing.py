@@ -23,6 +23,9 @@ from overtaking.world.people import quickest_change
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
+_BY_DRIVER = ("need_factor", "heeds_lines", "spare", "makes_room", "passed_factor")
+"""What `passing_parameters` gives each vehicle."""
+
 _FAINTEST = np.float32(1e-12)  # Keeps the range of lamps finite where light has no limit [lx].
 
 
@@ -40,36 +43,45 @@ def passing_parameters(
         refuse_oncoming(
             scenario, "a road that is not two equally wide lanes, one in each direction"
         )
-        shape = scenario.start_s
-        return {}, {"makes_room": np.zeros_like(shape), "passed_factor": np.ones_like(shape)}
-    return _of_the_ego(scenario, world, effects), _of_the_passed(scenario)
+        return {}, dict.fromkeys(_BY_DRIVER, np.zeros_like(scenario.start_s))
+    return _of_all(scenario, world, effects), _passing(scenario) | _passed(scenario)
 
 
-def _of_the_ego(scenario: Scenario, world: World, effects: Effects) -> dict[str, NDArray[Any]]:
-    """How the ego judges distance, speed and need, and how much time it wants to spare.
+def _of_all(scenario: Scenario, world: World, effects: Effects) -> dict[str, NDArray[Any]]:
+    """How drivers judge the distance and the speed of who comes.
 
     Source:
-        Gordon and Mart 1968 (need is underestimated), Attwood 1976 (more scatter in the dark).
+        Attwood 1976 (more scatter in the dark).
     """
-    draws = Draws(scenario.seed, scenario.index, Stream.PASSING)
     night = scenario.weather.night
     day, dark = known("model.oncoming.distance_cv_day"), known("model.oncoming.distance_cv_night")
-    error = np.where(night, dark, day) if effects.distance_error else np.zeros(night.shape)
-    median, sigma = known("model.oncoming.need_median"), known("model.oncoming.need_sigma")
-    need = draws.lognormal(log(median), float(sigma))
-    spare = known("model.oncoming.spare_asked") * scenario.drivers.gap_acceptance[:, Role.EGO]
-    heeds = draws.uniform() < known("model.oncoming.heeds_lines")
-    limit = np.float32(scenario.road.speed_limit)
+    limit = known("model.oncoming.usual_share") * np.float32(scenario.road.speed_limit)
     return {
-        "oncoming_error": error,
+        "oncoming_error": np.where(night, dark, day)
+        if effects.distance_error
+        else np.zeros(night.shape),
         "oncoming_sight": _sight(scenario, world),
-        "usual_speed": np.full_like(need, known("model.oncoming.usual_share") * limit),
-        "need_factor": need,
-        "spare": spare,
-        "heeds_lines": heeds,
+        "usual_speed": np.full(night.shape, limit),
         "hasty_change": maximum(
             quickest_change(scenario, world), known("model.oncoming.hasty_change")
         ),
+    }
+
+
+def _passing(scenario: Scenario) -> Rows:
+    """How each driver judges what passing takes, and how much time it wants to spare.
+
+    Source:
+        Gordon and Mart 1968 (need is underestimated).
+    """
+    streams = np.uint32(Stream.OVERTAKING) + np.arange(scenario.num_slots, dtype=np.uint32)
+    streams[Role.EGO] = Stream.PASSING
+    draws = Draws(scenario.seed, scenario.index[:, None], streams)
+    median, sigma = known("model.oncoming.need_median"), known("model.oncoming.need_sigma")
+    return {
+        "need_factor": draws.lognormal(log(median), float(sigma)),
+        "heeds_lines": draws.uniform() < known("model.oncoming.heeds_lines"),
+        "spare": known("model.oncoming.spare_asked") * scenario.drivers.gap_acceptance,
     }
 
 
@@ -88,7 +100,7 @@ def _sight(scenario: Scenario, world: World) -> F32:
     return minimum(seen, known("model.oncoming.range"))
 
 
-def _of_the_passed(scenario: Scenario) -> Rows:
+def _passed(scenario: Scenario) -> Rows:
     """What each driver does while being passed: makes room, yields, or speeds up."""
     slots = np.uint32(Stream.PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
     draws = Draws(scenario.seed, scenario.index[:, None], slots)

@@ -4,6 +4,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, clamp, exp, maximum, minimum
 from overtaking.model.scenario import Scenario
+from overtaking.model.vehicles import Role
 from overtaking.world import friction, visibility
 from overtaking.world.bodies import Rows
 from overtaking.world.clock import DECISIONS_PER_SECOND
@@ -115,10 +116,13 @@ def _lane_changes(scenario: Scenario, world: World, effects: Effects) -> Rows:
     p = scenario.drivers
     threshold = p.lane_change_threshold
     quickest = quickest_change(scenario, world)[:, None]
-    # The others overtake nobody against oncoming traffic.
-    mobil = effects.mobil and not road_parameters(scenario.road).two_way
+    gain = p.passing_gain
+    if not effects.mobil:
+        threshold = np.full_like(threshold, _NEVER)
+        gain = np.where(np.arange(gain.shape[1]) == Role.EGO, gain, _NEVER)
     return {
-        "threshold": threshold if mobil else np.full_like(threshold, _NEVER),
+        "threshold": threshold,
+        "passing_gain": gain,
         "bias": p.right_bias,
         "lane_change_duration": maximum(p.lane_change_duration, quickest),
     }

@@ -8,6 +8,7 @@ from tests.support.minds import moment
 from tests.support.worlds import Vehicle
 
 from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
 from overtaking.sim.reference import control, dynamics, steering
 
 JERK = {"up": 2.5, "down": 5.0, "urgent": 6.0 / 0.6, "release": 5.0}
@@ -66,9 +67,9 @@ def test_a_wreck_has_no_pedals():
 def test_the_ego_uses_more_of_the_engine_while_it_passes():
     m = moment([Vehicle(speed=20.0), Vehicle(s=-100.0, speed=20.0)])
     believed = m.look()
-    following = control.behind_leader(m.state, m.given, m.p, believed)
-    m.state.stage = np.full_like(m.state.stage, np.float32(Stage.PASS))
-    passing = control.behind_leader(m.state, m.given, m.p, believed)
+    following = control.behind_leader(m.state, m.given, m.p, believed, None)
+    m.state.stage[Role.EGO] = np.float32(Stage.PASS)
+    passing = control.behind_leader(m.state, m.given, m.p, believed, None)
     # 1.3 times, towards a tenth more speed; the others are not in a hurry.
     faster = 1.5 * (1.0 - (20.0 / 33.0) ** 4)
     assert float(passing[0, 0]) == pytest.approx(1.3 * faster, rel=1e-3)
@@ -89,7 +90,7 @@ def brakes_for_the_old_leader(*, gap: float, done: float, duration: float = 5.0)
     m.state.path_time[0] = done
     m.state.d[0] = float(steering.path_now(m.state)[0][0, 0])
     near, believed = m.neighbours(), m.look()
-    wanted = control.behind_old_leader(m.state, m.given, m.p, near, believed)
+    wanted = control.behind_old_leader(m.state, m.given, m.p, near, believed, None)
     return bool(wanted[0, 0] < 0.0)
 
 
@@ -108,7 +109,7 @@ def test_who_is_beside_the_old_leader_does_not_brake():
 def test_who_keeps_the_lane_does_not_brake_for_the_next():
     m = moment([Vehicle(s=0.0, lane=1, speed=30.0), Vehicle(s=15.0, lane=0, speed=20.0)])
     near, believed = m.neighbours(), m.look()
-    wanted = control.behind_old_leader(m.state, m.given, m.p, near, believed)
+    wanted = control.behind_old_leader(m.state, m.given, m.p, near, believed, None)
     assert float(wanted[0, 0]) > 1e6
 
 

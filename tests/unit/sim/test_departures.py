@@ -52,7 +52,7 @@ def test_a_lost_ego_ends_the_simulation_two_seconds_later_and_another_does_not()
     m.state.d[0] = 5.0
     after_leaving(m, step=100)
     assert float(m.state.end_step[0]) == 300.0
-    assert float(m.state.stage[0]) == Stage.CRASHED
+    assert float(m.state.stage[0, 0]) == Stage.CRASHED
 
 
 def test_empty_slots_are_never_lost():

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from overtaking.model.road import Road
 
 from overtaking.model.trajectory import DecisionKind, Lights, Stage, Trajectories
+from overtaking.model.vehicles import Role
 from overtaking.sim import engine
 from overtaking.sim.branch import Decision, branch
 from overtaking.world.parameters import parameters
@@ -180,7 +181,8 @@ def test_what_it_believed_is_written_down_at_each_decision():
 def view_of(*vehicles: Vehicle) -> tuple[Moment, ego_module.View]:
     """What the ego knows at one moment."""
     m = moment(list(vehicles))
-    return m, ego_module.look(m.state, m.given, m.p, m.neighbours(), m.look())
+    near = m.neighbours()
+    return m, ego_module.look(m.state, m.given, m.p, m.q, near, m.look(), Role.EGO)
 
 
 @pytest.mark.parametrize(

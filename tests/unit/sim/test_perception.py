@@ -293,7 +293,7 @@ def test_who_is_passed_stays_known_on_the_way_from_behind_to_ahead():
 
 
 def looks(m: Moment, decision: int) -> np.ndarray:
-    return looks_around(m.state, m.given.constants, m.p, decision)
+    return looks_around(m.state, m.given, m.p, decision)
 
 
 def test_everybody_looks_around_once_a_second_but_not_in_the_first_one():

@@ -340,6 +340,11 @@ PASSES = (
     _pass("legal", _legal_share),
     _pass("collided", _share("collided", "attempts"), "collided", among="attempts"),
     _pass("attempts", _share("attempts", "simulations"), "attempts"),
+    _pass("others_per_hour", _share("others_attempts", "others_seconds"), "others_attempts"),
+    _pass("others_aborted", _share("others_aborted", "others_attempts"), "others_aborted"),
+    _pass("others_time", _of_passes("others_time"), "others_time"),
+    _pass("others_unsafe", _of_passes("others_unsafe"), "others_unsafe"),
+    _pass("others_scarce", _of_passes("others_scarce"), "others_scarce"),
     _pass("open_at_end", _share("open", "attempts"), "open"),
     _pass("effective_share", _effective_share),
 )

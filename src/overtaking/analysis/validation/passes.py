@@ -77,8 +77,29 @@ class Pass:
     single: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attempt:
+    """One attempt of another vehicle in the ego's direction, over before the recording ends.
+
+    Attributes:
+        row: Place of its simulation in the batch.
+        slot: The vehicle.
+        target: Who was next ahead of it in its direction as it set out.
+        duration: Time in the other lane, in part or whole [s].
+        passed: Whether it is back ahead of that one, not behind.
+        margin: Time until the nearest oncomer would be met, at the end [s].
+    """
+
+    row: int
+    slot: int
+    target: int
+    duration: float
+    passed: bool
+    margin: float
+
+
 def count(tally: Tally, batch: Batch) -> None:
-    """Add the attempts of a batch, its passes, and the gaps that were refused."""
+    """Add the attempts of a batch, its passes, and the gaps that were refused; those of others."""
     runs = batch.runs
     attempts = (runs.stage == Stage.PULL_OUT).any(axis=1)
     given_up = runs.stage == Stage.ABORT
@@ -93,6 +114,7 @@ def count(tally: Tally, batch: Batch) -> None:
             tally, batch, dict(zip((one.name for one in fields(Pass)), columns, strict=True))
         )
     _refused(tally, batch)
+    _others(tally, batch)
 
 
 def passes(runs: Trajectories) -> list[Pass]:
@@ -102,13 +124,16 @@ def passes(runs: Trajectories) -> list[Pass]:
     return [one for one in found if one is not None]
 
 
-def meeting(runs: Trajectories, row: Array, frame: Array) -> tuple[F64, F64, Array]:
-    """The nearest oncomer of egos.
+def meeting(
+    runs: Trajectories, row: Array, frame: Array, who: int = Role.EGO
+) -> tuple[F64, F64, Array]:
+    """The nearest oncomer of egos, or of others in their direction.
 
     Args:
         runs: Recorded simulations.
         row: Places of simulations in the batch, shape (moment,).
         frame: Frames, the same shape.
+        who: Slot of the vehicle.
 
     Returns:
         Time until both would meet [s], distance between the bumpers [m], both infinite without an
@@ -118,13 +143,13 @@ def meeting(runs: Trajectories, row: Array, frame: Array) -> tuple[F64, F64, Arr
     comes = (runs.scenario.start_lane == runs.road.num_lanes) & specs.valid
     s = 1e-3 * states.s[row, :, frame].astype(np.float64)
     speed = 1e-3 * states.speed[row, :, frame].astype(np.float64)
-    ahead = s - s[:, :1]
+    ahead = s - s[:, [who]]
     ahead = np.where(comes[row] & (ahead > 0.0), ahead, np.inf)
     slot = ahead.argmin(axis=1)
     at = np.arange(len(slot))
-    bodies = 0.5 * (specs.length[row, Role.EGO] + specs.length[row, slot])
+    bodies = 0.5 * (specs.length[row, who] + specs.length[row, slot])
     gap = np.maximum(ahead[at, slot] - bodies, 0.0)
-    return gap / np.maximum(speed[:, 0] + speed[at, slot], 0.1), gap, slot
+    return gap / np.maximum(speed[:, who] + speed[at, slot], 0.1), gap, slot
 
 
 def _passed(runs: Trajectories, row: int) -> Pass | None:
@@ -176,7 +201,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
 
 def _zone(runs: Trajectories, s: float) -> float:
     """Length of the stretch around a station where the line may be crossed; 0 where it may not."""
-    stations, solid = road_parameters(runs.road).line
+    stations, solid, _ = road_parameters(runs.road).line
     changes = np.append(True, np.diff(solid) != 0.0)
     stations, solid = stations[changes], solid[changes]
     borders = np.append(np.maximum(stations, 0.0), runs.road.length)
@@ -263,6 +288,67 @@ def _completed(tally: Tally, batch: Batch, given: dict[str, Sequence[float]]) ->
     regress(tally, "zone", batch, row, [1e-2 * of["zone"]], of["duration"], zoned)
 
 
+def attempts_of_others(runs: Trajectories) -> list[Attempt]:
+    """What other vehicles in the ego's direction set out to pass, from what they drove.
+
+    An attempt begins when the side of a vehicle crosses the line, far enough beyond to be no
+    wander in the lane, and ends when all of it is back.
+    """
+    road, states, specs = runs.road, runs.states, runs.scenario.vehicles
+    second, line = 1e-3 * runs.scenario.frame_interval_ms, road.side * float(road.boundaries[-1])
+    along = specs.valid & (runs.scenario.start_lane < road.num_lanes)
+    along[:, Role.EGO] = False
+    found: list[Attempt] = []
+    for row, slot in np.argwhere(along):
+        frames = int(runs.num_frames[row])
+        side = road.side * 1e-3 * states.d[row, slot, :frames] + 0.5 * specs.width[row, slot] - line
+        edges = np.flatnonzero(np.diff(side > 0.0, prepend=False, append=False))
+        for first, end in zip(edges[::2], edges[1::2], strict=True):
+            if end == frames or side[first:end].max() < limit("begun_shift"):
+                continue
+            s = 1e-3 * states.s[row].astype(np.float64)
+            ahead = np.where(along[row] | (np.arange(len(s)) == Role.EGO), s[:, first], -np.inf)
+            ahead = np.where(ahead > s[slot, first], ahead, np.inf)
+            target, last = int(ahead.argmin()), int(end) - 1
+            if not np.isfinite(ahead[target]):
+                continue
+            margin = meeting(runs, np.array([row]), np.array([last]), int(slot))[0]
+            found.append(
+                Attempt(
+                    row=int(row),
+                    slot=int(slot),
+                    target=target,
+                    duration=(last - int(first)) * second,
+                    passed=bool(s[slot, last] > s[target, last]),
+                    margin=float(margin[0]),
+                )
+            )
+    return found
+
+
+def _others(tally: Tally, batch: Batch) -> None:
+    """Add what others do who drive in the ego's direction: they see whoever comes, as egos do."""
+    runs = batch.runs
+    along = runs.scenario.vehicles.valid & (runs.scenario.start_lane < runs.road.num_lanes)
+    driven = (along.sum(axis=1) - 1) * runs.num_frames * batch.interval_s
+    tally.add("others_seconds", batch.group, batch.weight * driven)
+    found = attempts_of_others(runs)
+    row = np.array([one.row for one in found], np.int64)
+    passed = np.array([one.passed for one in found], np.bool_)
+    group, weight = batch.group[row], batch.weight[row]
+    tally.add("others_attempts", group, weight)
+    tally.add("others_aborted", group, weight * ~passed)
+    margin = np.array([one.margin for one in found])
+    met = passed & (margin < limit("oncomer_within"))
+    for name, values, there in (
+        ("others_time", np.array([one.duration for one in found]), passed),
+        ("others_unsafe", margin < limit("safe_margin"), met),
+        ("others_scarce", margin < limit("scarce_margin"), met),
+    ):
+        tally.add(name, group[there], weight[there] * values[there])
+        tally.add(f"{name}_number", group[there], weight[there])
+
+
 def _refused(tally: Tally, batch: Batch) -> None:
     """Add the gaps that egos were offered while they were held up, and might have crossed the line.
 
@@ -284,7 +370,7 @@ def _refused(tally: Tally, batch: Batch) -> None:
     s, speed = (1e-3 * one[row, :, frame] for one in (runs.states.s, runs.states.speed))
     ahead = s[:, LEADER] - s[:, Role.EGO]
     held = (ahead > 0.0) & (ahead < limit("held_up_gap") * speed[:, Role.EGO])
-    stations, solid = road_parameters(runs.road).line
+    stations, solid, _ = road_parameters(runs.road).line
     place = np.searchsorted(stations[1:], s[:, Role.EGO], side="right")
     open_here = solid[np.minimum(place, len(solid) - 1)] == 0.0
     time, away, slot = meeting(runs, row, frame)

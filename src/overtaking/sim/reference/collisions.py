@@ -79,7 +79,7 @@ def leave_road(state: State, c: Constants, p: Fields, borders: F32, step: int) -
 
 def end_with_ego(state: State, c: Constants, crashed: Mask, step: int) -> None:
     """An accident of the ego ends the simulation soon."""
-    state.stage = np.where(crashed, np.float32(Stage.CRASHED), state.stage)
+    state.stage[Role.EGO] = np.where(crashed, np.float32(Stage.CRASHED), state.stage[Role.EGO])
     after = np.float32(step) + np.rint(c.after_collision / c.step)
     state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, clamp, maximum, minimum
+from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum
 from overtaking.model.trajectory import Stage
-from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.neighbours import Neighbours
-from overtaking.sim.reference.oncoming import is_passed
+from overtaking.sim.reference.oncoming import Encounters
 from overtaking.sim.reference.passing import speed_of_pass
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
@@ -17,51 +16,54 @@ from overtaking.world.parameters import Parameters
 _FREE = np.float32(1e9)
 
 
-def behind_leader(state: State, given: Parameters, p: Fields, believed: Beliefs) -> F32:
+def behind_leader(
+    state: State, given: Parameters, p: Fields, believed: Beliefs, met: Encounters | None
+) -> F32:
     """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2]."""
-    desired = _desired_speed(state, given, p)
+    desired = _desired_speed(state, given, p, met)
     c = given.constants
     gap, closing = believed.gap[LEAD], believed.closing[LEAD]
-    kept = _time_gap(state, c, p)
+    # A driver about to pull out accepts a smaller gap.
+    about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
+    kept = np.where(about_to, c.signalling_time_gap * p.time_gap, p.time_gap)
     wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEAD])
     eager = np.where(state.hurries > 0, c.hurry_gain, c.accelerate_gain)
-    gain = np.where(_is_passing(state)[None, :] & (wanted > 0), eager, np.float32(1.0))
-    gain[1:] = np.float32(1.0)
-    return wanted * gain
+    return wanted * np.where(_is_passing(state) & (wanted > 0), eager, np.float32(1.0))
 
 
-def _is_passing(state: State) -> np.ndarray:
+def _is_passing(state: State) -> Mask:
     return (state.stage == np.float32(Stage.PULL_OUT)) | (state.stage == np.float32(Stage.PASS))
 
 
-def _time_gap(state: State, c: Constants, p: Fields) -> F32:
-    """Time gap kept; a driver about to pull out accepts a smaller one [s]."""
-    about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
-    kept = p.time_gap.copy()
-    kept[Role.EGO] = np.where(
-        about_to, c.signalling_time_gap * p.time_gap[Role.EGO], p.time_gap[Role.EGO]
-    )
-    return kept
-
-
-def _desired_speed(state: State, given: Parameters, p: Fields) -> F32:
-    desired = p.desired_speed.copy()
-    passing = p.pass_speed[Role.EGO]
-    if given.road.two_way:
+def _desired_speed(state: State, given: Parameters, p: Fields, met: Encounters | None) -> F32:
+    desired, passing = p.desired_speed, p.pass_speed
+    if met is not None:
         passing = speed_of_pass(state, given, p)
-        desired = np.where(is_passed(state, given, p), desired * p.passed_factor, desired)
-    desired[Role.EGO] = np.where(_is_passing(state), passing, desired[Role.EGO])
-    return minimum(desired, state.bend_speed)
+        desired = np.where(met.passed, desired * p.passed_factor, desired)
+    return minimum(np.where(_is_passing(state), passing, desired), state.bend_speed)
 
 
 def behind_old_leader(
-    state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs
+    state: State,
+    given: Parameters,
+    p: Fields,
+    near: Neighbours,
+    believed: Beliefs,
+    met: Encounters | None,
 ) -> F32:
     """Acceleration behind the one whose lane is being left, as long as the bodies still overlap.
 
     Drivers brake by what their way lacks to clear the other a moment before the gap is closed, and
     no harder than behind a leader. The moment covers errors of judgement: without it a leader that
     is believed farther off is hit.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        near: Neighbours.
+        believed: What drivers believe of them.
+        met: Whom they meet; None on roads of one direction.
     """
     c = given.constants
     changing = state.path_time < state.path_duration
@@ -75,7 +77,7 @@ def behind_old_leader(
     left = maximum(c.clear_fraction * state.path_duration - state.path_time, np.float32(0.0))
     needed = _braking_to_clear(c, gap - p.min_gap, closing, left + c.clear_margin) - accel
     matters = changing & (slot >= 0) & overlaps & (needed > 0)
-    desired = _desired_speed(state, given, p)
+    desired = _desired_speed(state, given, p, met)
     kept = follow(c, p, state.vx, desired, gap, closing, p.time_gap, accel)
     return np.where(matters, maximum(kept, -needed), _FREE)
 

@@ -1,4 +1,8 @@
-"""The ego's decisions: follow, pull out, pass, return, or give up."""
+"""Decisions about overtaking: follow, pull out, pass, return, or give up.
+
+They are those of the ego, and on two-way roads of everybody by the same rules: `who` says of whom
+arrays tell.
+"""
 
 from dataclasses import dataclass
 
@@ -19,14 +23,13 @@ from overtaking.sim.reference.intent import (
     signal,
 )
 from overtaking.sim.reference.mobil import (
-    Claims,
     must_wait,
     soon,
     time_left,
     turn_to_lane,
 )
+from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import Neighbours
-from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.orders import Orders, obey, show
 from overtaking.sim.reference.passing import may_meet, outlook, room_left, weigh
 from overtaking.sim.reference.perception import Beliefs
@@ -36,11 +39,13 @@ from overtaking.sim.reference.state import (
     FAST_REAR,
     LEAD,
     ONCOMING,
+    OTHERS,
     REAR,
     SLOW_LEAD,
     SLOW_REAR,
     Fields,
     State,
+    Who,
     pick,
 )
 from overtaking.world.parameters import SUBSTEPS, Parameters, SimulationParameters
@@ -52,23 +57,26 @@ _LEAST_DEMAND = np.float32(1e-6)  # Keeps what is imposed finite for who demands
 
 @dataclass(slots=True, kw_only=True)
 class View:
-    """What the ego knows when it decides; arrays of shape (simulation,), or (role, simulation).
+    """What drivers know when they decide; arrays of the shape of `Who`, or one for each role.
 
     Attributes:
-        own: Its parameters.
-        speed: Its speed [m/s].
+        who: Who they are.
+        own: Their parameters.
+        speed: Their speed [m/s].
         gap: Believed gaps, by role [m].
         closing: Believed speeds of approach, by role [m/s].
-        detected: Whether it has noticed the neighbour, by role.
+        detected: Whether they have noticed the neighbour, by role.
         leader_speed: Believed speed of the leader [m/s].
-        demand: Factor on the gaps that it asks for now [1].
-        imposes: Braking that it asks of others at most, positive [m/s^2].
-        impatience: What waiting has left of its demands, 1 at first [1].
-        told: Whether it is told to change lanes, as in the study: who demands no gap looks at
+        demand: Factor on the gaps that they ask for now [1].
+        imposes: Braking that they ask of others at most, positive [m/s^2].
+        impatience: What waiting has left of their demands, 1 at first [1].
+        told: Whether the ego is told to change lanes, as in the study: who demands no gap looks at
             nobody beside it, and gives nothing up.
         ordered: Whether it is told to pull out now: a vehicle in sight ahead is slower.
+        command: Decision that is forced on the ego, 0 for none.
     """
 
+    who: Who
     own: Fields
     speed: F32
     gap: F32
@@ -80,30 +88,54 @@ class View:
     impatience: F32
     told: Mask
     ordered: Mask
+    command: F32
 
 
-def look(state: State, given: Parameters, p: Fields, near: Neighbours, believed: Beliefs) -> View:
-    """The ego's beliefs and how much it demands after its wait."""
-    own = p.of(Role.EGO)
-    impatience = maximum(
-        exp(-(state.waited * own.inverse_patience)), given.constants.patience_floor
-    )
-    gap, closing = believed.gap[:, Role.EGO], believed.closing[:, Role.EGO]
+def look(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    near: Neighbours,
+    believed: Beliefs,
+    who: Who,
+) -> View:
+    """What drivers believe, and how much they demand after their wait.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        near: Neighbours.
+        believed: What drivers believe of them.
+        who: The drivers.
+    """
+    own = p.of(who)
+    waited = state.waited[who] * own.inverse_patience
+    impatience = maximum(exp(-waited), given.constants.patience_floor)
+    gap, closing = believed.gap[:, who], believed.closing[:, who]
     demand = own.gap_acceptance * impatience
-    told = is_told(p)
+    told = ordered = np.zeros(demand.shape, bool)
+    if who == Role.EGO:
+        told = is_told(p)
+        seen = told & believed.detected[LEAD, who]
+        ordered = seen & (faster(state, near) > own.passing_gain)
     bounded = minimum(own.safe_decel / maximum(demand, _LEAST_DEMAND), given.constants.most_imposed)
     return View(
+        who=who,
         own=own,
-        speed=state.vx[Role.EGO],
+        speed=state.vx[who],
         gap=gap,
         closing=closing,
-        detected=believed.detected[:, Role.EGO],
-        leader_speed=state.vx[Role.EGO] - closing[LEAD],
+        detected=believed.detected[:, who],
+        leader_speed=state.vx[who] - closing[LEAD],
         demand=demand,
         imposes=minimum(bounded, own.hardest_decel),
         impatience=impatience,
         told=told,
-        ordered=told & believed.detected[LEAD, Role.EGO] & (faster(state, near) > own.passing_gain),
+        ordered=ordered,
+        command=q.command if who == Role.EGO else np.zeros_like(q.command),
     )
 
 
@@ -119,14 +151,14 @@ def faster(state: State, near: Neighbours) -> F32:
 
 @dataclass(slots=True, kw_only=True)
 class Meeting:
-    """What oncoming traffic lets the ego do; masks of shape (simulation,).
+    """What oncoming traffic lets drivers do; masks of the shape of `Who`.
 
     Attributes:
         may_go: The other lane is believed to be free for long enough to pass.
         hurries: Little time is left to be past.
-        squeezes: It is in a hurry, and there is room to squeeze back in.
-        falls_in: It gives up, and there is room to fall in behind the other.
-        room_left: How much more room it leaves to the passed vehicle than to a car [1].
+        squeezes: A driver in a hurry has room to squeeze back in.
+        falls_in: A driver who gives up has room to fall in behind the other.
+        room_left: How much more room is left to the passed vehicle than to a car [1].
     """
 
     may_go: Mask
@@ -137,13 +169,13 @@ class Meeting:
 
 
 def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
-    """Acceleration that a vehicle ahead forces on the ego at the gap demanded now."""
+    """Acceleration that a vehicle ahead forces on a driver at the gap demanded now."""
     time_gap = view.own.time_gap * view.demand
     return forced_braking(given.constants, view.own, view.speed, gap, closing, time_gap)
 
 
 def their_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
-    """Acceleration that the ego in front would force on a vehicle behind it."""
+    """Acceleration that a driver in front would force on a vehicle behind."""
     time_gap = view.own.time_gap * view.demand
     return forced_braking(given.constants, view.own, view.speed + closing, gap, closing, time_gap)
 
@@ -159,13 +191,18 @@ def wants_to_pass(given: Parameters, view: View) -> Mask:
 
 
 def may_pull_out(given: Parameters, view: View) -> Mask:
-    """Whether the next lane looks free enough, and faster, to this driver."""
+    """Whether the next lane looks free enough, and faster, to this driver.
+
+    The lane of oncoming traffic is free while nobody else is seen to overtake there.
+    """
     c, own = given.constants, view.own
     front = own_braking(given, view, view.gap[FAST_LEAD], view.closing[FAST_LEAD]) >= -own.decel
     gap, closing = view.gap[FAST_REAR], view.closing[FAST_REAR]
     now = their_braking(given, view, gap, closing)
     rear = minimum(now, their_braking(given, view, *soon(given, gap, closing))) >= -view.imposes
     rear = rear & (gap > c.smallest_rear_gap * view.demand)
+    if given.road.two_way:
+        return rear & ~view.detected[FAST_LEAD]
     next_speed = view.speed - view.closing[FAST_LEAD]
     gain = next_speed - view.leader_speed > own.passing_gain * view.impatience
     far = view.gap[FAST_LEAD] > view.gap[LEAD] + c.waiting_time_gap * view.speed
@@ -177,7 +214,7 @@ def may_return(given: Parameters, view: View, room_left: F32 | np.float32 = _ONE
 
     Args:
         given: All inputs.
-        view: What the ego knows.
+        view: What drivers know.
         room_left: How much more room is left behind than to a car [1].
     """
     own, zero = view.own, np.float32(0.0)
@@ -189,7 +226,7 @@ def may_return(given: Parameters, view: View, room_left: F32 | np.float32 = _ONE
     room = view.gap[SLOW_LEAD] - own.lane_change_duration * maximum(ahead, zero)
     front = own_braking(given, view, room, ahead) >= -own.decel
     c = given.constants
-    # On a two-way road the ego returns even if it will soon catch up with the next vehicle.
+    # On a two-way road one returns even if one will soon catch up with the next vehicle.
     if given.road.two_way:
         return rear & front & (view.gap[SLOW_LEAD] > c.squeeze_gap)
     return rear & front & (view.gap[SLOW_LEAD] > c.stay_time * view.closing[SLOW_LEAD])
@@ -200,7 +237,7 @@ def must_abort(given: Parameters, view: View, lead: int, rear: int) -> Mask:
 
     Args:
         given: All inputs.
-        view: What the ego knows.
+        view: What drivers know.
         lead: Role of the vehicle ahead in the old lane.
         rear: Role of the vehicle behind in the old lane.
     """
@@ -217,26 +254,21 @@ def decide(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    near: Neighbours,
-    believed: Beliefs,
-    looks: Mask,
-    claims: Claims,
+    moment: Moment,
     recorder: Recorder | None,
     step: int,
     orders: Orders | None = None,
-    oncoming: Oncoming | None = None,
 ) -> None:
     """One decision of every ego; what it intends holds until it looks around again."""
-    view = look(state, given, p, near, believed)
+    view = look(state, given, p, q, moment.near, moment.believed, Role.EGO)
     _wait(state, given, view)
     # Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
-    meets = _meet(state, given, p, q, near, view, oncoming)
+    meets = _meet(state, given, p, q, moment, view)
     if orders is None:
-        waits = must_wait(state, given, state.wanted, claims)[Role.EGO]
-        intent = _intend(state, given, p, q, view, looks, waits, meets)
+        intent = _intend(state, given, p, moment, view, meets)
     else:
         intent = obey(state, given, p, orders)
-    front = FAST_LEAD if oncoming is None else ONCOMING
+    front = FAST_LEAD if moment.met is None else ONCOMING
     for mask, kind, roles in (
         (intent.go_out, DecisionKind.PULL_OUT, (LEAD, front, FAST_REAR)),
         (intent.abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
@@ -244,15 +276,40 @@ def decide(
         (intent.go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
     ):
         if recorder is not None:
-            recorder.percepts(state, near, believed, mask, kind, roles, step, oncoming)
-    next_stage = _next_stage(state, given, near, intent)
-    hasty = None if oncoming is None else _haste(state, q)
-    _act(state, given, p, near, view, intent, step // SUBSTEPS, hasty)
+            coming = None if moment.met is None else moment.met.coming
+            recorder.percepts(state, moment.near, moment.believed, mask, kind, roles, step, coming)
+    next_stage = _next_stage(state, given, moment.near, view.who, intent)
+    _act(state, given, p, q, moment.near, view, intent, step // SUBSTEPS)
     if orders is not None:
         show(state, orders)
     _end(state, given, q, intent, next_stage, step)
-    state.stage_time = np.where(next_stage != state.stage, np.float32(0.0), state.stage_time)
-    state.stage = next_stage
+    _enter(state, view.who, next_stage)
+
+
+def decide_others(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    moment: Moment,
+    step: int,
+) -> None:
+    """One decision of everybody else on a two-way road; who has overtaken may do so again."""
+    view = look(state, given, p, q, moment.near, moment.believed, OTHERS)
+    _wait(state, given, view)
+    intent = _intend(state, given, p, moment, view, _meet(state, given, p, q, moment, view))
+    stage = _next_stage(state, given, moment.near, OTHERS, intent)
+    _act(state, given, p, q, moment.near, view, intent, step // SUBSTEPS)
+    done = stage == np.float32(Stage.DONE)
+    state.waited[OTHERS] = np.where(done, _STEADY, state.waited[OTHERS])
+    _enter(state, OTHERS, np.where(done, np.float32(Stage.FOLLOW), stage))
+
+
+def _enter(state: State, who: Who, stage: F32) -> None:
+    """Go on to the next stage, or stay."""
+    changed = stage != state.stage[who]
+    state.stage_time[who] = np.where(changed, _STEADY, state.stage_time[who])
+    state.stage[who] = stage
 
 
 def _meet(
@@ -260,28 +317,30 @@ def _meet(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    near: Neighbours,
+    moment: Moment,
     view: View,
-    oncoming: Oncoming | None,
 ) -> Meeting | None:
-    """What oncoming traffic lets the ego do, remembered; None where there is none on the road."""
-    if oncoming is None:
+    """What oncoming traffic lets drivers do, remembered; None where there is none on the road."""
+    if moment.met is None:
         return None
-    ahead = outlook(state, given, p, near, oncoming, view.gap[LEAD], view.leader_speed)
-    plight = weigh(state, given, p, q, oncoming)
-    state.yields = np.where(plight.yields, np.float32(1.0), _STEADY)
-    state.hurries = np.where(plight.hurries, np.float32(1.0), _STEADY)
+    who, coming = view.who, moment.met.coming
+    leader = view.gap[LEAD], view.leader_speed
+    ahead = outlook(state, given, p, moment.near, coming, who, leader)
+    plight = weigh(state, given, p, q, moment, who)
+    state.yields[who] = np.where(plight.yields, _ONE, _STEADY)
+    state.hurries[who] = np.where(plight.hurries, _ONE, _STEADY)
     return Meeting(
-        may_go=may_meet(given, view.own, q, view.speed, view.impatience, ahead),
+        may_go=may_meet(given, view.own, view.speed, view.impatience, ahead)
+        & ~moment.met.leader_goes[who],
         hurries=plight.hurries,
         squeezes=plight.hurries & may_squeeze(given, q, view),
         falls_in=plight.yields & plight.fits & has_room_behind(given, view),
-        room_left=room_left(given.constants, p, state.target),
+        room_left=room_left(given.constants, p, state.target[who]),
     )
 
 
 def may_squeeze(given: Parameters, q: SimulationParameters, view: View) -> Mask:
-    """Whether the lane beside has room enough for an ego in a hurry."""
+    """Whether the lane beside has room enough for a driver in a hurry."""
     c, closing = given.constants, view.closing[SLOW_LEAD]
     squeezed = minimum(view.gap[SLOW_REAR], view.gap[SLOW_LEAD]) > c.squeeze_gap
     room = view.gap[SLOW_LEAD] - q.hasty_change * maximum(closing, _STEADY)
@@ -294,10 +353,11 @@ def has_room_behind(given: Parameters, view: View) -> Mask:
     return view.gap[SLOW_REAR] > given.constants.smallest_rear_gap
 
 
-def _haste(state: State, q: SimulationParameters) -> F32:
-    """How long a hurried ego takes to change lanes, 0 for everybody else [s]."""
+def _haste(state: State, q: SimulationParameters, who: Who) -> F32:
+    """How long hurried drivers take to change lanes, 0 for everybody else [s]."""
     hasty = np.zeros_like(state.s)
-    hasty[Role.EGO] = np.where((state.hurries > 0) | (state.yields > 0), q.hasty_change, _STEADY)
+    hurried = (state.hurries[who] > 0) | (state.yields[who] > 0)
+    hasty[who] = np.where(hurried, q.hasty_change, _STEADY)
     return hasty
 
 
@@ -306,30 +366,32 @@ def _wait(state: State, given: Parameters, view: View) -> None:
     c = given.constants
     queues = view.gap[LEAD] < c.waiting_time_gap * view.speed
     slower = view.own.desired_speed > view.leader_speed
-    waits = in_stage(state, Stage.FOLLOW) & view.detected[LEAD] & queues & slower
-    state.waited = np.where(waits, state.waited + c.decision, state.waited)
+    waits = in_stage(state, view.who, Stage.FOLLOW) & view.detected[LEAD] & queues & slower
+    waited = state.waited[view.who]
+    state.waited[view.who] = np.where(waits, waited + c.decision, waited)
 
 
 def _intend(
     state: State,
     given: Parameters,
     p: Fields,
-    q: SimulationParameters,
+    moment: Moment,
     view: View,
-    looks: Mask,
-    waits: Mask,
     meets: Meeting | None,
 ) -> Intent:
-    """What the ego wants, and what of it is done now that it has signalled long enough."""
-    arrived = has_arrived(state)
-    passed = has_passed(state, given, p)
-    start = _starts(state, given, q, view, arrived, looks, meets)
-    back = _turns_back(state, given, q, view, passed, looks, meets)
-    signal(state, given, start, back)
-    ready = state.signalled > view.own.signal_time
+    """What drivers want, and what of it is done now that they have signalled long enough."""
+    who = view.who
+    looks = moment.looks[who]
+    waits = must_wait(state, given, state.wanted, moment.claims)[who]
+    arrived = has_arrived(state, who)
+    passed = has_passed(state, given, p, who)
+    start = _starts(state, given, view, arrived, looks, meets)
+    back = _turns_back(state, given, view, passed, looks, meets)
+    signal(state, given, who, start, back)
+    ready = state.signalled[who] > view.own.signal_time
     sure = (looks & ~waits) | view.told
-    abort = _gives_up(state, given, q, view, looks)
-    remain = _stays_out(state, given, q, view, looks)
+    abort = _gives_up(state, given, view, looks)
+    remain = _stays_out(state, given, view, looks)
     back_now = ready
     if meets is not None:
         back_now = (ready | meets.hurries) & ~meets.falls_in
@@ -338,8 +400,8 @@ def _intend(
     return Intent(
         start=start,
         back=back,
-        go_out=start & ready & (sure | (q.command == Decision.PULL_OUT)),
-        go_back=back & back_now & (sure | (q.command == Decision.RETURN)),
+        go_out=start & ready & (sure | (view.command == Decision.PULL_OUT)),
+        go_back=back & back_now & (sure | (view.command == Decision.RETURN)),
         abort=abort,
         remain=remain,
         passed=passed,
@@ -350,42 +412,40 @@ def _intend(
 def _starts(
     state: State,
     given: Parameters,
-    q: SimulationParameters,
     view: View,
     arrived: Mask,
     looks: Mask,
     meets: Meeting | None,
 ) -> Mask:
     """Whether an overtake is wanted and looked possible, or is forced by a branch."""
-    c = given.constants
-    rested = state.since_change[Role.EGO] >= c.abort_cooldown
-    has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
-    free = in_stage(state, Stage.FOLLOW) & arrived & rested & has_lane
+    c, who = given.constants, view.who
+    rested = state.since_change[who] >= c.abort_cooldown
+    has_lane = state.lane[who] < np.float32(given.road.num_lanes - 1)
+    free = in_stage(state, who, Stage.FOLLOW) & arrived & rested & has_lane
     seen = wants_to_pass(given, view) & may_pull_out(given, view)
     if meets is not None:
         seen = seen & meets.may_go
     seen = np.where(view.told, view.ordered, seen)
-    wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] > 0) & (
-        q.command != Decision.STAY
-    )
-    return free & (wanted | ((q.command == Decision.PULL_OUT) & (state.attempted == 0)))
+    wanted = np.where(looks | view.told, seen, state.wanted[who] > 0)
+    wanted = wanted & (view.command != Decision.STAY)
+    forced = (view.command == Decision.PULL_OUT) & (state.attempted == 0)
+    return free & (wanted | forced)
 
 
 def _turns_back(
     state: State,
     given: Parameters,
-    q: SimulationParameters,
     view: View,
     passed: Mask,
     looks: Mask,
     meets: Meeting | None,
 ) -> Mask:
-    """Whether the ego may return: past the target, or stuck beside it, or forced by a branch."""
-    c = given.constants
-    has_lane = in_stage(state, Stage.PASS) & (state.lane[Role.EGO] >= np.float32(1.0))
-    late = state.stage_time > c.give_up_after
-    stuck = late & (state.s[Role.EGO] < pick(state.s, state.target))
-    rested = state.since_change[Role.EGO] >= c.abort_cooldown
+    """Whether drivers may return: past the target, or stuck beside it, or forced by a branch."""
+    c, who = given.constants, view.who
+    has_lane = in_stage(state, who, Stage.PASS) & (state.lane[who] >= np.float32(1.0))
+    late = state.stage_time[who] > c.give_up_after
+    stuck = late & (state.s[who] < pick(state.s, state.target[who]))
+    rested = state.since_change[who] >= c.abort_cooldown
     if meets is None:
         may = may_return(given, view) & (passed | stuck)
     else:
@@ -393,40 +453,36 @@ def _turns_back(
         may = (may_return(given, view, meets.room_left) & (passed | stuck)) | hurried
         rested = rested | hurried
     seen = np.where(view.told, passed, may) & rested
-    wanted = np.where(looks | view.told, seen, state.wanted[Role.EGO] < 0)
-    return has_lane & (wanted | (q.command == Decision.RETURN))
+    wanted = np.where(looks | view.told, seen, state.wanted[who] < 0)
+    return has_lane & (wanted | (view.command == Decision.RETURN))
 
 
-def _gives_up(
-    state: State, given: Parameters, q: SimulationParameters, view: View, looks: Mask
-) -> Mask:
-    """Whether the ego goes back while pulling out: in danger, or forced by a branch."""
+def _gives_up(state: State, given: Parameters, view: View, looks: Mask) -> Mask:
+    """Whether drivers go back while pulling out: in danger, or forced by a branch."""
     danger = looks & ~view.told & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
-    forced = q.command == Decision.ABORT
-    return can_abort(state, given) & (danger | forced)
+    forced = view.command == Decision.ABORT
+    return can_abort(state, given, view.who) & (danger | forced)
 
 
-def _stays_out(
-    state: State, given: Parameters, q: SimulationParameters, view: View, looks: Mask
-) -> Mask:
-    """Whether the ego gives up its way back in danger, unless a branch forces it to return."""
+def _stays_out(state: State, given: Parameters, view: View, looks: Mask) -> Mask:
+    """Whether drivers give up their way back in danger, unless a branch forces a return."""
     danger = looks & ~view.told & must_abort(given, view, FAST_LEAD, FAST_REAR)
-    return can_remain(state, given) & danger & (q.command != Decision.RETURN)
+    return can_remain(state, given, view.who) & danger & (view.command != Decision.RETURN)
 
 
-def _next_stage(state: State, given: Parameters, near: Neighbours, intent: Intent) -> F32:
+def _next_stage(state: State, given: Parameters, near: Neighbours, who: Who, intent: Intent) -> F32:
     """The stage after this decision; an abort wins over an arrival, a return over both."""
-    centre = np.float32(0.5) * (near.lane_low[Role.EGO] + near.lane_high[Role.EGO])
-    settled = np.abs(state.d[Role.EGO] - centre) < given.constants.settled_offset
+    centre = np.float32(0.5) * (near.lane_low[who] + near.lane_high[who])
+    settled = np.abs(state.d[who] - centre) < given.constants.settled_offset
     finished = intent.arrived & settled
     returning = np.where(intent.passed, np.float32(Stage.RETURN), np.float32(Stage.ABORT))
-    stage = np.where(intent.go_out, np.float32(Stage.PULL_OUT), state.stage)
-    entered = in_stage(state, Stage.PULL_OUT) & intent.arrived
+    stage = np.where(intent.go_out, np.float32(Stage.PULL_OUT), state.stage[who])
+    entered = in_stage(state, who, Stage.PULL_OUT) & intent.arrived
     stage = np.where(entered, np.float32(Stage.PASS), stage)
     stage = np.where(intent.abort, np.float32(Stage.ABORT), stage)
-    stage = np.where(intent.go_back & in_stage(state, Stage.PASS), returning, stage)
-    stage = np.where(in_stage(state, Stage.RETURN) & finished, np.float32(Stage.DONE), stage)
-    stage = np.where(in_stage(state, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
+    stage = np.where(intent.go_back & in_stage(state, who, Stage.PASS), returning, stage)
+    stage = np.where(in_stage(state, who, Stage.RETURN) & finished, np.float32(Stage.DONE), stage)
+    stage = np.where(in_stage(state, who, Stage.ABORT) & finished, np.float32(Stage.FOLLOW), stage)
     return np.where(intent.remain, np.float32(Stage.PASS), stage)
 
 
@@ -434,34 +490,37 @@ def _act(
     state: State,
     given: Parameters,
     p: Fields,
+    q: SimulationParameters,
     near: Neighbours,
     view: View,
     intent: Intent,
     decision: int,
-    hasty: F32 | None,
 ) -> None:
-    """Move over and show it; who pulls out remembers whom it is overtaking."""
-    state.target = np.where(intent.go_out, near.slot[LEAD, Role.EGO], state.target)
-    state.attempted = np.where(intent.go_out, np.float32(1.0), state.attempted)
+    """Move over and show it; who pulls out remembers whom to overtake."""
+    who = view.who
+    state.target[who] = np.where(intent.go_out, near.slot[LEAD, who], state.target[who])
+    if who == Role.EGO:
+        state.attempted = np.where(intent.go_out, _ONE, state.attempted)
     fast, slow, back = (np.zeros(state.s.shape, bool) for _ in range(3))
-    fast[Role.EGO] = intent.go_out | intent.remain
-    slow[Role.EGO] = intent.go_back | intent.abort
-    back[Role.EGO] = intent.abort | intent.remain
+    fast[who] = intent.go_out | intent.remain
+    slow[who] = intent.go_back | intent.abort
+    back[who] = intent.abort | intent.remain
     left = np.zeros_like(state.s)
-    left[Role.EGO] = time_left(view.gap[LEAD], view.closing[LEAD])
+    left[who] = time_left(view.gap[LEAD], view.closing[LEAD])
+    hasty = _haste(state, q, who) if given.road.two_way else None
     turn_to_lane(state, given, p, (fast, slow, back), left, decision, hasty)
-    _show(state, view, intent, (fast | slow)[Role.EGO])
+    _show(state, view, intent, (fast | slow)[who])
 
 
 def _show(state: State, view: View, intent: Intent, moved: Mask) -> None:
     """Signal an intention while it lasts; during a lane change its own indicator stays on."""
-    fading = state.signalled > 0
-    kept = np.where(fading, state.indicator[Role.EGO], np.float32(0.0))
+    who, signalled = view.who, state.signalled[view.who]
+    kept = np.where(signalled > 0, state.indicator[who], _STEADY)
     used = view.own.uses_indicator
     shown = np.where(intent.start, used, np.where(intent.back, -used, kept))
     straight = intent.arrived & ~moved
-    state.indicator[Role.EGO] = np.where(straight, shown, state.indicator[Role.EGO])
-    state.signalled = np.where(moved, np.float32(0.0), state.signalled)
+    state.indicator[who] = np.where(straight, shown, state.indicator[who])
+    state.signalled[who] = np.where(moved, _STEADY, signalled)
 
 
 def _end(
@@ -473,11 +532,11 @@ def _end(
     step: int,
 ) -> None:
     """End the simulation some time after the overtake, or at the deadline without an attempt."""
-    c = given.constants
+    c, done = given.constants, np.float32(Stage.DONE)
     now = np.float32(step)
-    over = (next_stage == np.float32(Stage.DONE)) & (state.stage != np.float32(Stage.DONE))
+    over = (next_stage == done) & (state.stage[Role.EGO] != done)
     after = now + np.rint(c.after_overtake / c.step)
     state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
-    idle = in_stage(state, Stage.FOLLOW) & ~intent.start
+    idle = in_stage(state, Role.EGO, Stage.FOLLOW) & ~intent.start
     late = idle & (now >= q.deadline_step)
     state.end_step = np.where(late, minimum(state.end_step, now), state.end_step)

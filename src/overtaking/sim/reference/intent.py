@@ -1,4 +1,7 @@
-"""What the ego sets out to do at a decision, whoever decides, and what it is free to do."""
+"""What a driver sets out to do at a decision, whoever decides, and what it is free to do.
+
+That is the ego, and on two-way roads anybody: `who` says of whom arrays tell.
+"""
 
 from dataclasses import dataclass
 
@@ -6,15 +9,14 @@ import numpy as np
 
 from overtaking.core.elementary import Mask, maximum
 from overtaking.model.trajectory import Stage
-from overtaking.model.vehicles import Role
 from overtaking.sim.reference.mobil import change_of
-from overtaking.sim.reference.state import Fields, State, pick
+from overtaking.sim.reference.state import Fields, State, Who, pick
 from overtaking.world.parameters import Parameters
 
 
 @dataclass(slots=True, kw_only=True)
 class Intent:
-    """What the ego sets out to do at a decision; masks of shape (simulation,).
+    """What drivers set out to do at a decision; masks of the shape of `Who`.
 
     Attributes:
         start: Wants to pull out, and shows it.
@@ -37,58 +39,57 @@ class Intent:
     arrived: Mask
 
 
-def in_stage(state: State, stage: Stage) -> Mask:
-    """Whether the ego is sound and in a stage."""
-    return (state.crashed[Role.EGO] == 0) & (state.stage == np.float32(stage))
+def in_stage(state: State, who: Who, stage: Stage) -> Mask:
+    """Whether drivers are sound and in a stage."""
+    return (state.crashed[who] == 0) & (state.stage[who] == np.float32(stage))
 
 
-def has_arrived(state: State) -> Mask:
-    """Whether the last lane change of the ego is over."""
-    return state.path_time[Role.EGO] >= state.path_duration[Role.EGO]
+def has_arrived(state: State, who: Who) -> Mask:
+    """Whether the last lane change is over."""
+    return state.path_time[who] >= state.path_duration[who]
 
 
-def has_passed(state: State, given: Parameters, p: Fields) -> Mask:
-    """Whether the target's front is visibly behind the ego's rear."""
-    behind = state.s[Role.EGO] - pick(state.s, state.target)
-    bodies = p.half_length[Role.EGO] + pick(p.half_length, state.target)
+def has_passed(state: State, given: Parameters, p: Fields, who: Who) -> Mask:
+    """Whether the target's front is visibly behind the own rear."""
+    behind = state.s[who] - pick(state.s, state.target[who])
+    bodies = p.half_length[who] + pick(p.half_length, state.target[who])
     return behind > bodies + given.constants.clear_ahead
 
 
-def is_early(state: State, given: Parameters) -> Mask:
+def is_early(state: State, given: Parameters, who: Who) -> Mask:
     """Whether going back is shorter than going on."""
-    halfway = given.constants.abort_until * state.path_duration[Role.EGO]
-    return state.path_time[Role.EGO] < halfway
+    return state.path_time[who] < given.constants.abort_until * state.path_duration[who]
 
 
-def can_go_out(state: State, given: Parameters) -> Mask:
+def can_go_out(state: State, given: Parameters, who: Who) -> Mask:
     """Whether there is a faster lane, and no lane change under way."""
-    settled = in_stage(state, Stage.FOLLOW) | in_stage(state, Stage.PASS)
-    has_lane = state.lane[Role.EGO] < np.float32(given.road.num_lanes - 1)
-    return settled & has_arrived(state) & has_lane
+    settled = in_stage(state, who, Stage.FOLLOW) | in_stage(state, who, Stage.PASS)
+    has_lane = state.lane[who] < np.float32(given.road.num_lanes - 1)
+    return settled & has_arrived(state, who) & has_lane
 
 
-def can_go_back(state: State) -> Mask:
+def can_go_back(state: State, who: Who) -> Mask:
     """Whether there is a slower lane, and no lane change under way that cannot be given up."""
-    follows = in_stage(state, Stage.FOLLOW) & has_arrived(state)
-    return (follows | in_stage(state, Stage.PASS)) & (state.lane[Role.EGO] >= np.float32(1.0))
+    follows = in_stage(state, who, Stage.FOLLOW) & has_arrived(state, who)
+    return (follows | in_stage(state, who, Stage.PASS)) & (state.lane[who] >= np.float32(1.0))
 
 
-def can_abort(state: State, given: Parameters) -> Mask:
-    """Whether the ego pulls out, and going back is shorter than going on."""
-    return in_stage(state, Stage.PULL_OUT) & is_early(state, given)
+def can_abort(state: State, given: Parameters, who: Who) -> Mask:
+    """Whether drivers pull out, and going back is shorter than going on."""
+    return in_stage(state, who, Stage.PULL_OUT) & is_early(state, given, who)
 
 
-def can_remain(state: State, given: Parameters) -> Mask:
-    """Whether the ego changes back by a whole lane, and going back is shorter than going on."""
-    comes_back = in_stage(state, Stage.RETURN) | in_stage(state, Stage.ABORT)
+def can_remain(state: State, given: Parameters, who: Who) -> Mask:
+    """Whether drivers change back by a whole lane, and going back is shorter than going on."""
+    comes_back = in_stage(state, who, Stage.RETURN) | in_stage(state, who, Stage.ABORT)
     _, whole = change_of(state, given)
-    return comes_back & is_early(state, given) & whole[Role.EGO]
+    return comes_back & is_early(state, given, who) & whole[who]
 
 
-def signal(state: State, given: Parameters, start: Mask, back: Mask) -> None:
+def signal(state: State, given: Parameters, who: Who, start: Mask, back: Mask) -> None:
     """Remember the side that is wanted, and for how long it has been shown."""
     decision, zero, one = given.constants.decision, np.float32(0.0), np.float32(1.0)
-    state.wanted[Role.EGO] = np.where(start, one, np.where(back, -one, zero))
+    state.wanted[who] = np.where(start, one, np.where(back, -one, zero))
     # Doubts while waiting do not switch the indicator off at once.
-    fading = maximum(state.signalled - decision, zero)
-    state.signalled = np.where(start | back, state.signalled + decision, fading)
+    fading = maximum(state.signalled[who] - decision, zero)
+    state.signalled[who] = np.where(start | back, state.signalled[who] + decision, fading)

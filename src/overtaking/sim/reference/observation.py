@@ -17,6 +17,7 @@ from overtaking.sim.reference.intent import (
     in_stage,
 )
 from overtaking.sim.reference.mobil import must_wait
+from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming, look_beyond, usual_closing
 from overtaking.sim.reference.passing import (
@@ -26,7 +27,6 @@ from overtaking.sim.reference.passing import (
     room_left,
     weigh,
 )
-from overtaking.sim.reference.run import Moment
 from overtaking.sim.reference.state import (
     LEAD,
     Fields,
@@ -74,11 +74,12 @@ def observe(
         detected = seen["detected"] > 0
         looks = _looks(state, given.constants, p, moment.near, role, detected)
         _write(around[:, role], AROUND, seen | looks)
-    if (oncoming := moment.oncoming) is not None:
+    if moment.met is not None:
+        oncoming = moment.met.coming
         beyond = look_beyond(state, given, p, q, moment.near, oncoming, decision)
         for role, who in enumerate((oncoming, beyond), _ROLES):
             _write(around[:, role], AROUND, _coming(state, given, p, who, is_true=is_true))
-        _write(meeting, MEETING, _meeting(state, given, p, q, moment.near, oncoming))
+        _write(meeting, MEETING, _meeting(state, given, p, q, moment, oncoming))
     return table
 
 
@@ -101,20 +102,20 @@ def _own(state: State, given: Parameters, p: Fields, moment: Moment) -> dict[str
         "heading": state.psi[ego],
         "yaw_rate": state.r[ego],
         "lane": state.lane[ego],
-        "stage": state.stage,
-        "stage_time": state.stage_time,
-        "waited": state.waited,
-        "signalled": state.signalled,
+        "stage": state.stage[ego],
+        "stage_time": state.stage_time[ego],
+        "waited": state.waited[ego],
+        "signalled": state.signalled[ego],
         "wanted": state.wanted[ego],
         "since_change": state.since_change[ego],
-        "arrived": has_arrived(state),
+        "arrived": has_arrived(state, ego),
         "looks": moment.looks[ego],
         "contested": must_wait(state, given, state.wanted, moment.claims)[ego],
-        "passed": has_passed(state, given, p),
-        "behind_target": state.s[ego] < pick(state.s, state.target),
-        "can_go_out": can_go_out(state, given),
-        "can_go_back": can_go_back(state),
-        "can_abort": can_abort(state, given) | can_remain(state, given),
+        "passed": has_passed(state, given, p, ego),
+        "behind_target": state.s[ego] < pick(state.s, state.target[ego]),
+        "can_go_out": can_go_out(state, given, ego),
+        "can_go_back": can_go_back(state, ego),
+        "can_abort": can_abort(state, given, ego) | can_remain(state, given, ego),
     }
 
 
@@ -195,22 +196,23 @@ def _meeting(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    near: Neighbours,
+    moment: Moment,
     oncoming: Oncoming,
 ) -> dict[str, F32 | Mask]:
     """How the ego stands to oncoming traffic."""
-    plight = weigh(state, given, p, q, oncoming)
-    lead = near.slot[LEAD, Role.EGO]
-    passed = np.where(in_stage(state, Stage.FOLLOW), lead, state.target)
-    room = room_ahead(state, p, lead)
+    ego = Role.EGO
+    plight = weigh(state, given, p, q, moment, ego)
+    lead = moment.near.slot[LEAD, ego]
+    passed = np.where(in_stage(state, ego, Stage.FOLLOW), lead, state.target[ego])
+    room = room_ahead(state, p, lead, ego)
     return {
-        "sight": oncoming.sight,
-        "sure": oncoming.sure[Role.EGO],
-        "expected": usual_closing(state, q)[Role.EGO],
+        "sight": oncoming.sight[ego],
+        "sure": oncoming.sure[ego],
+        "expected": usual_closing(state, q)[ego],
         "room": minimum(room, given.constants.unseen_gap),
         "room_left": room_left(given.constants, p, passed),
-        "solid": is_solid(state, given),
+        "solid": is_solid(state, given, p, ego),
         "hurries": plight.hurries,
         "yields": plight.yields,
-        "can_fall_in": can_fall_in(state, given, p),
+        "can_fall_in": can_fall_in(state, given, p, ego),
     }

@@ -6,7 +6,6 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
 from overtaking.model.trajectory import Stage
-from overtaking.model.vehicles import Role
 from overtaking.sim.reference.neighbours import Neighbours, lane_borders, shows_change
 from overtaking.sim.reference.perception import (
     DEEPEST,
@@ -24,6 +23,7 @@ from overtaking.sim.reference.state import (
     UNKNOWN,
     Fields,
     State,
+    on_the_road,
     pick,
     road_velocity,
     seen_from_each,
@@ -37,33 +37,55 @@ _SHORTEST = np.float32(0.1)  # Keeps braking finite for who is there already [s]
 _HALF = np.float32(0.5)
 
 
+ANY_LANE, OWN_LANE = range(2)
+"""Where drivers look for oncoming vehicles: `State.oncoming_id`."""
+
+Met = tuple[F32, F32]
+"""Slots of oncoming vehicles, `NOBODY` for none, and the distance of the centres [m]."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Oncoming:
-    """The nearest vehicle of the other direction ahead; arrays of shape (vehicle, simulation).
+    """The nearest vehicle of the other direction ahead, and what its driver believes of it.
 
-    Of the ego it is the nearest in any lane, of the others the nearest in their own.
+    Arrays have shape (vehicle, simulation).
 
     Attributes:
         slot: Whole-number slots or `NOBODY`.
         gap: Bumper-to-bumper gap [m].
         half_length: Half of its length [m].
-        in_lane: Whether it is in the driver's lane, or visibly on its way there.
         detected: Whether the driver has noticed it.
         sure: Whether the driver has looked for long enough to know who comes, if anybody.
         believed_gap: How far off it is believed to be, `Constants.oncoming_range` without any [m].
         closing: Believed speed of approach; the usual one without any [m/s].
-        sight: How far the ego sees its road, and what comes there, (simulation,) [m].
+        sight: How far the driver sees the other lane, and what comes there [m].
     """
 
     slot: F32
     gap: F32
     half_length: F32
-    in_lane: Mask
     detected: Mask
     sure: Mask
     believed_gap: F32
     closing: F32
     sight: F32
+
+
+@dataclass(slots=True, kw_only=True)
+class Encounters:
+    """Whom drivers meet on a two-way road; arrays of shape (vehicle, simulation).
+
+    Attributes:
+        coming: Who comes in any lane: that is who limits a pass.
+        facing: Who comes in the lane that a driver is in.
+        passed: Whether somebody is passing the driver, as far as that is noticed.
+        leader_goes: Whether the leader signals that it will pull out itself.
+    """
+
+    coming: Oncoming
+    facing: Oncoming
+    passed: Mask
+    leader_goes: Mask
 
 
 def look_ahead(
@@ -73,7 +95,7 @@ def look_ahead(
     q: SimulationParameters,
     near: Neighbours,
     decision: int,
-) -> Oncoming:
+) -> Encounters:
     """Who comes, and what each driver believes of it; advances the time in view.
 
     The distance is misjudged by a slowly varying factor, and small oncomers are believed farther
@@ -82,9 +104,19 @@ def look_ahead(
     Source:
         Farber and Silver 1967, ARRB 1978 (a usual speed); Levulis 2015 (small oncomers).
     """
-    found = _nearest(state, given, p, np.full_like(state.s, NOBODY))
+    met = _nearest(state, given, p, np.full_like(state.s, NOBODY))
     sight = _sight(state, given, p, q, near)
-    return _judged(state, given, p, q, near, found, sight, decision, None)
+    coming, facing = (
+        _judged(state, given, p, q, near, met[lanes], sight, decision, lanes)
+        for lanes in (ANY_LANE, OWN_LANE)
+    )
+    leader = near.slot[LEAD]
+    return Encounters(
+        coming=coming,
+        facing=facing,
+        passed=is_passed(state, given, p),
+        leader_goes=(leader >= 0) & (pick(state.indicator, leader) > 0),
+    )
 
 
 def look_beyond(
@@ -101,58 +133,59 @@ def look_beyond(
     Our drivers decide by the nearest alone; another driver of the ego is told of the next one. It
     is noticed with the nearest, where it can be seen.
     """
-    found = _nearest(state, given, p, first.slot)
-    return _judged(state, given, p, q, near, found, first.sight, decision, first.detected)
+    met = _nearest(state, given, p, first.slot)[ANY_LANE]
+    return _judged(state, given, p, q, near, met, first.sight, decision, ANY_LANE, first.detected)
 
 
-def _nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[F32, F32, Mask]:
-    """Slot and distance of the nearest oncomer of each vehicle, and whether it is in its lane.
+def _nearest(state: State, given: Parameters, p: Fields, but: F32) -> tuple[Met, Met]:
+    """The nearest oncomer of each vehicle in any lane, and in its own; slots `but` do not count.
 
-    Slots `but` do not count.
+    One that is visibly on its way into the own lane is there.
     """
     c, road = given.constants, given.road
     low, high = lane_borders(state, given, 0.0)
-    to = high.copy()
-    to[Role.EGO] = road.boundaries[road.num_lanes]
-    slot, nearest = np.full_like(state.s, NOBODY), np.full_like(state.s, _FAR)
-    in_lane = np.zeros(state.s.shape, bool)
+    edges = road.boundaries[0], road.boundaries[road.num_lanes]
+    slot = np.full((2, *state.s.shape), NOBODY)
+    nearest = np.full_like(slot, _FAR)
     for j in range(len(state.s)):
         s, d = seen_from_each(state, given, p, j)
         ahead = s - state.s
         low_side, high_side = d - p.half_width[j], d + p.half_width[j]
         lane = np.float32(road.num_lanes - 1) - state.lane[j]
         comes = shows_change(state, given, j) & (lane == state.lane)
-        above = high_side > low + c.corridor_margin
-        inside = comes | (above & (low_side < high - c.corridor_margin))
-        watched = comes | (above & (low_side < to - c.corridor_margin))
         opposed = (p.valid[j] > 0) & (p.direction[j] != p.direction) & (p.valid > 0)
-        nearer = opposed & watched & (ahead >= 0) & (ahead < nearest) & (but != np.float32(j))
-        slot = np.where(nearer, np.float32(j), slot)
-        nearest = np.where(nearer, ahead, nearest)
-        in_lane = np.where(nearer, inside, in_lane)
-    return slot, nearest, in_lane
+        opposed = opposed & (ahead >= 0) & (but != np.float32(j))
+        for lanes, (begin, end) in enumerate((edges, (low, high))):
+            there = (high_side > begin + c.corridor_margin) & (low_side < end - c.corridor_margin)
+            there = there | comes if lanes == OWN_LANE else there
+            nearer = opposed & there & (ahead < nearest[lanes])
+            slot[lanes] = np.where(nearer, np.float32(j), slot[lanes])
+            nearest[lanes] = np.where(nearer, ahead, nearest[lanes])
+    return (slot[ANY_LANE], nearest[ANY_LANE]), (slot[OWN_LANE], nearest[OWN_LANE])
 
 
 def _sight(
     state: State, given: Parameters, p: Fields, q: SimulationParameters, near: Neighbours
 ) -> F32:
-    """How far the ego sees the other lane: by the road, the weather, and past a high leader."""
-    c, road, ego = given.constants, given.road, Role.EGO
-    place = state.s[ego]
-    stations, values, slopes = road.sight
-    by_road = np.zeros_like(place)
-    for k in range(len(stations)):
-        here = values[k] + (place - stations[k]) * slopes[k]
-        by_road = np.where(place >= stations[k], here, by_road)
-    lead = near.slot[LEAD, ego]
-    reach = maximum(near.distance[LEAD, ego] - near.half_length[LEAD, ego], LEAST_REACH)
-    edge = near.aside[LEAD, ego] + pick(p.half_width, lead) - c.eye_offset
+    """How far drivers see the other lane: by the road, the weather, and past a high leader."""
+    c, road = given.constants, given.road
+    place, _ = on_the_road(state, given, p)
+    by_road = np.where(p.direction < 0, *(_shown(table, place) for table in road.sight[::-1]))
+    lead = near.slot[LEAD]
+    reach = maximum(near.distance[LEAD] - near.half_length[LEAD], LEAST_REACH)
+    edge = near.aside[LEAD] + pick(p.half_width, lead) - c.eye_offset
     middle = _HALF * (road.boundaries[road.num_lanes] + road.boundaries[road.own_lanes])
-    beside = middle - state.d[ego] - c.eye_offset
+    beside = middle - state.d - c.eye_offset
     hides = (lead >= 0) & (pick(p.tall, lead) > 0) & (edge > 0) & (beside > 0)
     past = np.where(hides, beside * (reach / maximum(edge, LEAST_REACH)), _FAR)
-    by_road = minimum(by_road, state.shown[ego])
-    return minimum(minimum(by_road, past), q.oncoming_sight)
+    return minimum(minimum(minimum(by_road, state.shown), past), q.oncoming_sight)
+
+
+def _shown(table: F32, place: F32) -> F32:
+    """What a table of `RoadParameters.sight` says of places [m]."""
+    stations, values, slopes = table
+    knot = np.searchsorted(stations, place, side="right") - 1
+    return values[knot] + (place - stations[knot]) * slopes[knot]
 
 
 def _judged(
@@ -161,25 +194,25 @@ def _judged(
     p: Fields,
     q: SimulationParameters,
     near: Neighbours,
-    found: tuple[F32, F32, Mask],
+    met: Met,
     sight: F32,
     decision: int,
-    noticed: Mask | None,
+    lanes: int,
+    noticed: Mask | None = None,
 ) -> Oncoming:
-    """What drivers believe of whom they have `noticed`; None for whom they watch."""
+    """What drivers believe of whom they have `noticed`; None for whom they watch in some lanes."""
     c, one = given.constants, np.float32(1.0)
-    slot, nearest, in_lane = found
+    slot, nearest = met
     half = pick(p.half_length, slot)
     true_gap = nearest - (half + p.half_length)
     effort = _strain(state, given, p, q, near, slot, true_gap)
-    reach = minimum(c.oncoming_range, state.shown)
-    reach[Role.EGO] = minimum(reach[Role.EGO], sight)
+    reach = minimum(c.oncoming_range, sight if lanes == ANY_LANE else state.shown)
     visible = (slot >= 0) & (effort <= one) & (true_gap < reach)
     if noticed is None:
         needed = q.detection_time * (one + c.detection_growth * (effort * effort * effort))
         needed = np.where(visible, needed, q.detection_time)
-        _watch(state, c.decision, c.seen_before, np.where(visible, slot, NOBODY))
-        sure = state.oncoming_time >= needed
+        _watch(state, given, lanes, np.where(visible, slot, NOBODY))
+        sure = state.oncoming_time[lanes] >= needed
     else:
         sure = noticed
     detected = visible & sure
@@ -208,7 +241,6 @@ def _judged(
         slot=slot,
         gap=true_gap,
         half_length=half,
-        in_lane=in_lane,
         detected=detected,
         sure=sure,
         believed_gap=np.where(detected, gap + gap * ((judged - one) * share), c.oncoming_range),
@@ -223,11 +255,12 @@ def usual_closing(state: State, q: SimulationParameters) -> F32:
     return own_speed + q.usual_speed
 
 
-def _watch(state: State, decision: np.float32, before: np.float32, seen: F32) -> None:
-    """Count for how long drivers have seen what they see now, `seen` in the slots of `Oncoming`."""
-    longer = np.where(seen == state.oncoming_id, state.oncoming_time + decision, np.float32(0.0))
-    state.oncoming_time = np.where(state.oncoming_id == UNKNOWN, before, longer)
-    state.oncoming_id = seen
+def _watch(state: State, given: Parameters, lanes: int, seen: F32) -> None:
+    """Count for how long drivers have seen what they see in some lanes now: slots `seen`."""
+    c, before = given.constants, state.oncoming_id[lanes]
+    longer = np.where(seen == before, state.oncoming_time[lanes] + c.decision, np.float32(0.0))
+    state.oncoming_time[lanes] = np.where(before == UNKNOWN, c.seen_before, longer)
+    state.oncoming_id[lanes] = seen
 
 
 def _strain(
@@ -254,51 +287,59 @@ def _strain(
 
 
 def is_out(state: State) -> Mask:
-    """Whether the ego is overtaking, or on its way back from there, (simulation,)."""
+    """Who is overtaking, or on the way back from there, (vehicle, simulation)."""
     stage = state.stage
     away = (stage != np.float32(Stage.FOLLOW)) & (stage != np.float32(Stage.DONE))
-    return away & (state.crashed[Role.EGO] == 0)
+    return away & (state.crashed == 0)
 
 
-def give_way(state: State, given: Parameters, p: Fields, oncoming: Oncoming) -> F32:
+def give_way(state: State, given: Parameters, p: Fields, met: Encounters) -> F32:
     """The acceleration that drivers do not go beyond for who comes in their lane [m/s^2].
 
-    They flash and lift, then brake so as to stop within their part of the way, and move aside. The
-    ego does so in its own lane; while it overtakes, `passing` says what it does. Those who are
-    being passed may make room.
+    They flash and lift, then brake so as to stop within their part of the way, and move aside.
+    What who overtakes does is told by `passing`. Those who are being passed may make room.
     """
-    c = given.constants
-    met = oncoming.detected & oncoming.in_lane & (state.crashed == 0)
-    met[Role.EGO] = met[Role.EGO] & ~is_out(state)
+    c, oncoming = given.constants, met.facing
+    out = is_out(state)
+    meets = oncoming.detected & (state.crashed == 0) & ~out
     time = oncoming.believed_gap / maximum(oncoming.closing, _SLOWEST)
-    lifts, brakes = met & (time < c.head_on_flash), met & (time < c.head_on_time)
+    lifts, brakes = meets & (time < c.head_on_flash), meets & (time < c.head_on_time)
     state.flashes = np.where(lifts, np.float32(1.0), np.float32(0.0))
     halved = np.float32(2.0) * maximum(time, _SHORTEST)
     braking = clamp(state.vx / halved, c.head_on_least, c.head_on_most)
-    _move_aside(state, given, p, brakes)
+    _move_aside(state, given, p, brakes, np.where(met.passed, p.makes_room, np.float32(0.0)), out)
     return np.where(brakes, -braking, np.where(lifts, -c.head_on_lift, _FAR))
 
 
 def is_passed(state: State, given: Parameters, p: Fields) -> Mask:
-    """Whom the ego is passing, as they notice it, (vehicle, simulation)."""
-    c, ego = given.constants, Role.EGO
-    apart = np.abs(state.s - state.s[ego]) - (p.half_length + p.half_length[ego])
-    beside = (apart < c.beside_margin) & (p.direction == p.direction[ego]) & (state.crashed == 0)
-    beside = beside & (state.lane[ego] > state.lane) & is_out(state)
-    beside[ego] = False
-    return beside
+    """Whom others pass in the next lane, as they notice it, (vehicle, simulation)."""
+    out, passed = is_out(state), np.zeros(state.s.shape, bool)
+    for j in range(len(state.s)):
+        apart = np.abs(state.s - state.s[j]) - (p.half_length + p.half_length[j])
+        beside = (apart < given.constants.beside_margin) & (p.direction == p.direction[j])
+        passed = passed | (beside & (state.lane[j] > state.lane) & out[j])
+    return passed & (state.crashed == 0)
 
 
-def _move_aside(state: State, given: Parameters, p: Fields, brakes: Mask) -> None:
-    """Move towards the edge of the lane for who comes in it, or passes; and back afterwards."""
+def _move_aside(
+    state: State, given: Parameters, p: Fields, brakes: Mask, room: F32, out: Mask
+) -> None:
+    """Move towards the edge of the lane for who comes in it, or passes; and back afterwards.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        brakes: Who brakes for who comes.
+        room: How far others move for who passes [m].
+        out: Who overtakes, and keeps to the way of that.
+    """
     c = given.constants
-    room = np.where(is_passed(state, given, p), p.makes_room, np.float32(0.0))
     wanted = np.where(brakes, c.aside_way, room)
-    wanted[Role.EGO] = np.float32(0.0)
     arrived = state.path_time >= state.path_duration
     moved = (wanted > state.aside) | (arrived & (wanted < state.aside))
-    moved = moved & (state.crashed == 0) & (p.valid > 0)
+    moved = moved & (state.crashed == 0) & (p.valid > 0) & ~out
     low, high = lane_borders(state, given, 0.0)
     duration = np.where(brakes, c.aside_duration, np.float32(2.0) * c.aside_duration)
     begin_path(state, moved, _HALF * (low + high) - wanted, duration)
-    state.aside = np.where(moved, wanted, state.aside)
+    state.aside = np.where(out, np.float32(0.0), np.where(moved, wanted, state.aside))

@@ -23,6 +23,7 @@ from overtaking.sim.reference.passing import can_fall_in
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.parameters import Parameters
 
+_EGO = Role.EGO
 _FREE = np.float32(1e9)  # Behind nobody [m/s^2].
 
 
@@ -70,7 +71,7 @@ def pedals(orders: Orders | None, leader: F32, old_leader: F32) -> tuple[F32, F3
     if asked is None:
         return leader, old_leader
     leader, old_leader = leader.copy(), old_leader.copy()
-    leader[Role.EGO], old_leader[Role.EGO] = asked, _FREE
+    leader[_EGO], old_leader[_EGO] = asked, _FREE
     return leader, old_leader
 
 
@@ -88,8 +89,8 @@ def show(state: State, orders: Orders) -> None:
     if orders.kind not in ("accel_move", "accel_steer_signal"):
         return
     side = _side(orders)
-    told = (state.crashed[Role.EGO] == 0) & (orders.steers | (side != 0))
-    state.indicator[Role.EGO] = np.where(told, side, state.indicator[Role.EGO])
+    told = (state.crashed[_EGO] == 0) & (orders.steers | (side != 0))
+    state.indicator[_EGO] = np.where(told, side, state.indicator[_EGO])
 
 
 def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
@@ -98,11 +99,11 @@ def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
         return _drift(state, given, p)
     side = _side(orders)
     # Who changes their mind shows the other side for as long.
-    turned = state.wanted[Role.EGO] * side < 0
-    state.signalled = np.where(turned, np.float32(0.0), state.signalled)
-    start = can_go_out(state, given) & (side > 0)
-    back = can_go_back(state) & (side < 0)
-    signal(state, given, start, back)
+    turned = state.wanted[_EGO] * side < 0
+    state.signalled[_EGO] = np.where(turned, np.float32(0.0), state.signalled[_EGO])
+    start = can_go_out(state, given, _EGO) & (side > 0)
+    back = can_go_back(state, _EGO) & (side < 0)
+    signal(state, given, _EGO, start, back)
     now = _now(state, p, orders)
     drops_out, drops_back, falls_in = _gives_up(orders)
     return Intent(
@@ -110,10 +111,11 @@ def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
         back=back,
         go_out=start & now,
         go_back=back & now,
-        abort=(can_abort(state, given) & drops_out) | (can_fall_in(state, given, p) & falls_in),
-        remain=can_remain(state, given) & drops_back,
-        passed=has_passed(state, given, p),
-        arrived=has_arrived(state),
+        abort=(can_abort(state, given, _EGO) & drops_out)
+        | (can_fall_in(state, given, p, _EGO) & falls_in),
+        remain=can_remain(state, given, _EGO) & drops_back,
+        passed=has_passed(state, given, p, _EGO),
+        arrived=has_arrived(state, _EGO),
     )
 
 
@@ -130,7 +132,7 @@ def _side(orders: Orders) -> F32:
 def _now(state: State, p: Fields, orders: Orders) -> Mask:
     """Whether the ego moves over now: when told to, or once it has signalled for its usual time."""
     if (move := orders.of("move")) is None:
-        return state.signalled > p.signal_time[Role.EGO]
+        return state.signalled[_EGO] > p.signal_time[_EGO]
     return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
 
 
@@ -145,14 +147,14 @@ def _gives_up(orders: Orders) -> tuple[Mask, Mask, Mask]:
 def _drift(state: State, given: Parameters, p: Fields) -> Intent:
     """What the ego has set out to do, told from the lane that it is in: nothing is shown before."""
     road = given.road
-    lane = np.zeros_like(state.stage)
+    lane = np.zeros_like(state.stage[_EGO])
     for k in range(1, road.num_lanes):
-        lane = np.where(state.d[Role.EGO] >= road.boundaries[k], np.float32(k), lane)
-    faster, slower = lane > state.lane[Role.EGO], lane < state.lane[Role.EGO]
-    out = in_stage(state, Stage.PULL_OUT)
-    comes_back = in_stage(state, Stage.RETURN) | in_stage(state, Stage.ABORT)
+        lane = np.where(state.d[_EGO] >= road.boundaries[k], np.float32(k), lane)
+    faster, slower = lane > state.lane[_EGO], lane < state.lane[_EGO]
+    out = in_stage(state, _EGO, Stage.PULL_OUT)
+    comes_back = in_stage(state, _EGO, Stage.RETURN) | in_stage(state, _EGO, Stage.ABORT)
     never = np.zeros_like(out)
-    signal(state, given, never, never)
+    signal(state, given, _EGO, never, never)
     return Intent(
         start=never,
         back=never,
@@ -160,6 +162,6 @@ def _drift(state: State, given: Parameters, p: Fields) -> Intent:
         go_back=slower & ~out,
         abort=slower & out,
         remain=faster & comes_back,
-        passed=has_passed(state, given, p),
-        arrived=has_arrived(state),
+        passed=has_passed(state, given, p, _EGO),
+        arrived=has_arrived(state, _EGO),
     )

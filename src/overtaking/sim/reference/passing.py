@@ -1,4 +1,7 @@
-"""How the ego passes against oncoming traffic: the decision, giving it up, and being in a hurry."""
+"""How drivers pass against oncoming traffic: the decision, giving it up, and being in a hurry.
+
+Everybody does so by the same rules, the ego and the others; `who` says of whom arrays tell.
+"""
 
 from dataclasses import dataclass
 
@@ -6,17 +9,20 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, maximum, minimum
 from overtaking.model.trajectory import Stage
-from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.intent import in_stage
+from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming
-from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import (
     LEAD,
     SLOW_LEAD,
+    SLOW_REAR,
     Fields,
     State,
+    Who,
+    numbers,
+    on_the_road,
     pick,
     road_velocity,
 )
@@ -24,7 +30,7 @@ from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters, SimulationParameters
 
 _FAR = np.float32(1e9)
-_SLOWEST = np.float32(0.5)  # Least surplus of speed to be past with [m/s].
+_SLOWEST = np.float32(0.5)  # Least surplus of speed to be past with, and of approach [m/s].
 _LEAST_ACCEL = np.float32(0.1)  # Keeps the time of accelerating finite [m/s^2].
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -48,21 +54,39 @@ def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
     return np.where(way < covered, within, ramp + (way - covered) / most)
 
 
+def reckoned_accel(c: Constants, own: Fields, speed: F32, top: F32) -> F32:
+    """The acceleration that drivers reckon with on the way up to a speed [m/s^2].
+
+    What they like to use, and no more than the engine leaves halfway. How they misjudge the time
+    that follows is `need_factor`, which has a source; what the vehicle does, its driver knows.
+
+    Args:
+        c: Constants of the model.
+        own: Parameters of the drivers.
+        speed: Their own [m/s].
+        top: The speed that they pass at [m/s].
+    """
+    halfway = _HALF * (speed + maximum(top, speed))
+    engine = minimum(own.launch_force, own.power / maximum(halfway, c.slip_speed))
+    left = (engine - (own.drag * halfway * halfway + own.rolling)) * own.inverse_mass
+    return minimum(c.accelerate_gain * own.accel, left)
+
+
 def top_speed(own: Fields, c_surplus: np.float32, leader: F32) -> F32:
     """The speed that is passed at: well above that of the other, if the vehicle can [m/s]."""
     return minimum(maximum(own.pass_speed, leader + c_surplus), own.max_speed)
 
 
 def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
-    """The speed that an ego which passes wants now, (simulation,) [m/s]."""
-    c, own = given.constants, p.of(Role.EGO)
+    """The speed that drivers who pass want now, (vehicle, simulation) [m/s]."""
+    c = given.constants
     along, _ = road_velocity(state)
-    top = top_speed(own, c.passing_surplus, pick(along, state.target))
-    return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), own.max_speed)
+    top = top_speed(p, c.passing_surplus, pick(along, state.target))
+    return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), p.max_speed)
 
 
 def seen_ahead(c: Constants, gap: F32, sight: F32) -> F32:
-    """The way up to who comes, or may come from where the road is not seen, (simulation,) [m].
+    """The way up to who comes, or may come from where the road is not seen [m].
 
     Few reckon with somebody at the very end of what they see: who does come then comes in sight
     while they pass.
@@ -76,13 +100,13 @@ def seen_ahead(c: Constants, gap: F32, sight: F32) -> F32:
 
 
 def room_left(c: Constants, p: Fields, slot: F32) -> F32:
-    """How much more room drivers leave to the vehicle in a slot than to a car, (simulation,)."""
+    """How much more room drivers leave to the vehicle in a slot than to a car [1]."""
     return np.where(pick(p.tall, slot) > 0, c.tall_room, np.float32(1.0))
 
 
 @dataclass(slots=True, kw_only=True)
 class Outlook:
-    """What the ego knows of the other lane before it pulls out; arrays of shape (simulation,).
+    """What drivers know of the other lane before they pull out; arrays of the shape of `Who`.
 
     Attributes:
         gap: Believed gap to the leader [m].
@@ -91,9 +115,9 @@ class Outlook:
         room: Gap ahead of the leader [m].
         seen: How far the other lane is seen to be free [m].
         closing: Believed speed of approach of who comes, or may come [m/s].
-        sure: Whether it has looked for long enough.
+        sure: Whether the driver has looked for long enough.
         solid: Whether the line is not to be crossed.
-        room_left: How much more room it leaves to the leader at its return than to a car [1].
+        room_left: How much more room is left to the leader at the return than to a car [1].
     """
 
     gap: F32
@@ -112,94 +136,103 @@ def outlook(
     given: Parameters,
     p: Fields,
     near: Neighbours,
-    oncoming: Oncoming,
-    gap: F32,
-    leader: F32,
+    coming: Oncoming,
+    who: Who,
+    leader: tuple[F32, F32],
 ) -> Outlook:
-    """What the ego knows of the other lane; its leader is believed at a gap [m], with a speed."""
-    ego = Role.EGO
+    """What drivers know of the other lane.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        near: Neighbours.
+        coming: Who comes.
+        who: The drivers.
+        leader: Gap at which they believe their leaders to be [m], and speed of those [m/s].
+    """
+    gap, speed = leader
+    slot = near.slot[LEAD, who]
     return Outlook(
         gap=gap,
-        leader=leader,
-        length=_TWO * near.half_length[LEAD, ego],
-        room=room_ahead(state, p, near.slot[LEAD, ego]),
-        seen=seen_ahead(given.constants, oncoming.believed_gap[ego], oncoming.sight),
-        closing=oncoming.closing[ego],
-        sure=oncoming.sure[ego],
-        solid=is_solid(state, given),
-        room_left=room_left(given.constants, p, near.slot[LEAD, ego]),
+        leader=speed,
+        length=_TWO * near.half_length[LEAD, who],
+        room=room_ahead(state, p, slot, who),
+        seen=seen_ahead(given.constants, coming.believed_gap[who], coming.sight[who]),
+        closing=coming.closing[who],
+        sure=coming.sure[who],
+        solid=is_solid(state, given, p, who),
+        room_left=room_left(given.constants, p, slot),
     )
 
 
 def may_meet(
     given: Parameters,
     own: Fields,
-    q: SimulationParameters,
     speed: F32,
     impatience: F32,
     ahead: Outlook,
 ) -> Mask:
-    """Whether the other lane is believed to be free for long enough, (simulation,).
+    """Whether the other lane is believed to be free for long enough.
 
-    The time that passing takes, as the ego misjudges it, with something to spare, is held against
+    The time that passing takes, as it is misjudged, with something to spare, is held against
     the time until the nearest oncomer is met; a road that is not seen counts as an oncomer. Passing
     takes half a lane change before speed is gained, and half of one back at its end. Who waits
     spares less, but not less than a part of what it spared at first.
 
     Args:
         given: All inputs.
-        own: Parameters of the ego.
-        q: Simulation parameters.
-        speed: Of the ego [m/s].
-        impatience: What waiting has left of its demands, 1 at first [1].
-        ahead: What it knows of the other lane.
+        own: Parameters of the drivers.
+        speed: Their own [m/s].
+        impatience: What waiting has left of their demands, 1 at first [1].
+        ahead: What they know of the other lane.
     """
     c, leader = given.constants, ahead.leader
     bodies = ahead.length + _TWO * own.half_length
     returns = own.return_time_gap * impatience * ahead.room_left * leader
     way = ahead.gap + bodies + returns
-    top = top_speed(own, c.passing_surplus, leader) - leader
-    gaining = time_to_gain(way, speed - leader, top, c.accelerate_gain * own.accel)
-    need = q.need_factor * (gaining + own.lane_change_duration)
-    closing = ahead.closing + _HALF * maximum(top + leader - speed, _ZERO)
-    spare = q.spare * maximum(impatience, c.spare_kept)
+    top = top_speed(own, c.passing_surplus, leader)
+    accel = reckoned_accel(c, own, speed, top)
+    gaining = time_to_gain(way, speed - leader, top - leader, accel)
+    need = own.need_factor * (gaining + own.lane_change_duration)
+    closing = ahead.closing + _HALF * maximum(top - speed, _ZERO)
+    spare = own.spare * maximum(impatience, c.spare_kept)
     enough = ahead.seen > need * (np.float32(1.0) + spare) * closing
     least = _TWO * own.half_length + c.squeeze_gap + returns
     room = ahead.room > least + c.fit_share * own.time_gap * leader
-    return enough & ahead.sure & room & ~(ahead.solid & (q.heeds_lines > 0))
+    return enough & ahead.sure & room & ~(ahead.solid & (own.heeds_lines > 0))
 
 
-def room_ahead(state: State, p: Fields, slot: F32) -> F32:
-    """Gap between the vehicle in a slot and the one ahead of it, (simulation,) [m]."""
+def room_ahead(state: State, p: Fields, slot: F32, who: Who) -> F32:
+    """Gap that drivers find between the vehicle in a slot and the one ahead of it [m]."""
     place = pick(state.s, slot)
     front = place + pick(p.half_length, slot)
     room = np.full_like(front, _FAR)
-    for j in range(Role.EGO + 1, len(state.s)):
-        beyond = (p.valid[j] > 0) & (p.direction[j] == p.direction[Role.EGO])
-        beyond = beyond & (state.s[j] > place) & (slot != np.float32(j))
+    for j in range(len(state.s)):
+        beyond = (p.valid[j] > 0) & (p.direction[j] == p.direction[who]) & (state.s[j] > place)
+        beyond = beyond & (slot != np.float32(j)) & (numbers(state, who) != np.float32(j))
         room = np.where(beyond, minimum(room, (state.s[j] - p.half_length[j]) - front), room)
     return room
 
 
-def is_solid(state: State, given: Parameters) -> Mask:
-    """Whether the line is not to be crossed where the ego is, or soon will be, (simulation,)."""
-    stations, solid = given.road.line
-    found, here = [], state.s[Role.EGO]
-    for place in (here, here + given.constants.line_ahead * state.vx[Role.EGO]):
-        here = np.zeros_like(place)
-        for k in range(len(stations)):
-            here = np.where(place >= stations[k], solid[k], here)
-        found.append(here > 0)
-    return found[0] | found[1]
+def is_solid(state: State, given: Parameters, p: Fields, who: Who) -> Mask:
+    """Whether the line is not to be crossed where drivers are, or soon will be."""
+    stations, along, against = given.road.line
+    here, _ = on_the_road(state, given, p)
+    solid = np.zeros(here.shape, bool)
+    for place in (here, here + p.direction * (given.constants.line_ahead * state.vx)):
+        knot = np.searchsorted(stations, place, side="right") - 1
+        solid = solid | (np.where(p.direction < 0, against[knot], along[knot]) > 0)
+    return solid[who]
 
 
 @dataclass(slots=True, kw_only=True)
 class Plight:
-    """How an ego in the other lane stands; masks of shape (simulation,).
+    """How drivers in the other lane stand; masks of the shape of `Who`.
 
     Attributes:
-        yields: It falls back behind the vehicle that it was to pass.
-        hurries: It is short of time to be past.
+        yields: The driver falls back behind the vehicle that was to be passed.
+        hurries: The driver is short of time to be past.
         fits: There is room behind that vehicle to fall in.
     """
 
@@ -209,54 +242,105 @@ class Plight:
 
 
 def weigh(
-    state: State, given: Parameters, p: Fields, q: SimulationParameters, oncoming: Oncoming
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    moment: Moment,
+    who: Who,
 ) -> Plight:
-    """Whether the ego goes on with its pass, and how.
+    """Whether drivers go on with their pass, and how.
 
-    Until it is abreast it gives up where it would not be back a moment before the oncomer is there,
-    and falling back lacks less time than going on; later where there is no room to return to, once
-    falling back takes nearly all the time left. It is in a hurry where little would be to spare.
+    Until they are abreast they give up where they would not be back a moment before the oncomer is
+    there, and falling back lacks less time than going on. Later those who have no time to pass the
+    next one, too, take the room beside them: at once where it is less than they would ask for, and
+    where it is none they fall back. They are in a hurry where little would be to spare.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+        who: The drivers.
     """
-    c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
-    out = is_passing(state)
+    assert moment.met is not None
+    c, own, near, coming = given.constants, p.of(who), moment.near, moment.met.coming
+    out = is_passing(state, who)
     along, _ = road_velocity(state)
-    speed, other = along[ego], pick(along, state.target)
-    lead, bodies = _to_fall_in(state, given, p)
-    faster, top = speed - other, top_speed(own, c.passing_surplus, other) - other
+    speed, other = along[who], pick(along, state.target[who])
+    lead, bodies = _to_fall_in(state, given, p, who)
+    faster, top = speed - other, top_speed(own, c.passing_surplus, other)
     aside = _HALF * q.hasty_change
     onwards = maximum(lead + bodies, _ZERO)
-    rest = time_to_gain(onwards, faster, top, c.accelerate_gain * own.accel) + aside
+    accel = reckoned_accel(c, own, speed, top)
+    rest = time_to_gain(onwards, faster, top - other, accel) + aside
     brake = c.fall_back_share * own.hardest_decel
     backwards = maximum(bodies - lead, _ZERO)
     back = (faster + np.sqrt(faster * faster + _TWO * brake * backwards)) / brake + aside
+    noticed = coming.detected[who]
     there = np.where(
-        oncoming.detected[ego], oncoming.believed_gap[ego] / oncoming.closing[ego], _FAR
+        noticed, coming.believed_gap[who] / maximum(coming.closing[who], _SLOWEST), _FAR
     )
     gives_up = (lead > 0) & (rest + c.abort_margin > there) & (back < rest)
-    room = room_ahead(state, p, state.target) > _TWO * (own.half_length + c.squeeze_gap)
-    waits_no_more = there < back + c.calm_margin
-    trapped = (lead <= 0) & oncoming.detected[ego] & ~room & waits_no_more
-    yields = (gives_up | trapped | (state.yields > 0)) & out
-    hurries = (out | in_stage(state, Stage.RETURN)) & ~yields & (there - rest < c.calm_margin)
-    return Plight(yields=yields, hurries=hurries, fits=lead > bodies)
+    no_time = is_confined(state, given, p, q, moment)[who]
+    room = near.gap[SLOW_LEAD, who] + near.gap[SLOW_REAR, who]
+    left = own.return_time_gap * room_left(c, p, state.target[who])
+    cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
+    trapped = no_time & (room < _TWO * c.squeeze_gap)
+    yields = (gives_up | trapped | (state.yields[who] > 0)) & out
+    hurries = (out | in_stage(state, who, Stage.RETURN)) & ~yields
+    return Plight(
+        yields=yields,
+        hurries=hurries & ((there - rest < c.calm_margin) | cramped),
+        fits=lead > bodies,
+    )
 
 
-def is_passing(state: State) -> Mask:
-    """Whether the ego is on its way past another, (simulation,)."""
-    return in_stage(state, Stage.PULL_OUT) | in_stage(state, Stage.PASS)
+def is_confined(
+    state: State, given: Parameters, p: Fields, q: SimulationParameters, moment: Moment
+) -> Mask:
+    """Who is past the one that it overtakes, and has no time to pass the next one as well.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+
+    Returns:
+        Shape (vehicle, simulation).
+    """
+    assert moment.met is not None
+    c, coming, everybody = given.constants, moment.met.coming, slice(None)
+    past = in_stage(state, everybody, Stage.PASS) & (state.s > pick(state.s, state.target))
+    gap, closing = moment.believed.gap[SLOW_LEAD], moment.believed.closing[SLOW_LEAD]
+    next_one = state.vx - closing
+    top = top_speed(p, c.passing_surplus, next_one)
+    bodies = _TWO * (moment.near.half_length[SLOW_LEAD] + p.half_length)
+    accel = reckoned_accel(c, p, state.vx, top)
+    longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel)
+    longer = longer + _HALF * q.hasty_change + c.calm_margin
+    return past & (seen_ahead(c, coming.believed_gap, coming.sight) < longer * coming.closing)
 
 
-def can_fall_in(state: State, given: Parameters, p: Fields) -> Mask:
-    """Whether the ego of a two-way road can give up its pass: it is behind who is overtaken."""
-    lead, bodies = _to_fall_in(state, given, p)
-    return is_passing(state) & (lead > bodies) & given.road.two_way
+def is_passing(state: State, who: Who) -> Mask:
+    """Whether drivers are on their way past another."""
+    return in_stage(state, who, Stage.PULL_OUT) | in_stage(state, who, Stage.PASS)
 
 
-def _to_fall_in(state: State, given: Parameters, p: Fields) -> tuple[F32, F32]:
-    """How far ahead the target is, and has to be for the ego to fall in behind it [m]."""
-    lead = pick(state.s, state.target) - state.s[Role.EGO]
-    bodies = p.half_length[Role.EGO] + pick(p.half_length, state.target)
-    return lead, bodies + given.constants.squeeze_gap
+def can_fall_in(state: State, given: Parameters, p: Fields, who: Who) -> Mask:
+    """Whether who passes on a two-way road can give it up, still behind who is overtaken."""
+    lead, bodies = _to_fall_in(state, given, p, who)
+    return is_passing(state, who) & (lead > bodies) & given.road.two_way
+
+
+def _to_fall_in(state: State, given: Parameters, p: Fields, who: Who) -> tuple[F32, F32]:
+    """How far ahead the target is, and has to be for a driver to fall in behind it [m]."""
+    target = state.target[who]
+    bodies = p.half_length[who] + pick(p.half_length, target)
+    return pick(state.s, target) - state.s[who], bodies + given.constants.squeeze_gap
 
 
 def held_back(
@@ -264,39 +348,32 @@ def held_back(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    near: Neighbours,
-    oncoming: Oncoming,
-    believed: Beliefs,
+    moment: Moment,
 ) -> F32:
-    """The acceleration that an ego in the other lane does not go beyond, (simulation,) [m/s^2].
+    """The acceleration that drivers in the other lane do not go beyond [m/s^2].
 
     Who falls back brakes until it is slower than the vehicle that it was to pass. Who is past that
-    keeps behind the next one, as it has to fit in between, unless time is left to pass that, too.
+    keeps behind the next one, as it has to fit in between, unless time is left to pass that, too:
+    with a part of its time gap, or in the middle of the room where that is nearer.
 
     Args:
         state: State at a decision.
         given: All inputs.
         p: Vehicle parameters.
         q: Simulation parameters.
-        near: Neighbours.
-        oncoming: Who comes.
-        believed: What drivers believe of their neighbours.
+        moment: What drivers know; there is oncoming traffic on the road.
+
+    Returns:
+        Shape (vehicle, simulation).
     """
-    c, ego, own = given.constants, Role.EGO, p.of(Role.EGO)
+    c, near, believed = given.constants, moment.near, moment.believed
     along, _ = road_velocity(state)
-    slow = along[ego] < pick(along, state.target) - c.fall_back_speed
-    brake = np.where(slow, _ZERO, -(c.fall_back_share * own.hardest_decel))
-    past = in_stage(state, Stage.PASS) & (state.s[ego] > pick(state.s, state.target))
-    gap, closing = believed.gap[SLOW_LEAD, ego], believed.closing[SLOW_LEAD, ego]
-    kept, wished = c.fit_share * own.time_gap, speed_of_pass(state, given, p)
-    next_one = state.vx[ego] - closing
-    top = top_speed(own, c.passing_surplus, next_one) - next_one
-    onwards = gap + _TWO * (near.half_length[SLOW_LEAD, ego] + own.half_length) + c.squeeze_gap
-    longer = time_to_gain(onwards, closing, top, c.accelerate_gain * own.accel)
-    longer = longer + _HALF * q.hasty_change + c.calm_margin
-    seen = seen_ahead(c, oncoming.believed_gap[ego], oncoming.sight)
-    fits_in = past & (seen < longer * oncoming.closing[ego])
-    fitting = follow(
-        c, own, state.vx[ego], wished, gap, closing, kept, believed.accel[SLOW_LEAD, ego]
-    )
+    slow = along < pick(along, state.target) - c.fall_back_speed
+    brake = np.where(slow, _ZERO, -(c.fall_back_share * p.hardest_decel))
+    gap, closing = believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]
+    middle = _HALF * (near.gap[SLOW_LEAD] + near.gap[SLOW_REAR])
+    nearest = maximum(middle - p.min_gap, _ZERO) / maximum(state.vx, c.slip_speed)
+    kept, wished = minimum(c.fit_share * p.time_gap, nearest), speed_of_pass(state, given, p)
+    fitting = follow(c, p, state.vx, wished, gap, closing, kept, believed.accel[SLOW_LEAD])
+    fits_in = is_confined(state, given, p, q, moment)
     return np.where(state.yields > 0, brake, np.where(fits_in, fitting, _FAR))

@@ -6,7 +6,6 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
 from overtaking.core.philox import Stream, uniform, words
-from overtaking.model.vehicles import Role
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.neighbours import Neighbours, along
 from overtaking.sim.reference.state import (
@@ -15,6 +14,7 @@ from overtaking.sim.reference.state import (
     UNKNOWN,
     Fields,
     State,
+    overtakers,
     pick,
     road_velocity,
 )
@@ -56,7 +56,7 @@ def remember(state: State, decision: int) -> None:
     state.history_v[decision % HISTORY] = along
 
 
-def looks_around(state: State, c: Constants, p: Fields, decision: int) -> Mask:
+def looks_around(state: State, given: Parameters, p: Fields, decision: int) -> Mask:
     """Who looks into the mirrors and at the other lanes now, (vehicle, simulation).
 
     Everybody does at an interval, one vehicle after the other, but not at once at the start; once
@@ -65,15 +65,18 @@ def looks_around(state: State, c: Constants, p: Fields, decision: int) -> Mask:
     Source:
         Salvucci, Liu and Boer 2001; Olsen, Lee and Wierwille 2005.
     """
-    slots = np.arange(state.s.shape[0])[:, None]
+    c, slots = given.constants, np.arange(state.s.shape[0])[:, None]
     interval = int(c.glance_interval)
     regular = (decision + slots * int(c.glance_stagger)) % interval == 0
     regular = regular & (decision >= interval)
     early = state.path_time < c.abort_until * state.path_duration
     regular = regular | (early & (decision % int(c.glance_moving) == 0))
     signalled = state.wanted_time >= p.signal_time
-    signalled[Role.EGO] = state.signalled > p.signal_time[Role.EGO]
-    return regular | ((state.wanted != 0) & signalled)
+    who = overtakers(given)
+    signalled[who] = state.signalled[who] > p.signal_time[who]
+    looks = regular | ((state.wanted != 0) & signalled)
+    # Who is in the lane of others looks all the time.
+    return looks | ((state.lane >= np.float32(1.0)) & given.road.two_way)
 
 
 def draw_check(state: State, given: Parameters, p: Fields, drawn: Mask, decision: int) -> None:

@@ -140,7 +140,7 @@ class Recorder:
         for name, recorded in values.items():
             rows = getattr(self.states, name)
             rows[active, :, number] = recorded.T[active].astype(rows.dtype)
-        stage = state.stage.astype(np.int32)
+        stage = state.stage[Role.EGO].astype(np.int32)
         partner = np.where(
             state.contact_partner[Role.EGO] < 0,
             np.int32(NO_VEHICLE),

@@ -2,11 +2,10 @@
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import Mask, minimum
+from overtaking.core.elementary import minimum
 from overtaking.model.actions import Actions
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
@@ -21,11 +20,11 @@ from overtaking.sim.reference import (
     perception,
     steering,
 )
-from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
-from overtaking.sim.reference.oncoming import Oncoming, give_way, look_ahead
+from overtaking.sim.reference.moment import Moment
+from overtaking.sim.reference.neighbours import find_neighbours
+from overtaking.sim.reference.oncoming import give_way, look_ahead
 from overtaking.sim.reference.orders import Orders, orders_at, pedals, wheel
 from overtaking.sim.reference.passing import held_back
-from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.parameters import (
@@ -114,25 +113,6 @@ def decide(
     return act(state, given, p, q, moment, recorder, step, orders)
 
 
-@dataclass(slots=True, kw_only=True)
-class Moment:
-    """What drivers know at a decision.
-
-    Attributes:
-        near: Their neighbours.
-        believed: What they believe of them.
-        looks: Who looks around, (vehicle, simulation).
-        claims: `mobil.claimed` before anyone decides.
-        oncoming: Who comes the other way; None on roads of one direction.
-    """
-
-    near: Neighbours
-    believed: Beliefs
-    looks: Mask
-    claims: mobil.Claims
-    oncoming: Oncoming | None
-
-
 def perceive(
     state: State, given: Parameters, p: Fields, q: SimulationParameters, step: int
 ) -> Moment:
@@ -156,15 +136,11 @@ def perceive(
     near = find_neighbours(state, given, p)
     if step == 0:
         perception.draw_check(state, given, p, p.valid > 0, decision)
-    looks = perception.looks_around(state, c, p, decision)
-    oncoming = None
-    if road.two_way:
-        # Who is in the lane of others looks all the time.
-        looks[Role.EGO] = looks[Role.EGO] | (state.lane[Role.EGO] >= np.float32(1.0))
-        oncoming = look_ahead(state, given, p, q, near, decision)
+    looks = perception.looks_around(state, given, p, decision)
+    met = look_ahead(state, given, p, q, near, decision) if road.two_way else None
     believed = perception.perceive(state, given, p, q, near, decision, looks)
     claims = mobil.claimed(state)
-    return Moment(near=near, believed=believed, looks=looks, claims=claims, oncoming=oncoming)
+    return Moment(near=near, believed=believed, looks=looks, claims=claims, met=met)
 
 
 def act(
@@ -178,20 +154,19 @@ def act(
     orders: Orders | None,
 ) -> Pairs:
     """What everybody decides; what the ego does, where another driver has it, `orders` say."""
-    near, believed, looks, claims = moment.near, moment.believed, moment.looks, moment.claims
-    leader = control.behind_leader(state, given, p, believed)
-    oncoming = moment.oncoming
-    if oncoming is not None:
-        leader = minimum(leader, give_way(state, given, p, oncoming))
-        kept = held_back(state, given, p, q, near, oncoming, believed)
-        leader[Role.EGO] = minimum(leader[Role.EGO], kept)
-    old_leader = control.behind_old_leader(state, given, p, near, believed)
+    near, believed, met = moment.near, moment.believed, moment.met
+    leader = control.behind_leader(state, given, p, believed, met)
+    if met is not None:
+        leader = minimum(leader, give_way(state, given, p, met))
+        leader = minimum(leader, held_back(state, given, p, q, moment))
+    old_leader = control.behind_old_leader(state, given, p, near, believed, met)
     control.set_acceleration(state, given, p, *pedals(orders, leader, old_leader))
-    mobil.change_lanes(state, given, p, believed, leader, looks, claims, step // SUBSTEPS)
-    looks_now = looks[Role.EGO]
-    ego.decide(
-        state, given, p, q, near, believed, looks_now, claims, recorder, step, orders, oncoming
-    )
+    if met is None:
+        looks, claims, decision = moment.looks, moment.claims, step // SUBSTEPS
+        mobil.change_lanes(state, given, p, believed, leader, looks, claims, decision)
+    else:
+        ego.decide_others(state, given, p, q, moment, step)
+    ego.decide(state, given, p, q, moment, recorder, step, orders)
     c, road, count = given.constants, given.road, len(p.valid)
     every = [(i, j) for i in range(count) for j in range(i + 1, count)]
     return {(i, j): collisions.is_near(state, c, road, p, i, j) for i, j in every}

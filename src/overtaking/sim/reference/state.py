@@ -6,6 +6,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, sincos
 from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
 from overtaking.world.parameters import Parameters, VehicleParameters
 
 HISTORY = 64
@@ -32,6 +33,12 @@ _ANY_SIGHT = np.float32(1e9)
 
 Fields = VehicleParameters
 """Short name for the signatures of the step."""
+
+Who = int | slice
+"""Of which vehicles arrays tell: (simulation,) of one slot, (vehicle, simulation) of several."""
+
+OTHERS = slice(Role.EGO + 1, None)
+"""Everybody but the ego."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -66,20 +73,21 @@ class State:
         seen_id, seen_time: Neighbour in each role, `UNKNOWN` at first, and for how long it has been
             in view, (6, vehicle, simulation).
         contact_partner, contact_time, contact_impulse, contact_speed: First collision.
-        stage: Of the ego.
+        stage: Of an overtake; that of the others is `FOLLOW` on roads of one direction.
         target: Slot of the vehicle that is being overtaken.
         waited: Time spent waiting behind a slower leader [s].
         signalled: Time that the indicator has been on for the next manoeuvre [s].
         stage_time: Time in the current stage [s].
-        attempted: 1 once an overtake was begun.
+        attempted: 1 once the ego has begun an overtake.
         end_step: Last step of the simulation.
         num_percepts: Decisions written down.
-        oncoming_id, oncoming_time: Oncoming vehicle in view, `UNKNOWN` at first, `NOBODY` for none,
-            and for how long it has been that.
+        oncoming_id, oncoming_time: Oncoming vehicle in view, in any lane and in the own one,
+            `UNKNOWN` at first, `NOBODY` for none, and for how long it has been that,
+            (2, vehicle, simulation).
         aside: How far to the edge a driver moves within the lane for another [m].
         flashes: 1 while a driver flashes at who comes in its lane.
-        yields: 1 while the ego falls back, as it would not be past before an oncomer is there.
-        hurries: 1 while it is short of time to be past.
+        yields: 1 while a driver falls back, who would not be past before an oncomer is there.
+        hurries: 1 while a driver is short of time to be past.
         curve: Curvature of the way that a vehicle drives on, positive towards the fast side [1/m].
         curve_ahead: The same where the vehicle answers its steering [1/m].
         stretch: Way along the reference line for each metre that it drives on there.
@@ -196,20 +204,20 @@ def initial_state(given: Parameters) -> State:
         contact_time=zero.copy(),
         contact_impulse=zero.copy(),
         contact_speed=zero.copy(),
-        stage=ego + np.float32(Stage.FOLLOW),
-        target=ego + NOBODY,
-        waited=ego.copy(),
-        signalled=ego.copy(),
-        stage_time=ego.copy(),
+        stage=zero + np.float32(Stage.FOLLOW),
+        target=zero + NOBODY,
+        waited=zero.copy(),
+        signalled=zero.copy(),
+        stage_time=zero.copy(),
         attempted=ego.copy(),
         end_step=q.last_step.copy(),
         num_percepts=ego.copy(),
-        oncoming_id=np.full_like(zero, UNKNOWN),
-        oncoming_time=zero.copy(),
+        oncoming_id=np.full((2, *zero.shape), UNKNOWN),
+        oncoming_time=np.zeros((2, *zero.shape), np.float32),
         aside=zero.copy(),
         flashes=zero.copy(),
-        yields=ego.copy(),
-        hurries=ego.copy(),
+        yields=zero.copy(),
+        hurries=zero.copy(),
         curve=zero.copy(),
         curve_ahead=zero.copy(),
         stretch=zero + np.float32(1.0),
@@ -230,6 +238,16 @@ def pick(values: F32, slot: F32) -> F32:
     """
     index = np.where(slot < 0, np.float32(0.0), slot).astype(np.int64)
     return values[index, np.arange(values.shape[1])]
+
+
+def overtakers(given: Parameters) -> Who:
+    """Who may overtake as the ego does: against oncoming traffic everybody."""
+    return slice(None) if given.road.two_way else Role.EGO
+
+
+def numbers(state: State, who: Who) -> F32:
+    """Slot numbers of vehicles, a column for several."""
+    return np.arange(len(state.s), dtype=np.float32)[:, None][who]
 
 
 def seen_from_each(state: State, given: Parameters, p: Fields, j: int) -> tuple[F32, F32]:

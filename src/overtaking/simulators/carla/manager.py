@@ -134,7 +134,7 @@ class _Drive:
 
     def _record(self, step: int) -> None:
         state = self._state
-        state.stage[:] = np.float32(self._watch.stage)
+        state.stage[Role.EGO] = np.float32(self._watch.stage)
         active = np.float32(step) <= np.array([self._end], np.float32)
         self._recorder.frame(state, self._p, active, step // self._given.record_every)
 

@@ -124,6 +124,48 @@ def test_gaps_are_refused_once_a_second_while_held_up():
     )
 
 
+def by_another(pace: float, *, until: float = BACK, aside: float = 1.75) -> Trajectories:
+    """The ego drives steadily; the truck comes from 40 m behind and is in the other lane."""
+    runs = driven()
+    t = 0.05 * np.arange(runs.states.s.shape[2])
+    s, d, speed, lane = (getattr(runs.states, name).copy() for name in ("s", "d", "speed", "lane"))
+    ways = (1040.0 + LEADER * t, 1000.0 + pace * t, 2500.0 - COMES * t)
+    for slot, (way, now) in enumerate(zip(ways, (LEADER, pace, COMES), strict=True)):
+        s[0, slot], speed[0, slot] = np.rint(1e3 * way), 1e3 * now
+    d[0, 0], lane[0, 0] = -1750, 0
+    d[0, 1] = np.where((t >= OUT) & (t <= until), 1e3 * aside, -1750)
+    stage = np.full_like(runs.stage, Stage.FOLLOW)
+    return runs.replace(states=runs.states.replace(s=s, d=d, speed=speed, lane=lane), stage=stage)
+
+
+def test_what_others_pass_is_told_from_what_they_drive():
+    (one,) = passes.attempts_of_others(by_another(EGO))
+    lengths = driven().scenario.vehicles.length[0]
+    apart = 1500.0 - (EGO + COMES) * BACK - 0.5 * float(lengths[1] + lengths[2])
+    assert (one.row, one.slot, one.target, one.passed) == (0, 1, 0, True)
+    assert one.duration == pytest.approx(BACK - OUT)
+    assert one.margin == pytest.approx(apart / (EGO + COMES), abs=1e-3)
+    (other,) = passes.attempts_of_others(by_another(LEADER))
+    assert not other.passed
+
+
+def test_a_wander_is_no_attempt_and_neither_is_one_that_is_open_at_the_end():
+    half_width = 0.5 * float(driven().scenario.vehicles.width[0, 1])
+    assert not passes.attempts_of_others(by_another(EGO, aside=0.4 - half_width))
+    assert len(passes.attempts_of_others(by_another(EGO, aside=0.6 - half_width))) == 1
+    assert not passes.attempts_of_others(by_another(EGO, until=100.0))
+
+
+def test_attempts_of_others_are_counted_by_the_time_that_they_drive():
+    tally = counted(by_another(EGO))
+    seconds = 0.05 * driven().num_frames[0]
+    figure = BY_NAME["others_per_hour"].measured(tally)
+    assert figure.value == pytest.approx(3600.0 / seconds)
+    assert BY_NAME["others_aborted"].measured(tally).value == 0.0
+    assert BY_NAME["others_time"].measured(tally).value == pytest.approx(BACK - OUT)
+    assert math.isnan(BY_NAME["others_unsafe"].measured(counted(made())).value)
+
+
 def test_a_regression_is_that_of_least_squares_by_weight():
     rng = np.random.default_rng(3)
     number = 400
