@@ -359,11 +359,13 @@ def main() -> int:
             before = given.again.read_text(encoding="utf-8")
             chosen = [flip for flip in chosen if f"UNNOTICED  {flip}  " in before]
         survivors, by = list[Flip](), Counter[str]()
+        untrue = EQUIVALENT.keys() - {flip.marked for flip in flips}
         for flip in chosen:
             found = sweep.result(sweep.start(flip))
             by[found or "nobody"] += 1
-            if not found and flip.marked in EQUIVALENT:
+            if flip.marked in EQUIVALENT:
                 print(f"equivalent {flip}: {EQUIVALENT[flip.marked]}", flush=True)
+                untrue |= {flip.marked} if found else set()
             elif not found:
                 survivors.append(flip)
                 where = sweep.search(flip, given.search) if given.search else ""
@@ -371,10 +373,12 @@ def main() -> int:
     kinds = Counter(flip.kind for flip in chosen)
     print(f"{len(chosen)} flips ({', '.join(f'{kinds[kind]} {kind}' for kind in sorted(kinds))})")
     print(f"noticed by: {dict(by)}; {len(survivors)} unnoticed that should not be")
+    for marked in sorted(untrue):
+        print(f"NOT SO     {marked}: it is noticed, or not there any more")
     print(f"{len(left_out)} places left out because they are not on vectors or floats")
     for flip in left_out:
         print(f"left out   {flip}")
-    return 1 if survivors else 0
+    return 1 if survivors or untrue else 0
 
 
 if __name__ == "__main__":

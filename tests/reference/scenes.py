@@ -7,7 +7,6 @@ what is done and what would be done with any sign or comparison turned round.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -255,18 +254,18 @@ def overtakes() -> Iterable[Scene]:
             vehicles=[ego, target, *others],
             weather=weather,
         )
-    for gap, speed in itertools.product((12.0, 15.0, 18.0), (18.0, 19.0)):
+    comes_in = HEEDLESS | {"lane_change_threshold": 0.1, "bias": 5.0, "safe_decel": 30.0}
+    comes_in |= {"signal_time": 9.5, "desired_speed": 23.4}
+    for offset in np.arange(-12.0, -5.0, 1.0):
+        third = Vehicle(kind="MC", s=1000.0 + offset, lane=2, speed=23.4, driver=comes_in)
         yield Scene(
-            name="the ego gives up beside another whom it does not see; somebody is close behind",
+            name="the ego gives up beside another whom it does not see, while a third comes in",
             vehicles=[
-                Vehicle(
-                    s=1000.0, speed=24.0, body={"max_speed": 24.0},
-                    driver=heedless | {"safe_decel": 6.0},
-                ),
-                ahead(10.0, 0, speed, desired_speed=24.0),
-                ahead(-gap, 1, 24.0, **TAILGATER, desired_speed=33.0),
+                Vehicle(s=1000.0, speed=24.0, body={"max_speed": 24.0}, driver=heedless),
+                ahead(10.0, 0, 18.0, desired_speed=24.0),
+                third,
             ],
-        )  # fmt: skip
+        )
 
 
 # --- A lane in each direction -------------------------------------------------------------------
