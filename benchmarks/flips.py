@@ -65,7 +65,24 @@ EQUIVALENT = {
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
     "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
     "let never = zero«.simd_lt(zero);": "no number is less or greater than itself",
-    "let mut in_lane = slot«.simd_gt(nearest);": "only read of an oncomer that was found",
+    "let still = settled & state.wanted[i]«.simd_eq(0.0) & state.indicator[i].simd_eq(0.0);": (
+        "who wants a lane change has signalled for a moment; so it is never still, and looks again"
+    ),
+    "let still = settled & state.wanted[i].simd_eq(0.0) & state.indicator[i]«.simd_eq(0.0);": (
+        "the indicator goes off with the signal; so nobody is ever still, and everybody looks again"
+    ),
+    "let home = (low, splat(w.simd, road.boundaries[1] «- c.corridor_margin));": (
+        "more may be in the lane of those who come; who is there is asked of each again"
+    ),
+    "let along = other.direction«.simd_gt(0.0);": (
+        "both directions change names, and each is asked for the other"
+    ),
+    "traffic.turned[j].on_road &= first.slot«.simd_ne(j as i32 as f32);": (
+        "told to another driver of the ego, who answers outside; nothing of it is recorded"
+    ),
+    "let at_home = state.lane[i]«.simd_eq(0.0).all_true();": (
+        "who is not at home overtakes, and gives way to nobody; who is at home looks at more"
+    ),
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
     "a«.simd_gt(b).select(a, b)": "only for other CPUs than x86",

@@ -329,21 +329,22 @@ def meetings() -> Iterable[Scene]:
                 vehicles=pair(gap, oncomer(1000.0 + away), kind="T"),
             )
     for heeds in (0.0, 1.0):
-        for s in np.arange(2000.0, 2600.0, 50.0):
+        for s in (*np.arange(2030.0, 2100.0, 10.0), *np.arange(2100.0, 2600.0, 75.0)):
             yield Scene(
                 name="the line may not be crossed, here or soon",
                 vehicles=pair(25.0, s=s, heeds_lines=heeds),
             )
     for gap in np.arange(150.0, 700.0, 50.0):
         yield Scene(
-            name="behind the spray of a truck somebody comes",
-            vehicles=pair(20.0, oncomer(1000.0 + gap, kind="MC"), kind="T"),
-            weather={"rain": 100.0, "cloudiness": 100.0},
-        )
-        yield Scene(
             name="at night somebody comes",
             vehicles=pair(20.0, oncomer(1000.0 + gap), oncomer(1100.0 + gap, kind="MC")),
             weather={"night": 1.0, "sun_altitude": -0.5},
+        )
+    for gap in np.arange(300.0, 480.0, 20.0):
+        yield Scene(
+            name="behind spray somebody comes without lamps",
+            vehicles=pair(16.0, oncomer(1000.0 + gap, 18.0, kind="B")),
+            weather={"rain": 90.0, "cloudiness": 100.0},
         )
 
 
@@ -376,6 +377,48 @@ def others_overtake() -> Iterable[Scene]:
         )  # fmt: skip
 
 
+def rules() -> Iterable[Scene]:
+    """Who lets others go first, and who does not count."""
+    for time in (0.0, 1.5, 3.0):
+        yield Scene(
+            name="the leader signals, and goes before its follower",
+            vehicles=[
+                van(100.0), van(1085.0),
+                Vehicle(
+                    s=1000.0, speed=18.0, driver=BOLD | {"signal_time": 3.0, "time_gap": 4.0}
+                ),
+                Vehicle(s=980.0, speed=19.0, driver=BOLD | {"signal_time": time}),
+            ],
+        )  # fmt: skip
+    for edge, name in ((0.4 - 0.9, "this"), (7.4 + 0.9, "the other")):
+        halted = oncomer(1400.0, 0.0, desired_speed=0.01, start_d=edge)
+        yield Scene(name=f"somebody halts beyond {name} edge", vehicles=pair(25.0, halted))
+
+
+def comes_in() -> Scene:
+    """Somebody pulls out before an oncomer."""
+    hurried = BOLD | {"need_factor": 0.08, "desired_speed": 30.0, "gap_acceptance": 0.01}
+    return Scene(
+        name="somebody comes in the lane of the ego",
+        vehicles=[
+            van(1450.0), oncomer(1654.0, 18.0, kind="T"),
+            oncomer(1678.0, 25.0, **hurried),
+        ],
+    )  # fmt: skip
+
+
+def doubts() -> Scene:
+    """Somebody wants to pull out and does not, and later does, without a signal."""
+    driver = BOLD | {"need_factor": 0.25, "uses_indicator": 0.0, "signal_time": 1.4}
+    return Scene(
+        name="somebody doubts, passes, and follows again",
+        vehicles=[
+            van(1464.0, 23.0), van(1030.0), Vehicle(s=1011.0, speed=23.0, driver=driver),
+            oncomer(1500.0), van(1100.0),
+        ],
+    )  # fmt: skip
+
+
 def given_up() -> Iterable[Scene]:
     """An ego that another driver lets pull out and fall back."""
     for time in (4.5, 5.0, 5.5, 6.0):
@@ -400,9 +443,12 @@ WRITTEN = (
     Written(
         name="meetings by hand",
         road=two_way(),
-        scenes=(*meetings(), *others_overtake()),
+        scenes=(*meetings(), *others_overtake(), *rules()),
         horizon=14.0,
     ),
+    # Neighbours in the same block would hide what happens in these two.
+    Written(name="comes in alone", road=two_way(), scenes=(comes_in(),), horizon=6.0),
+    Written(name="doubts alone", road=two_way(), scenes=(doubts(),), horizon=12.0),
     Written(
         name="given up by hand", road=two_way(), scenes=tuple(given_up()), horizon=9.0
     ),
