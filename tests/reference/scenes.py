@@ -316,6 +316,11 @@ def meetings() -> Iterable[Scene]:
     for gap in np.arange(500.0, 1500.0, 50.0):
         comes = oncomer(1000.0 + gap, 65.0)
         yield Scene(name="somebody comes much faster than is usual", vehicles=pair(25.0, comes))
+    for gap in np.arange(600.0, 1200.0, 100.0):
+        weak = Vehicle(s=1000.0, speed=20.0, body={"max_speed": 21.3}, driver=BOLD)
+        yield Scene(
+            name="a weak ego passes slowly", vehicles=[weak, van(1027.0), oncomer(1000.0 + gap, 50.0)]
+        )
     for room in (9.0, 14.0, 20.0, 30.0, 45.0, 70.0):
         for gap in np.arange(500.0, 1300.0, 100.0):
             yield Scene(
