@@ -321,6 +321,11 @@ def meetings() -> Iterable[Scene]:
         yield Scene(
             name="a weak ego passes slowly", vehicles=[weak, van(1027.0), oncomer(1000.0 + gap, 50.0)]
         )
+    for s in np.arange(2820.0, 2910.0, 10.0):
+        yield Scene(
+            name="the ego falls back, and who comes is hidden again",
+            vehicles=pair(11.0, oncomer(s + 635.0, 55.0), s=s, need_factor=0.4),
+        )
     for room in (9.0, 14.0, 20.0, 30.0, 45.0, 70.0):
         for gap in np.arange(500.0, 1300.0, 100.0):
             yield Scene(
