@@ -171,7 +171,9 @@ def lane_changes() -> Iterable[Scene]:
     slow = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 3.0}
     slow |= {"safe_decel": 0.02, "accel": 0.25, "decel": 0.25}
     for gap in (58.0, 60.0, 62.0, 64.0):
-        halted = Vehicle(kind="T", s=1000.0 + gap, lane=0, speed=0.0, driver={"desired_speed": 0.01})
+        halted = Vehicle(
+            kind="T", s=1000.0 + gap, lane=0, speed=0.0, driver={"desired_speed": 0.01}
+        )
         yield Scene(
             name="nobody moves over behind a truck that stands, at walking pace",
             vehicles=[ELSEWHERE, car(1000.0, 1, 5.0, **slow), halted],
@@ -190,9 +192,7 @@ def lane_changes() -> Iterable[Scene]:
 def retreats() -> Iterable[Scene]:
     """Somebody finds another beside in the new lane; the old lane has room, or has not."""
     for old, new in ((0, 1), (1, 0)):
-        subject = car(
-            1000.0, old, **HEEDLESS, lane_change_threshold=0.1, bias=5.0 * (old - new)
-        )
+        subject = car(1000.0, old, **HEEDLESS, lane_change_threshold=0.1, bias=5.0 * (old - new))
         beside = ahead(-2.0, new, **TAILGATER)
         for others in (
             [ahead(60.0, old, 15.0), ahead(-3.0, old, time_gap=0.04)],
@@ -293,12 +293,12 @@ def two_way() -> Road:
 
 def oncomer(s: float, speed: float = 25.0, kind: str = "M", **driver: float) -> Vehicle:
     """Who comes the other way."""
-    return Vehicle(
-        kind=kind, s=s, lane=1, speed=speed, driver={"desired_speed": speed} | driver
-    )
+    return Vehicle(kind=kind, s=s, lane=1, speed=speed, driver={"desired_speed": speed} | driver)
 
 
-def pair(gap: float, *others: Vehicle, s: float = 1000.0, kind: str = "L", **ego: float) -> list[Vehicle]:
+def pair(
+    gap: float, *others: Vehicle, s: float = 1000.0, kind: str = "L", **ego: float
+) -> list[Vehicle]:
     """An ego so far behind a slower one, and others."""
     lead = Vehicle(kind=kind, s=s + gap + 5.0, speed=18.0, driver={"desired_speed": 18.0})
     return [Vehicle(s=s, speed=21.0, driver=BOLD | ego), lead, *others]
@@ -319,7 +319,8 @@ def meetings() -> Iterable[Scene]:
     for gap in np.arange(600.0, 1200.0, 100.0):
         weak = Vehicle(s=1000.0, speed=20.0, body={"max_speed": 21.3}, driver=BOLD)
         yield Scene(
-            name="a weak ego passes slowly", vehicles=[weak, van(1027.0), oncomer(1000.0 + gap, 50.0)]
+            name="a weak ego passes slowly",
+            vehicles=[weak, van(1027.0), oncomer(1000.0 + gap, 50.0)],
         )
     for s in np.arange(2820.0, 2910.0, 10.0):
         yield Scene(
@@ -418,10 +419,10 @@ def comes_in() -> Scene:
 
 
 def doubts() -> Scene:
-    """Somebody wants to pull out and does not, and later does, without a signal."""
+    """Somebody who does not signal sets out and gives up, and would like to again."""
     driver = BOLD | {"need_factor": 0.25, "uses_indicator": 0.0, "signal_time": 1.4}
     return Scene(
-        name="somebody doubts, passes, and follows again",
+        name="somebody sets out, gives up at once, and doubts",
         vehicles=[
             van(1464.0, 23.0), van(1030.0), Vehicle(s=1011.0, speed=23.0, driver=driver),
             oncomer(1500.0), van(1100.0),
@@ -459,8 +460,6 @@ WRITTEN = (
     # Neighbours in the same block would hide what happens in these two.
     Written(name="comes in alone", road=two_way(), scenes=(comes_in(),), horizon=6.0),
     Written(name="doubts alone", road=two_way(), scenes=(doubts(),), horizon=12.0),
-    Written(
-        name="given up by hand", road=two_way(), scenes=tuple(given_up()), horizon=9.0
-    ),
+    Written(name="given up by hand", road=two_way(), scenes=tuple(given_up()), horizon=9.0),
 )
 """Each is compared with the reference once."""
