@@ -209,6 +209,13 @@ FOG = {
     "weather.rain_probability": 0.0,
     "weather.fog_probability": 1.0,
 }
+PRESSED = {
+    "traffic.held_up": 1.0,
+    "traffic.flow_vph": [200.0, 400.0],
+    "traffic.slow_share": 0.2,
+    "drivers.temper": [0.7, 1.0],
+}
+"""Reckless drivers on a busy two-way road, held up by somebody."""
 SCENES = (
     Scene(name="clear-day-overtake", happens=done, overrides=only("ClearNoon")),
     Scene(
@@ -256,17 +263,23 @@ SCENES = (
         overrides={"traffic.spawn_s_m": [50.0, 180.0], "profile.frame_interval_ms": 10},
     ),
     *(
-        Scene(name=name, happens=happens, profile="rural-risk", road="rural")
+        Scene(name=name, happens=happens, profile="rural", road="rural", overrides=PRESSED)
         for name, happens in (
             ("rural-squeeze", squeezes),
             ("rural-given-up-for-who-comes", gives_up),
-            ("rural-head-on-collision", head_on),
             ("rural-ends-on-a-solid-line", ends_on_a_solid_line),
             ("rural-over-a-crest", over_a_crest),
             ("rural-another-passes-the-leader", another_passes_the_leader),
             ("rural-another-gives-up", another_gives_up),
             ("rural-oncomer-in-the-own-lane", meets_an_overtaker),
         )
+    ),
+    Scene(
+        name="rural-head-on-collision",
+        happens=head_on,
+        profile="rural",
+        road="rural",
+        overrides={**PRESSED, "drivers.fixed.gap_acceptance": 0.0},
     ),
     Scene(name="last-numbers-overtake", happens=done, seed=2**64 - 1, first=2**64 - MOST),
 )

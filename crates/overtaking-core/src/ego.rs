@@ -10,7 +10,7 @@ use crate::mobil::{change_of, soon, time_left, turn_to_lane};
 use crate::names::Vehicle;
 use crate::neighbours::Neighbours;
 use crate::orders::{self, Orders};
-use crate::passing::{may_meet, room_left, weigh};
+use crate::passing::{goes_on, may_meet, room_left, weigh};
 use crate::perception::Beliefs;
 use crate::recording::{Kind, Recorder};
 use crate::state::{
@@ -213,11 +213,14 @@ fn meet<S: Simd, const N: usize>(
     let closing = view.closing[SLOW_LEAD];
     let room = view.gap[SLOW_LEAD] - w.q.hasty_change * at_least(closing, 0.0);
     let ahead = needed_braking(c, view.speed, room, closing, zero);
+    let crossing = 0.5 * w.q.hasty_change;
+    let front = view.gap[SLOW_LEAD] - crossing * closing;
+    let beside = rear - crossing * at_least(view.closing[SLOW_REAR], 0.0);
     Meeting {
         may_go: may_go & !mind.met.leader_goes,
         hurries: plight.hurries,
         squeezes: plight.hurries
-            & min(rear, view.gap[SLOW_LEAD]).simd_gt(c.squeeze_gap)
+            & min(beside, front).simd_gt(c.squeeze_gap)
             & ahead.simd_ge(-(c.abort_factor * view.own.decel)),
         falls_in: plight.yields & plight.fits & rear.simd_gt(c.smallest_rear_gap),
         room_left: room_left(w, state.target[i]),
@@ -312,7 +315,7 @@ pub fn decide<S: Simd, const N: usize>(
         None,
     );
     let next = next_stage(state, w, near, EGO, &intent);
-    act(state, w, near, &view, &intent, step / SUBSTEPS);
+    act(state, w, &mind, &view, &intent, step / SUBSTEPS);
     put(&mut state.attempted, intent.go_out, splat(w.simd, 1.0));
     if let Some(orders) = orders {
         orders::show(state, orders);
@@ -341,7 +344,7 @@ pub fn decide_other<S: Simd, const N: usize>(
     let meets = meet(state, w, &view, &mind);
     let intent = intend(state, w, &view, mind.looks, mind.waits, Some(&meets));
     let next = next_stage(state, w, mind.near, i, &intent);
-    act(state, w, mind.near, &view, &intent, step / SUBSTEPS);
+    act(state, w, &mind, &view, &intent, step / SUBSTEPS);
     let done = next.simd_eq(stage::DONE);
     put(&mut state.waited[i], done, splat(w.simd, 0.0));
     enter(
@@ -601,14 +604,18 @@ fn next_stage<S: Simd, const N: usize>(
 fn act<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
-    near: &Neighbours<S>,
+    mind: &Mind<'_, S>,
     view: &View<'_, S>,
     intent: &Intent<S>,
     decision: u32,
 ) {
     let (i, zero) = (view.i, splat(w.simd, 0.0));
     let (faster, slower) = (intent.go_out | intent.remain, intent.go_back | intent.abort);
-    put(&mut state.target[i], intent.go_out, near.slot[LEAD]);
+    put(&mut state.target[i], intent.go_out, mind.near.slot[LEAD]);
+    if w.road.ways.two_way {
+        let beside = goes_on(state, w, i, mind);
+        put(&mut state.target[i], beside, mind.near.slot[SLOW_LEAD]);
+    }
     let broken_off = intent.abort | intent.remain;
     let sides = (faster, slower, broken_off);
     let left = time_left(view.gap[LEAD], view.closing[LEAD]);

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::ego::in_stage;
-use crate::following::follow;
+use crate::following::{follow, needed_braking};
 use crate::lanes::{M, V, at_least, choose, max, min, pick, pick_each, splat};
 use crate::names::{Constants, Vehicle};
 use crate::neighbours::Neighbours;
@@ -196,7 +196,8 @@ pub fn weigh<S: Simd, const N: usize>(
     let room = near.gap[SLOW_LEAD] + near.gap[SLOW_REAR];
     let left = own.return_time_gap * room_left(w, state.target[i]);
     let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
-    let trapped = no_time & room.simd_lt(2.0 * c.squeeze_gap);
+    let too_slow = (onwards / at_least(faster, SLOWEST)).simd_gt(back);
+    let trapped = no_time & (room.simd_lt(c.least_room) | too_slow);
     let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
     let hurries = (out | in_stage(state, i, stage::RETURN)) & !yields;
     Plight {
@@ -206,7 +207,8 @@ pub fn weigh<S: Simd, const N: usize>(
     }
 }
 
-/// Whether driver `i` is past the one that it overtakes, and has no time to pass the next one as well.
+/// Whether driver `i` is past the one that it overtakes, has no time to pass the next one as well, and can still
+/// brake behind that.
 #[inline(always)]
 fn is_confined<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
@@ -230,7 +232,28 @@ fn is_confined<S: Simd, const N: usize>(
     let accel = reckoned_accel(c, own, state.vx[i], top);
     let longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel);
     let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
-    past & seen_ahead(w, coming).simd_lt(longer * coming.closing)
+    let late = seen_ahead(w, coming).simd_lt(longer * coming.closing);
+    let needed = needed_braking(c, state.vx[i], gap, closing, splat(w.simd, 0.0));
+    past & late & needed.simd_ge(-(c.fall_back_share * own.hardest_decel))
+}
+
+/// Whether driver `i` is past the one that it overtakes and comes beside the next one: it overtakes that now.
+#[inline(always)]
+pub fn goes_on<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    mind: &Mind<'_, S>,
+) -> M<S> {
+    let passes = in_stage(state, i, stage::PASS);
+    if !passes.any_true() {
+        return passes;
+    }
+    let near = mind.near;
+    let past = passes & state.s[i].simd_gt(pick!(w.count, state.target[i], |j| state.s[j]));
+    let beside = near.gap[SLOW_LEAD].simd_lt(w.c.squeeze_gap);
+    let follows = is_confined(state, w, i, mind) | state.yields[i].simd_gt(0.0);
+    past & beside & near.slot[SLOW_LEAD].simd_ge(0.0) & !follows
 }
 
 /// Whether driver `i` is on its way past another.

@@ -173,6 +173,7 @@ class Constants:
     small_oncomer: np.float32 = _known("model.oncoming.small_oncomer")
     passing_surplus: np.float32 = _known("model.oncoming.passing_surplus")
     squeeze_gap: np.float32 = _known("model.oncoming.squeeze_gap")
+    least_room: np.float32 = _known("model.oncoming.least_room")
     fit_share: np.float32 = _known("model.oncoming.fit_share")
     calm_margin: np.float32 = _known("model.oncoming.calm_margin")
     spare_kept: np.float32 = _known("model.oncoming.spare_kept")

@@ -31,7 +31,7 @@ from overtaking.sim.reference.mobil import (
 from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.orders import Orders, obey, show
-from overtaking.sim.reference.passing import may_meet, outlook, room_left, weigh
+from overtaking.sim.reference.passing import goes_on, may_meet, outlook, room_left, weigh
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import (
@@ -279,7 +279,7 @@ def decide(
             coming = None if moment.met is None else moment.met.coming
             recorder.percepts(state, moment.near, moment.believed, mask, kind, roles, step, coming)
     next_stage = _next_stage(state, given, moment.near, view.who, intent)
-    _act(state, given, p, q, moment.near, view, intent, step // SUBSTEPS)
+    _act(state, given, p, q, moment, view, intent, step // SUBSTEPS)
     if orders is not None:
         show(state, orders)
     _end(state, given, q, intent, next_stage, step)
@@ -299,7 +299,7 @@ def decide_others(
     _wait(state, given, view)
     intent = _intend(state, given, p, moment, view, _meet(state, given, p, q, moment, view))
     stage = _next_stage(state, given, moment.near, OTHERS, intent)
-    _act(state, given, p, q, moment.near, view, intent, step // SUBSTEPS)
+    _act(state, given, p, q, moment, view, intent, step // SUBSTEPS)
     done = stage == np.float32(Stage.DONE)
     state.waited[OTHERS] = np.where(done, _STEADY, state.waited[OTHERS])
     _enter(state, OTHERS, np.where(done, np.float32(Stage.FOLLOW), stage))
@@ -340,9 +340,12 @@ def _meet(
 
 
 def may_squeeze(given: Parameters, q: SimulationParameters, view: View) -> Mask:
-    """Whether the lane beside has room enough for a driver in a hurry."""
+    """Whether the lane beside has room enough for a driver in a hurry when the line is crossed."""
     c, closing = given.constants, view.closing[SLOW_LEAD]
-    squeezed = minimum(view.gap[SLOW_REAR], view.gap[SLOW_LEAD]) > c.squeeze_gap
+    crossing = np.float32(0.5) * q.hasty_change
+    front = view.gap[SLOW_LEAD] - crossing * closing
+    rear = view.gap[SLOW_REAR] - crossing * maximum(view.closing[SLOW_REAR], _STEADY)
+    squeezed = minimum(rear, front) > c.squeeze_gap
     room = view.gap[SLOW_LEAD] - q.hasty_change * maximum(closing, _STEADY)
     ahead = needed_braking(c, view.speed, room, closing, _STEADY)
     return squeezed & (ahead >= -(c.abort_factor * view.own.decel))
@@ -491,14 +494,18 @@ def _act(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    near: Neighbours,
+    moment: Moment,
     view: View,
     intent: Intent,
     decision: int,
 ) -> None:
     """Move over and show it; who pulls out remembers whom to overtake."""
-    who = view.who
-    state.target[who] = np.where(intent.go_out, near.slot[LEAD, who], state.target[who])
+    who, near = view.who, moment.near
+    target = np.where(intent.go_out, near.slot[LEAD, who], state.target[who])
+    if given.road.two_way:
+        beside = goes_on(state, given, p, q, moment, who)
+        target = np.where(beside, near.slot[SLOW_LEAD, who], target)
+    state.target[who] = target
     if who == Role.EGO:
         state.attempted = np.where(intent.go_out, _ONE, state.attempted)
     fast, slow, back = (np.zeros(state.s.shape, bool) for _ in range(3))

@@ -9,7 +9,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, maximum, minimum
 from overtaking.model.trajectory import Stage
-from overtaking.sim.reference.following import follow
+from overtaking.sim.reference.following import follow, needed_braking
 from overtaking.sim.reference.intent import in_stage
 from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import Neighbours
@@ -253,8 +253,9 @@ def weigh(
 
     Until they are abreast they give up where they would not be back a moment before the oncomer is
     there, and falling back lacks less time than going on. Later those who have no time to pass the
-    next one, too, take the room beside them: at once where it is less than they would ask for, and
-    where it is none they fall back. They are in a hurry where little would be to spare.
+    next one, too, take the room beside them, at once where it is less than they would ask for; they
+    fall back where it is none, or where they are not past sooner than back. They are in a hurry
+    where little would be to spare.
 
     Args:
         state: State at a decision.
@@ -287,7 +288,8 @@ def weigh(
     room = near.gap[SLOW_LEAD, who] + near.gap[SLOW_REAR, who]
     left = own.return_time_gap * room_left(c, p, state.target[who])
     cramped = no_time & (room < own.min_gap + (own.time_gap + left) * other)
-    trapped = no_time & (room < _TWO * c.squeeze_gap)
+    too_slow = onwards / maximum(faster, _SLOWEST) > back
+    trapped = no_time & ((room < c.least_room) | too_slow)
     yields = (gives_up | trapped | (state.yields[who] > 0)) & out
     hurries = (out | in_stage(state, who, Stage.RETURN)) & ~yields
     return Plight(
@@ -301,6 +303,8 @@ def is_confined(
     state: State, given: Parameters, p: Fields, q: SimulationParameters, moment: Moment
 ) -> Mask:
     """Who is past the one that it overtakes, and has no time to pass the next one as well.
+
+    Who can no longer brake behind the next one goes on.
 
     Args:
         state: State at a decision.
@@ -322,7 +326,34 @@ def is_confined(
     accel = reckoned_accel(c, p, state.vx, top)
     longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel)
     longer = longer + _HALF * q.hasty_change + c.calm_margin
-    return past & (seen_ahead(c, coming.believed_gap, coming.sight) < longer * coming.closing)
+    late = seen_ahead(c, coming.believed_gap, coming.sight) < longer * coming.closing
+    needed = needed_braking(c, state.vx, gap, closing, _ZERO)
+    return past & late & (needed >= -(c.fall_back_share * p.hardest_decel))
+
+
+def goes_on(
+    state: State,
+    given: Parameters,
+    p: Fields,
+    q: SimulationParameters,
+    moment: Moment,
+    who: Who,
+) -> Mask:
+    """Who is past the one that it overtakes and comes beside the next one: it overtakes that now.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+        moment: What drivers know; there is oncoming traffic on the road.
+        who: The drivers.
+    """
+    near, confined = moment.near, is_confined(state, given, p, q, moment)[who]
+    past = in_stage(state, who, Stage.PASS) & (state.s[who] > pick(state.s, state.target[who]))
+    beside = near.gap[SLOW_LEAD, who] < given.constants.squeeze_gap
+    follows = confined | (state.yields[who] > 0)
+    return past & beside & (near.slot[SLOW_LEAD, who] >= 0) & ~follows
 
 
 def is_passing(state: State, who: Who) -> Mask:
