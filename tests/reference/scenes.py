@@ -144,11 +144,11 @@ def truck(lane: int, driver: dict[str, float]) -> Vehicle:
 
 def lane_changes() -> Iterable[Scene]:
     """Others who weigh a lane change, or give one up."""
-    drawn = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 0.0}
-    for lane, name in ((2, "nobody gains on the slow side above 60 km/h"),):
-        subject = car(1000.0, lane, **drawn | {"desired_speed": 33.0})
-        yield Scene(name=name, vehicles=[ELSEWHERE, subject, ahead(40.0, lane, 20.0)])
-
+    eager = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 0.0}
+    yield Scene(
+        name="nobody gains on the slow side above 60 km/h",
+        vehicles=[ELSEWHERE, car(1000.0, 2, **eager, desired_speed=33.0), ahead(40.0, 2, 20.0)],
+    )
     for threshold in np.arange(0.6, 2.2, 0.2):
         weighs = {"politeness": 0.5, "right_bias": 0.0, "safe_decel": 30.0, "decel": 3.0}
         yield Scene(
@@ -279,7 +279,7 @@ BOLD = KEEN | {"gap_acceptance": 0.1}
 
 
 def two_way() -> Road:
-    """A straight road on which lines and sight differ by place and direction; d begins at an edge."""
+    """A straight road; lines and sight differ by place and direction, and d begins at an edge."""
     lines = (
         Line(start=2100.0, stop=2250.0, mark=RoadMark.SOLID),
         Line(start=2250.0, stop=2400.0, mark=RoadMark.SOLID_BROKEN),
@@ -304,7 +304,7 @@ def pair(
     return [Vehicle(s=s, speed=21.0, driver=BOLD | ego), lead, *others]
 
 
-def van(s: float, speed: float = 18.0, kind: str = "L", **driver: float) -> Vehicle:
+def along(s: float, speed: float = 18.0, kind: str = "L", **driver: float) -> Vehicle:
     """Who drives the same way as the ego."""
     return Vehicle(kind=kind, s=s, speed=speed, driver={"desired_speed": speed} | driver)
 
@@ -320,7 +320,7 @@ def meetings() -> Iterable[Scene]:
         weak = Vehicle(s=1000.0, speed=20.0, body={"max_speed": 21.3}, driver=BOLD)
         yield Scene(
             name="a weak ego passes slowly",
-            vehicles=[weak, van(1027.0), oncomer(1000.0 + gap, 50.0)],
+            vehicles=[weak, along(1027.0), oncomer(1000.0 + gap, 50.0)],
         )
     for s in np.arange(2820.0, 2910.0, 10.0):
         yield Scene(
@@ -331,20 +331,29 @@ def meetings() -> Iterable[Scene]:
         for gap in np.arange(500.0, 1300.0, 100.0):
             yield Scene(
                 name="the ego fits in between two, passes both, or is trapped",
-                vehicles=pair(25.0, van(1036.0 + room), oncomer(1000.0 + gap, 40.0)),
+                vehicles=pair(25.0, along(1036.0 + room), oncomer(1000.0 + gap, 40.0)),
             )
+
+
+def views() -> Iterable[Scene]:
+    """Egos that see, or may cross, more or less of the road."""
     for gap in np.arange(12.0, 36.0, 4.0):
         for away in (150.0, 250.0, 400.0):
             yield Scene(
                 name="a truck hides who comes",
                 vehicles=pair(gap, oncomer(1000.0 + away), kind="T"),
             )
+    yield from in_bad_light()
     for heeds in (0.0, 1.0):
         for s in (*np.arange(2030.0, 2100.0, 10.0), *np.arange(2100.0, 2600.0, 75.0)):
             yield Scene(
                 name="the line may not be crossed, here or soon",
                 vehicles=pair(25.0, s=s, heeds_lines=heeds),
             )
+
+
+def in_bad_light() -> Iterable[Scene]:
+    """Oncoming traffic at night and in the rain."""
     for gap in np.arange(150.0, 700.0, 50.0):
         yield Scene(
             name="at night somebody comes",
@@ -367,12 +376,18 @@ def others_overtake() -> Iterable[Scene]:
         second = Vehicle(s=970.0, speed=21.0, driver=goes)
         yield Scene(
             name="others overtake before the ego",
-            vehicles=[van(940.0, 21.0), van(1030.0), first, second, oncomer(1000.0 + gap, 40.0)],
+            vehicles=[
+                along(940.0, 21.0),
+                along(1030.0),
+                first,
+                second,
+                oncomer(1000.0 + gap, 40.0),
+            ],
         )
         yield Scene(
             name="who comes overtakes",
             vehicles=[
-                van(2300.0, 21.0), oncomer(2300.0 + gap, 18.0, kind="T"),
+                along(2300.0, 21.0), oncomer(2300.0 + gap, 18.0, kind="T"),
                 oncomer(2330.0 + gap, 21.0, **goes | {"desired_speed": 27.0}),
                 oncomer(2360.0 + gap, 21.0, **goes | {"desired_speed": 29.0}),
             ],
@@ -381,9 +396,9 @@ def others_overtake() -> Iterable[Scene]:
         yield Scene(
             name="the ego is passed, and makes room, yields or races",
             vehicles=[
-                van(1030.0, 18.0, passed_factor=speed, makes_room=0.4),
+                along(1030.0, 18.0, passed_factor=speed, makes_room=0.4),
                 Vehicle(s=1000.0, speed=21.0, driver=goes),
-                van(1100.0, 18.0), oncomer(2000.0),
+                along(1100.0, 18.0), oncomer(2000.0),
             ],
         )  # fmt: skip
 
@@ -394,7 +409,7 @@ def rules() -> Iterable[Scene]:
         yield Scene(
             name="the leader signals, and goes before its follower",
             vehicles=[
-                van(100.0), van(1085.0),
+                along(100.0), along(1085.0),
                 Vehicle(
                     s=1000.0, speed=18.0, driver=BOLD | {"signal_time": 3.0, "time_gap": 4.0}
                 ),
@@ -412,7 +427,7 @@ def comes_in() -> Scene:
     return Scene(
         name="somebody comes in the lane of the ego",
         vehicles=[
-            van(1450.0), oncomer(1654.0, 18.0, kind="T"),
+            along(1450.0), oncomer(1654.0, 18.0, kind="T"),
             oncomer(1678.0, 25.0, **hurried),
         ],
     )  # fmt: skip
@@ -424,8 +439,8 @@ def doubts() -> Scene:
     return Scene(
         name="somebody sets out, gives up at once, and doubts",
         vehicles=[
-            van(1464.0, 23.0), van(1030.0), Vehicle(s=1011.0, speed=23.0, driver=driver),
-            oncomer(1500.0), van(1100.0),
+            along(1464.0, 23.0), along(1030.0), Vehicle(s=1011.0, speed=23.0, driver=driver),
+            oncomer(1500.0), along(1100.0),
         ],
     )  # fmt: skip
 
@@ -454,7 +469,7 @@ WRITTEN = (
     Written(
         name="meetings by hand",
         road=two_way(),
-        scenes=(*meetings(), *others_overtake(), *rules()),
+        scenes=(*meetings(), *views(), *others_overtake(), *rules()),
         horizon=14.0,
     ),
     # Neighbours in the same block would hide what happens in these two.
