@@ -85,12 +85,13 @@ class Written:
 
     def run(self, scenario: Scenario, run: Run) -> Trajectories:
         """Simulate scenarios of this with `engine.run` or `reference.run`."""
-        return run(scenario, self._parameters(scenario), actions=self._actions(scenario))
-
-    def _actions(self, scenario: Scenario) -> Actions | None:
-        """What another driver does with the egos, if one of the scenes has any."""
+        given = self._parameters(scenario)
         if not any(one.moves for one in self.scenes):
-            return None
+            return run(scenario, given)
+        return run(scenario, given, actions=self._actions(scenario))
+
+    def _actions(self, scenario: Scenario) -> Actions:
+        """What another driver does with the egos."""
         decisions = round(DECISIONS_PER_SECOND * self.horizon)
         values = np.zeros((scenario.num_simulations, decisions, MOST_PARTS), np.int32)
         for row, index in zip(values, scenario.index, strict=True):
@@ -419,6 +420,15 @@ def rules() -> Iterable[Scene]:
     for edge, name in ((0.4 - 0.9, "this"), (7.4 + 0.9, "the other")):
         halted = oncomer(1400.0, 0.0, desired_speed=0.01, start_d=edge)
         yield Scene(name=f"somebody halts beyond {name} edge", vehicles=pair(25.0, halted))
+    races = {"desired_speed": 20.0, "accel": 3.0, "passed_factor": 1.15, "time_gap": 0.3}
+    for gap in np.arange(740.0, 820.0, 5.0):
+        ego = Vehicle(s=1000.0, speed=20.0, body={"max_speed": 31.0}, driver=BOLD)
+        yield Scene(
+            name="the ego squeezes in before one who races",
+            vehicles=[
+                ego, along(1020.0, 18.0, **races), along(1062.0, 20.0), oncomer(1000.0 + gap, 28.0)
+            ],
+        )  # fmt: skip
 
 
 def comes_in() -> Scene:

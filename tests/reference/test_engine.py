@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,7 +53,7 @@ def test_engine_and_reference_record_the_same_bits(situation):
     scenario = situation.scenario(situation.share)
     expected = situation.run(scenario, reference.run)
     for level in LEVELS:
-        run = lambda *given, level=level: engine.run(*given, level=level)  # noqa: E731
+        run = partial(engine.run, level=level)
         assert not (found := difference(situation.run(scenario, run), expected)), (
             f"{level}: {found}"
         )
