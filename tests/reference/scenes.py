@@ -429,6 +429,13 @@ def rules() -> Iterable[Scene]:
                 ego, along(1020.0, 18.0, **races), along(1062.0, 20.0), oncomer(1000.0 + gap, 28.0)
             ],
         )  # fmt: skip
+    near = BOLD | {"need_factor": 0.4, "return_time_gap": 0.1, "min_gap": 2.5, "time_gap": 0.9}
+    for gap in np.arange(550.0, 610.0, 6.0):
+        ego = Vehicle(s=1000.0, speed=20.0, body={"max_speed": 29.0}, driver=near)
+        yield Scene(
+            name="the ego is past one, and gives up beside a slower one",
+            vehicles=[ego, along(1030.0), along(1062.0, 10.0), oncomer(1000.0 + gap, 50.0)],
+        )
 
 
 def comes_in() -> Scene:
