@@ -59,7 +59,6 @@ EQUIVALENT = {
     "let facing = start «+ change * clamp_to(begin, 0.0, 1.0);": (
         "only its sign is used: at the first contact the centres are on the side where they began"
     ),
-    "choose(x.simd_lt(0.0), «-y, y)": "the step asks for angles of numbers that are not negative",
     "let a = clamp_to((film «- h0) / (h1 - h0), 0.0, 1.0);": "the first film knot is 0",
     "let a = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",

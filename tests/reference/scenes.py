@@ -7,6 +7,7 @@ what is done and what would be done with any sign or comparison turned round.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -475,12 +476,45 @@ def given_up() -> Iterable[Scene]:
         )
 
 
+def accidents() -> Iterable[Scene]:
+    """Bodies that just touch at a corner, and a wreck in the fog."""
+    heedless = HEEDLESS | {"lane_change_threshold": 0.1, "bias": -5.0, "safe_decel": 30.0}
+    unaware = {"reaction_ticks": 60.0, "urgent_ticks": 60.0, "attention": 0.1}
+    for gap, speed, duration in (
+        *itertools.product(np.arange(16.0, 20.0, 0.1), (32.0,), (2.5, 3.0)),
+        *itertools.product(np.arange(-1.0, 2.0, 0.25), (25.2,), (4.5,)),
+        *itertools.product(np.arange(-4.0, -1.0, 0.25), (24.0,), (4.5,)),
+    ):
+        passes = {"start_d": -4.75, "desired_speed": speed} | unaware
+        yield Scene(
+            name="somebody touches the corner of a passing truck",
+            vehicles=[
+                ELSEWHERE, car(1000.0, 0, **heedless, lane_change_duration=duration),
+                Vehicle(kind="T", s=1000.0 - gap, lane=1, speed=speed, driver=passes),
+            ],
+        )  # fmt: skip
+    halted = Vehicle(kind="B", s=1150.0, lane=1, speed=0.0, driver={"desired_speed": 0.01})
+    for gap in np.arange(190.0, 290.0, 10.0):
+        yield Scene(
+            name="somebody approaches a wreck in the fog",
+            vehicles=[ELSEWHERE, halted, car(1000.0, 1, 30.0), car(1000.0 - gap, 1, 30.0)],
+            weather={"fog": 85.0, "night": 1.0, "sun_altitude": -0.5},
+        )
+
+
 WRITTEN = (
     Written(
         name="lane changes by hand",
         road=wide_road(lanes=3),
         scenes=(*lane_changes(), *overtakes()),
         horizon=17.0,
+        effects=SHARP_EYED,
+    ),
+    Written(
+        name="accidents by hand",
+        road=wide_road(lanes=3),
+        scenes=tuple(accidents()),
+        horizon=8.0,
         effects=SHARP_EYED,
     ),
     Written(

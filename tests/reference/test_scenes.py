@@ -12,7 +12,7 @@ from overtaking.sim import engine
 
 from .scenes import WRITTEN, Written
 
-LANES, MEETINGS, COMES_IN, _, GIVEN_UP = WRITTEN
+LANES, ACCIDENTS, MEETINGS, COMES_IN, _, GIVEN_UP = WRITTEN
 
 
 @cache
@@ -102,3 +102,9 @@ def test_egos_before_oncoming_traffic_wait_pass_give_up_and_collide():
     done = (Stage.FOLLOW, Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE)
     for expected in (done[:1], done, (Stage.FOLLOW, Stage.PULL_OUT, Stage.ABORT, Stage.FOLLOW)):
         assert any(one[: len(expected)] == expected for one in seen), expected
+
+
+def test_bodies_touch_and_wrecks_are_approached():
+    hit = simulated(ACCIDENTS).contacts.partner[:, 2] != 255
+    for name in {one.name for one in ACCIDENTS.scenes}:
+        assert any(hit[k] for k, one in enumerate(ACCIDENTS.scenes) if one.name == name), name
