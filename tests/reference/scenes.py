@@ -482,10 +482,10 @@ def accidents() -> Iterable[Scene]:
     unaware = {"reaction_ticks": 60.0, "urgent_ticks": 60.0, "attention": 0.1}
     for gap, speed, duration in (
         *itertools.product(np.arange(16.0, 20.0, 0.1), (32.0,), (2.5, 3.0)),
-        *itertools.product(np.arange(-1.0, 2.0, 0.25), (25.2,), (4.5,)),
-        *itertools.product(np.arange(-4.0, -1.0, 0.25), (24.0,), (4.5,)),
+        *itertools.product(np.arange(-1.0, 2.0, 0.1), (25.2,), (4.5,)),
+        *itertools.product(np.arange(-4.0, -1.0, 0.1), (24.0,), (4.5,)),
     ):
-        passes = {"start_d": -4.75, "desired_speed": speed} | unaware
+        passes = {"start_d": -4.65, "desired_speed": speed} | unaware
         yield Scene(
             name="somebody touches the corner of a passing truck",
             vehicles=[
