@@ -269,10 +269,16 @@ SCENES = (
             ("rural-given-up-for-who-comes", gives_up),
             ("rural-ends-on-a-solid-line", ends_on_a_solid_line),
             ("rural-over-a-crest", over_a_crest),
-            ("rural-another-passes-the-leader", another_passes_the_leader),
             ("rural-another-gives-up", another_gives_up),
             ("rural-oncomer-in-the-own-lane", meets_an_overtaker),
         )
+    ),
+    Scene(
+        name="rural-another-passes-the-leader",
+        happens=another_passes_the_leader,
+        profile="rural",
+        road="rural",
+        overrides={**PRESSED, "traffic.ego_types": {"T": 1}},
     ),
     Scene(
         name="rural-head-on-collision",

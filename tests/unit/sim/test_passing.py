@@ -26,7 +26,7 @@ def time_to_reach(kind: str, begin: float, end: float) -> float:
     def arrives(_, v):
         return v[0] - end
 
-    arrives.terminal = True
+    arrives.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
     run = solve_ivp(speed_up, (0.0, 1000.0), [begin], events=arrives, rtol=1e-8)
     return float(run.t_events[0][0])
 
