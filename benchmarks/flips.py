@@ -2,6 +2,7 @@
 
     python benchmarks/flips.py                 # every flip; exits with 1 if one goes unnoticed
     python benchmarks/flips.py --file ego.rs   # those of one file
+    python benchmarks/flips.py --again LOG     # those that an earlier output calls UNNOTICED
 
 A copy of the crates is instrumented so that each operator asks whether it is the flipped one: one
 build serves all flips. Unflipped, the copy records what the engine records. A flip is noticed if
@@ -58,13 +59,29 @@ EQUIVALENT = {
     "let facing = start «+ change * clamp_to(begin, 0.0, 1.0);": (
         "only its sign is used: at the first contact the centres are on the side where they began"
     ),
-    "choose(x.simd_lt(0.0), «-y, y)": "the step asks for angles of numbers that are not negative",
     "let a = clamp_to((film «- h0) / (h1 - h0), 0.0, 1.0);": "the first film knot is 0",
     "let a = clamp_to((film - h0) / (h1 «- h0), 0.0, 1.0);": "the first film knot is 0",
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
     "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
     "let never = zero«.simd_lt(zero);": "no number is less or greater than itself",
-    "let mut in_lane = slot«.simd_gt(nearest);": "only read of an oncomer that was found",
+    "let still = settled & state.wanted[i]«.simd_eq(0.0) & state.indicator[i].simd_eq(0.0);": (
+        "who wants a lane change has signalled for a moment; so it is never still, and looks again"
+    ),
+    "let still = settled & state.wanted[i].simd_eq(0.0) & state.indicator[i]«.simd_eq(0.0);": (
+        "the indicator goes off with the signal; so nobody is ever still, and everybody looks again"
+    ),
+    "let home = (low, splat(w.simd, road.boundaries[1] «- c.corridor_margin));": (
+        "more may be in the lane of those who come; who is there is asked of each again"
+    ),
+    "let along = other.direction«.simd_gt(0.0);": (
+        "both directions change names, and each is asked for the other"
+    ),
+    "traffic.turned[j].on_road &= first.slot«.simd_ne(j as i32 as f32);": (
+        "told to another driver of the ego, who answers outside; nothing of it is recorded"
+    ),
+    "let at_home = state.lane[i]«.simd_eq(0.0).all_true();": (
+        "who is not at home overtakes, and gives way to nobody; who is at home looks at more"
+    ),
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
     "a«.simd_gt(b).select(a, b)": "only for other CPUs than x86",
@@ -338,6 +355,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Flip every operator of the engine's step.")
     parser.add_argument("--file", help="only those of one file, such as ego.rs")
     parser.add_argument(
+        "--again", type=Path, metavar="LOG", help="only those that went unnoticed in this output"
+    )
+    parser.add_argument(
         "--search", type=int, default=0, metavar="N",
         help="look for simulations, in N times as many, that would notice the unnoticed",
     )  # fmt: skip
@@ -351,12 +371,17 @@ def main() -> int:
                 "the instrumented engine differs from the reference with nothing flipped"
             )
         chosen = [flip for flip in flips if given.file in (None, flip.file)]
+        if given.again:
+            before = given.again.read_text(encoding="utf-8")
+            chosen = [flip for flip in chosen if f"UNNOTICED  {flip}  " in before]
         survivors, by = list[Flip](), Counter[str]()
+        untrue = EQUIVALENT.keys() - {flip.marked for flip in flips}
         for flip in chosen:
             found = sweep.result(sweep.start(flip))
             by[found or "nobody"] += 1
-            if not found and flip.marked in EQUIVALENT:
+            if flip.marked in EQUIVALENT:
                 print(f"equivalent {flip}: {EQUIVALENT[flip.marked]}", flush=True)
+                untrue |= {flip.marked} if found else set()
             elif not found:
                 survivors.append(flip)
                 where = sweep.search(flip, given.search) if given.search else ""
@@ -364,10 +389,12 @@ def main() -> int:
     kinds = Counter(flip.kind for flip in chosen)
     print(f"{len(chosen)} flips ({', '.join(f'{kinds[kind]} {kind}' for kind in sorted(kinds))})")
     print(f"noticed by: {dict(by)}; {len(survivors)} unnoticed that should not be")
+    for marked in sorted(untrue):
+        print(f"NOT SO     {marked}: it is noticed, or not there any more")
     print(f"{len(left_out)} places left out because they are not on vectors or floats")
     for flip in left_out:
         print(f"left out   {flip}")
-    return 1 if survivors else 0
+    return 1 if survivors or untrue else 0
 
 
 if __name__ == "__main__":

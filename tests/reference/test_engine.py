@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from overtaking.scenarios import sample, spec
 from overtaking.sim import branch, engine, reference
 from overtaking.world.parameters import parameters
 
+from .scenes import WRITTEN
 from .situations import FURTHER, SITUATIONS, SMALL, Situation, arrays, difference, turned_round
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def simulated(situation: Situation) -> Trajectories:
         *SITUATIONS,
         *(
             pytest.param(one, marks=() if one.profile.startswith("pinto") else pytest.mark.ci)
-            for one in FURTHER
+            for one in (*FURTHER, *WRITTEN)
         ),
     ],
     ids=lambda one: one.name.replace(" ", "-"),
@@ -52,7 +53,7 @@ def test_engine_and_reference_record_the_same_bits(situation):
     scenario = situation.scenario(situation.share)
     expected = situation.run(scenario, reference.run)
     for level in LEVELS:
-        run = lambda *given, level=level: engine.run(*given, level=level)  # noqa: E731
+        run = partial(engine.run, level=level)
         assert not (found := difference(situation.run(scenario, run), expected)), (
             f"{level}: {found}"
         )
