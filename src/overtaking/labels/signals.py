@@ -157,6 +157,28 @@ def encounter(case: Case, neighbour: Around | Index, rows: Index, frames: Index)
     return Encounter(valid=vehicle != NO_VEHICLE, **dict(zip(names, out, strict=True)))
 
 
+def beside_target(
+    case: Case, ends: NDArray[np.int32]
+) -> tuple[Index, Index, U8, NDArray[np.float32], NDArray[np.float32]]:
+    """The frames in which ego and target overlap along the road, in order.
+
+    Args:
+        case: The batch.
+        ends: First and then last frames in which to look, shape (2 simulation,).
+
+    Returns:
+        Simulation and frame of each, and of the target its lane, the gap between the sides of both
+        [m], and its acceleration [m/s^2]; shape (instant,).
+    """
+    return _core.alongside(
+        recorded=packed(case),
+        seen=pack_seen(case.signals),
+        target=np.ascontiguousarray(case.target.vehicle, np.uint8),
+        span=ends,
+        level=chosen_level(),
+    )
+
+
 @once
 def packed(case: Case) -> dict[str, Any]:
     """`pack` of a case."""

@@ -4,19 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking import _core
 from overtaking.core.elementary import F32, Mask
 from overtaking.labels.instants import U8, Index, across_at, at, slot_of, vehicle_at
 from overtaking.labels.law.errors import lane_error
 from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
 from overtaking.labels.law.others import num_slow, target_may_be
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
-from overtaking.labels.signals import pack_seen, packed
+from overtaking.labels.signals import beside_target
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.compiled import chosen_level
 from overtaking.world.constants import known
 
 _HALF_LANE = np.float32(0.5)
@@ -63,13 +61,7 @@ def alongside(case: Case) -> Alongside:
 
 def overlaps(case: Case, span: Span) -> Alongside:
     """The frames of a span in which ego and target overlap along the road."""
-    rows, frames, lane, lateral_gap, accel = _core.alongside(
-        recorded=packed(case),
-        seen=pack_seen(case.signals),
-        target=np.ascontiguousarray(case.target.vehicle, np.uint8),
-        span=span.ends,
-        level=chosen_level(),
-    )
+    rows, frames, lane, lateral_gap, accel = beside_target(case, span.ends)
     return Alongside(rows=rows, frames=frames, lane=lane, lateral_gap=lateral_gap, accel=accel)
 
 
