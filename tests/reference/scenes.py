@@ -20,7 +20,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.road import RoadMark
 from overtaking.world.clock import DECISIONS_PER_SECOND
 from overtaking.world.effects import Effects
-from overtaking.world.parameters import VEHICLE_FIELDS, Parameters, parameters
+from overtaking.world.parameters import VEHICLE_FIELDS, Parameters, parameters, with_ring
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -59,6 +59,7 @@ class Written:
         scenes: They.
         horizon: How long they take [s].
         effects: Ablations.
+        ring: Length after which the road closes on itself; None if it does not [m].
     """
 
     name: str
@@ -66,6 +67,7 @@ class Written:
     scenes: tuple[Scene, ...]
     horizon: float
     effects: Effects | None = None
+    ring: float | None = None
     switch: None = None
     profile: str = "by hand"
 
@@ -103,6 +105,8 @@ class Written:
     def _parameters(self, scenario: Scenario) -> Parameters:
         """Parameters of scenarios, with what the drivers of the scenes have of their own."""
         given = parameters(scenario, self.effects)
+        if self.ring is not None:
+            given = with_ring(given, np.full_like(scenario.horizon, self.ring))
         vehicle = given.vehicle.copy()
         for row, index in enumerate(scenario.index):
             for slot, one in enumerate(self.scenes[int(index) % self.share].vehicles):
@@ -476,6 +480,14 @@ def given_up() -> Iterable[Scene]:
         )
 
 
+def laps() -> Scene:
+    """Two on a ring, each behind the other."""
+    return Scene(
+        name="the ego is followed by who began far ahead of it",
+        vehicles=[car(1000.0, 0, 15.0), ahead(180.0, 0, 20.0)],
+    )
+
+
 def accidents() -> Iterable[Scene]:
     """Bodies that just touch at a corner, and a wreck in the fog."""
     heedless = HEEDLESS | {"lane_change_threshold": 0.1, "bias": -5.0, "safe_decel": 30.0}
@@ -527,5 +539,12 @@ WRITTEN = (
     Written(name="comes in alone", road=two_way(), scenes=(comes_in(),), horizon=6.0),
     Written(name="doubts alone", road=two_way(), scenes=(doubts(),), horizon=12.0),
     Written(name="given up by hand", road=two_way(), scenes=tuple(given_up()), horizon=9.0),
+    Written(
+        name="ring by hand",
+        road=wide_road(lanes=1),
+        scenes=(laps(),),
+        horizon=5.0,
+        ring=200.0,
+    ),
 )
 """Each is compared with the reference once."""

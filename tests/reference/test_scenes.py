@@ -12,7 +12,7 @@ from overtaking.sim import engine
 
 from .scenes import WRITTEN, Written
 
-LANES, ACCIDENTS, MEETINGS, COMES_IN, _, GIVEN_UP = WRITTEN
+LANES, ACCIDENTS, MEETINGS, COMES_IN, _, GIVEN_UP, RING = WRITTEN
 
 
 @cache
@@ -108,3 +108,7 @@ def test_bodies_touch_and_wrecks_are_approached():
     hit = simulated(ACCIDENTS).contacts.partner[:, 2] != 255
     for name in {one.name for one in ACCIDENTS.scenes}:
         assert any(hit[k] for k, one in enumerate(ACCIDENTS.scenes) if one.name == name), name
+
+
+def test_on_a_ring_who_began_far_ahead_comes_from_behind():
+    assert simulated(RING).states.accel_lon[0, 1].min() < -1000
