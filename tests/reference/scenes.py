@@ -482,6 +482,22 @@ def given_up() -> Iterable[Scene]:
         )
 
 
+def hidden() -> Scene:
+    """Somebody changes lanes slowly, and a truck in the new lane hides the old leader."""
+    slow = {"passing_gain": 1.0, "desired_speed": 30.0, "lane_change_duration": 11.0}
+    slow |= {"time_gap": 0.4, "safe_decel": 30.0, "decel": 8.0, "accel": 3.0}
+    slow |= {"reaction_time": 1.3, "gap_acceptance": 0.2}
+    tall = {"desired_speed": 27.0, "start_d": -5.85, "max_speed": 40.0}
+    return Scene(
+        name="a truck near the line hides the leader of the lane that the ego leaves",
+        vehicles=[
+            car(1000.0, 0, 26.0, **slow), ahead(38.0, 0, 20.0, start_d=-7.91),
+            Vehicle(kind="T", s=1015.2, lane=1, speed=27.0, driver=tall),
+            ahead(95.0, 0, 0.0, desired_speed=0.01),
+        ],
+    )  # fmt: skip
+
+
 def laps() -> Scene:
     """Two on a ring, each behind the other."""
     return Scene(
@@ -547,7 +563,8 @@ WRITTEN = (
         scenes=(*meetings(), *views(), *others_overtake(), *rules()),
         horizon=14.0,
     ),
-    # Neighbours in the same block would hide what happens in these two.
+    # Neighbours in the same block would hide what happens in these three.
+    Written(name="hidden alone", road=wide_road(lanes=3), scenes=(hidden(),), horizon=8.0),
     Written(name="comes in alone", road=two_way(), scenes=(comes_in(),), horizon=6.0),
     Written(name="doubts alone", road=two_way(), scenes=(doubts(),), horizon=12.0),
     Written(name="given up by hand", road=two_way(), scenes=tuple(given_up()), horizon=9.0),

@@ -12,7 +12,7 @@ from overtaking.sim import engine
 
 from .scenes import WRITTEN, Written
 
-LANES, ACCIDENTS, MEETINGS, COMES_IN, _, GIVEN_UP, STEERED, RING = WRITTEN
+LANES, ACCIDENTS, MEETINGS, _, COMES_IN, _, GIVEN_UP, STEERED, RING = WRITTEN
 
 
 @cache
