@@ -64,6 +64,9 @@ EQUIVALENT = {
     "detected: [zero«.simd_lt(zero); ROLES],": "overwritten for every role before it is read",
     "self.vx[i] * sine «+ self.vy[i] * cosine,": "nobody reads the speed across the road",
     "let never = zero«.simd_lt(zero);": "no number is less or greater than itself",
+    "leader.as_ref().filter(|_| role != «LEAD),": (
+        "a leader hides neither itself nor anybody behind: both are asked again"
+    ),
     "let still = settled & state.wanted[i]«.simd_eq(0.0) & state.indicator[i].simd_eq(0.0);": (
         "who wants a lane change has signalled for a moment; so it is never still, and looks again"
     ),

@@ -40,13 +40,13 @@ class Scene:
         name: What happens.
         vehicles: Who is there, the ego first. Their drivers may have any parameter of the step.
         weather: What differs from a clear noon.
-        moves: What another driver of the ego decides, from a time on [s].
+        moves: What another driver asks of the ego from a time on [s], in the steps of `Actions`.
     """
 
     name: str
     vehicles: list[Vehicle]
     weather: dict[str, float] = field(default_factory=dict)
-    moves: tuple[tuple[float, Move], ...] = ()
+    moves: tuple[tuple[float, *tuple[int, ...]], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,6 +59,7 @@ class Written:
         scenes: They.
         horizon: How long they take [s].
         effects: Ablations.
+        kind: What the moves are, as in `Actions`.
         ring: Length after which the road closes on itself; None if it does not [m].
     """
 
@@ -67,6 +68,7 @@ class Written:
     scenes: tuple[Scene, ...]
     horizon: float
     effects: Effects | None = None
+    kind: str = "decision"
     ring: float | None = None
     switch: None = None
     profile: str = "by hand"
@@ -98,9 +100,9 @@ class Written:
         decisions = round(DECISIONS_PER_SECOND * self.horizon)
         values = np.zeros((scenario.num_simulations, decisions, MOST_PARTS), np.int32)
         for row, index in zip(values, scenario.index, strict=True):
-            for time, move in self.scenes[int(index) % self.share].moves:
-                row[round(DECISIONS_PER_SECOND * time) :, 0] = move
-        return Actions(kind="decision", values=values)
+            for time, *steps in self.scenes[int(index) % self.share].moves:
+                row[round(DECISIONS_PER_SECOND * time) :, : len(steps)] = steps
+        return Actions(kind=self.kind, values=values)
 
     def _parameters(self, scenario: Scenario) -> Parameters:
         """Parameters of scenarios, with what the drivers of the scenes have of their own."""
@@ -480,6 +482,22 @@ def given_up() -> Iterable[Scene]:
         )
 
 
+def hidden() -> Scene:
+    """Somebody changes lanes slowly, and a truck in the new lane hides the old leader."""
+    slow = {"passing_gain": 1.0, "desired_speed": 30.0, "lane_change_duration": 11.0}
+    slow |= {"time_gap": 0.4, "safe_decel": 30.0, "decel": 8.0, "accel": 3.0}
+    slow |= {"reaction_time": 1.3, "gap_acceptance": 0.2}
+    tall = {"desired_speed": 27.0, "start_d": -5.85, "max_speed": 40.0}
+    return Scene(
+        name="a truck near the line hides the leader of the lane that the ego leaves",
+        vehicles=[
+            car(1000.0, 0, 26.0, **slow), ahead(38.0, 0, 20.0, start_d=-7.91),
+            Vehicle(kind="T", s=1015.2, lane=1, speed=27.0, driver=tall),
+            ahead(95.0, 0, 0.0, desired_speed=0.01),
+        ],
+    )  # fmt: skip
+
+
 def laps() -> Scene:
     """Two on a ring, each behind the other."""
     return Scene(
@@ -514,6 +532,16 @@ def accidents() -> Iterable[Scene]:
         )
 
 
+def steered() -> Iterable[Scene]:
+    """An ego whose wheels another driver turns farther than they go, in tenths of a milliradian."""
+    for angle in (-7000, 7000):
+        yield Scene(
+            name="the ego's wheels are turned too far",
+            vehicles=[car(1000.0, 1, 5.0)],
+            moves=((0.5, 0, angle),),
+        )
+
+
 WRITTEN = (
     Written(
         name="lane changes by hand",
@@ -535,10 +563,18 @@ WRITTEN = (
         scenes=(*meetings(), *views(), *others_overtake(), *rules()),
         horizon=14.0,
     ),
-    # Neighbours in the same block would hide what happens in these two.
+    # Neighbours in the same block would hide what happens in these three.
+    Written(name="hidden alone", road=wide_road(lanes=3), scenes=(hidden(),), horizon=8.0),
     Written(name="comes in alone", road=two_way(), scenes=(comes_in(),), horizon=6.0),
     Written(name="doubts alone", road=two_way(), scenes=(doubts(),), horizon=12.0),
     Written(name="given up by hand", road=two_way(), scenes=tuple(given_up()), horizon=9.0),
+    Written(
+        name="steered by hand",
+        road=wide_road(lanes=3),
+        scenes=tuple(steered()),
+        horizon=3.0,
+        kind="accel_steer",
+    ),
     Written(
         name="ring by hand",
         road=wide_road(lanes=1),

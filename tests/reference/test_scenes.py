@@ -12,7 +12,7 @@ from overtaking.sim import engine
 
 from .scenes import WRITTEN, Written
 
-LANES, ACCIDENTS, MEETINGS, COMES_IN, _, GIVEN_UP, RING = WRITTEN
+LANES, ACCIDENTS, MEETINGS, _, COMES_IN, _, GIVEN_UP, STEERED, RING = WRITTEN
 
 
 @cache
@@ -112,3 +112,9 @@ def test_bodies_touch_and_wrecks_are_approached():
 
 def test_on_a_ring_who_began_far_ahead_comes_from_behind():
     assert simulated(RING).states.accel_lon[0, 1].min() < -1000
+
+
+def test_wheels_turn_as_far_as_they_go():
+    angle = simulated(STEERED).states.wheel_angle[:, 0].astype(int)
+    assert -5000 <= angle[0].min() < -4900
+    assert 4900 < angle[1].max() <= 5000

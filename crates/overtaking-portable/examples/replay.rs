@@ -95,8 +95,11 @@ fn batch(file: &mut impl Read, level: Option<&str>) -> Outcome<Vec<u32>> {
         two_way: two_way > 0.0,
         far_end,
         across,
-        sight: [floats(file)?, floats(file)?, floats(file)?],
-        line: [floats(file)?, floats(file)?],
+        sight: [
+            [floats(file)?, floats(file)?, floats(file)?],
+            [floats(file)?, floats(file)?, floats(file)?],
+        ],
+        line: [floats(file)?, floats(file)?, floats(file)?],
     };
     let mut parameters = || -> Outcome<_> {
         let of_vehicles = VEHICLE_NAMES.len() * slots * simulations;
