@@ -71,7 +71,7 @@ EQUIVALENT = {
         "who wants a lane change has signalled for a moment; so it is never still, and looks again"
     ),
     "let still = settled & state.wanted[i].simd_eq(0.0) & state.indicator[i]«.simd_eq(0.0);": (
-        "the indicator goes off with the signal; so nobody is ever still, and everybody looks again"
+        "the indicator goes off with the signal, so no driver is ever still, and each looks again"
     ),
     "let home = (low, splat(w.simd, road.boundaries[1] «- c.corridor_margin));": (
         "more may be in the lane of those who come; who is there is asked of each again"
@@ -83,7 +83,7 @@ EQUIVALENT = {
         "told to another driver of the ego, who answers outside; nothing of it is recorded"
     ),
     "let at_home = state.lane[i]«.simd_eq(0.0).all_true();": (
-        "who is not at home overtakes, and gives way to nobody; who is at home looks at more"
+        "who is outside its lane overtakes and gives way to no other; who is inside it looks at more"
     ),
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",

@@ -129,7 +129,7 @@ fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>
     let now = their_braking(w, view, gap, closing);
     let rear = min(now, their_braking(w, view, later, faster)).simd_ge(-view.imposes);
     let rear = rear & gap.simd_gt(c.smallest_rear_gap * view.demand);
-    // The lane of oncoming traffic is free while nobody else is seen to overtake there.
+    // The lane of oncoming traffic is free while the driver sees no other vehicle overtake there.
     if w.road.ways.two_way {
         return rear & !view.detected[FAST_LEAD];
     }
@@ -337,7 +337,7 @@ pub fn decide_other<S: Simd, const N: usize>(
     let still = settled & state.wanted[i].simd_eq(0.0) & state.indicator[i].simd_eq(0.0);
     if (still & !mind.looks).all_true() {
         wait(state, w, i, mind.believed);
-        return; // Nobody begins anything without a look.
+        return; // A driver begins no manoeuvre without a look around.
     }
     let view = look(state, w, &mind, i);
     wait(state, w, i, mind.believed);

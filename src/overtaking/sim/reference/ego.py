@@ -193,7 +193,7 @@ def wants_to_pass(given: Parameters, view: View) -> Mask:
 def may_pull_out(given: Parameters, view: View) -> Mask:
     """Whether the next lane looks free enough, and faster, to this driver.
 
-    The lane of oncoming traffic is free while nobody else is seen to overtake there.
+    The lane of oncoming traffic is free while no other is seen to overtake there.
     """
     c, own = given.constants, view.own
     front = own_braking(given, view, view.gap[FAST_LEAD], view.closing[FAST_LEAD]) >= -own.decel
