@@ -83,7 +83,7 @@ EQUIVALENT = {
         "told to another driver of the ego, who answers outside; nothing of it is recorded"
     ),
     "let at_home = state.lane[i]«.simd_eq(0.0).all_true();": (
-        "who is outside its lane overtakes and gives way to no other; who is inside it looks at more"
+        "who is outside its lane overtakes and gives way to no other; others look at more"
     ),
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
