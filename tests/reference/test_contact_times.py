@@ -13,7 +13,7 @@ from overtaking.scenarios import sample, spec
 from overtaking.sim import engine
 from overtaking.sim.reference import collisions, dynamics, steering
 from overtaking.sim.reference.recording import Recorder
-from overtaking.sim.reference.run import Pairs, advance, decide
+from overtaking.sim.reference.run import advance, decide
 from overtaking.sim.reference.state import State, initial_state
 from overtaking.world.parameters import SUBSTEPS, parameters
 
@@ -53,7 +53,7 @@ class World:
         self.state = initial_state(self.given)
         self.step = 0
 
-    def decide(self) -> Pairs:
+    def decide(self) -> collisions.Pairs:
         return decide(self.state, self.given, self.p, self.q, self.recorder, self.step)
 
     def stride(self) -> None:

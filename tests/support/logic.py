@@ -28,8 +28,16 @@ def program_of(case: Case, *, every: int = writing.EVERY) -> str:
     return (writing.text(shared) + writing.text(found)).decode()
 
 
-def solved(text: str) -> dict[str, set[Row]]:
-    """What a program without choices says: the arguments of the atoms of each predicate."""
+def solved(text: str, *asked: str) -> dict[str, set[Row]]:
+    """What a program without choices says.
+
+    Args:
+        text: Facts and rules.
+        asked: Names of predicates; all of them if there is none.
+
+    Returns:
+        The arguments of the atoms by predicate.
+    """
     import clingo
 
     complaints: list[str] = []
@@ -37,9 +45,12 @@ def solved(text: str) -> dict[str, set[Row]]:
     control.add("base", [], text)
     control.ground([("base", [])])
     assert [one for one in complaints if "does not occur" not in one] == []
+    atoms = control.symbolic_atoms
     found: dict[str, set[Row]] = {}
-    for atom in control.symbolic_atoms:
-        found.setdefault(atom.symbol.name, set()).add(tuple(map(value, atom.symbol.arguments)))
+    for name, arity, is_positive in atoms.signatures:
+        if name in (asked or (name,)):
+            for atom in atoms.by_signature(name, arity, is_positive):
+                found.setdefault(name, set()).add(tuple(map(value, atom.symbol.arguments)))
     return found
 
 

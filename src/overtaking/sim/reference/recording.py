@@ -232,10 +232,10 @@ class Recorder:
 
     def _mix(self, words: list[NDArray[np.int32]], mask: Mask) -> None:
         """One round of the hash, that of xxHash32 (Collet 2012): a word into each accumulator."""
-        for k, word in enumerate(words):
-            mixed = self.hash[k] + word.astype(np.uint32) * _PRIME_2
-            mixed = ((mixed << np.uint32(13)) | (mixed >> np.uint32(19))) * _PRIME_1
-            self.hash[k] = np.where(mask, mixed, self.hash[k])
+        before = self.hash[: len(words)]
+        mixed = before + np.stack(words).astype(np.uint32) * _PRIME_2
+        mixed = ((mixed << np.uint32(13)) | (mixed >> np.uint32(19))) * _PRIME_1
+        self.hash[: len(words)] = np.where(mask, mixed, before)
 
     def finish(self, state: State) -> Trajectories:
         """The recorded batch, trimmed to its longest simulation, with contacts and hashes."""

@@ -35,8 +35,6 @@ from overtaking.world.parameters import (
     parameters,
 )
 
-Pairs = dict[tuple[int, int], np.ndarray]
-
 
 def simulate(scenario: Scenario) -> Trajectories:
     """Simulate a batch with the readable twin of the engine.
@@ -68,7 +66,7 @@ def run(
     state = initial_state(given)
     recorder = Recorder(scenario, given)
     p, q = given.of_vehicles, given.of_simulations
-    pairs: Pairs = {}
+    pairs: collisions.Pairs = {}
     orders: Orders | None = None
     # Frames at other times than decisions want a state at every step.
     stride = SUBSTEPS if given.record_every % SUBSTEPS == 0 else 1
@@ -107,7 +105,7 @@ def decide(
     recorder: Recorder | None,
     step: int,
     orders: Orders | None = None,
-) -> Pairs:
+) -> collisions.Pairs:
     """Everything that happens 20 times a second: weather, perception, decisions."""
     moment = perceive(state, given, p, q, step)
     return act(state, given, p, q, moment, recorder, step, orders)
@@ -152,7 +150,7 @@ def act(
     recorder: Recorder | None,
     step: int,
     orders: Orders | None,
-) -> Pairs:
+) -> collisions.Pairs:
     """What everybody decides; what the ego does, where another driver has it, `orders` say."""
     near, believed, met = moment.near, moment.believed, moment.met
     leader = control.behind_leader(state, given, p, believed, met)
@@ -167,9 +165,7 @@ def act(
     else:
         ego.decide_others(state, given, p, q, moment, step)
     ego.decide(state, given, p, q, moment, recorder, step, orders)
-    c, road, count = given.constants, given.road, len(p.valid)
-    every = [(i, j) for i in range(count) for j in range(i + 1, count)]
-    return {(i, j): collisions.is_near(state, c, road, p, i, j) for i, j in every}
+    return collisions.near_pairs(state, given.constants, given.road, p)
 
 
 def advance(
@@ -177,7 +173,7 @@ def advance(
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
-    pairs: Pairs,
+    pairs: collisions.Pairs,
     step: int,
     stride: int,
     orders: Orders | None = None,

@@ -31,7 +31,7 @@ def known(place: int) -> tuple[str, dict[str, str], dict[str, int]]:
 
 def in_logic(facts: str, law_text: str = LAW) -> tuple[dict[str, str], dict[str, int]]:
     """Verdicts of one simulation, and first frames of breaches, by the code of the rule."""
-    found = solved(facts + law_text)
+    found = solved(facts + law_text, "verdict", "breach")
     verdicts: dict[str, str] = {}
     for _, rule, verdict in found["verdict"]:
         assert rule not in verdicts, f"two verdicts of {rule}"
