@@ -314,6 +314,21 @@ class Road:
                 next_step="choose another road",
             )
 
+    def needs_one_limit(self, where: str) -> None:
+        """ConfigError for a road whose limit changes.
+
+        Args:
+            where: A part of the package that knows one limit for a road.
+        """
+        if self.course and self.course.limits:
+            raise ConfigError.of(
+                what=f"road {self.name}",
+                where=where,
+                expected="one limit from end to end",
+                got=f"another one from {self.course.limits[0].start:g} m on",
+                next_step="choose another road",
+            )
+
     def mirrored(self) -> Self:
         """The road in a world where left and right are swapped: d, y and heading change sign.
 
