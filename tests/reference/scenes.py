@@ -15,7 +15,7 @@ import numpy as np
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.model.actions import MOST_PARTS, Actions, Move
-from overtaking.model.course import Course, Line
+from overtaking.model.course import Course, Limit, Line
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import RoadMark
 from overtaking.world.clock import DECISIONS_PER_SECOND
@@ -542,6 +542,86 @@ def steered() -> Iterable[Scene]:
         )
 
 
+# --- Limits that change along the road: from 25 to 15 m/s between 2000 and 2200 m ---------------
+
+LOWER = Limit(start=2000.0, stop=2200.0, speed=15.0)
+
+
+def limited(road: Road, *limits: Limit) -> Road:
+    """A road with other limits on the way."""
+    course = dataclasses.replace(road.course or Course(), limits=limits)
+    return dataclasses.replace(road, speed_limit=25.0, course=course)
+
+
+def obedient(gap: float, speed: float = 25.0, respect: float = 1.0, **driver: float) -> Vehicle:
+    """A car so far before the lower limit, whose driver would like to be faster."""
+    return car(
+        LOWER.start - gap, 1, speed, **{"desired_speed": 27.0, "limit_respect": respect} | driver
+    )
+
+
+def lower_limits() -> Iterable[Scene]:
+    """Others who come to a lower limit, drive by it, and leave it; and an ego who overtakes."""
+    for gap in (40.0, 150.0, 190.0):
+        for respect in (0.4, 1.0):
+            yield Scene(
+                name="somebody comes to a lower limit",
+                vehicles=[ELSEWHERE, obedient(gap, respect=respect)],
+            )
+    yield Scene(
+        name="somebody wants to be slower than any limit",
+        vehicles=[ELSEWHERE, obedient(60.0, 14.0, desired_speed=14.5)],
+    )
+    for caution in (0.5, 1.0):
+        for sky in ({"rain": 100.0}, {"fog": 80.0, "night": 1.0, "sun_altitude": -0.5}):
+            yield Scene(
+                name="somebody comes to a lower limit and slows for the weather, too",
+                vehicles=[ELSEWHERE, obedient(150.0, caution=caution, respect=0.6)],
+                weather=sky,
+            )
+    top = {"desired_speed": 40.0, "limit_respect": 0.2}
+    yield Scene(
+        name="a truck is as fast as it can be, whatever the limit",
+        vehicles=[ELSEWHERE, Vehicle(kind="T", s=1900.0, lane=1, speed=24.0, driver=top)],
+    )
+    yield Scene(
+        name="somebody brakes for the limit no harder than is comfortable",
+        vehicles=[ELSEWHERE, obedient(150.0, decel=0.5)],
+    )
+    yield Scene(
+        name="somebody leaves the stretch", vehicles=[ELSEWHERE, obedient(-170.0, speed=15.0)]
+    )
+    eager = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 0.0}
+    for gap in (150.0, 100.0, -50.0):
+        yield Scene(
+            name="somebody behind a slow car weighs another lane by the limit",
+            vehicles=[ELSEWHERE, obedient(gap, 20.0, **eager), obedient(gap - 40.0, 14.0)],
+        )
+    for gap, leader in ((400.0, 13.0), (160.0, 13.0), (-20.0, 16.0)):
+        bold = {"passing_gain": 0.5, "desired_speed": 27.0, "limit_respect": 0.9}
+        yield Scene(
+            name="the ego overtakes before the lower limit, and hardly behind it",
+            vehicles=[
+                obedient(gap, leader + 3.0, **bold),
+                car(LOWER.start - gap + 30.0, 1, leader),
+            ],
+        )
+
+
+def limits_of_each_way() -> Iterable[Scene]:
+    """Both directions of a road, on which only one has a lower limit; and a pass before it."""
+    respects = {"desired_speed": 27.0, "limit_respect": 1.0}
+    yield Scene(
+        name="who comes slows down, who goes does not",
+        vehicles=[along(1900.0, 25.0, **respects), oncomer(2350.0, 25.0, **respects)],
+    )
+    for gap in (700.0, 300.0):
+        yield Scene(
+            name="somebody passes before a lower limit",
+            vehicles=pair(25.0, oncomer(4000.0), s=4300.0 - gap, limit_respect=0.8),
+        )
+
+
 WRITTEN = (
     Written(
         name="lane changes by hand",
@@ -581,6 +661,23 @@ WRITTEN = (
         scenes=(laps(),),
         horizon=5.0,
         ring=200.0,
+    ),
+    Written(
+        name="limits by hand",
+        road=limited(wide_road(lanes=3), LOWER),
+        scenes=tuple(lower_limits()),
+        horizon=9.0,
+        effects=SHARP_EYED,
+    ),
+    Written(
+        name="limits of each way by hand",
+        road=limited(
+            two_way(),
+            Limit(start=2000.0, stop=2200.0, speed=15.0, direction=-1),
+            Limit(start=4300.0, stop=4500.0, speed=18.0, direction=1),
+        ),
+        scenes=tuple(limits_of_each_way()),
+        horizon=12.0,
     ),
 )
 """Each is compared with the reference once."""

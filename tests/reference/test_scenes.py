@@ -12,7 +12,7 @@ from overtaking.sim import engine
 
 from .scenes import WRITTEN, Written
 
-LANES, ACCIDENTS, MEETINGS, _, COMES_IN, _, GIVEN_UP, STEERED, RING = WRITTEN
+LANES, ACCIDENTS, MEETINGS, _, COMES_IN, _, GIVEN_UP, STEERED, RING, LIMITS, BOTH_WAYS = WRITTEN
 
 
 @cache
@@ -118,3 +118,38 @@ def test_wheels_turn_as_far_as_they_go():
     angle = simulated(STEERED).states.wheel_angle[:, 0].astype(int)
     assert -5000 <= angle[0].min() < -4900
     assert 4900 < angle[1].max() <= 5000
+
+
+def speeds(written: Written, words: str, slot: int) -> list[np.ndarray]:
+    """The speeds of a vehicle in scenes with these words in their names [m/s]."""
+    run = simulated(written)
+    return [
+        1e-3 * run.states.speed[row, slot, : run.num_frames[row]]
+        for row, scene in enumerate(written.scenes)
+        if words in scene.name
+    ]
+
+
+def test_lower_limits_are_driven_by_as_the_names_of_the_scenes_say():
+    obeys = speeds(LIMITS, "comes to a lower limit", 1)
+    assert all(one[0] == 25.0 and one[-1] < 22.6 for one in obeys)
+    assert min(one.min() for one in obeys) < 15.1
+    (slow,) = speeds(LIMITS, "slower than any limit", 1)
+    assert 13.9 < slow.min() <= slow.max() < 14.6
+    (heavy,) = speeds(LIMITS, "a truck is as fast", 1)
+    assert heavy.min() > 23.9
+    (gentle,) = speeds(LIMITS, "no harder than is comfortable", 1)
+    assert np.diff(gentle).min() > -0.05 * 0.6
+    assert gentle[-1] > 20.0
+    (leaves,) = speeds(LIMITS, "leaves the stretch", 1)
+    assert leaves[-1] > 20.0
+    passes = stages(LIMITS, "the ego overtakes before")
+    assert [Stage.PULL_OUT in one for one in passes] == [True, True, False]
+
+
+def test_who_comes_has_limits_of_its_own():
+    (goes,), (comes,) = (speeds(BOTH_WAYS, "who comes slows down", slot) for slot in (0, 1))
+    assert goes.min() > 24.9
+    assert comes[0] == 25.0
+    assert comes.min() < 15.1
+    assert all(Stage.PULL_OUT in one for one in stages(BOTH_WAYS, "passes before"))

@@ -25,7 +25,7 @@ fn desired_speed<S: Simd, const N: usize>(
     passed: M<S>,
 ) -> V<S> {
     let p = &w.p[i];
-    let mut desired = p.desired_speed;
+    let mut desired = state.desired_speed(w, i);
     if w.road.ways.two_way {
         desired = choose(passed, desired * p.passed_factor, desired);
         let passing = is_passing(state, i);
@@ -33,7 +33,7 @@ fn desired_speed<S: Simd, const N: usize>(
             desired = choose(passing, speed_of_pass(state, w, i), desired);
         }
     } else if i == EGO {
-        desired = choose(is_passing(state, i), p.pass_speed, desired);
+        desired = choose(is_passing(state, i), state.pass_speed(w, i), desired);
     }
     if w.road.varies() {
         return min(desired, state.bend_speed[i]);
@@ -80,8 +80,11 @@ pub fn behind_leader<S: Simd, const N: usize>(
         kept,
         believed.accel[LEAD],
     );
+    let eased = state.eased(w, i, wanted);
     if w.road.lets_overtake(i) {
-        let eager = is_passing(state, i) & wanted.simd_gt(0.0);
+        let passing = is_passing(state, i);
+        let wanted = choose(passing, wanted, eased);
+        let eager = passing & wanted.simd_gt(0.0);
         let usual = splat(w.simd, w.c.accelerate_gain);
         let gain = if w.road.ways.two_way {
             let hurried = splat(w.simd, w.c.hurry_gain);
@@ -91,7 +94,7 @@ pub fn behind_leader<S: Simd, const N: usize>(
         };
         wanted * choose(eager, gain, splat(w.simd, 1.0))
     } else {
-        wanted
+        eased
     }
 }
 

@@ -30,6 +30,8 @@ struct View<'a, S: Simd> {
     /// Its slot.
     i: usize,
     own: &'a Vehicle<S>,
+    /// Speed that it wants where it is.
+    desired: V<S>,
     speed: V<S>,
     gap: &'a [V<S>; 6],
     closing: &'a [V<S>; 6],
@@ -72,6 +74,7 @@ fn look<'a, S: Simd, const N: usize>(
     View {
         i,
         own,
+        desired: state.desired_speed(w, i),
         speed: state.vx[i],
         gap: &believed.gap,
         closing: &believed.closing,
@@ -111,8 +114,7 @@ fn their_braking<S: Simd, const N: usize>(
 #[inline(always)]
 fn wants_to_pass<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let own = view.own;
-    let slower =
-        (own.desired_speed - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
+    let slower = (view.desired - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
     let soon = view.gap[LEAD].simd_lt(own.pull_out_time * view.closing[LEAD]);
     let near = w.c.close_time_gap * own.time_gap * view.speed + own.min_gap;
     let close = view.gap[LEAD].simd_lt(near);
@@ -403,7 +405,9 @@ fn wait<S: Simd, const N: usize>(
     let waits = in_stage(state, i, stage::FOLLOW)
         & believed.detected[LEAD]
         & queues
-        & w.p[i].desired_speed.simd_gt(speed - believed.closing[LEAD]);
+        & state
+            .desired_speed(w, i)
+            .simd_gt(speed - believed.closing[LEAD]);
     let longer = state.waited[i] + w.c.decision;
     put(&mut state.waited[i], waits, longer);
 }

@@ -7,7 +7,7 @@ use crate::elementary::{atan, exp, sincos};
 use crate::lanes::{LANES, V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
 use crate::names::Constants;
 use crate::philox::{MOTION, uniform, words};
-use crate::state::{State, World};
+use crate::state::{ANY_ACCEL, State, World};
 
 /// A uniform number of unit variance lies within +- sqrt(3).
 const ROOT_3: f32 = 1.732_050_8;
@@ -143,7 +143,7 @@ pub fn at_film<S: Simd>(c: &Constants, columns: &[V<S>; 4], film: V<S>) -> V<S> 
     at_least(value, c.friction_floor)
 }
 
-/// What the road does under vehicle `i` until the next decision: it bends, it rises it shows itself.
+/// What the road does to vehicle `i` until the next decision: it bends, rises, shows itself, has limits.
 #[inline(always)]
 pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_, S, N>, i: usize) {
     let (c, p, ways) = (w.c, &w.p[i], &w.road.ways);
@@ -176,6 +176,25 @@ pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_
     state.bend_speed[i] = (at_most(w.q.side_accel, c.bend_accel) * radius).sqrt();
     let sight = |lane: usize| if p.truck[lane] > 0.0 { 4 } else { 2 };
     state.shown[i] = between(now, last, |lane| way_of(sight(lane), lane));
+    let wanted = |place: V<S>| {
+        let allowed = between(place, last, |lane| way_of(6, lane));
+        min(adapted_speed(w, i, allowed), p.desired_speed)
+    };
+    let (wish, soon) = (wanted(now), wanted(station(s + c.decision * v)));
+    let change = (soon - wish) / c.decision;
+    let eased = max(change + (wish - v) * c.per_approach, -p.decel);
+    state.most_accel[i] = choose(change.simd_lt(0.0), eased, splat(w.simd, ANY_ACCEL));
+    state.wanted_pass_speed[i] = min(wish * c.pass_speed_factor, p.pass_speed);
+    state.wanted_speed[i] = wish;
+}
+
+/// Speed that driver `i` wants under a limit in its weather and light.
+#[inline(always)]
+fn adapted_speed<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, limit: V<S>) -> V<S> {
+    let (p, q) = (&w.p[i], &w.q);
+    let wanted = p.free_speed - p.limit_respect * at_least(p.free_speed - limit, 0.0);
+    let excess = at_least(wanted - q.rain_slowing - q.stoppable_speed, 0.0);
+    wanted - p.caution * (q.rain_slowing + excess)
 }
 
 /// A row of the road between its stations, linear; each simulation may have its own.

@@ -35,11 +35,12 @@ fn incentives<S: Simd, const N: usize>(
     let (c, p, v) = (w.c, &w.p[i], state.vx[i]);
     let (gap, closing) = (&believed.gap, &believed.closing);
     let steady = splat(w.simd, 0.0);
+    let desired = state.desired_speed(w, i);
     let fast = follow(
         c,
         p,
         v,
-        p.desired_speed,
+        desired,
         gap[FAST_LEAD],
         closing[FAST_LEAD],
         p.time_gap,
@@ -49,12 +50,13 @@ fn incentives<S: Simd, const N: usize>(
         c,
         p,
         v,
-        p.desired_speed,
+        desired,
         gap[SLOW_LEAD],
         closing[SLOW_LEAD],
         p.time_gap,
         steady,
     );
+    let (fast, slow) = (state.eased(w, i, fast), state.eased(w, i, slow));
     let no_passing = v.simd_gt(c.no_passing_right_speed);
     let here = choose(no_passing, min(own, fast), own);
     let there = choose(no_passing, min(slow, own), slow);

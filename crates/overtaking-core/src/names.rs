@@ -19,7 +19,7 @@ lane_fields! {
         threshold, bias, safe_decel, lane_change_duration, passing_gain, inverse_patience,
         pull_out_time, gap_acceptance, return_time_gap, signal_time, uses_indicator,
         checks_blind_spot, start_s, start_d, start_speed, start_lane, direction, makes_room,
-        passed_factor, need_factor, spare, heeds_lines,
+        passed_factor, need_factor, spare, heeds_lines, free_speed, limit_respect, caution,
     }
 }
 
@@ -31,7 +31,7 @@ lane_fields! {
         wind_across, gust_gain, gust_phase, gust_length, push_accel, push_rate, push_share,
         push_phase, least_film, film_rain, texture, puddle_reach, puddle_film, puddle_phase_1,
         puddle_phase_2, side_accel, command, ring, inverse_ring, oncoming_error, oncoming_sight,
-        usual_speed, hasty_change,
+        usual_speed, hasty_change, rain_slowing, stoppable_speed,
     }
 }
 
@@ -52,15 +52,15 @@ number_fields! {
         inverse_puddle_wave_2, puddle_slope, spray_coefficient, spray_film, spray_speed,
         spray_reach, rain_speed, inverse_stop_lamp, position_gain, velocity_gain, yaw_gain,
         slip_share, wind_lag, steering_lag, steering_rate, steering_limit, bend_accel, per_station,
-        slip_speed, abs_share, traction_share, stability_threshold, stability_time, governor_band,
-        two_wheeler_lag, standstill, restitution, near_gap, near_side, edge_margin, spin_angle,
-        sliding_ratio, friction_floor, truck_dry_factor, truck_loss_factor, turbulence_intensity,
-        gust_length_scale, wind_angle_factor, gust_spacing, shelter_factor, shelter_reach,
-        shelter_release, oncoming_range, small_oncomer, passing_surplus, squeeze_gap, least_room,
-        fit_share, calm_margin, spare_kept, unseen_trust, abort_margin, tall_room, hurry_speed,
-        hurry_gain, fall_back_speed, fall_back_share, eye_offset, line_ahead, head_on_flash,
-        head_on_lift, head_on_time, head_on_least, head_on_most, aside_way, aside_duration,
-        beside_margin, gravity, half_air_density,
+        per_approach, pass_speed_factor, slip_speed, abs_share, traction_share, stability_threshold,
+        stability_time, governor_band, two_wheeler_lag, standstill, restitution, near_gap,
+        near_side, edge_margin, spin_angle, sliding_ratio, friction_floor, truck_dry_factor,
+        truck_loss_factor, turbulence_intensity, gust_length_scale, wind_angle_factor, gust_spacing,
+        shelter_factor, shelter_reach, shelter_release, oncoming_range, small_oncomer,
+        passing_surplus, squeeze_gap, least_room, fit_share, calm_margin, spare_kept, unseen_trust,
+        abort_margin, tall_room, hurry_speed, hurry_gain, fall_back_speed, fall_back_share,
+        eye_offset, line_ahead, head_on_flash, head_on_lift, head_on_time, head_on_least,
+        head_on_most, aside_way, aside_duration, beside_margin, gravity, half_air_density,
     }
 }
 

@@ -42,10 +42,16 @@ fn reckoned_accel<S: Simd>(c: &Constants, own: &Vehicle<S>, speed: V<S>, top: V<
     min(c.accelerate_gain * own.accel, left)
 }
 
-/// The speed that is passed at: well above that of the other, if the vehicle can.
+/// The speed that driver `i` passes at: well above that of the other, if the vehicle can.
 #[inline(always)]
-fn top_speed<S: Simd>(own: &Vehicle<S>, surplus: f32, leader: V<S>) -> V<S> {
-    min(max(own.pass_speed, leader + surplus), own.max_speed)
+fn top_speed<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    leader: V<S>,
+) -> V<S> {
+    let wanted = max(state.pass_speed(w, i), leader + w.c.passing_surplus);
+    min(wanted, w.p[i].max_speed)
 }
 
 /// The speed that driver `i` wants now, if it passes.
@@ -57,7 +63,7 @@ pub fn speed_of_pass<S: Simd, const N: usize>(
 ) -> V<S> {
     let (c, own) = (w.c, &w.p[i]);
     let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
-    let top = top_speed(own, c.passing_surplus, other);
+    let top = top_speed(state, w, i, other);
     let hurried = choose(state.hurries[i].simd_gt(0.0), c.hurry_speed * top, top);
     min(hurried, own.max_speed)
 }
@@ -92,7 +98,7 @@ pub fn may_meet<S: Simd, const N: usize>(
     let bodies = 2.0 * (near.half_length[LEAD] + own.half_length);
     let returns = own.return_time_gap * impatience * room_left(w, near.slot[LEAD]) * leader;
     let way = gap + bodies + returns;
-    let top = top_speed(own, c.passing_surplus, leader);
+    let top = top_speed(state, w, i, leader);
     let accel = reckoned_accel(c, own, speed, top);
     let gaining = time_to_gain(way, speed - leader, top - leader, accel);
     let need = own.need_factor * (gaining + own.lane_change_duration);
@@ -178,7 +184,7 @@ pub fn weigh<S: Simd, const N: usize>(
     let speed = state.road_velocity(i).0;
     let (lead, bodies) = to_fall_in(state, w, i);
     let faster = speed - other;
-    let top = top_speed(own, c.passing_surplus, other);
+    let top = top_speed(state, w, i, other);
     let aside = 0.5 * w.q.hasty_change;
     let onwards = at_least(lead + bodies, 0.0);
     let accel = reckoned_accel(c, own, speed, top);
@@ -227,7 +233,7 @@ fn is_confined<S: Simd, const N: usize>(
         mind.believed.closing[SLOW_LEAD],
     );
     let next_one = state.vx[i] - closing;
-    let top = top_speed(own, c.passing_surplus, next_one);
+    let top = top_speed(state, w, i, next_one);
     let bodies = 2.0 * (mind.near.half_length[SLOW_LEAD] + own.half_length);
     let accel = reckoned_accel(c, own, state.vx[i], top);
     let longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel);

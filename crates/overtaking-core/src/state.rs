@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
 use crate::engine::Inputs;
-use crate::lanes::{LANES, M, Seats, V, choose, splat};
+use crate::lanes::{LANES, M, Seats, V, choose, min, splat};
 use crate::names::{Constants, Simulation, Vehicle};
 
 /// Decisions whose kinematics are remembered.
@@ -36,6 +36,8 @@ const LONG_AGO: f32 = 10.0;
 const ANY_FRICTION: f32 = 0.8;
 const ANY_SPEED: f32 = 1e9;
 const ANY_SIGHT: f32 = 1e9;
+/// In `State::most_accel` where no lower limit comes [m/s^2].
+pub const ANY_ACCEL: f32 = 1e9;
 
 /// Slot of the ego.
 pub const EGO: usize = 0;
@@ -69,13 +71,14 @@ pub struct Road<'a> {
     pub pose: [f32; 5],
     /// Its directions.
     pub ways: Ways,
-    /// What it does at its stations: curvature, slope; then, each along and against it, the radius for the speed, and
-    /// how far one sees from a car and from a truck. Empty where it is straight and level.
+    /// What it does at its stations: curvature, slope; then, each along and against it, the radius for the speed, how
+    /// far one sees from a car and from a truck, and the speed that limits allow. Empty where it is straight and level
+    /// and has one limit.
     pub course: [&'a [f32]; ROWS],
 }
 
 /// Rows of `Road::course`.
-pub const ROWS: usize = 8;
+pub const ROWS: usize = 10;
 
 /// Most stations between which sight, or the line between the directions, changes.
 pub const MAX_KNOTS: usize = 64;
@@ -119,7 +122,7 @@ impl<'a> Road<'a> {
         i == EGO || self.ways.two_way
     }
 
-    /// Whether it bends or rises anywhere.
+    /// Whether it bends or rises anywhere, or has several limits.
     pub fn varies(&self) -> bool {
         !self.course[0].is_empty()
     }
@@ -303,6 +306,10 @@ state_fields! {
     stretch: Each<S, N>,
     slope: Each<S, N>,
     bend_speed: Each<S, N>,
+    /// What drivers want by the limits, alone and while they pass; on roads that vary.
+    wanted_speed: Each<S, N>,
+    wanted_pass_speed: Each<S, N>,
+    most_accel: Each<S, N>,
     shown: Each<S, N>,
     /// Sine and cosine of `psi`.
     sine: Each<S, N>,
@@ -393,6 +400,9 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             stretch: each(1.0),
             slope: each(0.0),
             bend_speed: each(ANY_SPEED),
+            wanted_speed: each(ANY_SPEED),
+            wanted_pass_speed: each(ANY_SPEED),
+            most_accel: each(ANY_ACCEL),
             shown: each(ANY_SIGHT),
             sine: each(0.0),
             cosine: each(1.0),
@@ -440,6 +450,36 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             return (s, d);
         }
         turned_round(w, w.p[i].direction.simd_lt(0.0), s, d)
+    }
+
+    /// Speed that driver `i` wants where it is.
+    #[inline(always)]
+    pub fn desired_speed(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
+        if w.road.varies() {
+            self.wanted_speed[i]
+        } else {
+            w.p[i].desired_speed
+        }
+    }
+
+    /// The same while it passes.
+    #[inline(always)]
+    pub fn pass_speed(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
+        if w.road.varies() {
+            self.wanted_pass_speed[i]
+        } else {
+            w.p[i].pass_speed
+        }
+    }
+
+    /// An acceleration of driver `i` in whatever lane, and no more than it goes to on the way to a lower limit.
+    #[inline(always)]
+    pub fn eased(&self, w: &World<'_, S, N>, i: usize, accel: V<S>) -> V<S> {
+        if w.road.varies() {
+            min(accel, self.most_accel[i])
+        } else {
+            accel
+        }
     }
 
     /// Velocity of vehicle `i` along and across the road [m/s].

@@ -204,7 +204,7 @@ class Identity(_Record):
         if road.course is None:
             del said["course"]
         else:
-            for name in ("line", "grade"):
+            for name in ("line", "grade", "limits"):
                 if not getattr(road.course, name):
                     del said["course"][name]
         return said

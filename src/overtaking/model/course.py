@@ -30,6 +30,7 @@ MAX_CURVATURE = 0.1  # A radius of 10 m; sharper bends are no place to overtake.
 MAX_GRADE = 0.2  # The steepest public roads come near a third, main roads hardly above a tenth.
 
 _STATION = within(0.0, MAX_LENGTH, "m")
+MAX_SPEED_LIMIT = 100.0
 
 
 class RoadMark(enum.Enum):
@@ -109,6 +110,23 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """A stretch of road with a speed limit of its own.
+
+    Attributes:
+        start: Where it begins [m].
+        stop: Where it ends, behind `start` [m].
+        speed: Limit that is posted there [m/s].
+        direction: Direction of travel that it counts for: +1, -1, or 0 for both.
+    """
+
+    start: Annotated[float, _STATION]
+    stop: Annotated[float, _STATION]
+    speed: Annotated[float, within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True)]
+    direction: Annotated[int, within(-1, 1)] = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
     """What changes along a road.
 
@@ -119,6 +137,8 @@ class Course:
             between and constant beyond; empty for a level road.
         lines: Stretches of the line between the directions, in order, without overlap. Elsewhere
             the mark of the fast-most driving lane holds.
+        limits: Stretches with a limit below that of the road, `Road.speed_limit`, in order of
+            `start`, without overlap in one direction of travel.
         places: What stretches of the road are, in any order; they may overlap.
         sight: How far a driver along `s` sees the road, by station: pairs (s, distance) in order of
             s, linear in between and constant beyond [m]. Empty if the road does not limit sight.
@@ -132,6 +152,7 @@ class Course:
     line: tuple[Piece, ...] = ()
     grade: tuple[tuple[float, float], ...] = ()
     lines: tuple[Line, ...] = ()
+    limits: tuple[Limit, ...] = ()
     places: tuple[Place, ...] = ()
     sight: tuple[tuple[float, float], ...] = ()
     sight_against: tuple[tuple[float, float], ...] = ()
@@ -139,17 +160,16 @@ class Course:
     def __post_init__(self) -> None:
         """Refuse what is out of order."""
         check(self, "course of a road")
-        for name in ("lines", "places", "sight", "sight_against"):
+        for name in ("lines", "limits", "places", "sight", "sight_against"):
             if len(getattr(self, name)) > MAX_STRETCHES:
                 raise _refused(name, f"at most {MAX_STRETCHES}", len(getattr(self, name)))
-        for one in (*self.lines, *self.places):
+        for one in (*self.lines, *self.limits, *self.places):
             check(one, "course of a road")
             if not one.start < one.stop:
                 raise _refused("stretch", "start before stop", f"{one.start:g} to {one.stop:g} m")
-        for one, other in pairwise(self.lines):
-            if one.stop > other.start:
-                got = f"one to {one.stop:g} m, then one from {other.start:g} m"
-                raise _refused("lines", "in order, without overlap", got)
+        _check_order("lines", self.lines)
+        for direction in (1, -1):
+            _check_order("limits", self.limits_for(direction))
         for name in ("sight", "sight_against", "grade"):
             _check_table(name, getattr(self, name))
         _check_line(self.line)
@@ -157,7 +177,7 @@ class Course:
     def mirrored(self) -> Self:
         """The same in a world where left and right are swapped.
 
-        Lines, places and sight stay: they are told from the lane, not from the left.
+        Lines, limits, places and sight stay: they are told from the lane, not from the left.
         """
         return dataclasses.replace(self, line=tuple(piece.mirrored() for piece in self.line))
 
@@ -177,9 +197,21 @@ class Course:
             return np.full(station.shape, np.inf)
         return np.interp(station, *np.array(table, np.float64).T)
 
+    def limits_for(self, direction: int) -> tuple[Limit, ...]:
+        """The stretches with a limit of their own for a direction of travel, +1 or -1."""
+        return tuple(one for one in self.limits if one.direction in (0, direction))
+
     def places_for(self, direction: int) -> tuple[Place, ...]:
         """The places that count for a direction of travel, +1 or -1."""
         return tuple(one for one in self.places if one.direction in (0, direction))
+
+
+def _check_order(name: str, stretches: Sequence[Line] | Sequence[Limit]) -> None:
+    """Refuse stretches that overlap or are not in order."""
+    for one, other in pairwise(stretches):
+        if one.stop > other.start:
+            got = f"one to {one.stop:g} m, then one from {other.start:g} m"
+            raise _refused(name, "in order, without overlap", got)
 
 
 def _check_table(name: str, table: Sequence[tuple[float, float]]) -> None:

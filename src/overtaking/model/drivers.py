@@ -24,7 +24,8 @@ class Drivers(Batch):
     AXES = ("simulation", "vehicle")
 
     desired_speed: Annotated[
-        F32, within(0.0, 150.0, "m/s", "Speed wanted on a free road in good weather")
+        F32,
+        within(0.0, 150.0, "m/s", "Speed wanted on a free road in good weather, without a limit"),
     ]
     time_gap: Annotated[F32, within(0.0, 60.0, "s", "Net time gap wanted behind a leader")]
     min_gap: Annotated[F32, within(0.0, 100.0, "m", "Gap wanted at standstill")]

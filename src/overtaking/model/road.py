@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check
-from overtaking.model.course import MAX_LENGTH, Course, RoadMark, whole_line
+from overtaking.model.course import MAX_LENGTH, MAX_SPEED_LIMIT, Course, RoadMark, whole_line
 from overtaking.model.line import Piece, ReferenceLine, direction
 from overtaking.model.values import within
 
@@ -38,7 +38,6 @@ MAX_LANES = 8
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
 MAX_NEIGHBOUR_WIDTH = 100.0
 MAX_COORDINATE = 1.0e8  # Wider than any map projection of the Earth in metres.
-MAX_SPEED_LIMIT = 100.0
 MAX_CURVED_WIDTH = (
     0.5  # |curvature * d|: nearer to the centre of a bend s and d lose their meaning.
 )
@@ -115,7 +114,8 @@ class Road:
         y0: World y of (s=0, d=0) [m].
         heading: Direction of travel there, anticlockwise from world x, within one turn of zero
             [rad].
-        speed_limit: Limit that is posted for the driving lanes [m/s].
+        speed_limit: Limit that is posted for the driving lanes, on a road with `Course.limits` the
+            highest one [m/s].
         slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
         fast_side_neighbour: Lane beside `lanes[-1]`, or None.
         course: What changes along the road; None if nothing does.
@@ -226,6 +226,21 @@ class Road:
             return np.zeros(station.shape)
         return np.interp(station, *np.array(table, np.float64).T)
 
+    def limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
+        """The posted limit [m/s].
+
+        Where a stretch ends and another begins, the limit is that of the second.
+
+        Args:
+            s: Station, any shape [m].
+            direction: Direction of travel, +1 along `s` or -1 against it.
+        """
+        station = np.asarray(s, np.float64)
+        limits = np.full(station.shape, self.speed_limit)
+        for one in self.course.limits_for(direction) if self.course else ():
+            limits[(one.start <= station) & (station < one.stop)] = one.speed
+        return limits
+
     def height_at(self, s: ArrayLike) -> F64:
         """Height above the start of the road [m], the integral of the slope.
 
@@ -299,6 +314,21 @@ class Road:
                 next_step="choose another road",
             )
 
+    def needs_one_limit(self, where: str) -> None:
+        """ConfigError for a road whose limit changes.
+
+        Args:
+            where: A part of the package that knows one limit for a road.
+        """
+        if self.course and self.course.limits:
+            raise ConfigError.of(
+                what=f"road {self.name}",
+                where=where,
+                expected="one limit from end to end",
+                got=f"another one from {self.course.limits[0].start:g} m on",
+                next_step="choose another road",
+            )
+
     def mirrored(self) -> Self:
         """The road in a world where left and right are swapped: d, y and heading change sign.
 
@@ -359,13 +389,18 @@ class Road:
         course = self.course
         if course is None:
             return
-        stretches = (*course.lines, *course.places)
+        stretches = (*course.lines, *course.limits, *course.places)
         stations = [one.stop for one in stretches]
         stations += [s for s, _ in (*course.sight, *course.sight_against, *course.grade)]
         if stations and max(stations) > self.length:
             length = f"at most {self.length:g} m, the length of the road"
             raise self._refused("course", length, f"{max(stations):g} m")
-        against = course.sight_against or [one for one in course.places if one.direction < 0]
+        above = [one.speed for one in course.limits if one.speed >= self.speed_limit]
+        if above:
+            lower = f"below {self.speed_limit:g} m/s, the limit of the road"
+            raise self._refused("limits", lower, f"{max(above):g} m/s")
+        directed = (*course.limits, *course.places)
+        against = course.sight_against or [one for one in directed if one.direction < 0]
         if not self.is_two_way and (course.lines or against):
             lane = "oncoming traffic: a driving lane with direction -1 beside the fast lane"
             raise self._refused("course", lane, "lines or sight for it, and no such lane")

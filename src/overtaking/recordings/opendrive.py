@@ -17,7 +17,8 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.model.road import MAX_SPEED_LIMIT, Road
+from overtaking.model.course import MAX_SPEED_LIMIT
+from overtaking.model.road import Road
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.opendrive_lanes import OTHER_SIDE, Side
 from overtaking.recordings.opendrive_route import join_roads, read_part

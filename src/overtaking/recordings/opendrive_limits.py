@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.roads import general_limit
-from overtaking.model.road import MAX_SPEED_LIMIT
+from overtaking.model.course import MAX_SPEED_LIMIT
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_shape import in_force, unfit
 from overtaking.recordings.xml import Element

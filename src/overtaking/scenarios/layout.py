@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from overtaking import knowledge
 from overtaking.core.compiled import maximum, minimum, power
@@ -31,9 +32,9 @@ MOST_KEPT = knowledge.number("starts.toml", "safety.most_kept")
 """A vehicle that has to move back keeps at most this share of the room behind it. The share is
 drawn, so that starts do not pile up at the end of the zone."""
 
-Bends = Callable[[F32, U8], F32]
-"""From positions [m] and lanes, shape (simulation,), to speeds [m/s] that drivers choose for the
-bends at and ahead of them."""
+Paces = Callable[[F32, U8, NDArray[np.intp]], F32]
+"""From positions [m], lanes and slots, shape (simulation,), to speeds [m/s] that drivers choose for
+the bends and limits at and ahead of them."""
 
 _NO_LANE = np.uint8(100)  # Above every lane; each empty slot has one of its own.
 
@@ -132,18 +133,18 @@ def draw_layout(traffic: Traffic, zone: Zone, seed: int, index: U64, kind: U8) -
 
 
 def settle(
-    draft: Draft, followers: Followers, starts: Starts, zone: Zone, bends: Bends | None = None
+    draft: Draft, followers: Followers, starts: Starts, zone: Zone, paces: Paces | None = None
 ) -> tuple[F32, F32]:
     """Positions without overlap, and speeds from which everyone can avoid the vehicle ahead.
 
-    Nobody is faster than drivers go into the bends at and ahead of where they start.
+    Nobody is faster than the driver goes into the bends and limits at and ahead of the start.
 
     Args:
         draft: Starts as drawn.
         followers: Lengths, reactions and brakes.
         starts: What the specification asks of a start.
         zone: Where vehicles may start.
-        bends: Speeds for the bends of the road; None where there are none.
+        paces: Speeds for the road; None where it is straight and has one limit.
 
     Returns:
         Positions [m] and speeds [m/s], shape (simulation, vehicle).
@@ -159,11 +160,12 @@ def settle(
         reaction=in_order(np.float32(REACTION_MARGIN) * followers.reaction_time, order),
         decel=in_order(followers.decel, order),
         min_gap=np.float32(starts.min_gap_m),
-        bends=bends,
+        slot=list(order.T),
+        paces=paces,
     )
     rearmost = _push_apart(row, zone)
     for rank in range(len(row.s)):
-        row.slow_for_bends(rank)
+        row.slow_for_road(rank)
     if not starts.allow_doomed:
         _make_avoidable(row, rearmost)
     return out_of_order(row.s, order), out_of_order(row.speed, order)
@@ -222,7 +224,8 @@ class _Row:
         reaction: Time until the driver brakes [s].
         decel: Braking that the driver can count on [m/s^2].
         min_gap: Smallest gap between two in a lane [m].
-        bends: See `Bends`; None where there are none.
+        slot: Slot of the vehicle.
+        paces: See `Paces`; None where nobody slows down for the road.
     """
 
     lane: list[U8]
@@ -233,12 +236,14 @@ class _Row:
     reaction: list[F32]
     decel: list[F32]
     min_gap: np.float32
-    bends: Bends | None
+    slot: list[NDArray[np.intp]]
+    paces: Paces | None
 
-    def slow_for_bends(self, rank: int) -> None:
-        """Let a vehicle be no faster than drivers go into the bends ahead of it."""
-        if self.bends is not None:
-            self.speed[rank] = minimum(self.speed[rank], self.bends(self.s[rank], self.lane[rank]))
+    def slow_for_road(self, rank: int) -> None:
+        """Let a vehicle be no faster than its driver goes into what the road has ahead of it."""
+        if self.paces is not None:
+            pace = self.paces(self.s[rank], self.lane[rank], self.slot[rank])
+            self.speed[rank] = minimum(self.speed[rank], pace)
 
     def apart(self, rear: int, front: int) -> F32:
         """Least distance of the centres of two vehicles; minus infinity in different lanes [m]."""
@@ -287,7 +292,7 @@ def _make_avoidable(row: _Row, rearmost: list[F32]) -> None:
         row.s[follower] = position
         closing = _avoidable_closing(bumper - position, reaction, decel)
         row.speed[follower] = minimum(row.speed[follower], ahead + closing)
-        row.slow_for_bends(follower)
+        row.slow_for_road(follower)
         lowest[follower] = minimum(row.speed[follower], ahead)
 
 

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.compiled import minimum
 from overtaking.core.elementary import F32
@@ -26,7 +26,7 @@ from overtaking.scenarios.bodies import (
     top_speeds,
 )
 from overtaking.scenarios.grip import usable_decel
-from overtaking.scenarios.layout import Bends, Draft, Followers, Zone, draw_layout, settle
+from overtaking.scenarios.layout import Draft, Followers, Paces, Zone, draw_layout, settle
 from overtaking.scenarios.natural import PASSING_MARGIN, Start
 from overtaking.scenarios.noise import U8
 from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
@@ -38,8 +38,8 @@ from overtaking.scenarios.weather import sample_weather
 from overtaking.world.conditions import acting, world_of
 from overtaking.world.constants import constants
 from overtaking.world.effects import Effects
-from overtaking.world.lanes import bend_speed, has_two_directions, road_parameters
-from overtaking.world.people import wanted_speed
+from overtaking.world.lanes import allowed_speed, bend_speed, has_two_directions, road_parameters
+from overtaking.world.people import Wish, adapted_speed, wanted_speed, wishes
 
 T = TypeVar("T", bound=np.generic)
 B = TypeVar("B", bound=Batch)
@@ -318,11 +318,12 @@ def _block(
         pushes=spec.weather.pushes and spec.weather.pushes.value,
     )
     scenario = scenario if changed is None else changed(scenario)
-    wanted, bends = wanted_speed(scenario), _bends(scenario)
+    wanted, paces = wanted_speed(scenario), _paces(scenario)
     s, speed = start.pace(wanted)
-    if bends is not None:
+    if paces is not None:
         # Who drives slowly through a bend is followed slowly.
-        s, speed = start.pace(minimum(wanted, bends(s.T, start.lane.T).T))
+        slots = np.arange(s.shape[1])[:, None]
+        s, speed = start.pace(minimum(wanted, paces(s.T, start.lane.T, slots).T))
     draft = Draft(valid=scenario.vehicles.valid, lane=start.lane, s=s, speed=speed, kept=start.kept)
     lane = start.lane if start.turned is None else np.where(start.turned, np.uint8(0), start.lane)
     followers = Followers(
@@ -330,20 +331,27 @@ def _block(
         reaction_time=scenario.drivers.reaction_time,
         decel=usable_decel(scenario.vehicles, acting(scenario).weather, road, lane, speed),
     )
-    s, speed = settle(draft, followers, spec.starts, start.zone, bends)
+    s, speed = settle(draft, followers, spec.starts, start.zone, paces)
     if start.turned is not None:
         s = np.where(start.turned, np.float32(road.length) - s, s)
     return scenario.replace(start_s=s, start_speed=speed)
 
 
-def _bends(scenario: Scenario) -> Bends | None:
-    """The speeds that drivers choose for the bends of a road; None where it has none."""
+def _paces(scenario: Scenario) -> Paces | None:
+    """The speeds that drivers choose for bends and limits; None on a road that does not vary."""
     road, c = road_parameters(scenario.road), constants()
-    if not scenario.road.bends:
+    if not road.course.shape[1]:
         return None
     side_accel = world_of(acting(scenario), c, Effects()).step.side_accel
+    each = [np.broadcast_to(row, scenario.start_s.shape) for row in wishes(scenario)]
+    simulation, limit = np.arange(scenario.num_simulations), np.float32(scenario.road.speed_limit)
 
-    def chosen(s: F32, lane: U8) -> F32:
-        return bend_speed(c, road, side_accel, s, lane >= road.own_lanes)
+    def chosen(s: F32, lane: U8, slot: NDArray[np.intp]) -> F32:
+        turned = lane >= road.own_lanes
+        allowed = allowed_speed(c, road, s, turned)
+        wanted = adapted_speed(Wish(*(row[simulation, slot] for row in each)), allowed)
+        # Under the limit of the road they start as anywhere.
+        wanted = np.where(allowed < limit, wanted, np.float32(np.inf))
+        return minimum(bend_speed(c, road, side_accel, s, turned), wanted)
 
     return chosen

@@ -61,6 +61,8 @@ class SimulationParameters(NamedTuple):
         oncoming_sight: How far an oncoming car is seen in this weather and light [m].
         usual_speed: At which drivers believe that others come until it looms [m/s].
         hasty_change: Shortest change of lane in an emergency [s].
+        rain_slowing: By how much a fully cautious driver slows for rain [m/s].
+        stoppable_speed: Speed from which one stops within sight of a lit vehicle [m/s].
 
     Every array has shape (simulation,).
     """
@@ -100,15 +102,19 @@ class SimulationParameters(NamedTuple):
     oncoming_sight: F32
     usual_speed: F32
     hasty_change: F32
+    rain_slowing: F32
+    stoppable_speed: F32
 
 
-PASSING = (
+LATER = (
     "oncoming_error",
     "oncoming_sight",
     "usual_speed",
     "hasty_change",
+    "rain_slowing",
+    "stoppable_speed",
 )
-"""What only two-way roads have; `passing` works it out there."""
+"""What `passing` works out for two-way roads, and `people` for every one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +171,7 @@ def world_of(scenario: Scenario, c: Constants, effects: Effects) -> World:
         command=zero,
         ring=zero,
         inverse_ring=zero,
-        **dict.fromkeys(PASSING, zero),
+        **dict.fromkeys(LATER, zero),
         **_sight(felt, ahead, effects),
         **wind,
         **ahead.film,

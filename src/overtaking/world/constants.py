@@ -145,6 +145,8 @@ class Constants:
     steering_limit: np.float32 = _known("model.steering.limit")
     bend_accel: np.float32 = _known("model.steering.bend_accel")
     per_station: np.float32 = _inverse("model.steering.station")
+    per_approach: np.float32 = _inverse("model.speed_choice.approach_time")
+    pass_speed_factor: np.float32 = _known("model.overtaking.pass_speed_factor")
     slip_speed: np.float32 = _known("model.dynamics.slip_speed")
     abs_share: np.float32 = _known("model.dynamics.abs_share")
     traction_share: np.float32 = _known("model.dynamics.traction_share")

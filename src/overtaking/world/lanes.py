@@ -28,6 +28,9 @@ _SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
 _FAR = 1e9
 """Where a road does not limit sight [m]."""
 
+_RADIUS, _ALLOWED = slice(2, 4), slice(8, 10)
+"""Rows of `RoadParameters.course` along and against the road."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadParameters:
@@ -45,8 +48,9 @@ class RoadParameters:
             road, and by who comes the other way; (3, MAX_KNOTS).
         course: What the road does at stations every `model.steering.station`: curvature towards
             the fast side [1/m], sine of the slope, and along and against the road the radius by
-            which drivers choose their speed [m], see `_course`, how far they see [m], and how far
-            from a truck [m]; (8, station), no station where the road is straight and level.
+            which drivers choose their speed [m], see `_course`, how far they see [m], how far
+            from a truck [m], and the speed up to which limits let them drive [m/s], see `_allowed`;
+            (10, station), no station where the road is straight and level and has one limit.
         boundaries: Lane borders from slow to fast, padded with the last, shape (MAX_LANES + 1,)
             [m].
         film_path: `film.film_per_path` of each lane, padded, shape (MAX_LANES,).
@@ -185,17 +189,17 @@ def _line(road: Road) -> F32:
 
 
 def _course(road: Road) -> F32:
-    """Curvature, slope and speed by station, the rows of `RoadParameters.course`.
+    """Curvature, slope, speeds and sight by station, the rows of `RoadParameters.course`.
 
     The curvature is the mean around a station, so that turning adds up to that of the line. The
     radius that counts for the speed is the least of R + 2 (b / a) x over all bends of radius R at a
     way x ahead: who drives at the root of a times it comes into each bend with the lateral
     acceleration a, having braked by b.
     """
-    if road.course is None or not (road.course.line or road.course.grade):
-        return np.zeros((8, 0), np.float32)
+    if road.course is None or not (road.course.line or road.course.grade or road.course.limits):
+        return np.zeros((10, 0), np.float32)
     spacing = float(known("model.steering.station"))
-    stations = np.arange(math.ceil(road.length / spacing) + 1) * spacing
+    stations = np.arange(math.ceil(road.length / spacing) + 1, dtype=np.float64) * spacing
     turn = road.heading_at(stations + 0.5 * spacing) - road.heading_at(stations - 0.5 * spacing)
     turn = turn - math.tau * np.rint(turn / math.tau)  # Pieces may count their turns anew.
     curvature = turn / spacing
@@ -205,7 +209,24 @@ def _course(road: Road) -> F32:
     along = np.minimum.accumulate((radius + rise * stations)[::-1])[::-1] - rise * stations
     against = np.minimum.accumulate(radius - rise * stations) + rise * stations
     rows = [road.side * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
-    return np.array([*rows, *_shown(road, len(stations))], np.float32)
+    allowed = [_allowed(road, stations, direction) for direction in (1, -1)]
+    return np.array([*rows, *_shown(road, len(stations)), *allowed], np.float32)
+
+
+def _allowed(road: Road, stations: F64, direction: int) -> F64:
+    """Speed from which one slows down in time to every limit ahead, by station [m/s].
+
+    A way x before a limit l that is the root of l^2 + 2 b x. Each stretch is one station longer at
+    either end: whatever is between two stations, within the stretch both have its limit.
+    """
+    spacing, braking = (float(known(f"model.steering.{one}")) for one in ("station", "bend_decel"))
+    allowed = np.full(stations.shape, road.speed_limit)
+    for one in road.course.limits_for(direction) if road.course else ():
+        before, after = one.start - spacing - stations, stations - one.stop - spacing
+        ahead, behind = (before, after) if direction > 0 else (after, before)
+        speed = np.sqrt(one.speed * one.speed + 2.0 * braking * np.maximum(ahead, 0.0))
+        allowed = np.where(behind < 0.0, np.minimum(allowed, speed), allowed)
+    return allowed
 
 
 def along_course(row: F32, station: F32) -> F32:
@@ -232,10 +253,26 @@ def bend_speed(c: Constants, road: RoadParameters, side_accel: F32, s: F32, turn
         s: Where they are, in the frame of their own direction [m].
         turned: Who comes the other way.
     """
+    return np.sqrt(minimum(c.bend_accel, side_accel) * _by_way(c, road, _RADIUS, s, turned))
+
+
+def allowed_speed(c: Constants, road: RoadParameters, s: F32, turned: Mask) -> F32:
+    """Speed up to which the limits at and ahead of a place let one drive [m/s].
+
+    Args:
+        c: Constants.
+        road: A road with a course.
+        s: Where they are, in the frame of their own direction [m].
+        turned: Who comes the other way.
+    """
+    return _by_way(c, road, _ALLOWED, s, turned)
+
+
+def _by_way(c: Constants, road: RoadParameters, rows: slice, s: F32, turned: Mask) -> F32:
+    """The row along the road, or for who comes the other way that against it."""
     station = np.where(turned, road.far_end - s, s) * c.per_station
-    along, against = (along_course(road.course[k], station) for k in (2, 3))
-    radius = np.where(turned, against, along)
-    return np.sqrt(minimum(c.bend_accel, side_accel) * radius)
+    along, against = (along_course(row, station) for row in road.course[rows])
+    return np.where(turned, against, along)
 
 
 def _shown(road: Road, count: int) -> list[F64]:

@@ -27,7 +27,7 @@ from overtaking.world.constants import Constants, constants
 from overtaking.world.effects import Effects, ablated
 from overtaking.world.lanes import RoadParameters, road_parameters
 from overtaking.world.passing import passing_parameters
-from overtaking.world.people import driver_parameters
+from overtaking.world.people import driver_parameters, slowing_parameters
 
 __all__ = [
     "SIMULATION_FIELDS",
@@ -51,7 +51,8 @@ class VehicleParameters(NamedTuple):
 
     Every array has shape (vehicle, simulation) in the step. `model.vehicles.VehicleSpecs` and
     `model.drivers.Drivers` explain the fields that have their names; `world.bodies` and
-    `world.people` work out the others. Flags are 0 or 1.
+    `world.people` work out the others. Flags are 0 or 1. Wanted speeds are those under the limit of
+    the road; on one with `Course.limits` the step lowers them.
     """
 
     valid: F32
@@ -128,6 +129,9 @@ class VehicleParameters(NamedTuple):
     need_factor: F32
     spare: F32
     heeds_lines: F32
+    free_speed: F32
+    limit_respect: F32
+    caution: F32
 
     def of(self, slot: int | slice) -> "VehicleParameters":
         """The parameters of one vehicle, shape (simulation,), or of several."""
@@ -200,6 +204,7 @@ def parameters(scenario: Scenario, effects: Effects | None = None) -> Parameters
     vehicle |= driver_parameters(acting(scenario), c, world, effects)
     own, each = passing_parameters(scenario, world, effects)
     vehicle |= each
+    own |= slowing_parameters(acting(scenario), c, world)
     return Parameters(
         vehicle=_stacked(vehicle, VEHICLE_FIELDS),
         simulation=_stacked(world.step._asdict() | own, SIMULATION_FIELDS),

@@ -1,5 +1,7 @@
 """Parameters of the step that depend on the driver, and the speed adapted to the conditions."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from overtaking.core.elementary import F32, clamp, exp, maximum, minimum
@@ -39,7 +41,7 @@ def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: E
         effects: Ablations.
     """
     return (
-        _speeds(scenario, c, world)
+        _speeds(scenario, world, c)
         | _following(scenario, c, world)
         | _reaction(scenario, world, effects)
         | _limits(scenario, c)
@@ -50,16 +52,19 @@ def driver_parameters(scenario: Scenario, c: Constants, world: World, effects: E
 
 def wanted_speed(scenario: Scenario) -> F32:
     """Speed that each driver wants in its weather and vehicle, (simulation, vehicle) [m/s]."""
-    c = constants()
-    adapted = adapted_speed(acting(scenario), c, world_of(scenario, c, Effects()))
+    adapted = adapted_speed(wishes(scenario), np.float32(scenario.road.speed_limit))
     return minimum(adapted, scenario.vehicles.max_speed)
 
 
-def _speeds(scenario: Scenario, c: Constants, world: World) -> Rows:
-    top = scenario.vehicles.max_speed
-    desired = minimum(adapted_speed(scenario, c, world), top)
-    faster = known("model.overtaking.pass_speed_factor")
-    return {"desired_speed": desired, "pass_speed": minimum(desired * faster, top)}
+def _speeds(scenario: Scenario, world: World, c: Constants) -> Rows:
+    """What drivers want under the limit of the road; with `Course.limits` the highest one."""
+    top, limit = scenario.vehicles.max_speed, np.float32(scenario.road.speed_limit)
+    desired = minimum(adapted_speed(_wishes(scenario, c, world), limit), top)
+    return {
+        "desired_speed": desired,
+        "pass_speed": minimum(desired * c.pass_speed_factor, top),
+        "free_speed": scenario.drivers.desired_speed,
+    }
 
 
 def _following(scenario: Scenario, c: Constants, world: World) -> Rows:
@@ -136,19 +141,59 @@ def quickest_change(scenario: Scenario, world: World) -> F32:
     return np.sqrt(_QUINTIC_PEAK * width / (share * world.step.side_accel))
 
 
-def adapted_speed(scenario: Scenario, c: Constants, world: World) -> F32:
-    """Speed that each driver wants in this weather and light, (simulation, vehicle) [m/s].
+class Wish(NamedTuple):
+    """What the speed that a driver wants follows from; arrays of shapes that go together.
+
+    Attributes:
+        free: Wanted on a free road in good weather, without a limit [m/s].
+        limit_respect: Share of the excess over a limit that is given up [1].
+        caution: Share of what weather and light take off [1].
+        rain_slowing: By how much a fully cautious driver slows for rain [m/s].
+        stoppable: Speed from which one stops within sight of a lit vehicle [m/s].
+    """
+
+    free: F32
+    limit_respect: F32
+    caution: F32
+    rain_slowing: F32
+    stoppable: F32
+
+
+def adapted_speed(wish: Wish, limit: F32 | np.float32) -> F32:
+    """Speed that drivers want under a limit in their weather and light [m/s].
 
     A cautious driver slows for heavy rain as measured on motorways, and to a speed from which the
     vehicle stops within sight of a lit one; a careless one does not.
     """
-    p = scenario.drivers
-    limit = np.float32(scenario.road.speed_limit)
-    wanted = p.desired_speed - p.limit_respect * maximum(p.desired_speed - limit, _ZERO)
-    slowing = _rain_slowing(world)[:, None]
-    safe = _stoppable_speed(scenario, c, world)[:, None]
-    excess = maximum(wanted - slowing - safe, _ZERO)
-    return wanted - p.caution * (slowing + excess)
+    wanted = wish.free - wish.limit_respect * maximum(wish.free - limit, _ZERO)
+    excess = maximum(wanted - wish.rain_slowing - wish.stoppable, _ZERO)
+    return wanted - wish.caution * (wish.rain_slowing + excess)
+
+
+def wishes(scenario: Scenario) -> Wish:
+    """Those of all drivers, each array of shape (simulation, vehicle) or (simulation, 1)."""
+    c = constants()
+    return _wishes(acting(scenario), c, world_of(scenario, c, Effects()))
+
+
+def _wishes(scenario: Scenario, c: Constants, world: World) -> Wish:
+    p, each = scenario.drivers, slowing_parameters(scenario, c, world)
+    slowing, stoppable = (each[name][:, None] for name in ("rain_slowing", "stoppable_speed"))
+    return Wish(p.desired_speed, p.limit_respect, p.caution, slowing, stoppable)
+
+
+def slowing_parameters(scenario: Scenario, c: Constants, world: World) -> dict[str, F32]:
+    """The fields of `SimulationParameters` by which drivers slow down, each (simulation,).
+
+    Args:
+        scenario: A batch of scenarios.
+        c: Constants.
+        world: Its weather and light.
+    """
+    return {
+        "rain_slowing": _rain_slowing(world),
+        "stoppable_speed": _stoppable_speed(scenario, c, world),
+    }
 
 
 def _rain_slowing(world: World) -> F32:

@@ -72,7 +72,7 @@ def places_for(road: Road, direction: int) -> tuple[Place, ...]:
     """The places that count for a direction of travel, +1 or -1: stated ones, and what follows.
 
     Where sight follows from the geometry, so do bends of reduced visibility, by Article 19 of the
-    Highway Code, and crests, where one sees less than lines let one pass at the limit of the road.
+    Highway Code, and crests, where one sees less than lines let one pass at the limit there.
     """
     stated = road.course.places_for(direction) if road.course else ()
     return (*stated, *_hidden(road, direction))
@@ -108,7 +108,8 @@ def _hidden(road: Road, direction: int) -> tuple[Place, ...]:
     if found is None:
         return ()
     facts = sight_facts()
-    passing = float(np.interp(road.speed_limit, facts.passing_speed, facts.passing_sight))
+    limits = road.limit_at(_stations(road), direction)
+    passing = np.interp(limits, facts.passing_speed, facts.passing_sight)
     least = float(known("law.sight.least"))
     kinds = ((PlaceKind.BEND, found.by_bends < least), (PlaceKind.CREST, found.by_crests < passing))
     return tuple(

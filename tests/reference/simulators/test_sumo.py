@@ -8,6 +8,7 @@ import threading
 
 import numpy as np
 import pytest
+from tests.reference.scenes import limited
 from tests.reference.test_bends import BENDS, HILLS, on
 from tests.reference.test_two_way import pair
 from tests.reference.test_two_way import road as two_way_road
@@ -15,6 +16,7 @@ from tests.support.sumo import needs_sumo
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.model.course import Limit
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import NO_VEHICLE, Stage
 from overtaking.scenarios import sample, spec
@@ -408,3 +410,37 @@ def test_sumos_ego_overtakes_on_the_lane_of_others_when_they_are_past():
             assert len(met)
             assert not (out[0] < met[0] < out[-1])
     assert (run.contacts.partner == NO_VEHICLE).all()
+
+
+# --- limits that change along the road ---
+
+
+def test_drivers_slow_down_to_a_lower_limit_and_speed_up_behind_it(without_errors):
+    obeys = STAYS | {"desired_speed": 28.0, "limit_respect": 1.0}
+    road = limited(wide_road(), Limit(start=600.0, stop=900.0, speed=15.0))
+    world = scenario([Vehicle(s=100.0, lane=1, speed=25.0, driver=obeys)], road=road, horizon=60.0)
+    run = sumo.simulate(world)
+    s, speed = (
+        metres(getattr(run.states, name)[0, 0, : run.num_frames[0]]) for name in ("s", "speed")
+    )
+    assert speed[s < 400.0].min() > 24.5
+    assert speed[(s > 600.0) & (s < 900.0)].max() < 15.5
+    assert speed[s > 1150.0].min() > 20.0
+
+
+def test_who_comes_slows_down_by_the_limits_of_its_own_direction(without_errors):
+    obeys = STAYS | {"desired_speed": 28.0, "limit_respect": 1.0}
+    lower = Limit(start=600.0, stop=900.0, speed=15.0, direction=-1)
+    road = limited(known_road("rural"), lower)
+    pair = [
+        Vehicle(s=100.0, speed=25.0, driver=obeys),
+        Vehicle(s=1400.0, lane=1, speed=25.0, driver=obeys),
+    ]
+    run = sumo.simulate(scenario(pair, road=road, horizon=50.0))
+    s, speed = (
+        metres(getattr(run.states, name)[0, :, : run.num_frames[0]]) for name in ("s", "speed")
+    )
+    assert speed[0].min() > 24.5
+    inside = (s[1] > 600.0) & (s[1] < 900.0)
+    assert inside.any()
+    assert speed[1][inside].max() < 15.5

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Line, Place, PlaceKind, RoadMark, whole_line
+from overtaking.model.course import Course, Limit, Line, Place, PlaceKind, RoadMark, whole_line
 from overtaking.model.known_roads import known_road
 from overtaking.world.sight import sight_at
 
@@ -17,6 +17,10 @@ SOLID, BROKEN, MIXED = RoadMark.SOLID, RoadMark.BROKEN, RoadMark.SOLID_BROKEN
 
 def line(start: float, stop: float, mark: RoadMark = SOLID) -> Line:
     return Line(start=start, stop=stop, mark=mark)
+
+
+def limit(start: float, stop: float, speed: float, direction: int = 0) -> Limit:
+    return Limit(start=start, stop=stop, speed=speed, direction=direction)
 
 
 def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
@@ -35,6 +39,8 @@ def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
     [
         ({"lines": (line(10.0, 10.0),)}, "stretch: expected start before stop"),
         ({"lines": (line(0.0, 20.0), line(10.0, 30.0))}, "lines: expected in order"),
+        ({"limits": (limit(0, 20, 10.0), limit(10, 30, 9.0, -1))}, "limits: expected in order"),
+        ({"limits": (limit(0, 20, 0.0),)}, "speed: expected more than 0"),
         ({"places": (Place(kind=PlaceKind.BEND, start=9.0, stop=1.0),)}, "start before stop"),
         ({"places": (Place(kind=PlaceKind.BEND, start=-1.0, stop=1.0),)}, "start: expected 0 to"),
         ({"sight": ((0.0, 100.0), (0.0, 200.0))}, "sight: expected stations in order"),
@@ -54,6 +60,7 @@ def test_what_is_out_of_order_is_refused(changes, reason: str):
     [
         Course(lines=(line(0.0, 10.0),)),
         Course(sight_against=((0.0, 10.0),)),
+        Course(limits=(limit(0.0, 1.0, 10.0, -1),)),
         Course(places=(Place(kind=PlaceKind.CREST, start=0.0, stop=1.0, direction=-1),)),
     ],
 )
@@ -73,6 +80,21 @@ def test_sight_is_linear_between_stations_and_constant_beyond():
     np.testing.assert_array_equal(course.sight_at([0.0, 150.0, 999.0]), [300.0, 200.0, 100.0])
     np.testing.assert_array_equal(course.sight_at([0.0, 150.0], -1), [np.inf, np.inf])
     np.testing.assert_array_equal(sight_at(known_road("motorway"), 7.0), np.inf)
+
+
+def test_limits_hold_from_where_they_begin_to_where_they_end_by_direction():
+    both = (limit(100, 200, 20.0), limit(200, 300, 10.0, 1), limit(250, 300, 15.0, -1))
+    road = dataclasses.replace(known_road("rural"), course=Course(limits=both))
+    stations = [99.9, 100.0, 199.9, 200.0, 250.0, 300.0]
+    np.testing.assert_array_equal(road.limit_at(stations), [25.0, 20.0, 20.0, 10.0, 10.0, 25.0])
+    np.testing.assert_array_equal(road.limit_at(stations, -1), [25.0, 20.0, 20.0, 25.0, 15.0, 25.0])
+    assert road.limit_at(150.0) == 20.0
+    assert road.mirrored().course == road.course
+
+
+def test_the_limit_of_a_road_is_its_highest():
+    with pytest.raises(ConfigError, match="expected below 25 m/s, the limit of the road, got 26"):
+        dataclasses.replace(known_road("rural"), course=Course(limits=(limit(0, 9, 26.0),)))
 
 
 def test_a_course_is_the_same_in_a_mirrored_world():

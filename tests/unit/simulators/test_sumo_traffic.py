@@ -77,6 +77,15 @@ def test_impatient_and_greedy_drivers_are_more_eager():
     assert float(one.get("lcSpeedGain")) * gained == pytest.approx(0.2)
 
 
+def test_a_lower_limit_on_the_way_lowers_the_speed_wanted_by_the_same_share():
+    limit = scenario([Vehicle()]).road.speed_limit
+    drivers = ({"desired_speed": limit + 10.0, "limit_respect": share} for share in (0.0, 0.4, 1.0))
+    traffic = Traffic.of(scenario(*[[Vehicle(driver=one)] for one in drivers]))
+    factors = [speed_factor(traffic, row, 0, 0, np.float32(limit - 5.0)) for row in range(3)]
+    wanted = [limit + 10.0, limit + 4.0, limit - 5.0]
+    assert factors == pytest.approx([one / limit for one in wanted], rel=1e-6)
+
+
 def test_a_wet_lane_lowers_the_desired_speed_by_the_published_share():
     """Values of the polynomial on SUMO's page about friction, worked out by hand."""
     traffic = Traffic.of(scenario([Vehicle()], [Vehicle()], weather=[{}, {"rain": 60.0}]))

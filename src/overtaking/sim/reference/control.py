@@ -23,12 +23,14 @@ def behind_leader(
     desired = _desired_speed(state, given, p, met)
     c = given.constants
     gap, closing = believed.gap[LEAD], believed.closing[LEAD]
+    passing = _is_passing(state)
     # A driver about to pull out accepts a smaller gap.
     about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
     kept = np.where(about_to, c.signalling_time_gap * p.time_gap, p.time_gap)
     wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEAD])
+    wanted = np.where(passing, wanted, minimum(wanted, state.most_accel))
     eager = np.where(state.hurries > 0, c.hurry_gain, c.accelerate_gain)
-    return wanted * np.where(_is_passing(state) & (wanted > 0), eager, np.float32(1.0))
+    return wanted * np.where(passing & (wanted > 0), eager, np.float32(1.0))
 
 
 def _is_passing(state: State) -> Mask:

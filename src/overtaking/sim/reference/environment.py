@@ -4,10 +4,17 @@ import numpy as np
 
 from overtaking.core.elementary import F32, atan, clamp, exp, maximum, minimum, sincos
 from overtaking.core.philox import Stream, uniform, words
-from overtaking.sim.reference.state import Fields, State, on_the_road, seen_from_each
+from overtaking.sim.reference.state import (
+    ANY_ACCEL,
+    Fields,
+    State,
+    on_the_road,
+    seen_from_each,
+)
 from overtaking.world import film, friction
-from overtaking.world.lanes import along_course, bend_speed
+from overtaking.world.lanes import allowed_speed, along_course, bend_speed
 from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world.people import Wish, adapted_speed
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 _TURN = np.float32(6.283_185_5)
@@ -83,7 +90,7 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
     if not road.course.shape[1]:
         return
     one, half = np.float32(1.0), np.float32(0.5)
-    curvature, slope, _, _, *sights = road.course
+    curvature, slope, _, _, *sights = road.course[:8]
     high = p.truck > 0
     turned = p.direction < 0
     offset = np.where(turned, state.d - road.across, state.d)
@@ -110,6 +117,35 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
     )
     state.bend_speed = bend_speed(c, road, q.side_accel, state.s, turned)
     state.shown = np.where(high, by_truck, by_car)
+
+
+def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> Fields:
+    """The parameters of drivers with the speeds that they want by the limits at and ahead of them.
+
+    Where the wanted speed falls towards a lower limit, the driver brakes as it falls, and less by
+    what is missing of it over a time. So it is come up to from below, and reached where the stretch
+    begins. Nobody brakes for it harder than is comfortable.
+
+    Args:
+        state: State at a decision; `State.most_accel` is set.
+        given: All inputs.
+        p: Vehicle parameters.
+        q: Simulation parameters.
+    """
+    c, road = given.constants, given.road
+    if not road.course.shape[1]:
+        return p
+    turned = p.direction < 0
+    wish = Wish(p.free_speed, p.limit_respect, p.caution, q.rain_slowing, q.stoppable_speed)
+    here, soon = (
+        minimum(adapted_speed(wish, allowed_speed(c, road, s, turned)), p.desired_speed)
+        for s in (state.s, state.s + c.decision * state.vx)
+    )
+    change = (soon - here) / c.decision
+    eased = change + (here - state.vx) * c.per_approach
+    state.most_accel = np.where(change < 0, maximum(eased, -p.decel), ANY_ACCEL)
+    passing = minimum(here * c.pass_speed_factor, p.pass_speed)
+    return p._replace(desired_speed=here, pass_speed=passing)
 
 
 def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:

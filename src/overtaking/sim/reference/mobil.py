@@ -8,6 +8,7 @@ from overtaking.sim.reference.following import follow, forced_braking, needed_br
 from overtaking.sim.reference.neighbours import along, lane_borders
 from overtaking.sim.reference.perception import Beliefs, draw_check
 from overtaking.sim.reference.state import (
+    ANY_ACCEL,
     FAST_LEAD,
     FAST_REAR,
     LEAD,
@@ -33,7 +34,12 @@ def imposed(given: Parameters, p: Fields, speed: F32, gap: F32, closing: F32) ->
 
 
 def incentives(
-    given: Parameters, p: Fields, v: F32, believed: Beliefs, own: F32
+    given: Parameters,
+    p: Fields,
+    v: F32,
+    believed: Beliefs,
+    own: F32,
+    most: F32 | np.float32 = ANY_ACCEL,
 ) -> tuple[F32, F32]:
     """MOBIL's incentives to change to the fast and to the slow side [m/s^2].
 
@@ -46,6 +52,7 @@ def incentives(
         v: Own speed [m/s].
         believed: What drivers believe about their neighbours.
         own: Acceleration behind the present leader [m/s^2].
+        most: Acceleration that drivers do not go beyond, in whatever lane [m/s^2].
 
     Source:
         Kesting, Treiber, Helbing 2007, equations 10 to 13.
@@ -53,8 +60,8 @@ def incentives(
     c = given.constants
     gap, closing = believed.gap, believed.closing
     desired, time = p.desired_speed, p.time_gap
-    fast = follow(c, p, v, desired, gap[FAST_LEAD], closing[FAST_LEAD], time)
-    slow = follow(c, p, v, desired, gap[SLOW_LEAD], closing[SLOW_LEAD], time)
+    fast = minimum(follow(c, p, v, desired, gap[FAST_LEAD], closing[FAST_LEAD], time), most)
+    slow = minimum(follow(c, p, v, desired, gap[SLOW_LEAD], closing[SLOW_LEAD], time), most)
     no_passing = v > c.no_passing_right_speed
     here = np.where(no_passing, minimum(own, fast), own)
     there = np.where(no_passing, minimum(slow, own), slow)
@@ -123,7 +130,7 @@ def change_lanes(
         claims: `claimed` at the begin of the decision.
         decision: Number of the decision.
     """
-    to_fast, to_slow = incentives(given, p, state.vx, believed, own)
+    to_fast, to_slow = incentives(given, p, state.vx, believed, own, state.most_accel)
     ready = looks & _is_ready(state, given, p)
     has_fast = state.lane < np.float32(given.road.num_lanes - 1)
     has_slow = state.lane >= np.float32(1.0)

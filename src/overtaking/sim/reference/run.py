@@ -107,6 +107,7 @@ def decide(
     orders: Orders | None = None,
 ) -> collisions.Pairs:
     """Everything that happens 20 times a second: weather, perception, decisions."""
+    p = environment.at_limits(state, given, p, q)
     moment = perceive(state, given, p, q, step)
     return act(state, given, p, q, moment, recorder, step, orders)
 

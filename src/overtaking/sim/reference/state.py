@@ -30,6 +30,9 @@ _ANY_FRICTION = np.float32(0.8)
 _ANY_SPEED = np.float32(1e9)
 _ANY_SIGHT = np.float32(1e9)
 
+ANY_ACCEL = np.float32(1e9)
+"""In `State.most_accel` where no lower limit comes [m/s^2]."""
+
 
 Fields = VehicleParameters
 """Short name for the signatures of the step."""
@@ -93,6 +96,7 @@ class State:
         stretch: Way along the reference line for each metre that it drives on there.
         slope: Sine of the slope, positive uphill.
         bend_speed: Speed that drivers choose for the bends ahead [m/s].
+        most_accel: Acceleration that drivers do not go beyond on the way to a lower limit [m/s^2].
         shown: How far the road lets its drivers see [m].
         history_s, history_v: Position and speed along the road at the last decisions,
             (HISTORY, vehicle, simulation).
@@ -154,6 +158,7 @@ class State:
     stretch: F32
     slope: F32
     bend_speed: F32
+    most_accel: F32
     shown: F32
     history_s: F32
     history_v: F32
@@ -223,6 +228,7 @@ def initial_state(given: Parameters) -> State:
         stretch=zero + np.float32(1.0),
         slope=zero.copy(),
         bend_speed=zero + _ANY_SPEED,
+        most_accel=zero + ANY_ACCEL,
         shown=zero + _ANY_SIGHT,
         history_s=np.zeros((HISTORY, *zero.shape), np.float32),
         history_v=np.zeros((HISTORY, *zero.shape), np.float32),

@@ -34,9 +34,10 @@ def simulate(scenario: Scenario) -> Trajectories:
     Raises:
         MissingExtraError: CARLA's client is not installed.
         ConfigError: The server is not there, of another version, or has no such map; or the road
-            bends.
+            bends, or its limit changes.
         SimulationLostError: Some could not be run in several attempts; the message names them.
     """
     refuse_oncoming(scenario, "CARLA")
     scenario.road.needs_to_be_straight("CARLA")
+    scenario.road.needs_one_limit("CARLA")
     return processes.simulate(scenario, DRIVER)

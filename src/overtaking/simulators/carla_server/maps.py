@@ -114,6 +114,11 @@ class Map:
         rotation = Rotation(math.degrees(math.atan(rise)), math.degrees(yaw), 0.0)
         return Transform(Vector(x, -y, here.height), rotation)
 
+    def limit(self, pose: Transform) -> float:
+        """The limit that is posted at a pose [m/s]."""
+        road = self.ground.road
+        return float(road.limit_at(self.motion(pose).s)) if road.course else road.speed_limit
+
     def to_world(self, along: float, across: float) -> Vector:
         """A vector of the ground's frame in CARLA's."""
         x, y = turned(along, across, self.ground.road.heading)

@@ -279,9 +279,10 @@ class World:
                     self._send(sensor, SensorType.COLLISION, body)
 
     def _tell_world(self, delta: float) -> None:
-        limit = kmh_from_mps(self.map.ground.road.speed_limit)
-        every = self.actors.values()
-        states = (snapshot.state(one, world_pose(one, self.actors), limit) for one in every)
+        poses = ((one, world_pose(one, self.actors)) for one in self.actors.values())
+        states = (
+            snapshot.state(one, pose, kmh_from_mps(self.map.limit(pose))) for one, pose in poses
+        )
         body = snapshot.world(self.episode, self.time, delta, states)
         at = Transform(ORIGIN, UPRIGHT)
         head = snapshot.header(SensorType.WORLD, self.frame, self.time, at)

@@ -3,9 +3,10 @@
 SUMO's x is `s` and its y is `d`, turned so that the fast side is on the left: in left-hand traffic
 SUMO sees the mirror image, as the step of this package does (ADR 6). So roads that bend and rise
 are straight and level there: its drivers slow down for no bend of an edge, and the EIDM asks for no
-slope. The lane of oncoming traffic is an edge the other way, whose lane is stated to be the
-neighbour of ours, so that SL2015 overtakes on it. No netconvert is needed, as an edge without
-junctions has nothing to compute.
+slope. The limit of an edge is that of the road; `run` tells drivers of lower ones. The lane of
+oncoming traffic is an edge the other way, whose lane is stated to be the neighbour of ours, so that
+SL2015 overtakes on it. No netconvert is needed, as an edge without junctions has nothing to
+compute.
 """
 
 from collections.abc import Sequence

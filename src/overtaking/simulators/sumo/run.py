@@ -27,9 +27,21 @@ from overtaking.simulators.sumo.network import (
 )
 from overtaking.simulators.sumo.recording import RAW, UNKNOWN, Recording, Run
 from overtaking.simulators.sumo.stage import Sight, Watch
-from overtaking.simulators.sumo.traffic import Traffic, oncoming, routes, speed_factor
+from overtaking.simulators.sumo.traffic import (
+    Traffic,
+    following_factor,
+    oncoming,
+    routes,
+    speed_factor,
+)
 from overtaking.world.constants import constants
-from overtaking.world.lanes import has_two_directions, refuse_oncoming
+from overtaking.world.lanes import (
+    RoadParameters,
+    allowed_speed,
+    has_two_directions,
+    refuse_oncoming,
+    road_parameters,
+)
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "step_ms", "version"]
 
@@ -141,6 +153,8 @@ class _Simulation:
         self.borders = lateral_borders(road)
         self.centres = [0.5 * (low + high) for low, high in pairwise(self.borders)]
         self.comes = set(np.flatnonzero(oncoming(traffic.scenario, row)).tolist())
+        has_limits = road.course is not None and road.course.limits
+        self.limits = road_parameters(road) if has_limits else None
         self.lanes: dict[int, int] = {}
         self.watch = Watch(settled=float(constants().settled_offset))
         self.contacts: dict[int, tuple[int, int, float]] = {}
@@ -187,13 +201,36 @@ class _Simulation:
         return {slot: _state(vehicle, name) for slot, name in self.names.items()}
 
     def _adapt(self, seen: dict[int, tuple[float, ...]]) -> None:
-        """Set the desired speed of each vehicle at the first frame and in each new lane."""
-        for slot, (_, d, *_) in seen.items():
+        """Set the desired speed of each vehicle at first, in each new lane and by limits."""
+        for slot, (front, d, speed, *_) in seen.items():
             lane = self._lane(d)
-            if self.lanes.get(slot) != lane:
-                self.lanes[slot] = lane
+            if self.limits is not None:
+                factor = self._by_limits(self.limits, slot, lane, (front, speed))
+            elif self.lanes.get(slot) != lane:
                 factor = speed_factor(self.traffic, self.row, slot, lane)
-                self.sumo.vehicle.setSpeedFactor(self.names[slot], factor)
+            else:
+                continue
+            self.lanes[slot] = lane
+            self.sumo.vehicle.setSpeedFactor(self.names[slot], factor)
+
+    def _by_limits(
+        self, road: RoadParameters, slot: int, lane: int, at: tuple[float, float]
+    ) -> float:
+        """Speed factor of a vehicle where the limit changes along the road.
+
+        Args:
+            road: The road.
+            slot: Slot of the vehicle.
+            lane: Its lane.
+            at: Where its front is [m], and how fast it is [m/s].
+        """
+        (front, speed), comes, half = at, slot in self.comes, 0.5 * self.length[slot]
+        s = float(road.far_end) - (front + half) if comes else front - half
+        places = np.array([s, s + speed * float(constants().decision)], np.float32)
+        allowed = allowed_speed(constants(), road, places, np.full(2, comes))
+        traffic, row = self.traffic, self.row
+        now, soon = (speed_factor(traffic, row, slot, lane, one) for one in allowed)
+        return following_factor(traffic, row, slot, speed, now, soon)
 
     def _notice_contacts(self, time_ms: int) -> None:
         for hit in self.sumo.simulation.getCollisions():

@@ -114,15 +114,19 @@ class Traffic:
     @classmethod
     def of(cls, scenario: Scenario) -> "Traffic":
         """Work it out."""
-        p, limit = scenario.drivers, np.float32(scenario.road.speed_limit)
-        above = np.maximum(p.desired_speed - limit, np.float32(0.0))
         return cls(
             scenario=scenario,
-            desired_speed=p.desired_speed - p.limit_respect * above,
+            desired_speed=_under(scenario, np.float32(scenario.road.speed_limit)),
             friction=lane_friction(scenario),
             is_wet=is_wet(scenario),
             distance_error=distance_error(scenario),
         )
+
+
+def _under(scenario: Scenario, limit: np.float32) -> F32:
+    """Speed that drivers want under a limit, (simulation, vehicle) [m/s]."""
+    p = scenario.drivers
+    return p.desired_speed - p.limit_respect * np.maximum(p.desired_speed - limit, _ZERO)
 
 
 def routes(traffic: Traffic, row: int, ahead: float = 0.0, before: float = BEHIND) -> str:
@@ -220,19 +224,62 @@ def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
     }
 
 
-def speed_factor(traffic: Traffic, row: int, slot: int, lane: int) -> float:
-    """Speed wanted in a lane over the speed limit [1].
+def speed_factor(
+    traffic: Traffic, row: int, slot: int, lane: int, allowed: np.float32 | None = None
+) -> float:
+    """Speed wanted in a lane over the speed limit of the road [1].
 
     On a wet road it is lower by the share of SUMO's device for friction, which the EIDM ignores.
+
+    Args:
+        traffic: The batch.
+        row: Row of the simulation in it.
+        slot: Slot of the vehicle.
+        lane: Where it is.
+        allowed: Speed that limits allow it there, None for the limit of the road [m/s].
 
     Source:
         Eclipse SUMO user documentation: Simulation/Friction.
     """
-    factor = float(traffic.desired_speed[row, slot]) / traffic.scenario.road.speed_limit
+    desired = traffic.desired_speed
+    if allowed is not None:
+        desired = _under(traffic.scenario, allowed)
+    factor = float(desired[row, slot]) / traffic.scenario.road.speed_limit
     if not traffic.is_wet[row]:
         return factor
     friction = float(traffic.friction[row, lane])
     return factor * (-0.3491 * friction * friction + 0.8922 * friction + 0.4493)
+
+
+def following_factor(
+    traffic: Traffic, row: int, slot: int, speed: float, now: float, soon: float
+) -> float:
+    """Factor for which the EIDM keeps up with a speed factor that falls towards a lower limit [1].
+
+    Above its desired speed the EIDM brakes with b (1 - (v0 / v)^(4 a / b)), too little for that. So
+    it is told the desired speed for which that is the braking of our own drivers.
+
+    Args:
+        traffic: The batch.
+        row: Row of the simulation in it.
+        slot: Slot of the vehicle.
+        speed: How fast it is [m/s].
+        now: Speed factor where it is [1].
+        soon: The same where it will be at the next decision [1].
+
+    Source:
+        Treiber and Kesting 2013, section 11.3.7; our drivers: `sim.reference.environment`.
+    """
+    if soon >= now:
+        return now
+    c, p, limit = constants(), traffic.scenario.drivers, traffic.scenario.road.speed_limit
+    accel, decel = float(p.accel[row, slot]), float(p.decel[row, slot])
+    falls = limit * (soon - now) / float(c.decision)
+    eased = falls + (limit * now - speed) * float(c.per_approach)
+    if eased >= 0.0:
+        return now
+    share = max(1.0 + eased / decel, _LEAST)
+    return min(now, speed / limit * share ** (decel / (4.0 * accel)))
 
 
 def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 from tests.support.carla import needs_wheel
 
 from overtaking.core.errors import ConfigError
+from overtaking.model.course import Course, Limit
 from overtaking.simulators.carla_server.arguments import (
     Control,
     Description,
@@ -18,6 +20,7 @@ from overtaking.simulators.carla_server.arguments import (
     Vector,
 )
 from overtaking.simulators.carla_server.maps import Atlas, Map, known_map
+from overtaking.simulators.carla_server.motion import Motion
 from overtaking.simulators.carla_server.physics import WheelTelemetry, telemetry
 from overtaking.simulators.carla_server.rays import ROAD, TERRAIN, cast, project
 from overtaking.simulators.carla_server.running import run_server
@@ -206,3 +209,14 @@ def test_an_unknown_map_names_those_there_are_and_the_option():
 def test_two_maps_of_one_name_are_refused():
     with pytest.raises(ConfigError, match="each with a name of its own, got Town06, Town06"):
         run_server(port=0, maps=["town06", "TOWN06"], ready=print, log=print)
+
+
+def test_a_vehicle_reads_the_limit_where_it_is():
+    base = known_map("motorway")
+    course = Course(limits=(Limit(start=100.0, stop=200.0, speed=20.0),))
+    road = dataclasses.replace(base.ground.road, course=course)
+    found = dataclasses.replace(base, ground=dataclasses.replace(base.ground, road=road))
+    poses = (found.pose(Motion(s, -2.0, 0.0, 0.0, 0.0, 0.0), 0.0) for s in (99.0, 150.0, 201.0))
+    limits = [found.limit(pose) for pose in poses]
+    assert limits == [road.speed_limit, 20.0, road.speed_limit]
+    assert base.limit(found.pose(Motion(150.0, -2.0, 0.0, 0.0, 0.0, 0.0), 0.0)) == road.speed_limit
