@@ -7,7 +7,7 @@ the directions and the limits may change within a row: the road has a course.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import itemgetter
@@ -17,9 +17,10 @@ from typing import Self
 import numpy as np
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Limit, Line
+from overtaking.model.course import Course, Line
 from overtaking.model.line import Piece
 from overtaking.model.road import MAX_LENGTH, DrivingSide, Lane, Road
+from overtaking.recordings.limits import highest_and_lower
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_lanes import (
     OTHER_SIDE,
@@ -274,7 +275,7 @@ def _build(name: str, driving_side: DrivingSide, row: Sequence[Cell], line: Alig
         y0=line.y,
         heading=line.heading,
         course=line.course,
-        speed_limit=_highest(row),
+        speed_limit=max(max(cell.limit, cell.limit_against) for cell in row),
         slow_side_neighbour=lane(slow) if slow else None,
         fast_side_neighbour=lane(fast, -1 if section.across else 1) if fast else None,
     )
@@ -412,43 +413,11 @@ def _course(
         for start, stop, mark in marks
         if mark is not marks[0][2]
     )
-    limits = _limits(stretches, length)
+    stated = [(start, cell.limit, cell.limit_against) for start, _, cell in stretches]
+    limits = highest_and_lower(stated, length)[1]
     if not (line or table or lines or limits):
         return None
     return Course(line=line, grade=tuple(table), lines=lines, limits=limits)
-
-
-def _highest(row: Iterable[Cell]) -> float:
-    """The highest limit of a row of stretches, in either direction [m/s]."""
-    return max(max(cell.limit, cell.limit_against) for cell in row)
-
-
-def _limits(stretches: Sequence[Stretch], length: float) -> tuple[Limit, ...]:
-    """The stretches with a limit below the highest one, of both directions where both have it."""
-    highest = _highest(cell for _, _, cell in stretches)
-    along, against = (
-        _lower([(start, getattr(cell, name)) for start, _, cell in stretches], highest, length)
-        for name in ("limit", "limit_against")
-    )
-    found = {0: along & against, 1: along - against, -1: against - along}
-    ordered = sorted((*one, way) for way, ones in found.items() for one in ones)
-    return tuple(
-        Limit(start=start, stop=stop, speed=speed, direction=way)
-        for start, stop, speed, way in ordered
-    )
-
-
-def _lower(
-    limits: Sequence[tuple[float, float]], highest: float, length: float
-) -> set[tuple[float, float, float]]:
-    """Where each lower limit begins and ends, and it, from where each stretch begins."""
-    changes = [one for k, one in enumerate(limits) if k == 0 or one[1] != limits[k - 1][1]]
-    stops = [*(start for start, _ in changes[1:]), length]
-    return {
-        (start, stop, limit)
-        for (start, limit), stop in zip(changes, stops, strict=True)
-        if limit < highest
-    }
 
 
 def _length(road: Element) -> float:
