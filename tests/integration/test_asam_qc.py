@@ -14,6 +14,7 @@ from tests.support.worlds import scenario
 
 import overtaking as ot
 from overtaking.knowledge.roads import ROAD_NAMES
+from overtaking.model.course import Course, Limit
 from overtaking.model.known_roads import known_road
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.recordings.openscenario_write import write_openscenario
@@ -67,6 +68,19 @@ def test_every_road_has_no_issue(tmp_path: Path):
             (tmp_path / f"{name}{kind}.xodr").write_text(write_opendrive(one), encoding="utf-8")
     said = issues(tmp_path)
     assert said.returncode == 0, said.stdout + said.stderr
+
+
+def test_roads_with_several_limits_have_no_issue(tmp_path: Path):
+    lower = (Limit(start=100.0, stop=300.0, speed=20.0), Limit(start=300.0, stop=400.0, speed=9.0))
+    against = Limit(start=400.0, stop=5000.0, speed=15.0, direction=-1)
+    for name, limits in (("town06", lower), ("rural", lower[:1]), ("rural", (*lower[1:], against))):
+        road = dataclasses.replace(known_road(name), course=Course(limits=limits))
+        for kind, one in (("", road), ("-left", road.mirrored())):
+            text = write_opendrive(one)
+            (tmp_path / f"{name}{len(limits)}{kind}.xodr").write_text(text, encoding="utf-8")
+    said = issues(tmp_path)
+    assert said.returncode == 0, said.stdout + said.stderr
+    assert "6 files" in said.stdout
 
 
 def test_roads_and_scenarios_with_two_directions_bends_and_slopes_have_no_issue(tmp_path: Path):

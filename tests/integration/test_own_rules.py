@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.support.overtakes import alone, limited
 
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law import PORTUGAL
+from overtaking.model.known_roads import known_road
 from overtaking.model.labels import Verdict
 
 if TYPE_CHECKING:
@@ -105,3 +108,21 @@ def test_two_rules_of_one_code_are_no_pack():
     pack = ot.rules.Pack(name="twice", version="1", rules=(PORTUGAL.rules[0],) * 2)
     with pytest.raises(ConfigError, match="a code of its own"):
         ot.rules.load_pack(pack)
+
+
+def test_a_speed_limit_of_another_country_counts_where_less_is_posted():
+    general = np.full((len(ot.rules.ROAD_KINDS), len(ot.rules.CLASSES)), 130 / 3.6, np.float32)
+
+    def below(case: ot.rules.Case) -> ot.rules.Check:
+        return ot.rules.keeps_limit(case, ot.rules.limits_of(case, general))
+
+    limit = dataclasses.replace(PORTUGAL.rule("L12"), code="G1", check=below, spread=None)
+    pack = ot.rules.Pack(name="mine", version="1", rules=(limit,))
+
+    def margin(**given: Any) -> float:
+        return float(ot.label(alone(**given).trajectories, law=pack).findings.margin[0, 0])
+
+    assert margin(road=known_road("motorway")) == pytest.approx(120 / 3.6 - 30.0, abs=1e-3)
+    faster = dataclasses.replace(known_road("motorway"), speed_limit=50.0)
+    assert margin(road=faster) == pytest.approx(130 / 3.6 - 30.0, abs=1e-3)
+    assert margin(road=limited((150.0, 200.0, 60.0))) == pytest.approx(60 / 3.6 - 30.0, abs=1e-3)

@@ -409,6 +409,69 @@ def test_a_route_is_as_long_as_its_roads_and_lies_on_them(maps: Path, name: str,
         done += length
 
 
+MPS = {"mph": 0.44704, "km/h": 1.0 / 3.6, "m/s": 1.0}
+
+
+def stated(road: ET.Element, station: float, sign: int) -> float:
+    """The limit of the driving lanes of a side, from the text [m/s]."""
+    section = held(road.findall("lanes/laneSection"), station)
+    assert section is not None
+    ahead = station - float(section.attrib["s"])
+    side = "right" if sign < 0 else "left"
+    lanes = section.findall(f"{side}/lane[@type='driving']")
+    of_lanes = [held(lane.findall("speed"), ahead, "sOffset") for lane in lanes]
+    kind = held(road.findall("type"), station)
+    speed = of_lanes[0] if of_lanes and of_lanes[0] is not None else None
+    if speed is None and kind is not None:
+        speed = kind.find("speed")
+    if speed is None:  # Portuguese law, outside localities.
+        return 120 / 3.6 if kind is not None and kind.attrib["type"] == "motorway" else 25.0
+    return float(speed.attrib["max"]) * MPS[speed.get("unit", "m/s")]
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_every_limit_is_that_of_the_text_at_every_half_metre(maps: Path, name: str):
+    for road in map_roads(maps / name):
+        if road.road is None or road.part is None:
+            continue
+        text, found = texts(maps / name)[road.road_id], road.road
+        sign = 1 if found.lanes[0].lane_id > 0 else -1
+        stations = np.arange(road.part.start + 0.1, road.part.end - 0.1, STEP)
+        along = (sign < 0) == (found.driving_side is DrivingSide.RIGHT)
+        span = road.part.end - road.part.start
+        ahead = stations - road.part.start if along else road.part.end - stations
+        for way in (1, -1) if found.is_two_way else (1,):
+            limits = [stated(text, float(station), way * sign) for station in stations]
+            here = found.limit_at(ahead * found.length / span, way)
+            np.testing.assert_allclose(here, limits, rtol=1e-12, err_msg=road.road_id)
+
+
+@pytest.mark.parametrize(("ids", "mph"), [(("8", "2"), (30, 65)), (("46", "10"), (50, 55))])
+def test_a_route_over_roads_with_other_limits_has_those_of_the_text(
+    maps: Path, ids: tuple[str, str], mph: tuple[int, int]
+):
+    """Two pairs of roads of Town06 that were two roads as long as a road had one limit."""
+    road = load_road(maps / "Town06.xodr", ",".join(ids))
+    assert road.speed_limit == pytest.approx(0.44704 * max(mph))
+    compared = []
+    for text in (texts(maps / "Town06.xodr")[one] for one in ids):
+        for station in np.arange(0.3, float(text.attrib["length"]), STEP):
+            for sign in (-1, 1):
+                lanes = [one for one in across(text, station, sign) if one[0] == "driving"]
+                points = [placed(text, float(station), t) for _, t, _, _ in lanes]
+                found = [road.road_coordinates(*point) for point in points]
+                inside = [
+                    0.0 <= s <= road.length and np.abs(road.centres - d).min() < CENTIMETRE
+                    for s, d in found
+                ]
+                if found and all(inside):
+                    limit = stated(text, station, sign)
+                    assert road.limit_at(found[0][0]) == pytest.approx(limit, rel=1e-12)
+                    compared.append(round(limit / 0.44704))
+    assert set(compared) == set(mph)
+    assert len(compared) > 0.9 * road.length / STEP
+
+
 # ---- by name or by file ----
 
 

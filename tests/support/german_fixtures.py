@@ -11,6 +11,7 @@ from tests.support.law_fixtures_of_two_ways import (
     braking,
     coming,
     lined,
+    lower,
     place,
     slow_truck,
 )
@@ -23,6 +24,7 @@ from tests.support.overtakes import (
     alone,
     along_course,
     crossing,
+    limited,
     meeting,
     overtake,
     passing,
@@ -200,6 +202,12 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("O15", APART, "no oncoming vehicle", rural),
     ("O16", LEGAL, "800 m in sight", lambda: along_course(Course(sight=((0.0, 800.0),)))),
     ("O16", BREACH, "700 m in sight", lambda: along_course(Course(sight=((0.0, 700.0),)))),
+    (
+        "O16",
+        LEGAL,
+        "700 m in sight, where those who come may drive 54 km/h",
+        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
+    ),
     ("O16", APART, "lanes of one direction", overtake),
     ("O16", UNKNOWN, "no weather", lambda: rural(unknown=("weather",))),
     (
@@ -257,6 +265,18 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("V2", LEGAL, "a van at 115 km/h", lambda: alone(ego={"kind": "V", "speed": 32.0})),
     ("V2", BREACH, "a truck at 82 km/h", lambda: alone(ego={"kind": "T", "speed": 22.8})),
     ("V2", BREACH, "a car at 122 km/h where 120 is posted", lambda: alone(ego={"speed": 34.0})),
+    (
+        "V2",
+        BREACH,
+        "a car at 108 km/h into a stretch for 100",
+        lambda: alone(road=limited((290.0, 600.0, 100.0))),
+    ),
+    (
+        "V2",
+        LEGAL,
+        "a car at 108 km/h up to a stretch for 100",
+        lambda: alone(road=limited((299.0, 600.0, 100.0))),
+    ),
     ("V2", APART, "nothing was driven", lambda: alone(events={"collision": 0})),
     ("V2", UNKNOWN, "no sign is known", lambda: alone(unknown=("speed_limit",))),
     ("V3", LEGAL, "50 km/h in dense fog", lambda: alone(ego={"speed": 13.8}, weather=DENSE)),

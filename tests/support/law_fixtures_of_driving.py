@@ -13,6 +13,8 @@ from tests.support.overtakes import (
     against,
     alone,
     crossing,
+    limited,
+    lower_for_oncoming,
     mixed_road,
     oncoming_target,
     overtake,
@@ -30,6 +32,8 @@ APART, UNKNOWN = Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE
 
 THICK = {"fog": 90.0}
 TRUCK = {"kind": "T", "speed": 24.0}
+SLOWER = ramp((2, 30.0), (4, 20.0), (6, 20.0), (8, 30.0), frames=200)
+"""At 30 m/s up to 60 m, at 20 m/s from 110 to 150 m, and as fast as before from 200 m on."""
 LATE = ramp((4.9, 0), (5.5, 1), frames=200)
 
 OF_DRIVING: list[tuple[str, Verdict, str, Any]] = [
@@ -43,6 +47,74 @@ OF_DRIVING: list[tuple[str, Verdict, str, Any]] = [
         BREACH,
         "a car at 95 km/h where 90 is posted",
         lambda: alone(ego={"speed": 26.4}, road=known_road("town06")),
+    ),
+    (
+        "L12",
+        BREACH,
+        "at 108 km/h into a stretch for 80",
+        lambda: alone(road=limited((290.0, 600.0, 80.0))),
+    ),
+    (
+        "L12",
+        LEGAL,
+        "at 108 km/h up to a stretch for 80",
+        lambda: alone(road=limited((298.501, 600.0, 80.0))),
+    ),
+    (
+        "L12",
+        LEGAL,
+        "at 108 km/h from the end of a stretch for 80 on",
+        lambda: alone(ego={"s": 600.0}, road=limited((290.0, 600.0, 80.0))),
+    ),
+    (
+        "L12",
+        BREACH,
+        "at 108 km/h in the last millimetre of a stretch for 80",
+        lambda: alone(ego={"s": 599.999}, road=limited((290.0, 600.0, 80.0))),
+    ),
+    (
+        "L12",
+        LEGAL,
+        "slower where less is posted, as fast as before behind it",
+        lambda: alone(
+            ego={"speed": SLOWER}, road=limited((90.0, 110.0, 90.0), (110.0, 150.0, 72.0))
+        ),
+    ),
+    (
+        "L12",
+        BREACH,
+        "slower where less is posted, but not from its beginning on",
+        lambda: alone(ego={"speed": SLOWER}, road=limited((70.0, 150.0, 90.0))),
+    ),
+    (
+        "L12",
+        BREACH,
+        "a truck at 85 km/h, where trucks may drive 90 and 80 are posted",
+        lambda: alone(ego={"kind": "T", "speed": 23.6}, road=limited((100.0, 600.0, 80.0))),
+    ),
+    (
+        "L12",
+        LEGAL,
+        "a truck at 85 km/h, where trucks may drive 90 and 100 are posted",
+        lambda: alone(ego={"kind": "T", "speed": 23.6}, road=limited((100.0, 600.0, 100.0))),
+    ),
+    (
+        "L12",
+        LEGAL,
+        "at 72 km/h where 60 are posted for those who come",
+        lambda: alone(ego={"speed": 20.0}, road=lower_for_oncoming(16.0)),
+    ),
+    (
+        "L12",
+        BREACH,
+        "at 108 km/h where 80 are posted, the ego of any kind",
+        lambda: alone(road=limited((290.0, 600.0, 80.0)), unknown=("kinds",)),
+    ),
+    (
+        "L12",
+        UNKNOWN,
+        "nothing is known of signs, nor of lower ones",
+        lambda: alone(road=limited((290.0, 600.0, 80.0)), unknown=("speed_limit",)),
     ),
     ("L12", APART, "nothing was driven", lambda: alone(events={"collision": 0})),
     ("L12", UNKNOWN, "nothing is known of the sign", lambda: alone(unknown=("speed_limit",))),

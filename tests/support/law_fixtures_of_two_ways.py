@@ -17,7 +17,7 @@ from tests.support.overtakes import (
     rural,
 )
 
-from overtaking.model.course import Course, Line, Place, PlaceKind
+from overtaking.model.course import Course, Limit, Line, Place, PlaceKind
 from overtaking.model.known_roads import known_road
 from overtaking.model.labels import Verdict
 from overtaking.model.road import RoadMark
@@ -40,6 +40,11 @@ def place(kind: PlaceKind, start: float, stop: float, direction: int = 0, **give
     """The overtake along a road with a place."""
     one = Place(kind=kind, start=start, stop=stop, direction=direction)
     return along_course(Course(places=(one,)), **given)
+
+
+def lower(start: float, stop: float, direction: int) -> Limit:
+    """A stretch with a limit of 54 km/h for one direction."""
+    return Limit(start=start, stop=stop, speed=15.0, direction=direction)
 
 
 def on_motorway(kind: PlaceKind) -> Road:
@@ -103,6 +108,30 @@ OF_TWO_WAYS: list[tuple[str, Verdict, str, Any]] = [
         lambda: along_course(
             Course(sight=((0.0, 1000.0), (300.0, 1000.0), (320.0, 40.0))),
         ),
+    ),
+    (
+        "L15",
+        LEGAL,
+        "two ways, as long, where those who come may drive 54 km/h",
+        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
+    ),
+    (
+        "L15",
+        LEGAL,
+        "two ways, as long, where they may drive 54 km/h as far as one sees",
+        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 820.0, -1),))),
+    ),
+    (
+        "L15",
+        BREACH,
+        "two ways, as long, and they may drive 90 km/h where the sight ends",
+        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 805.0, -1),))),
+    ),
+    (
+        "L15",
+        BREACH,
+        "two ways, as long, where 54 km/h are posted for the ego alone",
+        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, 1),))),
     ),
     ("L17", LEGAL, "back before a crest", lambda: place(PlaceKind.CREST, 600.0, 700.0)),
     ("L17", BREACH, "over a crest", lambda: place(PlaceKind.CREST, 300.0, 350.0)),

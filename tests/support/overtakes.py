@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.support.cases import LEFT, RIGHT, Track, case, ramp, two_way_road
 
+from overtaking.model.course import Course, Limit
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road, RoadMark
 
 if TYPE_CHECKING:
-    from overtaking.model.course import Course
     from overtaking.model.labels import Case
 
 FRAMES = 420
@@ -60,6 +60,27 @@ def alone(**given: Any) -> Case:
     events = {"target": 255} | given.pop("events", {})
     ego = {"speed": 30.0} | given.pop("ego", {})
     return case(Track(**ego), events=events, **given)
+
+
+def limited(*stretches: tuple[float, float, float], road: Road | None = None) -> Road:
+    """The motorway for 120 km/h, or another road, with lower limits from one station to another.
+
+    Args:
+        stretches: Where each begins and ends [m], and its limit [km/h]; along the road alone.
+        road: Another road.
+    """
+    lower = tuple(
+        Limit(start=start, stop=stop, speed=kmh / 3.6, direction=1)
+        for start, stop, kmh in stretches
+    )
+    return dataclasses.replace(road or known_road("motorway"), course=Course(limits=lower))
+
+
+def lower_for_oncoming(speed: float) -> Road:
+    """A two-way road for 90 km/h with a lower limit for those who come against it [m/s]."""
+    road = two_way_road()
+    lower = Limit(start=0.0, stop=road.length, speed=speed, direction=-1)
+    return dataclasses.replace(road, course=Course(limits=(lower,)))
 
 
 def mixed_road(near: RoadMark) -> Road:

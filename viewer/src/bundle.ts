@@ -128,7 +128,11 @@ export interface Values {
   num_frames: number;
   frame_interval_ms: number;
   duration_s: number;
-  road: { lane_ids: number[]; speed_limit_mps: number | null };
+  road: {
+    lane_ids: number[];
+    speed_limit_mps: number | null;
+    lower_limits?: { from_m: number; to_m: number; speed_limit_mps: number; direction: number }[];
+  };
   weather: { preset: string | null; night: boolean; horizon_line: boolean; rain_percent: number; puddles_percent: number } | null;
   vehicles: {
     vehicle: number;

@@ -1,6 +1,6 @@
 // Values over time as curves: speeds, gaps, places across the road, accelerations.
 
-import { believedAt, type Gaps, type Run } from "./bundle.ts";
+import { believedAt, type Gaps, type Run, type Values } from "./bundle.ts";
 import { h, svg, write } from "./dom.ts";
 import { plain } from "./numbers.ts";
 import { type Needs, plot, type Row, row, xOf } from "./row.ts";
@@ -10,7 +10,7 @@ interface Line {
   kind: "ego" | "target" | "behind" | "limit" | "faint" | "belief" | "branch";
   letter?: string; // Of a branch.
   values: Gaps;
-  told: (value: number) => string;
+  told?: (value: number) => string; // Of what changes.
 }
 
 // From bottom to top, with the lines between and their words.
@@ -58,13 +58,22 @@ function lead(run: Run): Gaps {
   });
 }
 
+// Posted where the ego is, frame by frame.
+export function limitsAlong(road: Values["road"], places: Gaps): Gaps {
+  return places.map((s) => {
+    if (s === null) return null;
+    const lower = road.lower_limits?.find((one) => one.direction >= 0 && one.from_m <= s && s < one.to_m);
+    return lower?.speed_limit_mps ?? road.speed_limit_mps;
+  });
+}
+
 export function chartRows(needs: Needs): Row[] {
   const { run, words } = needs;
   const target = run.values.target;
   const symbol = run.vehicles.find((one) => one.slot === target)?.symbol;
   type Of = (vehicle: Run["vehicles"][number], k: number) => number;
   const to = (digits: number) => (value: number): string => plain(value, digits);
-  const own = (name: string, of: (run: Run) => Gaps, told: Line["told"]): Line[] => [
+  const own = (name: string, of: (run: Run) => Gaps, told: (value: number) => string): Line[] => [
     { name, kind: "ego", values: of(run), told },
     // From where the other courses begin.
     ...needs.overlays.map((one): Line => ({ name: `${name} in ${one.letter}`, kind: "branch", letter: one.letter, values: of(one.run).map((value, k) => (k < one.frame ? null : value)), told })),
@@ -73,8 +82,13 @@ export function chartRows(needs: Needs): Row[] {
     ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: along(run, target, of), told: to(digits) }] : []),
     ...own("ego", (one) => along(one, 0, of), to(digits)),
   ];
-  const constant = (name: string, value: number): Line => ({ name, kind: "limit", values: Array.from({ length: needs.frames }, () => value), told: to(0) });
-  const limit = run.values.road.speed_limit_mps;
+  const constant = (name: string, value: number): Line => ({ name, kind: "limit", values: Array.from({ length: needs.frames }, () => value) });
+  const limits = (road: Values["road"]): Line[] => {
+    if (road.speed_limit_mps === null) return [];
+    if (!road.lower_limits) return [constant("limit", road.speed_limit_mps * KMH)];
+    const values = limitsAlong(road, along(run, 0, (one, k) => one.s[k]!));
+    return [{ name: "limit", kind: "limit", values: values.map((one) => (one === null ? null : one * KMH)), told: to(0) }];
+  };
   const bystanders = run.vehicles
     .filter((one) => one.slot !== 0 && one.slot !== target)
     .map((one): Line => ({ name: "", kind: "faint", values: along(run, one.slot, (of, k) => of.speed[k]! * KMH), told: to(0) }));
@@ -90,7 +104,7 @@ export function chartRows(needs: Needs): Row[] {
     constant(`critical ${words.critical_ttc_s} s`, 1 / words.critical_ttc_s),
   ];
   return [
-    chart(needs, "Speed", "km/h", [...bystanders, ...(limit === null ? [] : [constant("limit", limit * KMH)]), ...both((one, k) => one.speed[k]! * KMH, 0)]),
+    chart(needs, "Speed", "km/h", [...bystanders, ...limits(run.values.road), ...both((one, k) => one.speed[k]! * KMH, 0)]),
     chart(needs, "Gap", "m", gaps.map(clipped)),
     chart(needs, "Time to collision", "s", urgent, urgency),
     chart(needs, "Lateral position", "m", both((one, k) => one.d[k]!, 2), (least, most) => across(run.road.borders, least, most)),
@@ -106,7 +120,7 @@ function timeTo(inverse: number): string {
 
 // In the legend the ego comes first, other courses last.
 function ranked(lines: Line[]): Line[] {
-  const rank = ["ego", "target", "behind", "belief", "branch"];
+  const rank = ["ego", "target", "behind", "belief", "limit", "branch"];
   return lines.toSorted((a, b) => rank.indexOf(a.kind) - rank.indexOf(b.kind));
 }
 
@@ -119,16 +133,16 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (
     text ? svg("text", { x: 3, y: y(tick) - 3, class: "tick-text" }, text) : null,
   ]);
   const curves = lines.map((line) => svg("path", { d: path(xOf(needs), line.values, y), class: `curve ${line.kind} ${line.letter ? `branch-${line.letter}` : ""}` }));
-  const readings = ranked(lines.filter((line) => line.name && line.kind !== "limit")).map((line) => ({ line, value: h("span", { class: "number" }) }));
+  const readings = ranked(lines.filter((line) => line.name && line.told)).map((line) => ({ line, value: h("span", { class: "number" }) }));
   const key = ({ kind, letter, name }: Line, value: Node | null): HTMLElement =>
     h("span", { class: `key ${kind} ${letter ? `branch-${letter}` : ""}` }, h("i", {}), ` ${name} `, value);
-  const legend = [...readings.map(({ line, value }) => key(line, value)), ...lines.filter((line) => line.kind === "limit").map((line) => key(line, null))];
+  const legend = [...readings.map(({ line, value }) => key(line, value)), ...lines.filter((line) => line.name && !line.told).map((line) => key(line, null))];
   const empty = values.length ? null : svg("text", { x: 8, y: CHART / 2, class: "tick-text" }, "nothing to show");
   const label = h("div", { class: "label chart" }, h("b", {}, title, h("small", {}, ` ${unit}`)), ...legend);
   return row(label, plot(needs, CHART, ...(values.length ? grid : []), ...curves, empty), "chart", (frame) => {
     for (const { line, value } of readings) {
       const now = line.values[Math.round(frame)];
-      write(value, now === null || now === undefined ? "–" : line.told(now));
+      write(value, now === null || now === undefined ? "–" : line.told!(now));
     }
   });
 }

@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { brokenSpans, isBroken } from "../src/board.ts";
 import { column, pose, sparse, type Vehicle } from "../src/bundle.ts";
-import { scale } from "../src/charts.ts";
+import { limitsAlong, scale } from "../src/charts.ts";
 import { MOST_BRANCHES, MOST_CHANGES, noChoice, parse, print, type Moment } from "../src/link.ts";
 
 test("columns are sums of their differences", () => {
@@ -38,6 +38,17 @@ test("a vehicle is between two frames, and nowhere where it was not recorded", (
   assert.equal(pose(car, 13), null);
   assert.deepEqual(pose(car, 10.5), { s: 101, d: 0.5, angle: 0, speed: 21, accel: 1, lights: 0 });
   assert.equal(pose(car, 11)!.lights, 4);
+});
+
+test("the limit of a frame is that of the ego's place and direction", () => {
+  const lower_limits = [
+    { from_m: 0, to_m: 500, speed_limit_mps: 5, direction: -1 },
+    { from_m: 100, to_m: 200, speed_limit_mps: 14, direction: 0 },
+    { from_m: 200, to_m: 300, speed_limit_mps: 20, direction: 1 },
+  ];
+  const road = { lane_ids: [1], speed_limit_mps: 25, lower_limits };
+  assert.deepEqual(limitsAlong(road, [99.9, 100, null, 199.9, 200, 300]), [25, 14, null, 14, 20, 25]);
+  assert.deepEqual(limitsAlong({ lane_ids: [1], speed_limit_mps: 25 }, [5, null]), [25, null]);
 });
 
 const choice = { ...noChoice(), classes: ["Success_I", "No_attempt"], rules: ["L3"], margin: { rule: "L8", least: -5, most: null }, sql: "SELECT 'a,b' & 1", order: "margin" as const, descending: true, first: 50 };

@@ -50,16 +50,19 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.policies import POLICIES, STORED
 from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Spread, decided, judge
+from overtaking.labels.law.speeds import CLASSES, ROAD_KINDS, keeps_limit, limits_of
 from overtaking.labels.signals import encounter
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.signals import Around
 
 __all__ = [
+    "CLASSES",
     "ENDLESS",
     "GERMANY",
     "NEVER",
     "PORTUGAL",
+    "ROAD_KINDS",
     "Around",
     "Case",
     "Check",
@@ -86,6 +89,8 @@ __all__ = [
     "frames_of",
     "instant",
     "judge",
+    "keeps_limit",
+    "limits_of",
     "load_pack",
     "manoeuvre",
     "passed",

@@ -7,10 +7,12 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
+from overtaking.core.units import kmh_from_mps
 
 if TYPE_CHECKING:
     from rich.console import Group
 
+    from overtaking.model.road import Road
     from overtaking.recordings.opendrive_map import MappedRoad
 
 MapFile = Annotated[Path, typer.Argument(metavar="FILE", help="OpenDRIVE file, not compressed.")]
@@ -59,6 +61,7 @@ def values_of(file: Path, found: list["MappedRoad"], *, with_junctions: bool) ->
                 "simulated_to_m": None if road.part is None else round(road.part.end, 3),
                 "is_whole": None if road.part is None else road.part.is_whole,
                 "is_two_way": None if road.road is None else road.road.is_two_way,
+                "limits_kmh": None if road.road is None else _limits(road.road),
                 "refusal": road.refusal,
             }
             for road in sorted(listed, key=lambda each: (-_simulated(each), -each.length))
@@ -71,6 +74,13 @@ def _simulated(road: "MappedRoad") -> float:
     return 0.0 if road.road is None else road.road.length
 
 
+def _limits(road: "Road") -> list[float]:
+    """The limits of a road, the lowest first, each once [km/h]."""
+    stretches = road.course.limits if road.course else ()
+    limits = {road.speed_limit, *(one.speed for one in stretches)}
+    return [round(kmh_from_mps(limit), 1) for limit in sorted(limits)]
+
+
 def render(values: dict[str, Any]) -> "Group":
     """The roads as a table."""
     from rich.console import Group
@@ -78,8 +88,8 @@ def render(values: dict[str, Any]) -> "Group":
 
     from overtaking.cli.tables import open_table
 
-    names = ("road", "length>", "lanes>", "sharpest bend>", "slope>", "leads to>", "simulated")
-    table = open_table(*names)
+    names = ("road", "length>", "lanes>", "sharpest bend>", "slope>", "km/h>", "leads to>")
+    table = open_table(*names, "simulated")
     for road in values["roads"]:
         radius, slope = road["sharpest_radius_m"], road["steepest_slope"]
         table.add_row(
@@ -88,13 +98,14 @@ def render(values: dict[str, Any]) -> "Group":
             f"{road['lanes_right']} + {road['lanes_left']}",
             "straight" if radius is None else f"R {radius:,.0f} m",
             "" if slope is None else f"{100.0 * slope:.1f} %",
+            " to ".join(f"{limit:.0f}" for limit in _ends(road["limits_kmh"] or [])),
             road["leads_to"] or "",
             _how(road) if road["can_be_simulated"] else Text(_short(road["refusal"])),
         )
     notes = (
         "Lanes are driving lanes right and left of the file's reference line. Of a road whose lanes"
-        " change, the longest stretch is simulated on which they do not. Where a road leads to"
-        " another without a junction, both can be one: --road A,B."
+        " change, the longest stretch is simulated on which they do not; limits may change. Where a"
+        " road leads to another without a junction, both can be one: --road A,B."
     )
     parts = [table, Text(notes)]
     if values["junctions_left_out"]:
@@ -102,6 +113,11 @@ def render(values: dict[str, Any]) -> "Group":
         ways = "way across a junction" if number == 1 else "ways across junctions"
         parts.append(Text(f"{number} {ways} left out; --junctions lists them."))
     return Group(*parts)
+
+
+def _ends(values: list[float]) -> list[float]:
+    """The first and the last of some values, one alone if there are no two."""
+    return [values[0], values[-1]] if len(values) > 1 else values
 
 
 def _how(road: dict[str, Any]) -> str:

@@ -23,6 +23,7 @@ from overtaking.recordings.commonroad_lanes import (
     strips,
 )
 from overtaking.recordings.fitting import is_straight
+from overtaking.recordings.limits import Stated, highest_and_lower
 from overtaking.recordings.messages import refused
 from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
 from overtaking.recordings.xml import Element
@@ -130,7 +131,9 @@ def _refused(home: Lanelet, what: str, expected: str, got: str) -> Exception:
 def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, frozenset[str]]:
     """The road, and the names of its unknown attributes."""
     marks, marks_known = _marks(strip)
-    limit = _limit(strip, network.limits)
+    stated = _stated(strip, shape, network)
+    limit, lower = highest_and_lower(stated, shape.length) if stated else (None, ())
+    line = () if is_straight(shape.pieces) else shape.pieces
     count, widths = len(strip), np.diff(shape.mean_borders)
     begin = shape.pieces[0]
     types = {kind for lane in strip for piece in lane for kind in piece.types}
@@ -156,7 +159,7 @@ def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, froze
         speed_limit=UNKNOWN_LIMIT if limit is None else limit,
         slow_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
         fast_side_neighbour=_beside_left(strip[-1], network.lanelets),
-        course=None if is_straight(shape.pieces) else Course(line=shape.pieces),
+        course=Course(line=line, limits=lower) if line or lower else None,
     )
     missing = {"road_kind": not known_kind, "marks": not marks_known, "speed_limit": limit is None}
     return road, frozenset(what for what, is_missing in missing.items() if is_missing)
@@ -181,10 +184,23 @@ def _marks(strip: Strip) -> tuple[list[RoadMark], bool]:
     return [mark or RoadMark.NONE for mark in longest], is_known
 
 
-def _limit(strip: Strip, posted: Mapping[int, float]) -> float | None:
-    """The speed limit, if every lanelet has the same one [m/s]."""
-    limits = {_limit_of(one, posted) for lane in strip for one in lane}
-    return limits.pop() if len(limits) == 1 else None
+def _stated(strip: Strip, shape: RoadShape, network: Network) -> list[Stated] | None:
+    """The limits from lanelet to lanelet, if those beside each other have the same, and all one.
+
+    Where the lanelets of oncoming traffic state none, that of the road is theirs.
+    """
+    found: list[Stated] = []
+    for beside in zip(*strip, strict=True):
+        limits = {_limit_of(one, network.limits) for one in beside}
+        limit = limits.pop()
+        if limits or limit is None:
+            return None
+        begin = np.array([beside[0].right[0], beside[-1].left[0]])
+        start = float(shape.line.road_coordinates(*begin.T)[0].mean())
+        other = network.lanelets.get(beside[-1].oncoming_left or -1)
+        against = other and _limit_of(other, network.limits)
+        found.append((max(start, 0.0) if found else 0.0, limit, against or limit))
+    return found
 
 
 def _limit_of(one: Lanelet, posted: Mapping[int, float]) -> float | None:

@@ -4,10 +4,10 @@ The road becomes lanelets, the vehicles dynamic obstacles, the ego among them wi
 Positions are those along and across the road, put onto the lanelets with enough digits to come back
 the same; what CommonRoad has no place for is left out. The borders of bends are within
 `_SAGITTA` of the road's. The lane of oncoming traffic is a lanelet the other way, and where the
-line between the directions changes other lanelets follow.
+line between the directions or a limit changes other lanelets follow.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,7 +27,7 @@ FIRST_OBSTACLE = 1000
 """Id of the ego; the other vehicles follow by slot."""
 
 SPEED_SIGN = 900
-"""Id of the sign that posts the limit."""
+"""Id of the sign that posts the lowest limit; those of higher ones follow."""
 
 DATE = "1970-01-01"
 """What stands where a date is required: a scenario is the same whenever it is written."""
@@ -84,12 +84,11 @@ def _lines(trajectories: Trajectories, place: int, number: int) -> Iterator[str]
         ways = "<two_lane/><oncoming_traffic/>" if road.num_lanes == 1 else "<oncoming_traffic/>"
     many = "<multi_lane/>" if road.num_lanes > 1 else ""
     yield f"<scenarioTags>{kind}{many}{ways}</scenarioTags>"
-    limit = None if "speed_limit" in trajectories.unknown else road.speed_limit
-    limit = limit if limit is not None and limit < _LARGEST_LIMIT else None
+    signs = {} if "speed_limit" in trajectories.unknown else _signs(road)
     knows_marks = "marks" not in trajectories.unknown
-    yield from _lanelets(road, _extent(trajectories, place), limit=limit, knows_marks=knows_marks)
-    if limit is not None:
-        yield _sign(limit)
+    yield from _lanelets(road, _extent(trajectories, place), signs, knows_marks=knows_marks)
+    for limit, number in signs.items():
+        yield _sign(limit, number)
     for slot in np.flatnonzero(scenario.vehicles.valid[place]).tolist():
         yield from _obstacle(trajectories, place, slot)
     yield "</commonRoad>"
@@ -102,16 +101,38 @@ def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
     return min(0.0, np.floor(begin)), np.ceil(max(trajectories.road.length, end))
 
 
+def _signs(road: Road) -> dict[float, int]:
+    """Ids of the signs that post the limits of a road, by limit [m/s]."""
+    lower = road.course.limits if road.course else ()
+    limits = sorted({road.speed_limit, *(one.speed for one in lower)})
+    posted = [limit for limit in limits if limit < _LARGEST_LIMIT]
+    return {limit: SPEED_SIGN + k for k, limit in enumerate(posted)}
+
+
+def _edges(road: Road, extent: tuple[float, float]) -> list[float]:
+    """Where lanelets begin and end: where the line between the directions or a limit changes."""
+    changes = {start for start, _ in road.fast_edge_marks[1:]} if road.is_two_way else set[float]()
+    limits = road.course.limits if road.course else ()
+    changes |= {end for one in limits for end in (one.start, one.stop)} - {0.0, road.length}
+    return [extent[0], *sorted(s for s in changes if extent[0] < s < extent[1]), extent[1]]
+
+
 def _lanelets(
-    road: Road, extent: tuple[float, float], *, limit: float | None, knows_marks: bool
+    road: Road, extent: tuple[float, float], signs: Mapping[float, int], *, knows_marks: bool
 ) -> Iterator[str]:
-    """The lanelets stretch by stretch, from the slow to the fast side; ids from 1."""
+    """The lanelets stretch by stretch, from the slow to the fast side; ids from 1.
+
+    Args:
+        road: The road.
+        extent: Where they begin and end [m].
+        signs: Ids of the signs by the limit that they post [m/s].
+        knows_marks: Whether the lines are known.
+    """
     lanes, borders = list(road.lanes), road.boundaries
     if (beyond := road.fast_side_neighbour) is not None and road.is_two_way:
         lanes.append(beyond)
         borders = np.append(borders, borders[-1] + road.side * beyond.width)
-    edges = [start for start, _ in road.fast_edge_marks[1:] if extent[0] < start < extent[1]]
-    edges = [extent[0], *(edges if road.is_two_way else []), extent[1]]
+    edges = _edges(road, extent)
     kind = "highway" if road.kind == "motorway" else "unknown"
     for part, (start, stop) in enumerate(pairwise(edges)):
         s = _stations(road, start, stop)
@@ -129,8 +150,9 @@ def _lanelets(
                         yield f'<{word} ref="{other}"/>'
             yield from _adjacent(road, lanes, k, number)
             yield f"<laneletType>{kind}</laneletType><userOneWay>vehicle</userOneWay>"
-            if limit is not None:
-                yield f'<trafficSignRef ref="{SPEED_SIGN}"/>'
+            sign = signs.get(float(road.limit_at(max(start, 0.0), lane.direction)))
+            if sign is not None:
+                yield f'<trafficSignRef ref="{sign}"/>'
             yield "</lanelet>"
 
 
@@ -204,10 +226,10 @@ def _bound(
     yield f"</{name}>"
 
 
-def _sign(limit: float) -> str:
-    """The sign that posts the speed limit, in m/s as CommonRoad wants it."""
+def _sign(limit: float, number: int) -> str:
+    """A sign that posts a speed limit, in m/s as CommonRoad wants it."""
     return (
-        f'<trafficSign id="{SPEED_SIGN}"><trafficSignElement><trafficSignID>274</trafficSignID>'
+        f'<trafficSign id="{number}"><trafficSignElement><trafficSignID>274</trafficSignID>'
         f"<additionalValue>{limit:.6f}</additionalValue></trafficSignElement>"
         "<virtual>true</virtual></trafficSign>"
     )

@@ -9,7 +9,8 @@ at most 1.6 mm. Numbers have four decimals, highD's own have two. Traffic along 
 the right, on the lower lanes; the upper carriageway has one line and no lanes, but on two-way roads
 the lane of oncoming traffic, whose lower line is the upper one of ours. `dhw` is the distance
 between the bumpers, `thw` and `ttc` are that over the speed and over the closing speed, of vehicles
-that drive the same way. Images of bends are straight in no frame of highD's, so they are refused.
+that drive the same way. Images of bends are straight in no frame of highD's, and a recording has
+one speed limit, so roads that bend or have several are refused.
 """
 
 # pyright: reportUnknownParameterType=false
@@ -23,6 +24,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 from numpy.typing import NDArray
 
+from overtaking.core.errors import ConfigError
 from overtaking.core.folders import put_file
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
@@ -96,10 +98,11 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
         Number of states written.
 
     Raises:
-        ConfigError: The road bends or rises.
+        ConfigError: The road bends or rises, or its limit changes.
         OSError: A file cannot be written.
     """
     trajectories.road.needs_to_be_straight("export to highD")
+    _check_one_limit(trajectories)
     written = 0
     for place, number in enumerate(numbers.tolist()):
         image = image_tracks(trajectories, place)
@@ -114,6 +117,19 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
             put_file(folder / f"{number + 1:02d}_{kind}.csv", _text(columns))
         written += int(image.there.sum())
     return written
+
+
+def _check_one_limit(trajectories: Trajectories) -> None:
+    """Refuse several limits, which `speedLimit` has no place for."""
+    road = trajectories.road
+    if road.course and road.course.limits and "speed_limit" not in trajectories.unknown:
+        raise ConfigError.of(
+            what=f"road {road.name}",
+            where="export to highD",
+            expected="one speed limit",
+            got=f"{len(road.course.limits)} stretches with lower ones",
+            next_step="choose --format commonroad",
+        )
 
 
 def image_tracks(trajectories: Trajectories, place: int) -> ImageTracks:

@@ -157,6 +157,7 @@ class Cell:
             other way.
         kind: Type of the road.
         limit: Speed limit [m/s].
+        limit_against: That of oncoming traffic, the same where none is beside [m/s].
     """
 
     start: float
@@ -167,7 +168,8 @@ class Cell:
     outer_neighbour: Strip | None
     across: bool
     kind: str
-    limit: float
+    limit: float = 0.0
+    limit_against: float = 0.0
 
     @property
     def is_two_way(self) -> bool:
@@ -176,13 +178,13 @@ class Cell:
         return self.across and beyond is not None and beyond.kind == DRIVING
 
     def goes_on(self, other: "Cell") -> bool:
-        """Whether lanes, type and limit of another stretch are those of this one.
+        """Whether lanes and type of another stretch are those of this one.
 
-        The line between the directions may be another.
+        The line between the directions and the limit may be others.
         """
         return (
             len(self.strips) == len(other.strips)
-            and (self.across, self.kind, self.limit) == (other.across, other.kind, other.limit)
+            and (self.across, self.kind) == (other.across, other.kind)
             and all(map(_alike, self._compared(), other._compared()))
             and _beside_alike(self.outer_neighbour, other.outer_neighbour)
             and _beside_alike(self.inner_neighbour, other.inner_neighbour)
@@ -225,16 +227,17 @@ def cells(
     offsets = profile(road.required("lanes").all("laneOffset"), origin=0.0)
     found: list[Cell | Unfit] = []
     for section in lane_sections(road, length):
-        lanes = side_lanes(section.element, side)
-        driving = [lane for lane in lanes if lane.attribute("type") == DRIVING]
+        driving, beyond = (_driving(section.element, one) for one in (side, OTHER_SIDE[side]))
         for start, end in _between_entries(road, section):
             here = section._replace(start=start, end=end)
             try:
                 check_not_banked(road, start, end)
                 cell = _cell(here, side, kind=kind_at(road, start))
-                limit = speed_limit or limit_at(road, driving, start, here.ahead)
+                limit = against = speed_limit or limit_at(road, driving, start, here.ahead)
+                if cell.is_two_way and speed_limit is None:
+                    against = limit_at(road, beyond, start, here.ahead)
                 inner = _plus(cell.inner, _offset(offsets, start, side))
-                found.append(replace(cell, inner=inner, limit=limit))
+                found.append(replace(cell, inner=inner, limit=limit, limit_against=against))
             except Unfit as error:
                 found.append(error)
     return found
@@ -280,7 +283,7 @@ def _plus(one: Cubic, other: Cubic | None) -> Cubic:
 
 
 def _cell(here: Section, side: Side, *, kind: str) -> Cell:
-    """The driving lanes of a part of a section and what lies beside them, without a limit yet."""
+    """The driving lanes of a part of a section and what lies beside them, without limits yet."""
     lanes = side_lanes(here.element, side)
     first, last = _driving_block(here, lanes, side)
     inside = [_width(lane, here) for lane in lanes[:first]]
@@ -308,7 +311,6 @@ def _cell(here: Section, side: Side, *, kind: str) -> Cell:
         outer_neighbour=_first_wide(here, lanes, outward, side),
         across=across,
         kind=kind,
-        limit=0.0,
     )
 
 
@@ -378,11 +380,12 @@ def _constant(width: Cubic, here: Section, lane: Element) -> float:
 
 def has_driving_lanes(road: Element, *, side: Side, length: float) -> bool:
     """Whether there is a driving lane on one side of a road anywhere."""
-    return any(
-        lane.attribute("type") == DRIVING
-        for section in lane_sections(road, length)
-        for lane in side_lanes(section.element, side)
-    )
+    return any(_driving(section.element, side) for section in lane_sections(road, length))
+
+
+def _driving(section: Element, side: Side) -> list[Element]:
+    """The driving lanes on one side, from the reference line outward."""
+    return [lane for lane in side_lanes(section, side) if lane.attribute("type") == DRIVING]
 
 
 def _first_wide(

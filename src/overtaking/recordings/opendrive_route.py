@@ -2,7 +2,8 @@
 
 A file states lanes, widths, marks, type and limit anew wherever one of them changes. In between the
 driving lanes of one side are a cell; the road of the model is the longest row of cells with the
-same lanes, on one road or on several that lead to each other without a junction.
+same lanes, on one road or on several that lead to each other without a junction. The line between
+the directions and the limits may change within a row: the road has a course.
 """
 
 import math
@@ -16,9 +17,10 @@ from typing import Self
 import numpy as np
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Line, RoadMark
+from overtaking.model.course import Course, Line
 from overtaking.model.line import Piece
 from overtaking.model.road import MAX_LENGTH, DrivingSide, Lane, Road
+from overtaking.recordings.limits import highest_and_lower
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_lanes import (
     OTHER_SIDE,
@@ -45,6 +47,9 @@ from overtaking.recordings.opendrive_shape import (
     unfit,
 )
 from overtaking.recordings.xml import Element
+
+Stretch = tuple[float, float, Cell]
+"""Where a cell begins and ends on the road of the model [m], and the cell."""
 
 _RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
 
@@ -270,7 +275,7 @@ def _build(name: str, driving_side: DrivingSide, row: Sequence[Cell], line: Alig
         y0=line.y,
         heading=line.heading,
         course=line.course,
-        speed_limit=section.limit,
+        speed_limit=max(max(cell.limit, cell.limit_against) for cell in row),
         slow_side_neighbour=lane(slow) if slow else None,
         fast_side_neighbour=lane(fast, -1 if section.across else 1) if fast else None,
     )
@@ -305,7 +310,7 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
     half = 0.5 * sum(strip.width for strip in cell.strips)
     line: list[Piece] = []
     grade: list[tuple[float, float]] = []
-    marks: list[tuple[float, float, RoadMark]] = []
+    stretches: list[Stretch] = []
     done = 0.0
     for one, row in groups:
         bends = _bent(one, row, half if moved else None)
@@ -313,10 +318,12 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
             check_joint(line[-1], bends[0], one.element)
         length = sum(piece.length for piece in bends)
         grade += [(done + s, slope) for s, slope in _grade(one, row, length)]
-        marks += [(done + begin, done + end, mark) for begin, end, mark in _marks(one, row, length)]
+        stretches += [
+            (done + begin, done + end, cell) for begin, end, cell in _stretches(one, row, length)
+        ]
         line += bends
         done += length
-    course = _course(tuple(line), grade, marks, done)
+    course = _course(tuple(line), grade, stretches, done)
     return Alignment(*line[0][:3], length=done, inner_edge=-half if moved else edge, course=course)
 
 
@@ -329,7 +336,7 @@ def _straight(way: Way, row: Sequence[Cell], edge: float) -> Alignment:
     y = line.y + start * math.sin(line.heading)
     turned = math.remainder(line.heading + math.pi, math.tau)
     heading = line.heading if way.along else turned
-    course = _course((), _grade(way, row, length), _marks(way, row, length), length)
+    course = _course((), _grade(way, row, length), _stretches(way, row, length), length)
     return Alignment(x, y, heading, length=length, inner_edge=edge, course=course)
 
 
@@ -377,17 +384,15 @@ def _grade(way: Way, row: Sequence[Cell], length: float) -> list[tuple[float, fl
     return found if way.along else found[::-1]
 
 
-def _marks(way: Way, row: Sequence[Cell], length: float) -> list[tuple[float, float, RoadMark]]:
-    """The line between the directions on a part of a road, by stretches from start to end."""
-    if not row[0].is_two_way:
-        return []
+def _stretches(way: Way, row: Sequence[Cell], length: float) -> list[Stretch]:
+    """Where each cell of a part of a road begins and ends, in the direction of travel."""
     start, end = min(cell.start for cell in row), max(cell.end for cell in row)
     scale = length / (end - start)
     return [
         (
             scale * (cell.start - start if way.along else end - cell.end),
             min(scale * (cell.end - start if way.along else end - cell.start), length),
-            cell.strips[0].inner_mark,
+            cell,
         )
         for cell in row
     ]
@@ -396,20 +401,23 @@ def _marks(way: Way, row: Sequence[Cell], length: float) -> list[tuple[float, fl
 def _course(
     line: tuple[Piece, ...],
     grade: Sequence[tuple[float, float]],
-    marks: Sequence[tuple[float, float, RoadMark]],
+    stretches: Sequence[Stretch],
     length: float,
 ) -> Course | None:
     """What changes along a road; None if nothing does."""
     rises = any(slope != 0.0 for _, slope in grade)
     table = [one for k, one in enumerate(grade) if rises and (k == 0 or one[0] > grade[k - 1][0])]
+    marks = [(*ends, cell.strips[0].inner_mark) for *ends, cell in stretches if cell.is_two_way]
     lines = tuple(
         Line(start=start, stop=min(stop, length), mark=mark)
         for start, stop, mark in marks
         if mark is not marks[0][2]
     )
-    if not (line or table or lines):
+    stated = [(start, cell.limit, cell.limit_against) for start, _, cell in stretches]
+    limits = highest_and_lower(stated, length)[1]
+    if not (line or table or lines or limits):
         return None
-    return Course(line=line, grade=tuple(table), lines=lines)
+    return Course(line=line, grade=tuple(table), lines=lines, limits=limits)
 
 
 def _length(road: Element) -> float:

@@ -4,23 +4,27 @@ The reference line is the road's own, so that stations, offsets and lane ids are
 file; where lane ids say that traffic runs against the line, the line runs the other way. Its pieces
 are lines, arcs and clothoids, its heights quadratic between the stations of the grade. The lane of
 oncoming traffic lies across the line; the line between the directions has a mark for each stretch.
-Places and how far one sees are no part of the file.
+Each stretch with a limit of its own has a type with it; where oncoming traffic has others, its lane
+states them. Places and how far one sees are no part of the file.
 """
 
 import dataclasses
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
-from overtaking.model.course import Course
+from overtaking.model.course import Course, Limit, Line, Place
 from overtaking.model.line import Piece
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.opendrive_lanes import MARKS
 from overtaking.recordings.xml import quoted
+
+S = TypeVar("S", Line, Limit, Place)
+T = TypeVar("T")
 
 _NAMES = {mark: name for name, mark in MARKS.items()}
 _NAMES[RoadMark.OTHER] = "none"  # OpenDRIVE has no word for an unknown mark.
@@ -38,6 +42,9 @@ _SHORTEST = 1e-6
 Marks = tuple[tuple[float, RoadMark], ...]
 """Where each mark of a line begins, by station of the file, the first at or before 0 [m]."""
 
+Limits = tuple[tuple[float, float], ...]
+"""Where each limit begins, by station of the file, the first at 0 [m], and the limit [m/s]."""
+
 
 class _Strip(NamedTuple):
     """A lane as the file has it: its outer border is the one away from the reference line."""
@@ -46,6 +53,7 @@ class _Strip(NamedTuple):
     kind: str
     width: float
     outer_marks: Marks
+    limits: Limits = ()
 
 
 def write_opendrive(road: Road, *, road_id: str = "1") -> str:
@@ -65,7 +73,6 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     if not along:
         line = [piece.reversed() for piece in reversed(line)]
     inner = _inner_edge(road) * (1.0 if along else -1.0)
-    limit = kmh_from_mps(road.speed_limit)
     name = quoted(road.name)
     rule = "RHT" if road.driving_side is DrivingSide.RIGHT else "LHT"
     sections = "".join(_sections(road, right=right, along=along))
@@ -75,7 +82,7 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
         f"<geoReference><![CDATA[{_NO_PLACE}]]></geoReference></header>\n"
         f'<road name={name} length="{road.length!r}" id={quoted(road_id)} junction="-1"'
         f' rule="{rule}">\n'
-        f'<type s="0" type={quoted(road.kind)}><speed max="{limit:.13g}" unit="km/h"/></type>\n'
+        f"{''.join(_types(road, along=along))}\n"
         f"<planView>{''.join(_plan_view(line))}</planView>\n"
         f"<elevationProfile>{''.join(_heights(road, along=along))}</elevationProfile>\n"
         f'<lanes><laneOffset s="0" a="{inner!r}" b="0" c="0" d="0"/>\n'
@@ -105,17 +112,15 @@ def _moved(course: Course, by: float, before: Piece) -> Course:
     def table(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
         return tuple((s + by, value) for s, value in given)
 
+    def farther(one: S) -> S:
+        return dataclasses.replace(one, start=one.start + by, stop=one.stop + by)
+
     return Course(
         line=(before, *course.line) if course.line else (),
         grade=table(course.grade),
-        lines=tuple(
-            dataclasses.replace(one, start=one.start + by, stop=one.stop + by)
-            for one in course.lines
-        ),
-        places=tuple(
-            dataclasses.replace(one, start=one.start + by, stop=one.stop + by)
-            for one in course.places
-        ),
+        lines=tuple(map(farther, course.lines)),
+        limits=tuple(map(farther, course.limits)),
+        places=tuple(map(farther, course.places)),
         sight=table(course.sight),
         sight_against=table(course.sight_against),
     )
@@ -138,6 +143,30 @@ def whole_plan(road: Road) -> list[Piece]:
         heading = float(road.heading_at(covered))
         kept.append(Piece(float(x), float(y), heading, road.length - covered))
     return kept
+
+
+def _limits(road: Road, direction: int, *, along: bool) -> Limits:
+    """The limits for a direction of travel, from station to station of the file."""
+    lower = road.course.limits_for(direction) if road.course else ()
+    ends = {end for one in lower for end in (one.start, one.stop)} - {road.length}
+    stations = sorted({0.0, *ends})
+    limits = road.limit_at(stations, direction).tolist()
+    if not along:
+        stations = [0.0, *(road.length - station for station in reversed(stations[1:]))]
+        limits = limits[::-1]
+    return tuple(zip(stations, limits, strict=True))
+
+
+def _speed(limit: float, station: float | None = None) -> str:
+    """The element of a limit, of a lane with its station from the section on."""
+    offset = "" if station is None else f'sOffset="{station or 0!r}" '
+    return f'<speed {offset}max="{kmh_from_mps(limit):.13g}" unit="km/h"/>'
+
+
+def _types(road: Road, *, along: bool) -> Iterator[str]:
+    """The type of the road from each station on at which the limit changes."""
+    for station, limit in _limits(road, 1, along=along):
+        yield f'<type s="{station or 0!r}" type={quoted(road.kind)}>{_speed(limit)}</type>'
 
 
 def _plan_view(line: Sequence[Piece]) -> Iterator[str]:
@@ -173,7 +202,7 @@ def _heights(road: Road, *, along: bool) -> Iterator[str]:
 
 def _sections(road: Road, *, right: bool, along: bool) -> Iterator[str]:
     """The lane sections, of the same lanes, with the marks of each stretch."""
-    strips, others = _strips(road, along=along), _opposite(road)
+    strips, others = _strips(road, along=along), _opposite(road, along=along)
     stations = [0.0, road.length - _TAIL] if road.length > 2.0 * _TAIL else [0.0]
     links = [("successor",), ("predecessor",)] if len(stations) > 1 else [()]
     centre = _Strip(0, "none", 0.0, _centre_marks(road, along=along))
@@ -230,13 +259,16 @@ def _strips(road: Road, *, along: bool) -> list[_Strip]:
     return fillers + real
 
 
-def _opposite(road: Road) -> list[_Strip]:
+def _opposite(road: Road, *, along: bool) -> list[_Strip]:
     """The lane beside the driving lanes that lies across the reference line, from there outward."""
     lane, sign = road.fast_side_neighbour, road.lanes[0].lane_id
     if lane is None or lane.lane_id * sign > 0:
         return []
     outer = _same(_marks(road, lane)[0])  # Away from the line is what is towards it over there.
-    strip = _Strip(lane.lane_id, lane.kind, lane.width, outer)
+    limits = _limits(road, -1, along=along) if road.is_two_way else ()
+    if limits == _limits(road, 1, along=along):
+        limits = ()
+    strip = _Strip(lane.lane_id, lane.kind, lane.width, outer, limits)
     return [*_fillers(1 if lane.lane_id > 0 else -1, abs(lane.lane_id)), strip]
 
 
@@ -288,18 +320,26 @@ def _lane(strip: _Strip, start: float, end: float, linked: tuple[str, ...] = ())
     links = "".join(f'<{name} id="{strip.lane_id}"/>' for name in linked)
     link = f"<link>{links}</link>" if links and strip.width else ""
     width = f'<width sOffset="0" a="{strip.width!r}" b="0" c="0" d="0"/>' if strip.lane_id else ""
-    before = [mark for mark in strip.outer_marks if mark[0] <= start]
-    inside = [mark for mark in strip.outer_marks if start < mark[0] < end]
     marks = "".join(
         f'<roadMark sOffset="{max(station - start, 0.0) or 0!r}" type="{_NAMES[mark]}"'
         f' weight="standard" color="standard" width="{_MARK_WIDTH}"'
         f' laneChange="{_allowed(strip.lane_id, mark)}"/>'
-        for station, mark in [*before[-1:], *inside]
+        for station, mark in _between(strip.outer_marks, start, end)
+    )
+    speeds = "".join(
+        _speed(limit, max(station - start, 0.0))
+        for station, limit in _between(strip.limits, start, end)
     )
     return (
         f'<lane id="{strip.lane_id}" type={quoted(strip.kind)} level="false">'
-        f"{link}{width}{marks}</lane>\n"
+        f"{link}{width}{marks}{speeds}</lane>\n"
     )
+
+
+def _between(entries: Sequence[tuple[float, T]], start: float, end: float) -> list[tuple[float, T]]:
+    """The entries that hold somewhere between two stations."""
+    before = [one for one in entries if one[0] <= start]
+    return [*before[-1:], *(one for one in entries if start < one[0] < end)]
 
 
 def _allowed(lane_id: int, mark: RoadMark) -> str:

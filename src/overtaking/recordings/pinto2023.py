@@ -180,8 +180,9 @@ def _road_columns(
 ) -> dict[str, ArrayLike | pa.Array]:
     """MV and the surroundings of the ego's lane, of each row."""
     lane = trajectories.states.lane[simulation, Role.EGO, frame]
-    limit_kmh = _rounded(kmh_from_mps(trajectories.road.speed_limit))
-    columns: dict[str, ArrayLike | pa.Array] = {"MV": np.full(len(frame), limit_kmh)}
+    s = trajectories.states.s[simulation, Role.EGO, frame] * METRES_PER_STEP
+    limit = trajectories.road.limit_at(s)
+    columns: dict[str, ArrayLike | pa.Array] = {"MV": _rounded(kmh_from_mps(limit))}
     by_code = _surroundings(trajectories.road)
     for name in ("RT", "LT"):
         columns[name] = by_code[name][lane]

@@ -46,6 +46,7 @@ SCALES = {"a third": 1.0 / 3.0, "three times": 3.0}
 """Ratios of measured to recorded speed in a table whose time was scaled on one side only."""
 
 _NEAR_SCALE = 0.1  # How near a ratio must be to one of them, as a part of it.
+_ROUNDING = 0.01 / 3.6  # By what limits of a table differ from those of its road [m/s].
 _SLOW_KMH = 10.0  # Below this a whole km/h is too coarse for a ratio.
 
 
@@ -138,16 +139,16 @@ def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes
     values = vehicle_values(table, frames)
     place, agreement = road_of(source, road, values)
     tracks = tracks_of(source, values, place, interval)
-    limit = limits_of(table)
+    place, knows_limit = _with_limits(place, limits_of(table))
     unknown = NEVER_RECORDED - {"stage", "wheel_angle"} | {"kinds", "yaw_rate"}
     weather, is_known = weather_of(table, frames, len(numbers))
     unknown |= set() if is_known else {"weather"}
-    unknown |= set() if len(limit) == 1 else {"speed_limit"}
+    unknown |= set() if knows_limit else {"speed_limit"}
     place = place.extended(max(place.length, float(tracks.s.max()) + 1.0))
     recording = Recording(
         name=source.name,
         file_format=FORMAT,
-        road=dataclasses.replace(place, speed_limit=float(limit[0])),
+        road=place,
         frame_interval_ms=interval,
         tracks=tracks,
         unknown=frozenset(unknown),
@@ -161,6 +162,19 @@ def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes
         frames=frames,
         weather=weather,
     )
+
+
+def _with_limits(road: Road, given: F64) -> tuple[Road, bool]:
+    """The road with the limits of a table, and whether they are known.
+
+    They are if there is one, or if the road posts all of them, and then where it does.
+    """
+    lower = road.course.limits if road.course else ()
+    posted = np.array([road.speed_limit, *(one.speed for one in lower)])
+    if lower and (np.abs(posted - given[:, None]).min(axis=1) < _ROUNDING).all():
+        return road, True
+    course = dataclasses.replace(road.course, limits=()) if road.course else None
+    return dataclasses.replace(road, speed_limit=float(given[0]), course=course), len(given) == 1
 
 
 def speed_ratios(recording: Recording) -> F64:

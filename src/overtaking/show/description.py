@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from overtaking.labels.explain import Thought
     from overtaking.labels.label import Labelled
     from overtaking.labels.law import Pack, Policy
+    from overtaking.model.course import Limit
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
     from overtaking.show.judgement import Values
@@ -118,6 +119,7 @@ def lane_name(road: Road, code: int) -> str:
 def _road(run: Trajectories) -> Values:
     """The road as the recorded positions see it."""
     road, unknown = run.road, run.unknown
+    limits = () if "speed_limit" in unknown or road.course is None else road.course.limits
     return {
         "name": road.name,
         "kind": None if "road_kind" in unknown else road.kind,
@@ -125,7 +127,18 @@ def _road(run: Trajectories) -> Values:
         "lane_ids": [lane.lane_id for lane in road.lanes],
         "length_m": road.length,
         "speed_limit_mps": None if "speed_limit" in unknown else road.speed_limit,
+        **({"lower_limits": [_limit(one) for one in limits]} if limits else {}),
         **({"is_two_way": True} if road.is_two_way else {}),
+    }
+
+
+def _limit(one: Limit) -> Values:
+    """A stretch with a lower limit, as the road's own is told."""
+    return {
+        "from_m": one.start,
+        "to_m": one.stop,
+        "speed_limit_mps": one.speed,
+        "direction": one.direction,
     }
 
 

@@ -43,6 +43,9 @@ def road_words(road: Values) -> str:
     """The road in words."""
     ids, limit = road["lane_ids"], road["speed_limit_mps"]
     signs = "limit unknown" if limit is None else f"limit {kmh_from_mps(limit):.0f} km/h"
+    if lower := road.get("lower_limits"):
+        least = min(one["speed_limit_mps"] for one in lower)
+        signs += f", in places lower, down to {kmh_from_mps(least):.0f}"
     lanes = f"lanes {ids[0]} (slow) to {ids[-1]} (fast)" if len(ids) > 1 else f"lane {ids[0]}"
     lanes += ", oncoming traffic beside it" if road.get("is_two_way") else ""
     return f"{road['name']}, {lanes}, {signs}, {road['driving_side']}-hand traffic"

@@ -121,6 +121,39 @@ def test_what_the_file_says_of_the_road_is_kept_and_the_rest_is_unknown(write):
     assert "marks" in read_commonroad(write(bare)).unknown
 
 
+def test_limits_from_lanelet_to_lanelet_are_those_of_the_road(write):
+    signs = "".join(
+        f'<trafficSign id="{number}"><trafficSignElement><trafficSignID>274</trafficSignID>'
+        f"<additionalValue>{limit}</additionalValue></trafficSignElement></trafficSign>"
+        for number, limit in ((500, 20.0), (501, 33.25))
+    )
+    text = commonroad(more=signs, road=Bend(cuts=(300.0, 650.0)))
+
+    def posted(*numbers: int) -> str:
+        """The scene with one sign for the lanelets 1x, 2x and 3x."""
+
+        def with_sign(match: re.Match[str]) -> str:
+            ref = f'<trafficSignRef ref="{numbers[int(match[1][0]) - 1]}"/>'
+            return match[0].replace("</laneletType>", f"</laneletType>{ref}")
+
+        return re.sub(r'<lanelet id="(\d+)">.*?</lanelet>', with_sign, text, flags=re.DOTALL)
+
+    found = read_commonroad(write(posted(501, 500, 501)))
+    assert "speed_limit" not in found.unknown
+    assert found.road.speed_limit == 33.25
+    assert found.road.course is not None
+    (lower,) = found.road.course.limits
+    assert (lower.start, lower.stop, lower.speed) == (pytest.approx(300), pytest.approx(650), 20.0)
+    same = read_commonroad(write(posted(500, 500, 500)))
+    assert (same.road.speed_limit, same.road.course) == (20.0, None)
+    # One lanelet without a sign, or beside one with another: nothing is known.
+    for old, new in (('<trafficSignRef ref="500"/>', ""), ('ref="500"', 'ref="501"')):
+        partly = posted(501, 500, 501).replace(old, new, 1)
+        unknown = read_commonroad(write(partly))
+        assert "speed_limit" in unknown.unknown
+        assert unknown.road.course is None
+
+
 def test_a_lane_that_joins_lies_beside_the_lanes_that_run_through(write):
     """As on the US-101: an entry runs apart from the road first, then beside it."""
     main = Bend(lanes=3, cuts=(300.0,))

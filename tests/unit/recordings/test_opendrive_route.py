@@ -67,13 +67,7 @@ def read(folder: Path, *roads: str, road_id: str = "7", **options) -> Road:
         ),
         (road(sections=section(right=RIGHT[:3]) + section(s=90, right=RIGHT)), 90, 500),
         (road(sections=section(right=BORDER) + section(s=90, right=WIDER_BORDER)), 90, 500),
-        (
-            road(kind=TYPE + '<type s="80" type="motorway"><speed max="100" unit="km/h"/></type>'),
-            80,
-            500,
-        ),
         (road(kind=TYPE + '<type s="380" type="rural"/>'), 0, 380),
-        (road(sections=section(right=[lane(-1, more=SLOWER), lane(-2, more=SLOWER)])), 40, 500),
         (road(sections=section(right=[lane(-1, more=SLOWER), lane(-2)])), 0, 40),
         (road(lateral=BANKED), 0, 150),
     ],
@@ -92,6 +86,71 @@ def test_the_longest_stretch_without_a_change_is_read(
     if "<left></left>" in text:
         assert (mapped.part.start, mapped.part.end) == (start, end)
         assert not mapped.part.is_whole
+
+
+def limits_of(found: Road) -> list[tuple[float, ...]]:
+    """The lower limits of a road, in km/h."""
+    assert found.course is not None
+    return [
+        (one.start, one.stop, round(3.6 * one.speed, 6), one.direction)
+        for one in found.course.limits
+    ]
+
+
+SIGNS = "".join(
+    f'<type s="{s}" type="motorway"><speed max="{limit}" unit="km/h"/></type>'
+    for s, limit in ((0, 120), (80, 100), (200, 100), (300, 60), (380, 120))
+)
+LANES = [
+    lane(k, more='<speed sOffset="0" max="40"/><speed sOffset="60" max="20"/>') for k in (-1, -2)
+]
+
+
+def test_limits_that_change_are_stretches_of_one_road(tmp_path: Path):
+    found = read(tmp_path, road(kind=SIGNS))
+    assert (found.name, found.length) == ("map road 7", 500.0)
+    assert found.speed_limit == pytest.approx(120 / 3.6)
+    assert limits_of(found) == [(80, 300, 100, 0), (300, 380, 60, 0)]
+    against = read(tmp_path, road(kind=SIGNS, sections=section(left=LEFT)))
+    assert limits_of(against) == [(120, 200, 60, 0), (200, 420, 100, 0)]
+
+
+def test_limits_of_lanes_change_by_section_and_within_one(tmp_path: Path):
+    sections = section(right=LANES) + section(s=200, right=[LANES[0], LANES[1]])
+    found = read(tmp_path, road(sections=sections))
+    assert found.speed_limit == 40.0
+    assert limits_of(found) == [(60, 200, 72, 0), (260, 500, 72, 0)]
+
+
+def test_a_limit_of_the_caller_holds_everywhere(tmp_path: Path):
+    found = read(tmp_path, road(kind=SIGNS), speed_limit=30.0)
+    assert (found.length, found.speed_limit, found.course) == (500.0, 30.0, None)
+
+
+def test_the_other_direction_has_the_limits_of_its_lane(tmp_path: Path):
+    inside = lane(
+        1, mark="solid", more='<speed sOffset="0" max="25"/><speed sOffset="90" max="10"/>'
+    )
+    text = road(
+        kind=SIGNS, sections=section(left=[inside], centre="broken", right=[lane(-1, mark="solid")])
+    )
+    along = read(tmp_path, text, lanes="right")
+    assert along.is_two_way
+    assert along.speed_limit == pytest.approx(120 / 3.6)
+    assert limits_of(along) == [
+        (0, 90, 90, -1), (80, 300, 100, 1), (90, 500, 36, -1), (300, 380, 60, 1),
+    ]  # fmt: skip
+    against = read(tmp_path, text, lanes="left")
+    for s in (10.0, 85.0, 250.0, 350.0, 450.0):
+        for way in (1, -1):
+            assert against.limit_at(500.0 - s, -way) == pytest.approx(float(along.limit_at(s, way)))
+
+
+def test_the_limits_of_a_carriageway_do_not_depend_on_the_other_one(tmp_path: Path):
+    """Beyond a median there is no oncoming traffic to overtake against."""
+    slow = lane(2, more='<speed sOffset="0" max="10"/>')
+    text = road(sections=section(left=[lane(1, kind="median"), slow], right=ONE_LANE))
+    assert read(tmp_path, text, lanes="right").course is None
 
 
 def test_a_stretch_against_the_line_begins_at_its_end(tmp_path: Path):
@@ -177,6 +236,13 @@ CHAIN = (
            offset='<laneOffset s="0" a="0" b="0" c="0" d="0"/>'),
     linked("3", 200.0, link("predecessor", 2, "end")),
 )  # fmt: skip
+
+
+def test_roads_with_other_limits_join(tmp_path: Path):
+    slower = linked("2", 100.0, link("predecessor", 1, "end")).replace("120", "80")
+    found = read(tmp_path, CHAIN[0], slower, road_id="1,2")
+    assert found.length == pytest.approx(200.0)
+    assert limits_of(found) == [(100, 200, 80, 0)]
 
 
 def test_a_route_over_linked_roads_is_one_road(tmp_path: Path):

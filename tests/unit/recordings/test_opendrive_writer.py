@@ -12,7 +12,7 @@ from tests.support.carla import needs_wheel
 from tests.support.worlds import wide_road
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Line
+from overtaking.model.course import Course, Limit, Line
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.recordings.opendrive import read_opendrive
@@ -35,7 +35,7 @@ ROADS = {
 def written(road: Road, folder: Path) -> Road:
     path = folder / "road.xodr"
     path.write_text(write_opendrive(road), encoding="utf-8")
-    return read_opendrive(path)
+    return read_opendrive(path, lanes="right" if road.lanes[0].lane_id < 0 else "left")
 
 
 @pytest.mark.parametrize("road", ROADS.values(), ids=ROADS)
@@ -58,6 +58,56 @@ def test_a_road_that_runs_against_its_reference_line_comes_back(tmp_path: Path):
     assert back.lanes == turned.lanes
     assert back.world(100.0, -5.0) == pytest.approx(turned.world(100.0, -5.0), abs=1e-9)
     assert back.edge_d == turned.edge_d
+
+
+def limit(start: float, stop: float, speed: float, direction: int = 0) -> Limit:
+    return Limit(start=start, stop=stop, speed=speed, direction=direction)
+
+
+LIMITED = {
+    "of one direction": (known_road("town06"), (limit(0, 100, 9.0), limit(300, 400, 20.0))),
+    "up to its end": (known_road("motorway"), (limit(4000, 5000, 20.0),)),
+    "of two directions": (known_road("rural"), (limit(100, 900, 20.0), limit(900, 950, 10.0))),
+    "that differ": (
+        known_road("rural"),
+        (limit(0, 5000, 22.0, 1), limit(100, 900, 20.0, -1), limit(4995, 5000, 15.0, -1)),
+    ),
+    "of those who come": (known_road("rural").mirrored(), (limit(100, 900, 20.0, -1),)),
+}
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["along the line", "against it"])
+@pytest.mark.parametrize(("road", "limits"), LIMITED.values(), ids=LIMITED)
+def test_limits_come_back_where_they_were(
+    road: Road, limits: tuple[Limit, ...], turned: bool, tmp_path: Path
+):
+    road = dataclasses.replace(road, course=Course(limits=limits))
+    if turned:
+        lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
+        beyond = road.fast_side_neighbour if road.is_two_way else None
+        across = beyond and dataclasses.replace(beyond, lane_id=-beyond.lane_id)
+        road = dataclasses.replace(
+            road, lanes=lanes, slow_side_neighbour=None, fast_side_neighbour=across
+        )
+    back = written(road, tmp_path)
+    assert back.course is not None
+    assert back.speed_limit == pytest.approx(road.speed_limit, rel=1e-12)
+    found = [(one.start, one.stop, one.speed, one.direction) for one in back.course.limits]
+    stated = [(one.start, one.stop, one.speed, one.direction) for one in limits]
+    assert len(found) == len(stated)
+    for one, other in zip(found, stated, strict=True):
+        assert one == pytest.approx(other, rel=1e-9)
+
+
+@needs_wheel
+def test_carla_reads_the_limit_of_each_stretch():
+    import carla
+
+    course = Course(limits=(limit(100, 300, 50 / 3.6),))
+    road = dataclasses.replace(known_road("town06"), course=course)
+    text = write_opendrive(road)
+    assert carla.Map("limits", text).get_waypoint_xodr(1, -7, 200.0) is not None
+    assert text.count("<type ") == 3
 
 
 @pytest.mark.parametrize("mark", [mark for mark in RoadMark if mark is not RoadMark.OTHER])
@@ -149,6 +199,9 @@ def test_a_road_that_covers_more_is_the_same_road():
     same_place(road, more, shift=120.0)
     for s in (10.0, 500.0, 1800.0):
         assert sight_at(more, s + 120.0) == sight_at(road, s)
+    lower = dataclasses.replace(road.course, limits=(limit(500, 700, 9.0, -1),))
+    limited = covering(dataclasses.replace(road, course=lower), -120.0, 5500.0)
+    assert limited.limit_at([619.0, 621.0, 819.0, 821.0], -1).tolist() == [25.0, 9.0, 9.0, 25.0]
     moved = [(start + 120.0, mark) for start, mark in road.fast_edge_marks[1:]]
     assert list(more.fast_edge_marks[1:]) == moved
 

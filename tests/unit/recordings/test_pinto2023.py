@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from overtaking.model.course import Course, Limit
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.model.scenario import Scenario
@@ -223,6 +224,16 @@ def test_a_left_turn_of_wheel_and_body_is_negative_and_left_is_a_smaller_y():
     assert after["D"][0]["wheel_deg"] == round(-math.degrees(0.05), 2)
     assert after["D"][0]["yaw_deg"] == round(-math.degrees(0.03), 2)
     assert after["L"][0]["y_m"] == pytest.approx(before["L"][0]["y_m"] - 1.0)
+
+
+def test_mv_is_the_limit_where_the_ego_is():
+    run = frame_70()
+    states = run.states.replace(s=np.broadcast_to(np.arange(FRAME + 1) * 1000, run.states.s.shape))
+    lower = Limit(start=10.0, stop=30.0, speed=50 / 3.6)
+    road = dataclasses.replace(run.road, course=Course(limits=(lower,)))
+    scene = run.scenario.replace(road=road)
+    found = to_table(run.replace(states=states, scenario=scene))["MV"].to_pylist()
+    assert found == [90.0] * 10 + [50.0] * 20 + [90.0] * (FRAME + 1 - 30)
 
 
 def with_lane(lane: int, road: Road | None = None) -> dict[str, Any]:

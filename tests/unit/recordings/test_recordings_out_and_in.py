@@ -13,6 +13,7 @@ from tests.support.recordings import RECORDING_META, TRACKS, TRACKS_META, whole
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
+from overtaking.model.course import Course, Limit
 from overtaking.recordings import pinto2023
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
@@ -250,6 +251,25 @@ def test_a_table_from_another_road_is_refused_unless_the_road_is_named(table, tm
     road = known_road("town06")
     named = dataclasses.replace(road, y0=road.y0 - 40.0)
     assert len(read_pinto2023(path, road=named)) == 12
+
+
+def test_limits_that_change_come_back_with_their_road_and_are_not_known_without(
+    table_runs, tmp_path
+):
+    lower = Limit(start=0.0, stop=250.0, speed=50 / 3.6)
+    road = dataclasses.replace(table_runs.road, course=Course(limits=(lower,)))
+    scenario = table_runs.scenario.replace(road=road)
+    told = pinto2023.to_table(table_runs.replace(scenario=scenario))
+    assert set(told["MV"].to_pylist()) == {50.0, 90.0}
+    path = write(told, tmp_path / "t.parquet")
+    back = read_pinto2023(path, road=road).recording
+    assert "speed_limit" not in back.unknown
+    assert back.road.course == road.course
+    assert "speed_limit" in read_pinto2023(path).recording.unknown
+    slower = told.set_column(told.schema.get_field_index("MV"), "MV", [[40.0] * told.num_rows])
+    one = read_pinto2023(write(slower, tmp_path / "s.parquet"), road=road).recording
+    assert one.road.speed_limit == pytest.approx(40 / 3.6)
+    assert not one.road.course.limits
 
 
 def test_frames_that_are_missing_or_uneven_are_refused(table, tmp_path):

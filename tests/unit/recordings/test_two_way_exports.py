@@ -14,9 +14,10 @@ from tests.reference.test_two_way import pair, road
 from tests.support.worlds import scenario
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Line
+from overtaking.model.course import Course, Limit, Line
 from overtaking.model.road import RoadMark
 from overtaking.model.trajectory import STEPS
+from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
 from overtaking.recordings.highd import read_highd
 from overtaking.recordings.highd_write import write_highd
@@ -32,6 +33,16 @@ if TYPE_CHECKING:
 
 SOLID = Line(start=1100.0, stop=1250.0, mark=RoadMark.SOLID_BROKEN)
 LINED = dataclasses.replace(road(), course=Course(lines=(SOLID,)))
+LIMITED = dataclasses.replace(
+    road(),
+    course=Course(
+        limits=(
+            Limit(start=1100.0, stop=1250.0, speed=20.0),
+            Limit(start=1250.0, stop=1300.0, speed=10.0, direction=1),
+            Limit(start=1270.0, stop=1400.0, speed=15.0, direction=-1),
+        )
+    ),
+)
 WINDING = on(road(), *BENDS, grade=HILLS)
 MIRRORED = WINDING.mirrored()
 
@@ -167,9 +178,50 @@ def test_highd_is_read_back_direction_by_direction(tmp_path: Path):
     assert np.ptp(back.s[: back.start[1]] + comes) < 2e-3
 
 
-def test_highd_is_refused_on_bends(tmp_path: Path):
+def test_highd_is_refused_on_bends_and_where_the_limit_changes(tmp_path: Path):
     with pytest.raises(ConfigError, match="straight"):
         write_highd(run_on(WINDING), np.array([0]), tmp_path)
+    run = run_on(LIMITED)
+    with pytest.raises(ConfigError, match="expected one speed limit, got 3 stretches with lower"):
+        write_highd(run, np.array([0]), tmp_path)
+    write_highd(
+        dataclasses.replace(run, unknown=frozenset(["speed_limit"])), np.array([0]), tmp_path
+    )
+
+
+@pytest.mark.parametrize("place", ["LIMITED", "MIRRORED"])
+def test_commonroad_posts_every_limit_where_it_holds(place: str, tmp_path: Path):
+    road = LIMITED if place == "LIMITED" else LIMITED.mirrored()
+    write_commonroad(run_on(road), np.array([0]), tmp_path)
+    root = ET.parse(tmp_path / f"{scenario_id(0)}.xml").getroot()
+    limits = {
+        one.attrib["id"]: float(one.findtext(".//additionalValue") or "")
+        for one in root.findall("trafficSign")
+    }
+    assert sorted(limits.values()) == pytest.approx([10.0, 15.0, 20.0, 25.0])
+    seen = 0
+    for lanelet in root.findall("lanelet"):
+        sign = lanelet.find("trafficSignRef")
+        assert sign is not None
+        left, right = (points(lanelet.find(f"{side}Bound")) for side in ("left", "right"))
+        s, d = road.road_coordinates(*(0.5 * (left + right)).T)
+        way = 1 if s[-1] > s[0] else -1
+        assert (np.abs(d - road.centres[0]) < 0.01).all() == (way == 1)
+        inside = np.clip(np.linspace(min(s) + 0.1, max(s) - 0.1, 50), 0.0, road.length - 0.1)
+        expected = limits[sign.attrib["ref"]]
+        np.testing.assert_allclose(road.limit_at(inside, way), expected, atol=1e-6)
+        seen += 1
+    assert seen == 2 * 6
+
+
+def test_commonroad_is_read_back_with_its_limits(tmp_path: Path):
+    write_commonroad(run_on(LIMITED), np.array([0]), tmp_path)
+    found = read_commonroad(tmp_path / f"{scenario_id(0)}.xml", lanelet_id=1).road
+    assert found.is_two_way
+    s = np.arange(5.25, LIMITED.length - 5.0, 0.5)
+    there, _ = found.road_coordinates(*LIMITED.world(s, float(LIMITED.centres[0])))
+    for way in (1, -1):
+        np.testing.assert_allclose(found.limit_at(there, way), LIMITED.limit_at(s, way), rtol=1e-6)
 
 
 @pytest.mark.parametrize("place", [LINED, WINDING], ids=["lined", "winding"])

@@ -1,8 +1,8 @@
-"""What `show` says of an overtake against oncoming traffic."""
+"""What `show` says of an overtake against oncoming traffic, and of limits that change."""
 
 from __future__ import annotations
 
-from tests.support.overtakes import meeting, overtake, rural
+from tests.support.overtakes import alone, limited, meeting, overtake, rural
 
 from overtaking.labels.label import label
 from overtaking.show import wording
@@ -27,3 +27,16 @@ def test_of_a_road_of_one_direction_nothing_is_added():
     values = describe(label(overtake().trajectories), 0)
     assert "oncoming" not in values
     assert "is_two_way" not in values["road"]
+
+
+def test_limits_that_change_are_told_with_their_stretches():
+    run = label(alone(road=limited((150.0, 200.0, 60.0), (200.0, 300.0, 80.0))).trajectories)
+    road = describe(run, 0)["road"]
+    assert [(one["from_m"], one["to_m"]) for one in road["lower_limits"]] == [
+        (150, 200),
+        (200, 300),
+    ]
+    assert "limit 120 km/h, in places lower, down to 60, right-hand" in wording.road_words(road)
+    hidden = alone(road=limited((150.0, 200.0, 60.0)), unknown=("speed_limit",)).trajectories
+    assert "lower_limits" not in describe(label(hidden), 0)["road"]
+    assert "lower_limits" not in describe(label(overtake().trajectories), 0)["road"]

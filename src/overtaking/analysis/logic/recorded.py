@@ -19,7 +19,7 @@ from overtaking.model.course import MAX_LENGTH
 from overtaking.model.events import NEVER
 from overtaking.model.road import DrivingSide, RoadMark
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.world.measures import drac
 from overtaking.world.sight import places_for
@@ -71,9 +71,11 @@ def road_columns(recorded: Trajectories) -> dict[str, Columns]:
         "line": _lines_along(road),
         "place": _places(road),
         "posted_limit": (nearest(np.array([road.speed_limit])),),
+        "lower_limit": _lower_limits(road),
     }
     hidden = {
         "posted_limit": "speed_limit",
+        "lower_limit": "speed_limit",
         "mark": "marks",
         "line": "marks",
         "road": "road_kind",
@@ -113,6 +115,20 @@ def _lines_along(road: Road) -> Columns:
     ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
     codes = [words.MARK.names.index(mark.name.lower()) for mark in marks]
     return nearest(ends[:-1]), nearest(ends[1:]), np.array(codes)
+
+
+def _lower_limits(road: Road) -> Columns:
+    limits = road.course.limits_for(1) if road.course else ()
+    table = np.array([(one.start, one.stop, one.speed) for one in limits]).reshape(-1, 3)
+    return _first_behind(table[:, 0]), _first_behind(table[:, 1]), nearest(table[:, 2])
+
+
+def _first_behind(stations: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The first recorded positions that are not before some stations [mm]."""
+    first = np.ceil(stations / METRES_PER_STEP).astype(np.int64)
+    # A quotient may be a whole number and the station not, or the other way round.
+    first -= (first - 1) * METRES_PER_STEP >= stations
+    return first + (first * METRES_PER_STEP < stations)
 
 
 def _places(road: Road) -> Columns:

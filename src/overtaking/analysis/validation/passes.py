@@ -168,6 +168,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     if not beyond.size or target == NO_VEHICLE:
         return None
     first, last = int(beyond[0]), int(beyond[-1])
+    while_out = slice(first, last + 1)
     s = states.s[row][:, : last + 1].astype(np.float64) * 1e-3
     level = np.flatnonzero(s[Role.EGO, first:] >= s[target, first:])
     if not level.size:
@@ -193,7 +194,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
         margin=float(times[1]),
         left=behind / max(float(speed[target, last]), 1.0),
         zone=_zone(runs, float(s[Role.EGO, start])),
-        too_fast=bool(speed[Role.EGO, first : last + 1].max() > road.speed_limit),
+        too_fast=bool((speed[Role.EGO, while_out] > road.limit_at(s[Role.EGO, while_out])).any()),
         is_truck=bool(specs.kind[row, target] == VehicleKind.T),
         single=int((along & (s[:, first] > s[0, first]) & (s[:, last] < s[0, last])).sum()) == 1,
     )

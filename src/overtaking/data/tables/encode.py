@@ -19,7 +19,7 @@ from overtaking.data.tables.schemas import (
 )
 from overtaking.knowledge import presets
 from overtaking.model.actions import Actions
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.trajectory import METRES_PER_STEP, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
 from overtaking.world.clock import STEP_MS, SUBSTEPS
@@ -103,13 +103,16 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
 def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and frame: values common to all vehicles, and the ego's lane."""
     simulation, frame = np.nonzero(trajectories.frame_valid)
-    lane = trajectories.states.lane[simulation, Role.EGO, frame]
-    about = lane_columns(trajectories.road)
+    at = simulation, Role.EGO, frame
+    lane, about = trajectories.states.lane[at], lane_columns(trajectories.road)
+    limit = trajectories.road.limit_at(trajectories.states.s[at] * METRES_PER_STEP)
+    off_road = about["lane_id"].missing[lane]
     computed = {
         "simulation": numbers[simulation],
         "frame": frame.astype(np.int32),
         "time_ms": trajectories.time_ms[frame],
         **{name: Masked(one.values[lane], one.missing[lane]) for name, one in about.items()},
+        "speed_limit_mps": Masked(np.where(off_road, 0.0, limit), off_road),
         "overtaking": overtaking(trajectories)[simulation, frame],
     }
     unknown = trajectories.unknown

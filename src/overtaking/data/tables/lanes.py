@@ -29,7 +29,6 @@ def lane_columns(road: Road) -> dict[str, Masked]:
     right, left = (slower, faster) if keeps_right else (faster, slower)
     return {
         "lane_id": _table([lane.lane_id for lane in lanes], np.int16),
-        "speed_limit_mps": _table([road.speed_limit for _ in lanes], np.float64),
         "right_line": _table([MARKS.index(lane.right_mark.value) for lane in lanes], np.int32),
         "left_line": _table([MARKS.index(lane.left_mark.value) for lane in lanes], np.int32),
         "lane_width_m": _table([lane.width for lane in lanes], np.float64),

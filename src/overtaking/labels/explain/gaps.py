@@ -56,7 +56,7 @@ def room_behind(facts: BreachFacts) -> tuple[Remedy, ...]:
     gap, closing = _gaps(facts, neighbour, frames)
     rear = facts.case.signals.speed[0, frames] + closing
     slowest = _speed_before(np.maximum(gap, 0), rear, _decel(facts, frames))[0]
-    if gap[0] < 0 or slowest > speed_limits(facts.case)[1][0]:
+    if gap[0] < 0 or slowest > speed_limits(facts.case)[1][0, facts.first]:
         return farther
     return *farther, *facts.speed(facts.first, slowest)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import Quantity, sole
-from overtaking.labels.explain.remedies import REMEDIES, apart
+from overtaking.labels.explain.remedies import REMEDIES, apart, at_limit
 from overtaking.labels.law.frames import after_cut_ins
 from overtaking.labels.law.germany.distances import room_for_another, way_of
 from overtaking.labels.law.germany.driving import limits
@@ -38,8 +38,7 @@ def _ahead(asked: Callable[[F32], F32]) -> Callable[[BreachFacts], tuple[Remedy,
 
 def _at_limit(facts: BreachFacts) -> tuple[Remedy, ...]:
     """V2: at the limit."""
-    fastest = facts.frames[int(facts.case.signals.speed[0, facts.frames].argmax())]
-    return facts.speed(fastest, limits(facts.case)[1][0])
+    return at_limit(facts, limits(facts.case)[1])
 
 
 def _slower(facts: BreachFacts) -> tuple[Remedy, ...]:

@@ -8,7 +8,7 @@ from overtaking.labels.label import Labelled
 from overtaking.labels.law.alongside import alongside
 from overtaking.labels.law.distances import margin_of_gap, stop_distance, sure_decel
 from overtaking.labels.law.frames import Span, after_cut_ins, conduct, settled
-from overtaking.labels.law.speeds import posted_limits
+from overtaking.labels.law.speeds import rounded, speed_limits
 from overtaking.model.labels import Case, Verdict
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
@@ -48,7 +48,7 @@ def _all(case: Case) -> dict[str, F64]:
     return {
         "L3": np.where(counts, _within(settled(case), follow), np.nan),
         "L10": side,
-        "L12": _within(span, posted_limits(case)[1][:, None] - seen.speed),
+        "L12": _within(span, rounded(speed_limits(case)[1]) - seen.speed),
         "L14": _within(span, seen.sight_lit - stop),
         "L14s": _within(span, seen.sight_unlit - stop),
     }

@@ -60,8 +60,12 @@ def _alongside(facts: BreachFacts) -> Index:
 
 def not_too_fast(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L12: at the limit."""
-    fastest = int(facts.case.signals.speed[0, facts.frames].argmax())
-    return facts.speed(facts.frames[fastest], speed_limits(facts.case)[1][0])
+    return at_limit(facts, speed_limits(facts.case)[1])
+
+
+def at_limit(facts: BreachFacts, limits: F32) -> tuple[Remedy, ...]:
+    """At the limit where it was exceeded most, of limits of shape (simulation, time) [m/s]."""
+    return facts.slower(facts.frames, limits[0, facts.frames])
 
 
 def not_too_slow(facts: BreachFacts) -> tuple[Remedy, ...]:

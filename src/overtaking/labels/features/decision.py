@@ -46,7 +46,7 @@ from overtaking.model.decisions import (
 from overtaking.model.labels import Case
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around
-from overtaking.model.trajectory import DecisionKind, Lights
+from overtaking.model.trajectory import METRES_PER_STEP, DecisionKind, Lights
 from overtaking.model.vehicles import Role
 from overtaking.world.conditions import outlook
 from overtaking.world.constants import known
@@ -77,7 +77,7 @@ def features_at(case: Case, frame: I32) -> Decisions:
     around, left = _lane_around(case, frames), _left_lane(case, frames)
     ego = _ego(case, rows, frames)
     ahead = _ahead(case, rows, frames, ego)
-    limit = speed_limits(case)[1]
+    limit = at(speed_limits(case)[1], frame)
     decel = sure_decel(around.friction)
     margins = stop_margins(ego.speed, around.friction, around.sight_lit, around.sight_unlit)
     return Decisions(
@@ -216,9 +216,10 @@ def _nothing(count: int) -> Believed:
 
 def _lane_around(case: Case, frames: Index) -> Surround:
     """Road, weather and light of each simulation at one frame each."""
-    road, weather, seen = case.trajectories.road, case.trajectories.scenario.weather, case.signals
+    run, seen = case.trajectories, case.signals
+    road, weather = run.road, run.scenario.weather
     rows = np.arange(len(frames))
-    lane = seen.lane[rows, frames]
+    lane, s = seen.lane[rows, frames], run.states.s[rows, Role.EGO, frames]
     on_road = lane < road.num_lanes
     widths = np.array([one.width for one in road.lanes])
     return Surround(
@@ -226,10 +227,10 @@ def _lane_around(case: Case, frames: Index) -> Surround:
         lane=lane,
         lanes_to_left=np.where(on_road, road.num_lanes - 1 - np.int32(lane), 0).astype(np.uint8),
         lane_width=widths[np.minimum(lane, road.num_lanes - 1)],
-        speed_limit=np.full(len(frames), road.speed_limit),
+        speed_limit=road.limit_at(s * METRES_PER_STEP),
         night=weather.night,
         low_sun=weather.horizon_line,
-        rain=outlook(case.trajectories.scenario).rain_rate,
+        rain=outlook(run.scenario).rain_rate,
         optical_range=meteorological_range(weather.fog),
         wind=known("weather.wind.full_speed") * (weather.wind * _PERCENT),
         friction=seen.friction[rows, frames],

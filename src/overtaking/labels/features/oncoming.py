@@ -8,7 +8,7 @@ from overtaking.core.elementary import F32, Mask
 from overtaking.labels.instants import I32, Index, at, seconds_of
 from overtaking.labels.law.opposite import coming, on_the_other_side
 from overtaking.labels.law.others import others_at
-from overtaking.labels.law.sight import shown_sight
+from overtaking.labels.law.sight import shown_sight, unseen_speed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.oncoming import Oncoming
@@ -22,12 +22,13 @@ def oncoming_measures(case: Case) -> Oncoming:
     """The measures of a batch."""
     if not case.trajectories.road.is_two_way:
         return _nothing(case.signals.num_simulations)
-    out, limit = on_the_other_side(case), np.float32(case.trajectories.road.speed_limit)
+    out = on_the_other_side(case)
     began, ended = (np.where(out.exists, each, NEVER) for each in (out.start, out.stop))
     abreast = np.where(out.exists, case.events.overlap_begin, NEVER)
     gaps = {name: _meeting(case, frame) for name, frame in _moments(began, abreast, ended)}
-    own, sight = at(case.signals.speed, began), shown_sight(case, np.maximum(began, 0))
-    unseen = sight / np.maximum(own + limit, _LEAST_SPEED)
+    begin = np.maximum(began, 0)
+    own, sight = at(case.signals.speed, begin), shown_sight(case, begin)
+    unseen = sight / np.maximum(own + unseen_speed(case, begin), _LEAST_SPEED)
     return Oncoming(
         exists=out.exists,
         **{f"distance_{name}": distance for name, (distance, _) in gaps.items()},

@@ -350,10 +350,13 @@ def limited(signal: F32, limit: F32 | np.float32, span: Span, *, is_most: bool) 
 
     Args:
         signal: Shape (simulation, time).
-        limit: The limit of each simulation, shape (simulation,), or of all.
+        limit: The limit in each frame, shape (simulation, time), of each simulation, (simulation,),
+            or of all.
         span: Where the margin counts.
         is_most: Whether the limit is the most that is allowed.
     """
+    if limit.ndim == signal.ndim:
+        signal, limit = signal - limit, np.float32(0.0)
     count = len(signal)
     low, frames = np.empty(count, np.float32), np.empty((3, count), np.int32)
     _core.limited(

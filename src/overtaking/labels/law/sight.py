@@ -147,14 +147,32 @@ def shown_sight(case: Case, frame: I32) -> F32:
 def passing_sight(case: Case) -> F32:
     """Sight that an overtake against oncoming traffic takes, shape (simulation,) [m].
 
-    The ways of ego and an oncoming vehicle at the speed limit in the time that the ego was on the
+    The ways of ego and an oncoming vehicle at `unseen_speed` in the time that the ego was on the
     left, and 1 s more. Where it did not come back, that time is nil.
 
     Source:
         AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
     """
-    own = at(case.signals.speed, pull_out_frame(case))
-    return (own + np.float32(case.trajectories.road.speed_limit)) * time_needed(case)
+    frame = pull_out_frame(case)
+    own = at(case.signals.speed, frame)
+    return (own + unseen_speed(case, frame)) * time_needed(case)
+
+
+def unseen_speed(case: Case, frame: I32) -> F32:
+    """Speed that oncoming vehicles are given which the ego cannot see yet, (simulation,) [m/s].
+
+    The highest limit of their direction from where the sight of the ego ends to the ego: they may
+    drive at it somewhere on the way.
+    """
+    road = case.trajectories.road
+    near = at(case.signals.s, frame)
+    far = near + shown_sight(case, frame)
+    highest = road.limit_at(near, -1)
+    stretches = road.course.limits_for(-1) if road.course else ()
+    for station in {end for one in stretches for end in (one.start, one.stop)} - {road.length}:
+        passes = (near < station) & (station <= far)
+        highest = np.where(passes, np.maximum(highest, road.limit_at(station, -1)), highest)
+    return as_f32(highest)
 
 
 def time_needed(case: Case) -> F32:
@@ -186,7 +204,8 @@ _SEE = (
 )
 _SEE_UNTIL = (
     "From attempt to overlap_end, or to the end: {}. Two-way roads, at line_crossed: air "
-    "and road give a sight of (v + limit) (time on the left + 1 s) or more."
+    "and road give a sight of (v + limit) (time on the left + 1 s) or more, limit: the highest for "
+    "oncoming traffic as far as they let one see."
 )
 
 L15 = Rule(

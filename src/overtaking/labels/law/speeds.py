@@ -1,24 +1,36 @@
 """Rules about the ego's speed: L12 and L13, and the highest speeds of Article 27."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.elementary import F32, Mask, as_f32
 from overtaking.knowledge import number
-from overtaking.labels.instants import U8, Index
-from overtaking.labels.law.errors import OF_SPEED
+from overtaking.labels.instants import U8, Index, at
+from overtaking.labels.law.errors import OF_SPEED, standard_error
 from overtaking.labels.law.frames import (
     ENDLESS,
     conduct,
     limited,
     never_negative,
+    reduced,
     stretch,
 )
 from overtaking.labels.law.others import num_slow
-from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
+from overtaking.labels.law.rule import (
+    Check,
+    Errors,
+    Grade,
+    Rule,
+    Spread,
+    decided,
+    inapplicable,
+)
 from overtaking.labels.signals import encounter
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.signals import Around
+from overtaking.model.trajectory import METRES_PER_STEP, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.constants import known
 
@@ -35,19 +47,27 @@ _ANYWHERE = 1e6
 """Metres; congestion is judged by all that were recorded."""
 
 
-def speed_limits(case: Case) -> tuple[F32, F32]:
+Limits = Callable[..., tuple[F32, F32]]
+"""The limits of a law: a function like `speed_limits`."""
+
+
+def speed_limits(case: Case, ahead: float = 0.0) -> tuple[F32, F32]:
     """`limits_of` by Article 27."""
-    return limits_of(case, limit_table("law.toml"))
+    return limits_of(case, limit_table("law.toml"), ahead)
 
 
-def limits_of(case: Case, general: F32) -> tuple[F32, F32]:
-    """The lowest and the highest limit that may hold for each ego, shape (simulation,) [m/s].
+def limits_of(case: Case, general: F32, ahead: float = 0.0) -> tuple[F32, F32]:
+    """The lowest and the highest limit that may hold where each ego is [m/s].
 
     They are equal where kind of road, kind of ego and posted limit are known.
 
     Args:
         case: The batch.
-        general: General limits by kind of road and class [m/s].
+        general: General limits by `ROAD_KINDS` and `CLASSES`, shape (3, 3) [m/s].
+        ahead: How far ahead of each ego [m].
+
+    Returns:
+        Both of shape (simulation, time), read-only.
     """
     unknown, road = case.trajectories.unknown, case.trajectories.road
     if "road_kind" not in unknown:
@@ -56,13 +76,32 @@ def limits_of(case: Case, general: F32) -> tuple[F32, F32]:
     low, high = general.min(axis=0), general.max(axis=0)
     if "kinds" in unknown:
         low, high = (np.full_like(low, low.min()), np.full_like(high, high.max()))
+    column = class_of(case.trajectories.scenario.vehicles.kind[:, Role.EGO])
+    low, high = low[column, None], high[column, None]
     if "speed_limit" in unknown:
         # Any sign may stand there, but none that allows more than the general limit.
         low = np.zeros_like(low)
     else:
-        low, high = (np.minimum(each, np.float32(road.speed_limit)) for each in (low, high))
-    column = class_of(case.trajectories.scenario.vehicles.kind[:, Role.EGO])
-    return low[column], high[column]
+        posted = _posted(case.trajectories, ahead)
+        low, high = np.minimum(low, posted), np.minimum(high, posted)
+    shape = case.signals.speed.shape
+    return np.broadcast_to(low, shape), np.broadcast_to(high, shape)
+
+
+def _posted(run: Trajectories, ahead: float) -> F32:
+    """The limit that is posted so far ahead of the ego's centre [m/s].
+
+    Returns:
+        Shape (simulation, time), or (1, 1) where it is the same everywhere.
+    """
+    if not _changes(run):
+        return np.full((1, 1), run.road.speed_limit, np.float32)
+    return as_f32(run.road.limit_at(run.states.s[:, Role.EGO] * METRES_PER_STEP + ahead))
+
+
+def _changes(run: Trajectories) -> bool:
+    """Whether the posted limit changes along the road."""
+    return run.road.course is not None and bool(run.road.course.limits_for(1))
 
 
 def class_of(kind: NDArray[np.uint8]) -> NDArray[np.intp]:
@@ -81,14 +120,21 @@ def limit_table(file: str) -> F32:
 
 def _within_limit(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
-    found = keeps_limit(case, posted_limits(case))
+    found = keeps_limit(case, speed_limits(case))
     return found.replace(severity=_severity(case, found))
 
 
 def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Check:
-    """Speed never exceeds a limit; in doubt between the lowest and the highest that may hold."""
+    """Speed never exceeds a limit; in doubt between the lowest and the highest that may hold.
+
+    Args:
+        case: The batch.
+        limits: The lowest and the highest, both of shape (simulation, time) [m/s].
+    """
     speed, span = case.signals.speed, conduct(case)
-    least, most = limits
+    # What is the same in all frames is broadcast; one number for each simulation is faster.
+    short = (each[:, 0] if each.strides[1] == 0 else each for each in limits)
+    least, most = (rounded(each) for each in short)
     found, doubtful = limited(speed, most, span, is_most=True), None
     if not np.array_equal(least, most):
         doubtful = limited(speed, least, span, is_most=True).low < 0
@@ -96,15 +142,39 @@ def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Check:
     return decided(span.exists, found.low, *ends, longest=found.longest, doubtful=doubtful)
 
 
-def posted_limits(case: Case) -> tuple[F32, F32]:
-    """`speed_limits`, with the rounding of recorded speeds allowed for."""
-    return rounded(speed_limits(case))
+def rounded(limits: F32) -> F32:
+    """Limits with the rounding of recorded speeds allowed for, of the same shape [m/s]."""
+    return limits + _ROUNDING
 
 
-def rounded(limits: tuple[F32, F32]) -> tuple[F32, F32]:
-    """Limits with the rounding of recorded speeds allowed for [m/s]."""
-    least, most = limits
-    return least + _ROUNDING, most + _ROUNDING
+def limit_spread(limits: Limits) -> Spread:
+    """Of a speed, and of a position where another limit is near, under the limits of a law."""
+
+    def of(case: Case, found: Check, errors: Errors) -> F32:
+        if not _changes(case.trajectories) or "speed_limit" in case.trajectories.unknown:
+            return OF_SPEED.of(case, found, errors)
+        speed, span = case.signals.speed, conduct(case)
+
+        def moved(ahead: np.float32, faster: np.float32) -> F32:
+            most = limits(case, float(ahead))[1]
+            return reduced(np.minimum, most - (speed + faster), span)
+
+        return standard_error(moved, errors.position, errors.speed)
+
+    formula = "sv, and by sp the difference between two limits where both are that near"
+    return Spread(formula=formula, of=of)
+
+
+def decisive_limit(case: Case, limits: tuple[F32, F32]) -> F32:
+    """The highest limit that may hold where it is exceeded most, shape (simulation,) [m/s].
+
+    Args:
+        case: The batch.
+        limits: As for `keeps_limit`.
+    """
+    margin = limits[1] - case.signals.speed
+    within = conduct(case).mask(np.arange(len(margin)), case.signals.num_frames)
+    return at(limits[1], np.where(within, margin, ENDLESS).argmin(axis=1))
 
 
 def _severity(case: Case, found: Check) -> U8:
@@ -124,16 +194,16 @@ L12 = Rule(
     title="Speed limit",
     gloss="Keep to the limit that is posted and to the general limit of road and vehicle: on "
     "motorways 120 km/h for light vehicles, 110 for vans, 90 for heavy goods vehicles.",
-    predicate="At every frame: speed <= min(posted limit, limit of the class on this kind of "
-    "road). No tolerance. Severe by excess: over 30 km/h serious, over 60 very serious; heavy "
-    "vehicles over 20 and 40.",
+    predicate="At every frame: speed <= min(limit posted where the ego's centre is, limit of the "
+    "class on this kind of road). No tolerance. Severe by excess: over 30 km/h serious, over 60 "
+    "very serious; heavy vehicles over 20 and 40.",
     unit="m/s",
     grade=Grade.BY_BREACH,
     partly=frozenset(["speed_limit", "kinds", "road_kind"]),
     without_attempt=True,
     check=_within_limit,
-    spread=OF_SPEED,
-    limit=lambda case: speed_limits(case)[1],
+    spread=limit_spread(speed_limits),
+    limit=lambda case: decisive_limit(case, speed_limits(case)),
 )
 
 

@@ -100,6 +100,7 @@ def test_both_say_the_same_of_every_german_fixture(place: int):
         ("O6", "left_follower,F,B), B > 2000", "left_follower,F,B), B > 900000"),
         ("O12", "S,follower,F,B), B > 2000", "S,follower,F,B), B > 900000"),
         ("V2", "general_de(motorway,heavy,80)", "general_de(motorway,heavy,90)"),
+        ("V2", "over_lower(S,F), A <= F", "over_lower(S,F), A > F"),
     ],
 )
 def test_a_german_condition_that_is_changed_is_noticed(code: str, old: str, new: str):
@@ -150,6 +151,13 @@ def test_both_say_the_same_of_simulations(profile: str, number: int):
         ("L8", "follower,F,G,_,R), G < R.", "follower,F,G,_,R), G < -R."),
         ("L9", "N > 8000/M", "N > 12000/M"),
         ("L12", "(10000*L+18)/36", "(10000*L+18)/30"),
+        (
+            "L12",
+            "lower_limit(P,Q,L), ego_place(S,F,X), P <= X",
+            "lower_limit(P,Q,L), ego_place(S,F,X), P < X+9",
+        ),
+        ("L12", "X < Q, ego_speed", "X < Q-9, ego_speed"),
+        ("L12", "over_lower(S,F), A <= F", "over_lower(S,F), A > F"),
         ("L13", "36*V < 500000", "36*V < 300000"),
         ("L16", "W-M < 400", "W-M < 0"),
         ("L2", "beside_solid(S,F), reach", "reach"),

@@ -16,6 +16,7 @@ from overtaking.analysis.validation import passes
 from overtaking.analysis.validation.figures import HEAD_ON, PASSES
 from overtaking.analysis.validation.tally import GROUPS, Tally
 from overtaking.analysis.validation.traffic import Batch
+from overtaking.model.course import Course, Limit
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.recordings.roads import load_road
@@ -85,6 +86,20 @@ def test_a_pass_is_timed_from_when_the_line_is_crossed_until_the_ego_is_back():
     # The line may be crossed from 810 to 1,606 m; the ego decides at 1,062.5 m.
     assert one.zone == pytest.approx(796.0)
     assert one.too_fast == (known_road("rural").speed_limit < EGO)
+
+
+@pytest.mark.parametrize(
+    ("start", "direction", "too_fast"), [(1270.0, 1, True), (1280.0, 1, False), (1100.0, -1, False)]
+)
+def test_a_pass_is_too_fast_by_the_limit_of_its_place(start: float, direction: int, too_fast: bool):
+    lower = Limit(start=start, stop=1400.0, speed=20.0, direction=direction)
+    runs = made()
+    assert not runs.road.course or not runs.road.course.limits
+    road = dataclasses.replace(
+        runs.road, course=dataclasses.replace(runs.road.course or Course(), limits=(lower,))
+    )
+    (one,) = passes.passes(runs.replace(scenario=runs.scenario.replace(road=road)))
+    assert one.too_fast == too_fast
 
 
 @pytest.mark.parametrize(

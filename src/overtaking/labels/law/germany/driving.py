@@ -13,7 +13,15 @@ from overtaking.labels.law.lamps import BEAMS, FOG, HIGH, L19, dazzles
 from overtaking.labels.law.lanes import L2
 from overtaking.labels.law.rule import Check, Grade, Rule, decided
 from overtaking.labels.law.sight import L14, L14s, optical_range
-from overtaking.labels.law.speeds import L12, keeps_limit, limit_table, limits_of, perhaps, rounded
+from overtaking.labels.law.speeds import (
+    L12,
+    decisive_limit,
+    keeps_limit,
+    limit_spread,
+    limit_table,
+    limits_of,
+    perhaps,
+)
 from overtaking.labels.law.when import L21
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.vehicles import Role
@@ -73,14 +81,14 @@ V1s = replace(
 )
 
 
-def limits(case: Case) -> tuple[F32, F32]:
-    """The lowest and the highest limit that may hold for each ego [m/s]."""
-    return limits_of(case, limit_table("law_de.toml"))
+def limits(case: Case, ahead: float = 0.0) -> tuple[F32, F32]:
+    """`limits_of` by the Road Traffic Order."""
+    return limits_of(case, limit_table("law_de.toml"), ahead)
 
 
 def _within_limit(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
-    found = keeps_limit(case, rounded(limits(case)))
+    found = keeps_limit(case, limits(case))
     severity = np.full(len(found.verdict), Severity.LIGHT, np.uint8)
     for grade in ("serious", "very_serious"):
         severity += (-found.margin > known(f"law_de.excess.{grade}")).astype(np.uint8)
@@ -96,12 +104,12 @@ V2 = replace(
     gloss="Keep to the limit that is posted and to the general one: in towns 50 km/h, elsewhere "
     "100, "
     "for trucks 60; on motorways none, for trucks 80.",
-    predicate="At every frame: speed <= min(posted limit, limit of the class on this kind of "
-    "road). No "
-    "tolerance. Over 20 km/h serious, over 40 very serious.",
+    predicate="At every frame: speed <= min(limit posted where the ego's centre is, limit of the "
+    "class on this kind of road). No tolerance. Over 20 km/h serious, over 40 very serious.",
     source=_STVO,
     check=_within_limit,
-    limit=lambda case: limits(case)[1],
+    spread=limit_spread(limits),
+    limit=lambda case: decisive_limit(case, limits(case)),
 )
 
 

@@ -103,7 +103,8 @@ O16 = Rule(
     title="Sight of the road ahead",
     gloss=_SEE,
     predicate="On two-way roads, at line_crossed, or at attempt if none is crossed: air and road "
-    "give a sight of (v + limit) (time on the left + 1 s) or more.",
+    "give a sight of (v + limit) (time on the left + 1 s) or more, limit: the highest for oncoming "
+    "traffic as far as they let one see.",
     unit="m",
     grade=Grade.SERIOUS,
     source=_STVO,

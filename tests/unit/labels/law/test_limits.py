@@ -1,0 +1,161 @@
+"""Limits that change along the road: the one where the ego is counts, in every rule and column."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.support.cases import ramp
+from tests.support.logic import group_of
+from tests.support.overtakes import alone, along_course, limited
+
+from overtaking import label, sample, simulate
+from overtaking.analysis.logic.law import CODES, judged, lawyer
+from overtaking.analysis.logic.recorded import road_columns
+from overtaking.data.tables.encode import encode
+from overtaking.labels.events import case_of
+from overtaking.labels.explain.margins import margins
+from overtaking.labels.features import decision_features
+from overtaking.labels.features.decision import features_at
+from overtaking.labels.features.oncoming import oncoming_measures
+from overtaking.labels.law import GERMANY, PORTUGAL, check, judge
+from overtaking.labels.law.speeds import speed_limits
+from overtaking.model.course import Course, Limit
+from overtaking.model.known_roads import known_road
+from overtaking.model.labels import Severity, Verdict
+
+L12, V2 = PORTUGAL.rule("L12"), GERMANY.rule("V2")
+ENDS = st.lists(st.integers(1, 299_999), min_size=4, max_size=4, unique=True).map(sorted)
+
+
+def fast(road, speed=30.0, **given):
+    return alone(ego={"speed": speed} | given, road=road)
+
+
+@given(ends=ENDS, lower=st.tuples(st.floats(5, 33), st.floats(5, 33)), seed=st.integers(0, 9))
+def test_the_speed_limit_is_that_of_the_ego_s_place_frame_by_frame(ends, lower, seed):
+    stretches = [
+        (ends[2 * k] / 1000.0, ends[2 * k + 1] / 1000.0, 3.6 * speed)
+        for k, speed in enumerate(lower)
+    ]
+    speed = 20.0 + 15.0 * np.random.default_rng(seed).random(200)
+    one = fast(limited(*stretches), speed=speed)
+    states = one.trajectories.states
+    margins_of = []
+    for frame in range(200):
+        limit, s = 120.0 / 3.6, states.s[0, 0, frame] / 1000.0
+        for start, stop, kmh in stretches:
+            if start <= s < stop:
+                limit = kmh / 3.6
+        margins_of.append(limit + 5e-4 - states.speed[0, 0, frame] / 1000.0)
+    found = judge(L12, one)
+    assert found.margin[0] == pytest.approx(min(margins_of), abs=1e-5)
+    broken = [frame for frame, margin in enumerate(margins_of) if margin < 0]
+    assert (found.verdict[0] == Verdict.ILLEGAL) == bool(broken)
+    if broken:
+        assert (found.first[0], found.last[0]) == (broken[0], broken[-1])
+
+
+def test_limits_may_be_asked_of_every_frame_and_cost_nothing_where_they_are_one():
+    same, changing = fast(known_road("motorway")), fast(limited((150.0, 600.0, 60.0)))
+    assert speed_limits(same)[1].strides[1] == 0
+    least, most = speed_limits(changing)
+    np.testing.assert_array_equal(least, most)
+    np.testing.assert_allclose(most[0, [0, 99, 100, 199]], np.array([120, 120, 60, 60]) / 3.6)
+
+
+def test_the_margins_of_every_frame_agree_with_the_finding():
+    labelled = label(fast(limited((150.0, 180.0, 60.0), (180.0, 600.0, 90.0))).trajectories)
+    found, place = margins(labelled)["L12"], labelled.findings.rules.index("L12")
+    assert np.nanmin(found) == labelled.findings.margin[0, place] == found[100]
+    broken = np.flatnonzero(found < 0)
+    assert broken[[0, -1]].tolist() == [100, 199]
+    assert found[120] > found[119]
+
+
+@pytest.mark.parametrize(("speed", "severity"), [(25.0, "LIGHT"), (30.0, "SERIOUS")])
+def test_a_breach_is_as_severe_as_its_excess_over_the_limit_there(speed: float, severity: str):
+    found = judge(L12, fast(limited((50.0, 60.0, 70.0)), speed=speed))
+    assert found.severity[0] == Severity[severity]
+
+
+def test_the_limit_of_a_tolerated_share_is_that_which_is_exceeded_most():
+    # 5.7 km/h over 120 and 11 km/h over 60, in the fastest and in the slowest frame.
+    speed = ramp((4.9, 125.7 / 3.6), (5.1, 71 / 3.6), frames=200)
+    one = fast(limited((200.0, 600.0, 60.0)), speed=speed)
+    for rule in (L12, V2):
+        assert rule.limit is not None
+        assert rule.limit(one)[0] == pytest.approx(60 / 3.6)
+    assert judge(L12, one).margin[0] == pytest.approx(-11 / 3.6, abs=1e-3)
+
+
+def test_features_of_the_decision_and_the_table_of_frames_have_the_limit_of_the_place():
+    one = fast(limited((150.0, 200.0, 60.0)))
+    found = features_at(one, np.array([100], np.int32))
+    assert found.around.speed_limit[0] == pytest.approx(60 / 3.6)
+    assert found.law.speed[0] == pytest.approx(60 / 3.6 - 30.0)
+    assert decision_features(one).around.speed_limit[0] == pytest.approx(120 / 3.6)
+    table = encode(one.trajectories, np.arange(1), ["frames"])["frames"]
+    expected = [(60 if 150 <= 1.5 * frame < 200 else 120) / 3.6 for frame in range(200)]
+    assert table["speed_limit_mps"].to_pylist() == pytest.approx(expected)
+
+
+def test_who_might_come_unseen_drives_at_the_limit_of_its_direction():
+    def available(direction: int) -> float:
+        lower = Limit(start=0.0, stop=600.0, speed=15.0, direction=direction)
+        measured = oncoming_measures(along_course(Course(sight=((0.0, 400.0),), limits=(lower,))))
+        return float(measured.time_available[0])
+
+    assert available(-1) == available(0) == pytest.approx(400.0 / (30.0 + 15.0))
+    assert available(1) == pytest.approx(400.0 / (30.0 + 25.0))
+
+
+def test_the_limit_up_to_the_end_of_a_road_is_that_of_those_who_come_from_behind_it():
+    lower = Limit(start=0.0, stop=5000.0, speed=15.0)
+    measured = oncoming_measures(along_course(Course(limits=(lower,), sight=((0.0, 6000.0),))))
+    assert measured.time_available[0] == pytest.approx(6000.0 / (30.0 + 15.0))
+
+
+@given(st.lists(st.floats(0, 4999, width=64), min_size=2, max_size=2, unique=True))
+def test_facts_say_exactly_in_which_frames_a_lower_limit_holds(ends: list[float]):
+    start, stop = sorted(ends)
+    road = limited((start, stop, 60.0))
+    run = fast(road).trajectories
+    first, beyond, limit = (int(one[0]) for one in road_columns(run)["lower_limit"])
+    assert limit == 16_667
+    near = np.array([first - 1, first, beyond - 1, beyond], np.int32)
+    lower = road.limit_at(near * 1e-3) < road.speed_limit
+    np.testing.assert_array_equal(lower, (first <= near) & (near < beyond))
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("profile", ["motorway", "rural"])
+def test_logic_and_python_say_the_same_of_simulations_on_roads_with_lower_limits(profile: str):
+    road = known_road(profile)
+    stretches = [(1100.4321, 1300.1, 0.9), (1800.0, 1912.3456, 0.8), (1912.3456, 2000.7, 0.7)]
+    lower = tuple(
+        Limit(start=start, stop=stop, speed=share * road.speed_limit, direction=1)
+        for start, stop, share in stretches
+    )
+    course = dataclasses.replace(road.course or Course(), limits=lower)
+    recorded = simulate_on(profile, dataclasses.replace(road, course=course))
+    with lawyer() as reasoner:
+        said = judged(reasoner, group_of(recorded))
+    findings = check(PORTUGAL, recorded)
+    place = [findings.rules.index(code) for code in CODES]
+    np.testing.assert_array_equal(said.verdict, findings.verdict[:, place])
+    is_illegal = said.verdict == Verdict.ILLEGAL
+    np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
+    legal_elsewhere = judge(L12, case_of(simulate(sample(profile, 40, seed=23)))).verdict
+    differs = said.verdict[:, CODES.index("L12")] != legal_elsewhere
+    assert 0 < differs.sum() < len(differs)
+
+
+def simulate_on(profile: str, road):
+    """Simulations of a profile as if they had been recorded on another road of the same shape."""
+    runs = simulate(sample(profile, 40, seed=23))
+    scenario = runs.scenario.replace(road=road)
+    return case_of(runs.replace(scenario=scenario))
