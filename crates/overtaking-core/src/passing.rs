@@ -42,10 +42,12 @@ fn reckoned_accel<S: Simd>(c: &Constants, own: &Vehicle<S>, speed: V<S>, top: V<
     min(c.accelerate_gain * own.accel, left)
 }
 
-/// The speed that is passed at: well above that of the other, if the vehicle can.
+/// The speed that is passed at: well above that of the other, if the vehicle can; the limit counts as on a free road.
 #[inline(always)]
 fn top_speed<S: Simd>(own: &Vehicle<S>, surplus: f32, leader: V<S>) -> V<S> {
-    min(max(own.pass_speed, leader + surplus), own.max_speed)
+    let wanted = max(own.pass_speed, leader + surplus);
+    let heeded = wanted - own.limit_respect * at_least(wanted - own.limit, 0.0);
+    min(heeded, own.max_speed)
 }
 
 /// The speed that driver `i` wants now, if it passes.
@@ -132,7 +134,7 @@ pub fn room_ahead<S: Simd, const N: usize>(
     room
 }
 
-/// Whether the line is not to be crossed where driver `i` is, or soon will be.
+/// Whether the line is not to be crossed where driver `i` is, or is announced to become so.
 #[inline(always)]
 pub fn is_solid<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
@@ -140,7 +142,7 @@ pub fn is_solid<S: Simd, const N: usize>(
     i: usize,
 ) -> M<S> {
     let direction = w.p[i].direction;
-    let ahead = direction * (w.c.line_ahead * state.vx[i]);
+    let ahead = direction * w.c.line_ahead;
     let [stations, along, against] = &w.road.ways.line;
     let turned = direction.simd_lt(0.0);
     let (place, _) = state.on_the_road(w, i);

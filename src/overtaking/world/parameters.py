@@ -128,6 +128,8 @@ class VehicleParameters(NamedTuple):
     need_factor: F32
     spare: F32
     heeds_lines: F32
+    limit_respect: F32
+    limit: F32
 
     def of(self, slot: int | slice) -> "VehicleParameters":
         """The parameters of one vehicle, shape (simulation,), or of several."""
