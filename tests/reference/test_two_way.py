@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.support.worlds import Vehicle, body_of, scenario
+from tests.support.worlds import CALM_DRIVER, Vehicle, body_of, scenario
 
 from overtaking import _core
 from overtaking.analysis.validation.passes import meeting
 from overtaking.core.errors import ConfigError
+from overtaking.model.course import Course, Line, RoadMark
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectory import Lights, Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
+from overtaking.world.constants import known
+from overtaking.world.effects import Effects
 from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS, parameters
 from overtaking.world.sight import sight_at
 
@@ -165,7 +168,7 @@ def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
 
 
 def test_the_ego_waits_for_who_comes_and_goes_behind_it():
-    run = simulated(pair(300.0), pair(), pair(900.0), horizon=40.0)
+    run = simulated(pair(300.0), pair(gap_acceptance=0.5), pair(900.0), horizon=40.0)
     starts = [np.flatnonzero(stage == Stage.PULL_OUT)[:1] for stage in run.stage]
     assert all(len(first) for first in starts)
     met = np.flatnonzero(run.states.s[0, 2] < run.states.s[0, 0])[0]
@@ -436,3 +439,38 @@ def test_the_time_that_a_pass_needs_has_a_whole_change_of_lane_in_it():
     assert factor == same
     # It is judged for a speed of approach that is somewhat higher; half a change would be half.
     assert 0.9 * 3.0 * factor < long - short < 1.5 * 3.0 * factor
+
+
+def test_who_follows_a_truck_leaves_more_room_than_behind_a_car():
+    scenes = []
+    for kind in ("M", "T"):
+        leader = Vehicle(kind=kind, s=1060.0, speed=18.0, driver={"desired_speed": 18.0})
+        scenes.append([Vehicle(s=1000.0, speed=18.0, driver={"desired_speed": 40.0}), leader])
+    world = scenario(*scenes, road=road(), horizon=60.0)
+    sure = Effects(delay=False, distance_error=False, looming=False)
+    run = engine.run(world, parameters(world, sure))
+    body = run.scenario.vehicles.length[:, :2].mean(axis=1)
+    gap = 1e-3 * (run.states.s[:, 1, -1] - run.states.s[:, 0, -1]) - body
+    kept = (
+        CALM_DRIVER["time_gap"] * 18.0 * np.array([1.0, float(known("model.oncoming.tall_room"))])
+    )
+    np.testing.assert_allclose(gap, CALM_DRIVER["min_gap"] + kept, rtol=0.01)
+
+
+def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
+    begins, announced = 1500.0, float(known("model.oncoming.line_ahead"))
+    course = Course(lines=(Line(start=begins, stop=6000.0, mark=RoadMark.SOLID),))
+    on = dataclasses.replace(road(), course=course)
+    indices = list(range(40))
+    scenes = [pair(patience=1e6, gap_acceptance=0.5) for _ in indices]
+    for shift in (begins - announced - 1000.0 + 30.0, -200.0):
+        placed = [[dataclasses.replace(one, s=one.s + shift) for one in scene] for scene in scenes]
+        world = scenario(*placed, road=on, horizon=15.0, index=indices)
+        given = parameters(world)
+        run = engine.run(world, given)
+        heeds = given.vehicle[VEHICLE_FIELDS.index("heeds_lines"), 0] > 0
+        goes = (run.stage == Stage.PULL_OUT).any(axis=1)
+        assert heeds.any()
+        assert not heeds.all()
+        assert goes[~heeds].all()
+        assert goes[heeds].any() == (shift == -200.0)

@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 use crate::following::follow;
 use crate::lanes::{M, V, at_least, choose, clamp, max, min, pick, splat};
 use crate::neighbours::Neighbours;
-use crate::passing::speed_of_pass;
+use crate::passing::{room_left, speed_of_pass};
 use crate::perception::Beliefs;
 use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
 
@@ -41,17 +41,24 @@ fn desired_speed<S: Simd, const N: usize>(
     desired
 }
 
-/// Time gap kept; who is about to pull out accepts a smaller one.
+/// Time gap kept; who is about to pull out accepts a smaller one, and to trucks of two-way roads more room is left.
 #[inline(always)]
 fn time_gap<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
+    near: &Neighbours<S>,
 ) -> V<S> {
     let own = w.p[i].time_gap;
     if w.road.lets_overtake(i) {
-        let about_to = state.signalled[i].simd_gt(0.0) & state.stage[i].simd_eq(stage::FOLLOW);
-        choose(about_to, w.c.signalling_time_gap * own, own)
+        let follows = state.stage[i].simd_eq(stage::FOLLOW);
+        let about_to = state.signalled[i].simd_gt(0.0) & follows;
+        let kept = choose(about_to, w.c.signalling_time_gap * own, own);
+        if w.road.ways.two_way {
+            choose(follows, kept * room_left(w, near.slot[LEAD]), kept)
+        } else {
+            kept
+        }
     } else {
         own
     }
@@ -63,12 +70,12 @@ pub fn behind_leader<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
-    believed: &Beliefs<S>,
+    (near, believed): (&Neighbours<S>, &Beliefs<S>),
     passed: M<S>,
 ) -> V<S> {
     let (c, p) = (w.c, &w.p[i]);
     let desired = desired_speed(state, w, i, passed);
-    let kept = time_gap(state, w, i);
+    let kept = time_gap(state, w, i, near);
     let (gap, closing) = (believed.gap[LEAD], believed.closing[LEAD]);
     let wanted = follow(
         c,

@@ -40,6 +40,8 @@ struct View<'a, S: Simd> {
     demand: V<S>,
     imposes: V<S>,
     impatience: V<S>,
+    /// How much more room it leaves to the leader than to a car.
+    room_left: V<S>,
     /// Is told to change lanes: needs no gap, ignores vehicles beside it and never aborts.
     told: M<S>,
     /// Is told to pull out now: a vehicle in sight ahead is slower.
@@ -83,6 +85,11 @@ fn look<'a, S: Simd, const N: usize>(
         demand,
         imposes: min(at_most(bounded, w.c.most_imposed), own.hardest_decel),
         impatience,
+        room_left: if w.road.ways.two_way {
+            room_left(w, near.slot[LEAD])
+        } else {
+            splat(w.simd, 1.0)
+        },
         told,
         ordered,
         command,
@@ -116,7 +123,8 @@ fn wants_to_pass<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S
     let own = view.own;
     let slower = (view.desired - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
     let soon = view.gap[LEAD].simd_lt(own.pull_out_time * view.closing[LEAD]);
-    let near = w.c.close_time_gap * own.time_gap * view.speed + own.min_gap;
+    let kept = own.time_gap * view.room_left;
+    let near = w.c.close_time_gap * kept * view.speed + own.min_gap;
     let close = view.gap[LEAD].simd_lt(near);
     view.detected[LEAD] & slower & (soon | close)
 }

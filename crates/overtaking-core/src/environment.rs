@@ -176,11 +176,11 @@ pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_
     state.bend_speed[i] = (at_most(w.q.side_accel, c.bend_accel) * radius).sqrt();
     let sight = |lane: usize| if p.truck[lane] > 0.0 { 4 } else { 2 };
     state.shown[i] = between(now, last, |lane| way_of(sight(lane), lane));
-    let wanted = |place: V<S>| {
-        let allowed = between(place, last, |lane| way_of(6, lane));
-        min(adapted_speed(w, i, allowed), p.desired_speed)
-    };
-    let (wish, soon) = (wanted(now), wanted(station(s + c.decision * v)));
+    let allowed = |place: V<S>| between(place, last, |lane| way_of(6, lane));
+    let wanted = |limit: V<S>| min(adapted_speed(w, i, limit), p.desired_speed);
+    state.allowed_speed[i] = allowed(now);
+    let wish = wanted(state.allowed_speed[i]);
+    let soon = wanted(allowed(station(s + c.decision * v)));
     let change = (soon - wish) / c.decision;
     let eased = max(change + (wish - v) * c.per_approach, -p.decel);
     state.most_accel[i] = choose(change.simd_lt(0.0), eased, splat(w.simd, ANY_ACCEL));

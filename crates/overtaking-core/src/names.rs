@@ -19,7 +19,7 @@ lane_fields! {
         threshold, bias, safe_decel, lane_change_duration, passing_gain, inverse_patience,
         pull_out_time, gap_acceptance, return_time_gap, signal_time, uses_indicator,
         checks_blind_spot, start_s, start_d, start_speed, start_lane, direction, makes_room,
-        passed_factor, need_factor, spare, heeds_lines, free_speed, limit_respect, caution,
+        passed_factor, need_factor, spare, heeds_lines, limit, free_speed, limit_respect, caution,
     }
 }
 

@@ -42,7 +42,7 @@ fn reckoned_accel<S: Simd>(c: &Constants, own: &Vehicle<S>, speed: V<S>, top: V<
     min(c.accelerate_gain * own.accel, left)
 }
 
-/// The speed that driver `i` passes at: well above that of the other, if the vehicle can.
+/// The speed that driver `i` passes at: well above that of the other, if the vehicle can; the limit counts as on a free road.
 #[inline(always)]
 fn top_speed<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
@@ -51,7 +51,9 @@ fn top_speed<S: Simd, const N: usize>(
     leader: V<S>,
 ) -> V<S> {
     let wanted = max(state.pass_speed(w, i), leader + w.c.passing_surplus);
-    min(wanted, w.p[i].max_speed)
+    let excess = at_least(wanted - state.limit(w, i), 0.0);
+    let heeded = wanted - w.p[i].limit_respect * excess;
+    min(heeded, w.p[i].max_speed)
 }
 
 /// The speed that driver `i` wants now, if it passes.
@@ -138,7 +140,7 @@ pub fn room_ahead<S: Simd, const N: usize>(
     room
 }
 
-/// Whether the line is not to be crossed where driver `i` is, or soon will be.
+/// Whether the line is not to be crossed where driver `i` is, or is announced to become so.
 #[inline(always)]
 pub fn is_solid<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
@@ -146,7 +148,7 @@ pub fn is_solid<S: Simd, const N: usize>(
     i: usize,
 ) -> M<S> {
     let direction = w.p[i].direction;
-    let ahead = direction * (w.c.line_ahead * state.vx[i]);
+    let ahead = direction * w.c.line_ahead;
     let [stations, along, against] = &w.road.ways.line;
     let turned = direction.simd_lt(0.0);
     let (place, _) = state.on_the_road(w, i);

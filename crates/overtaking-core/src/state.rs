@@ -306,7 +306,8 @@ state_fields! {
     stretch: Each<S, N>,
     slope: Each<S, N>,
     bend_speed: Each<S, N>,
-    /// What drivers want by the limits, alone and while they pass; on roads that vary.
+    /// What limits allow, and what drivers want by them, alone and while they pass; on roads that vary.
+    allowed_speed: Each<S, N>,
     wanted_speed: Each<S, N>,
     wanted_pass_speed: Each<S, N>,
     most_accel: Each<S, N>,
@@ -400,6 +401,7 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             stretch: each(1.0),
             slope: each(0.0),
             bend_speed: each(ANY_SPEED),
+            allowed_speed: each(ANY_SPEED),
             wanted_speed: each(ANY_SPEED),
             wanted_pass_speed: each(ANY_SPEED),
             most_accel: each(ANY_ACCEL),
@@ -469,6 +471,16 @@ impl<'a, S: Simd, const N: usize> State<'a, S, N> {
             self.wanted_pass_speed[i]
         } else {
             w.p[i].pass_speed
+        }
+    }
+
+    /// The limit that driver `i` heeds where it is.
+    #[inline(always)]
+    pub fn limit(&self, w: &World<'_, S, N>, i: usize) -> V<S> {
+        if w.road.varies() {
+            self.allowed_speed[i]
+        } else {
+            w.p[i].limit
         }
     }
 

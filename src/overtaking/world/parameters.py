@@ -129,6 +129,7 @@ class VehicleParameters(NamedTuple):
     need_factor: F32
     spare: F32
     heeds_lines: F32
+    limit: F32
     free_speed: F32
     limit_respect: F32
     caution: F32

@@ -23,7 +23,7 @@ from overtaking.world.people import quickest_change
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
-_BY_DRIVER = ("need_factor", "heeds_lines", "spare", "makes_room", "passed_factor")
+_BY_DRIVER = ("need_factor", "heeds_lines", "spare", "makes_room", "passed_factor", "limit")
 """What `passing_parameters` gives each vehicle."""
 
 _FAINTEST = np.float32(1e-12)  # Keeps the range of lamps finite where light has no limit [lx].
@@ -82,6 +82,7 @@ def _passing(scenario: Scenario) -> Rows:
         "need_factor": draws.lognormal(log(median), float(sigma)),
         "heeds_lines": draws.uniform() < known("model.oncoming.heeds_lines"),
         "spare": known("model.oncoming.spare_asked") * scenario.drivers.gap_acceptance,
+        "limit": np.full_like(scenario.start_s, scenario.road.speed_limit),
     }
 
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from tests.support.minds import moment
 from tests.support.worlds import Vehicle, body_of
 
-from overtaking.sim.reference.passing import reckoned_accel, time_to_gain
+from overtaking.sim.reference.passing import reckoned_accel, time_to_gain, top_speed
 
 GRAVITY, AIR_DENSITY, USABLE_POWER = 9.81, 1.2, 0.9
 
@@ -56,3 +56,16 @@ def test_the_same_way_takes_longer_past_who_is_faster():
     needed = time_to_gain(np.float32(60.0), 0.0 * leader, np.full_like(leader, 10.0), accel)
     assert (np.diff(needed) >= 0.0).all()
     assert needed[-1] > 1.2 * needed[0]
+
+
+def test_who_heeds_the_limit_heeds_it_as_much_while_passing():
+    m = moment([Vehicle(kind="M", body={"max_speed": 60.0}, driver={"desired_speed": 20.0})])
+    leader = np.arange(8.0, 40.0, 4.0, dtype=np.float32)
+    limit, surplus = np.float32(25.0), np.float32(10.0)
+    careless, half, heedful = (
+        top_speed(m.p.of(0)._replace(limit=limit, limit_respect=np.float32(share)), surplus, leader)
+        for share in (0.0, 0.5, 1.0)
+    )
+    np.testing.assert_array_equal(careless, np.maximum(leader + surplus, m.p.of(0).pass_speed))
+    np.testing.assert_array_equal(heedful, np.minimum(careless, limit))
+    np.testing.assert_allclose(half, (careless + heedful) / 2, rtol=1e-6)

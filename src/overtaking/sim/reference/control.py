@@ -7,7 +7,7 @@ from overtaking.model.trajectory import Stage
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Encounters
-from overtaking.sim.reference.passing import speed_of_pass
+from overtaking.sim.reference.passing import room_left, speed_of_pass
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
 from overtaking.world.constants import Constants
@@ -17,9 +17,23 @@ _FREE = np.float32(1e9)
 
 
 def behind_leader(
-    state: State, given: Parameters, p: Fields, believed: Beliefs, met: Encounters | None
+    state: State,
+    given: Parameters,
+    p: Fields,
+    near: Neighbours,
+    believed: Beliefs,
+    met: Encounters | None,
 ) -> F32:
-    """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2]."""
+    """Acceleration behind the leader of the lane that is driven in or being entered [m/s^2].
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        near: Neighbours.
+        believed: What drivers believe of them.
+        met: Whom they meet; None on roads of one direction.
+    """
     desired = _desired_speed(state, given, p, met)
     c = given.constants
     gap, closing = believed.gap[LEAD], believed.closing[LEAD]
@@ -27,6 +41,9 @@ def behind_leader(
     # A driver about to pull out accepts a smaller gap.
     about_to = (state.signalled > 0) & (state.stage == np.float32(Stage.FOLLOW))
     kept = np.where(about_to, c.signalling_time_gap * p.time_gap, p.time_gap)
+    if given.road.two_way:
+        follows = state.stage == np.float32(Stage.FOLLOW)
+        kept = np.where(follows, kept * room_left(c, p, near.slot[LEAD]), kept)
     wanted = follow(c, p, state.vx, desired, gap, closing, kept, believed.accel[LEAD])
     wanted = np.where(passing, wanted, minimum(wanted, state.most_accel))
     eager = np.where(state.hurries > 0, c.hurry_gain, c.accelerate_gain)

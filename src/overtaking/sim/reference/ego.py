@@ -70,6 +70,7 @@ class View:
         demand: Factor on the gaps that they ask for now [1].
         imposes: Braking that they ask of others at most, positive [m/s^2].
         impatience: What waiting has left of their demands, 1 at first [1].
+        room_left: How much more room they leave to the leader than to a car [1].
         told: Whether the ego is told to change lanes, as in the study: who demands no gap looks at
             nobody beside it, and gives nothing up.
         ordered: Whether it is told to pull out now: a vehicle in sight ahead is slower.
@@ -86,6 +87,7 @@ class View:
     demand: F32
     imposes: F32
     impatience: F32
+    room_left: F32 | np.float32
     told: Mask
     ordered: Mask
     command: F32
@@ -133,6 +135,9 @@ def look(
         demand=demand,
         imposes=minimum(bounded, own.hardest_decel),
         impatience=impatience,
+        room_left=room_left(given.constants, p, near.slot[LEAD, who])
+        if given.road.two_way
+        else _ONE,
         told=told,
         ordered=ordered,
         command=q.command if who == Role.EGO else np.zeros_like(q.command),
@@ -185,7 +190,8 @@ def wants_to_pass(given: Parameters, view: View) -> Mask:
     own = view.own
     slower = own.desired_speed - view.leader_speed > own.passing_gain * view.impatience
     soon = view.gap[LEAD] < own.pull_out_time * view.closing[LEAD]
-    near = given.constants.close_time_gap * own.time_gap * view.speed + own.min_gap
+    kept = own.time_gap * view.room_left
+    near = given.constants.close_time_gap * kept * view.speed + own.min_gap
     close = view.gap[LEAD] < near
     return view.detected[LEAD] & slower & (soon | close)
 

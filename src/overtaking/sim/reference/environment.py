@@ -137,15 +137,17 @@ def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameter
         return p
     turned = p.direction < 0
     wish = Wish(p.free_speed, p.limit_respect, p.caution, q.rain_slowing, q.stoppable_speed)
+    allowed, coming = (
+        allowed_speed(c, road, s, turned) for s in (state.s, state.s + c.decision * state.vx)
+    )
     here, soon = (
-        minimum(adapted_speed(wish, allowed_speed(c, road, s, turned)), p.desired_speed)
-        for s in (state.s, state.s + c.decision * state.vx)
+        minimum(adapted_speed(wish, limit), p.desired_speed) for limit in (allowed, coming)
     )
     change = (soon - here) / c.decision
     eased = change + (here - state.vx) * c.per_approach
     state.most_accel = np.where(change < 0, maximum(eased, -p.decel), ANY_ACCEL)
     passing = minimum(here * c.pass_speed_factor, p.pass_speed)
-    return p._replace(desired_speed=here, pass_speed=passing)
+    return p._replace(desired_speed=here, pass_speed=passing, limit=allowed)
 
 
 def shelter(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> F32:

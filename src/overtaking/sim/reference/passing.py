@@ -72,9 +72,19 @@ def reckoned_accel(c: Constants, own: Fields, speed: F32, top: F32) -> F32:
     return minimum(c.accelerate_gain * own.accel, left)
 
 
-def top_speed(own: Fields, c_surplus: np.float32, leader: F32) -> F32:
-    """The speed that is passed at: well above that of the other, if the vehicle can [m/s]."""
-    return minimum(maximum(own.pass_speed, leader + c_surplus), own.max_speed)
+def top_speed(own: Fields, surplus: np.float32, leader: F32) -> F32:
+    """The speed that is passed at: well above that of the other, if the vehicle can [m/s].
+
+    Who heeds the limit on a free road heeds it as much while passing, and takes longer.
+
+    Args:
+        own: Parameters of the drivers.
+        surplus: How much faster than the other drivers want to be [m/s].
+        leader: Speed of the other [m/s].
+    """
+    wanted = maximum(own.pass_speed, leader + surplus)
+    heeded = wanted - own.limit_respect * maximum(wanted - own.limit, _ZERO)
+    return minimum(heeded, own.max_speed)
 
 
 def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
@@ -100,7 +110,11 @@ def seen_ahead(c: Constants, gap: F32, sight: F32) -> F32:
 
 
 def room_left(c: Constants, p: Fields, slot: F32) -> F32:
-    """How much more room drivers leave to the vehicle in a slot than to a car [1]."""
+    """How much more room drivers leave to the vehicle in a slot than to a car [1].
+
+    Source:
+        The Highway Code, rule 164 (drop back behind large vehicles, to see and be seen).
+    """
     return np.where(pick(p.tall, slot) > 0, c.tall_room, np.float32(1.0))
 
 
@@ -216,11 +230,11 @@ def room_ahead(state: State, p: Fields, slot: F32, who: Who) -> F32:
 
 
 def is_solid(state: State, given: Parameters, p: Fields, who: Who) -> Mask:
-    """Whether the line is not to be crossed where drivers are, or soon will be."""
+    """Whether the line is not to be crossed where drivers are, or is announced to become so."""
     stations, along, against = given.road.line
     here, _ = on_the_road(state, given, p)
     solid = np.zeros(here.shape, bool)
-    for place in (here, here + p.direction * (given.constants.line_ahead * state.vx)):
+    for place in (here, here + p.direction * given.constants.line_ahead):
         knot = np.searchsorted(stations, place, side="right") - 1
         solid = solid | (np.where(p.direction < 0, against[knot], along[knot]) > 0)
     return solid[who]

@@ -154,7 +154,7 @@ def act(
 ) -> collisions.Pairs:
     """What everybody decides; what the ego does, where another driver has it, `orders` say."""
     near, believed, met = moment.near, moment.believed, moment.met
-    leader = control.behind_leader(state, given, p, believed, met)
+    leader = control.behind_leader(state, given, p, near, believed, met)
     if met is not None:
         leader = minimum(leader, give_way(state, given, p, met))
         leader = minimum(leader, held_back(state, given, p, q, moment))
