@@ -573,7 +573,7 @@ def lower_limits() -> Iterable[Scene]:
         vehicles=[ELSEWHERE, obedient(60.0, 14.0, desired_speed=14.5)],
     )
     for caution in (0.5, 1.0):
-        for sky in ({"rain": 100.0}, {"fog": 80.0, "night": 1.0, "sun_altitude": -0.5}):
+        for sky in ({"rain": 100.0}, {"rain": 100.0, "fog": 100.0}):
             yield Scene(
                 name="somebody comes to a lower limit and slows for the weather, too",
                 vehicles=[ELSEWHERE, obedient(150.0, caution=caution, respect=0.6)],
@@ -592,13 +592,25 @@ def lower_limits() -> Iterable[Scene]:
         name="somebody leaves the stretch", vehicles=[ELSEWHERE, obedient(-170.0, speed=15.0)]
     )
     eager = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 0.0}
+    for gap, lane in ((150.0, 1), (15.0, 2)):
+        speed = 25.0 if lane == 1 else 16.0
+        given = eager | {"desired_speed": 27.0, "limit_respect": 1.0}
+        yield Scene(
+            name="nobody changes lanes for the limit",
+            vehicles=[ELSEWHERE, car(LOWER.start - gap, lane, speed, **given)],
+        )
     for gap in (150.0, 100.0, -50.0):
         yield Scene(
             name="somebody behind a slow car weighs another lane by the limit",
             vehicles=[ELSEWHERE, obedient(gap, 20.0, **eager), obedient(gap - 40.0, 14.0)],
         )
+    bold = {"passing_gain": 0.5, "desired_speed": 27.0, "limit_respect": 0.9}
+    weak = Vehicle(s=1600.0, lane=1, speed=20.0, body={"max_speed": 26.0}, driver=bold)
+    yield Scene(
+        name="an ego that is no faster passes before the lower limit",
+        vehicles=[weak, car(1630.0, 1, 14.0)],
+    )
     for gap, leader in ((400.0, 13.0), (160.0, 13.0), (-20.0, 16.0)):
-        bold = {"passing_gain": 0.5, "desired_speed": 27.0, "limit_respect": 0.9}
         yield Scene(
             name="the ego overtakes before the lower limit, and hardly behind it",
             vehicles=[

@@ -18,6 +18,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
 from overtaking.sim.stepping import stepper
+from overtaking.simulators.carla import traffic
 from overtaking.world.constants import constants, known
 from overtaking.world.lanes import allowed_speed, road_parameters
 from overtaking.world.parameters import parameters
@@ -237,4 +238,4 @@ def test_crests_forbid_to_pass_by_the_limit_there():
 
 def test_the_traffic_manager_refuses_a_road_with_several_limits():
     with pytest.raises(ConfigError, match="one limit from end to end, got another one from 800 m"):
-        village().needs_one_limit("CARLA")
+        traffic.simulate(scenario([one()], road=village()))

@@ -143,6 +143,7 @@ def test_lower_limits_are_driven_by_as_the_names_of_the_scenes_say():
     assert gentle[-1] > 20.0
     (leaves,) = speeds(LIMITS, "leaves the stretch", 1)
     assert leaves[-1] > 20.0
+    assert lanes(LIMITS, "nobody changes lanes", 1) == [[1], [2]]
     passes = stages(LIMITS, "the ego overtakes before")
     assert [Stage.PULL_OUT in one for one in passes] == [True, True, False]
 
