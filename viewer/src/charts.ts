@@ -2,6 +2,7 @@
 
 import { believedAt, type Gaps, type Run, type Values } from "./bundle.ts";
 import { h, svg, write } from "./dom.ts";
+import { limitsAlong } from "./limits.ts";
 import { plain } from "./numbers.ts";
 import { type Needs, plot, type Row, row, xOf } from "./row.ts";
 
@@ -55,15 +56,6 @@ function lead(run: Run): Gaps {
     if (one === null || own[frame] === null) return null;
     const apart = one - own[frame]!;
     return Math.sign(apart) * Math.max(Math.abs(apart) - reach, 0);
-  });
-}
-
-// Posted where the ego is, frame by frame.
-export function limitsAlong(road: Values["road"], places: Gaps): Gaps {
-  return places.map((s) => {
-    if (s === null) return null;
-    const lower = road.lower_limits?.find((one) => one.direction >= 0 && one.from_m <= s && s < one.to_m);
-    return lower?.speed_limit_mps ?? road.speed_limit_mps;
   });
 }
 

@@ -2,6 +2,7 @@
 
 import type { Overlay, Pose, Run, Vehicle, Words } from "./bundle.ts";
 import { ghostsAt, pose } from "./bundle.ts";
+import { signsOf } from "./limits.ts";
 import { drawBeams, drawBranch, drawGhost, drawTags, drawVehicle, tell, tellVehicles, type View } from "./vehicles.ts";
 
 const LEAST_METRES = 62; // Of road on a narrow screen.
@@ -13,6 +14,8 @@ const LEAST_STRIPE = 4; // [px]
 const LEAST_BAR = 30; // [px]
 const SCALE_ROOM = 34; // Above the scale bar [px].
 const LEAST_POSTS = 74; // Between two distances at the roadside [px].
+const SIGN = 11; // Radius of a sign [px].
+const POST_ROOM = 27; // For distances between the road and a sign [px].
 const CLEAR = 24 / 256; // What lies in fog stays a hint, as in films.
 const OWN_LENGTH = 5; // Of road around the ego that no fog hides [m].
 const BURST_LASTS = 0.9; // [s]
@@ -140,6 +143,7 @@ function drawGround(view: View, run: Run): void {
   });
   if (run.values.weather?.horizon_line) drawSun(view);
   drawPosts(view, edges);
+  if (run.values.road.speed_limit_mps !== null) drawSigns(view, run, edges);
 }
 
 // The line between the directions: which mark it has, changes along the road. Of two lines the
@@ -186,6 +190,28 @@ function drawPosts({ c, width, height, x, y, scale, night }: View, edges: number
     const isFree = low + SCALE_ROOM < height || x(s) > 40 + barOf(scale) * scale;
     if (low + 24 < height && s >= 0 && isFree) c.fillText(`${s} m`, x(s), low + 22);
   }
+}
+
+// Where the limit changes, beside the slow lane, as drivers of that side see it.
+function drawSigns({ c, width, x, y }: View, run: Run, edges: number[]): void {
+  const beside = y(edges[0]!) + Math.sign(y(edges[0]!) - y(edges[1]!)) * (SIGN + POST_ROOM);
+  c.save();
+  c.font = "bold 10px system-ui, sans-serif";
+  c.textAlign = "center";
+  c.textBaseline = "middle";
+  c.lineWidth = 3;
+  for (const { at, limit } of signsOf(run.values.road)) {
+    if (x(at) < -SIGN || x(at) > width + SIGN) continue;
+    c.beginPath();
+    c.arc(x(at), beside, SIGN, 0, 2 * Math.PI);
+    c.fillStyle = "#ffffff";
+    c.strokeStyle = "#b3261e";
+    c.fill();
+    c.stroke();
+    c.fillStyle = "#14181c";
+    c.fillText((limit * 3.6).toFixed(0), x(at), beside);
+  }
+  c.restore();
 }
 
 // Rain, what fog hides, and how far the ego sees a lit vehicle.

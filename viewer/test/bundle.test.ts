@@ -5,7 +5,8 @@ import { test } from "node:test";
 
 import { brokenSpans, isBroken } from "../src/board.ts";
 import { column, pose, sparse, type Vehicle } from "../src/bundle.ts";
-import { limitsAlong, scale } from "../src/charts.ts";
+import { scale } from "../src/charts.ts";
+import { limitsAlong, signsOf } from "../src/limits.ts";
 import { MOST_BRANCHES, MOST_CHANGES, noChoice, parse, print, type Moment } from "../src/link.ts";
 
 test("columns are sums of their differences", () => {
@@ -49,6 +50,8 @@ test("the limit of a frame is that of the ego's place and direction", () => {
   const road = { lane_ids: [1], speed_limit_mps: 25, lower_limits };
   assert.deepEqual(limitsAlong(road, [99.9, 100, null, 199.9, 200, 300]), [25, 14, null, 14, 20, 25]);
   assert.deepEqual(limitsAlong({ lane_ids: [1], speed_limit_mps: 25 }, [5, null]), [25, null]);
+  assert.deepEqual(signsOf(road), [{ at: 100, limit: 14 }, { at: 200, limit: 20 }, { at: 300, limit: 25 }]);
+  assert.deepEqual(signsOf({ lane_ids: [1], speed_limit_mps: 25 }), []);
 });
 
 const choice = { ...noChoice(), classes: ["Success_I", "No_attempt"], rules: ["L3"], margin: { rule: "L8", least: -5, most: null }, sql: "SELECT 'a,b' & 1", order: "margin" as const, descending: true, first: 50 };

@@ -43,8 +43,8 @@ def read_opendrive(
             commas between them are a route: each road leads to the next without a junction.
         lanes: Take the lanes right or left of the reference line. Without it those that run along
             the line are taken, or the others where there are no such lanes.
-        speed_limit: Limit in place of the file's [m/s]. Where neither states one, the general
-            limit of Portuguese law for the kind of road holds.
+        speed_limit: Limit in place of all of the file's [m/s]. Where neither states one, the
+            general limit of Portuguese law for the kind of road holds.
 
     Returns:
         The road, named after file and id, and its part of the file's road if it is not all of it.
