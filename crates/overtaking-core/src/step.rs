@@ -290,7 +290,8 @@ pub fn drive_ego<S: Simd, const N: usize>(
         let wanted = if let Some(ordered) = orders.and_then(Orders::accel) {
             ordered
         } else {
-            let mut leader = control::behind_leader(state, w, EGO, (mind.near, mind.believed), passed);
+            let mut leader =
+                control::behind_leader(state, w, EGO, (mind.near, mind.believed), passed);
             if let Some(most) = gives_way {
                 leader = min(leader, most);
                 if is_held_back(state, EGO).any_true() {
