@@ -138,7 +138,7 @@ def test_both_engines_have_the_same_bits(profile: str):
 
 
 def on_limits(profile: str, count: int, **changes: Any) -> Scenario:
-    """Traffic of a profile on its road, with a lower limit on every second 300 m of it."""
+    """Traffic of a profile on its road, with a lower limit on 300 m of each sixteenth of it."""
     plan = spec(profile, changes)
     length = sample(plan, known_road(plan.road), 5, np.arange(1)).road.length
     starts = np.linspace(0.0, length - 300.0, 16)
