@@ -64,12 +64,13 @@ demo: build  ## Generate the paper's 276 simulations twice, as it tells them and
 	@echo "The study's experiment is in $(abspath $(DEMO))-study, the same scenes with physical weather in $(abspath $(DEMO)):"
 	@echo "tables, report/index.html, videos/; reproduction/index.html has the study, its experiment and ours side by side."
 
-# Pyright works on one core for as long as the crates take to check and to test on the other.
+# Pyright works on one core for as long as all other checks take on the other.
 test: dev  ## Checks, then the tests of both languages but those of test-ci
-	@$(MAKE) check-rust test-rust & rust=$$!; $(MAKE) check-python; python=$$?; wait $$rust && exit $$python
+	@$(MAKE) check-rust test-rust check-viewer & others=$$!; $(MAKE) check-python; python=$$?; \
+	  wait $$others && exit $$python
 	@$(MAKE) test-python
 
-test-ci: check-viewer  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
+test-ci: dev  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"
 
 test-qc: dev qc  ## Ask the checkers of ASAM for issues of exported files, in .venv-qc
@@ -90,7 +91,7 @@ test-all: test test-ci  ## All of that, then random properties, hostile sizes, s
 	$(BIN)/python benchmarks/mutations.py
 	$(BIN)/python benchmarks/flips.py
 
-check: check-python check-rust  ## Format, lint, types, layers, spelling, links; changes nothing
+check: check-python check-rust check-viewer  ## Format, lint, types, layers, spelling, links, the page; changes nothing
 
 check-python: dev
 	$(BIN)/ruff format --check .
