@@ -74,10 +74,15 @@ class HumanEgo:
                 driver.hardest_decel,
             ),
             impatience=impatience,
+            room_left=self.room_left(seen),
             told=told,
             ordered=told & (around[LEAD, 0] > 0) & (around[LEAD, 2] > driver.passing_gain),
             command=np.zeros_like(demand),
         )
+
+    def room_left(self, seen: ot.Observation) -> np.float32 | NDArray[np.float32]:
+        """How much more room is left to the other than to a car, on two-way roads."""
+        return seen.of("room_left") if self.given.road.two_way else np.float32(1.0)
 
     def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to signal to pull out: decided at looks into the mirrors, held between them."""
@@ -103,7 +108,7 @@ class HumanEgo:
             closing=np.where(comes, seen.of("closing", "oncoming"), seen.of("expected")),
             sure=seen.of("sure") > 0,
             solid=seen.of("solid") > 0,
-            room_left=seen.of("room_left"),
+            room_left=self.room_left(seen),
         )
         may = may_meet(self.given, view.own, view.speed, view.impatience, ahead)
         return may & ~(seen.of("indicator", "lead") > 0)  # One overtakes at a time.
@@ -115,8 +120,7 @@ class HumanEgo:
         stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
         rested = seen.of("since_change") >= c.abort_cooldown
         passed = seen.of("passed") > 0
-        room_left = seen.of("room_left") if self.given.road.two_way else np.float32(1.0)
-        may = may_return(self.given, view, room_left) & (passed | stuck)
+        may = may_return(self.given, view, view.room_left) & (passed | stuck)
         if self.given.road.two_way:
             room = may_squeeze(self.given, self.given.of_simulations, view)
             squeezes = (seen.of("hurries") > 0) & room & passed
