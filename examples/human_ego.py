@@ -74,15 +74,11 @@ class HumanEgo:
                 driver.hardest_decel,
             ),
             impatience=impatience,
-            room_left=self.room_left(seen),
+            room_left=seen.of("room_left") if self.given.road.two_way else np.float32(1.0),
             told=told,
             ordered=told & (around[LEAD, 0] > 0) & (around[LEAD, 2] > driver.passing_gain),
             command=np.zeros_like(demand),
         )
-
-    def room_left(self, seen: ot.Observation) -> np.float32 | NDArray[np.float32]:
-        """How much more room is left to the other than to a car, on two-way roads."""
-        return seen.of("room_left") if self.given.road.two_way else np.float32(1.0)
 
     def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to signal to pull out: decided at looks into the mirrors, held between them."""
@@ -108,7 +104,7 @@ class HumanEgo:
             closing=np.where(comes, seen.of("closing", "oncoming"), seen.of("expected")),
             sure=seen.of("sure") > 0,
             solid=seen.of("solid") > 0,
-            room_left=self.room_left(seen),
+            room_left=seen.of("room_left"),
         )
         may = may_meet(self.given, view.own, view.speed, view.impatience, ahead)
         return may & ~(seen.of("indicator", "lead") > 0)  # One overtakes at a time.
