@@ -74,6 +74,7 @@ class HumanEgo:
                 driver.hardest_decel,
             ),
             impatience=impatience,
+            room_left=seen.of("room_left") if self.given.road.two_way else np.float32(1.0),
             told=told,
             ordered=told & (around[LEAD, 0] > 0) & (around[LEAD, 2] > driver.passing_gain),
             command=np.zeros_like(demand),
@@ -115,8 +116,7 @@ class HumanEgo:
         stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
         rested = seen.of("since_change") >= c.abort_cooldown
         passed = seen.of("passed") > 0
-        room_left = seen.of("room_left") if self.given.road.two_way else np.float32(1.0)
-        may = may_return(self.given, view, room_left) & (passed | stuck)
+        may = may_return(self.given, view, view.room_left) & (passed | stuck)
         if self.given.road.two_way:
             room = may_squeeze(self.given, self.given.of_simulations, view)
             squeezes = (seen.of("hurries") > 0) & room & passed

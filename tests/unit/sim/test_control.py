@@ -67,9 +67,9 @@ def test_a_wreck_has_no_pedals():
 def test_the_ego_uses_more_of_the_engine_while_it_passes():
     m = moment([Vehicle(speed=20.0), Vehicle(s=-100.0, speed=20.0)])
     believed = m.look()
-    following = control.behind_leader(m.state, m.given, m.p, believed, None)
+    following = control.behind_leader(m.state, m.given, m.p, m.neighbours(), believed, None)
     m.state.stage[Role.EGO] = np.float32(Stage.PASS)
-    passing = control.behind_leader(m.state, m.given, m.p, believed, None)
+    passing = control.behind_leader(m.state, m.given, m.p, m.neighbours(), believed, None)
     # 1.3 times, towards a tenth more speed; the others are not in a hurry.
     faster = 1.5 * (1.0 - (20.0 / 33.0) ** 4)
     assert float(passing[0, 0]) == pytest.approx(1.3 * faster, rel=1e-3)

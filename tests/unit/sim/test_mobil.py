@@ -36,7 +36,7 @@ def decide(m: Moment) -> None:
     """One look around of everybody, a fifth of a second after the last one."""
     claims, looks = mobil.claimed(m.state), np.ones(m.state.s.shape, np.bool_)
     believed = m.look()
-    own = control.behind_leader(m.state, m.given, m.p, believed, None)
+    own = control.behind_leader(m.state, m.given, m.p, m.neighbours(), believed, None)
     m.state.wanted_time += np.float32(0.2)
     mobil.change_lanes(m.state, m.given, m.p, believed, own, looks, claims, m.decision)
 
