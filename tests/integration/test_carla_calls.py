@@ -215,6 +215,7 @@ def test_several_maps_are_offered_and_loaded_by_their_names(tmp_path: Path):
     assert "Town98 or Town99 or motorway, got 'Town01'" in refused
 
 
+@pytest.mark.ci
 def test_rays_and_telemetry_reach_the_genuine_client(server: Address):
     found = ask(
         server,

@@ -142,6 +142,7 @@ def test_it_ends_when_told_to():
         os.kill(address.process, 0)
 
 
+@pytest.mark.ci
 def test_it_ends_without_a_word_while_clients_are_connected(capfd: pytest.CaptureFixture[str]):
     with ExitStack() as connected, headless_server() as address:
         calls, snapshots = (

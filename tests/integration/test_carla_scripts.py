@@ -139,6 +139,7 @@ def test_a_scenario_whose_actors_wait_underground_and_are_then_put_on_the_road(s
     assert gone == [True] * 3
 
 
+@pytest.mark.ci
 def test_a_script_that_overtakes_by_itself_and_changes_its_camera_in_every_step(server: Address):
     found = ask(
         server,

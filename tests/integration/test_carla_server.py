@@ -341,6 +341,7 @@ def test_an_opendrive_file_can_be_the_map(shared_data):
     assert found[1] < 0.5
 
 
+@pytest.mark.ci
 def test_a_map_can_be_sent_by_the_client(server: Address, shared_data):
     path = shared_data / "opendrive" / "esmini_straight_500m.xodr"
     found = ask(

@@ -97,6 +97,7 @@ def test_clipped_answers_are_counted_and_told():
     assert any("and clipped" in one for one in warnings(found))
 
 
+@pytest.mark.ci
 def test_the_page_and_what_the_command_prints(tmp_path, capsys):
     words = ["evaluate", "pinto2023-physical", "--policy", "rules", "-n", "30", *ARGUMENTS]
     assert main([*words, "--out", str(tmp_path), "--films", "1", "--json"]) == 0

@@ -121,6 +121,7 @@ def test_popper_is_an_export_with_options_of_its_own(
     assert "every" in capsys.readouterr().err
 
 
+@pytest.mark.ci
 def test_what_was_learned_is_on_the_page(folder: Path, rules: Any, factors: Any, tmp_path: Path):
     made = Writer(tmp_path, overtaking.statistics(folder), None)
     learned = Learned(rules=(rules,), factors=factors, remarks=("No rules about this.",))

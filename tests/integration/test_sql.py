@@ -357,6 +357,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: Any) -> str:
 QUESTION = "select simulation, profile, trace_hash from simulations order by 1"
 
 
+@pytest.mark.ci
 def test_the_three_forms_say_the_same(folder: Path, capsys: pytest.CaptureFixture[str]):
     as_json = json.loads(run(capsys, "sql", folder, QUESTION, "--format", "json"))
     assert as_json == json.loads(run(capsys, "sql", folder, QUESTION, "--json"))

@@ -88,6 +88,7 @@ def test_times_to_meet_are_those_of_the_recorded_states(passes):
         assert not row.oncoming_given_up
 
 
+@pytest.mark.ci
 def test_decisions_know_who_comes_next(passes):
     decisions = passes.decisions().set_index("simulation")
     for number, row in decisions.iterrows():

@@ -74,6 +74,7 @@ def test_the_picture_is_written_whole(found, tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+@pytest.mark.ci
 def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
     from rich.console import Console
 

@@ -54,6 +54,7 @@ def test_a_saved_branch_is_exported(data: str, tmp_path: Path, capsys: pytest.Ca
     capsys.readouterr()
 
 
+@pytest.mark.ci
 def test_a_fan_and_what_would_be_enough_are_told(data: str, capsys: pytest.CaptureFixture[str]):
     fan = said(capsys, "fan", data, "0", "--futures", "20", "--step", "4")
     first = fan["instants"][0]

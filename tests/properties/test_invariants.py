@@ -94,6 +94,7 @@ def test_a_simulation_is_the_same_in_any_batch(seed: int, index: list[int]):
     np.testing.assert_array_equal(shuffled.trace_hash, batch.trace_hash[order])
 
 
+@pytest.mark.ci
 @given(seed=seeds)
 @settings(max_examples=3)
 def test_the_reference_gives_the_same_simulation_alone_and_in_a_batch(seed: int):

@@ -53,6 +53,7 @@ def of(run: Trajectories, name: str) -> np.ndarray:
     return getattr(run.states, name)[0, 0, : run.num_frames[0]] * scale
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
 def test_both_engines_have_the_same_bits(profile: str):
     # 20 s are some 600 m: through bends of either side, over a rise or a fall.
@@ -235,6 +236,7 @@ def test_height_is_the_integral_of_the_slope():
     np.testing.assert_allclose(road.height_at(s), risen, atol=1e-9)
 
 
+@pytest.mark.ci
 def test_overtakes_in_bends_are_labelled_as_on_straight_roads():
     """The same traffic on a road that bends hardly at all gets the same labels."""
     batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(64))

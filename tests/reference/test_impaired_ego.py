@@ -20,6 +20,7 @@ DRAWN = sample(
 )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("name", "value"), [("attention", 30.0), ("most_friction", 0.1)])
 def test_an_impaired_ego_moves_otherwise_and_in_both_the_same_way(name: str, value: float):
     plain = parameters(DRAWN)

@@ -129,6 +129,7 @@ def test_what_is_allowed_follows_the_formula_within_two_stations(direction, star
     assert (allowed[behind > 2.0 * STATION] == HIGH).all()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
 def test_both_engines_have_the_same_bits(profile: str):
     batch = on_limits(profile, 4, **{"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0})

@@ -289,6 +289,7 @@ def test_every_road_is_read_or_refused_with_the_reason(maps: Path, name: str):
             assert reason in str(verdict)
 
 
+@pytest.mark.ci
 def test_the_roads_that_are_read_are_counted(maps: Path):
     """Roads in all, those outside junctions, those that are read, and those read from end to end.
 

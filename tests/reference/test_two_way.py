@@ -107,6 +107,7 @@ def test_both_engines_record_the_same_bits_by_hand(mirrored):
         )
 
 
+@pytest.mark.ci
 def test_who_comes_is_who_goes_seen_from_the_other_end():
     storm = {"wind": 60.0, "wind_direction": 1.0}
     alone = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
@@ -316,6 +317,7 @@ def test_who_comes_overtakes_as_who_goes_seen_from_the_other_end():
     np.testing.assert_allclose(other.d[:, 1:3], -one.d[:, 1:3], atol=3)
 
 
+@pytest.mark.ci
 def test_no_arrival_is_missing_within_sight():
     world = sample(spec("rural"), load_road("rural"), 5, np.arange(300))
     run = engine.run(world, parameters(world))

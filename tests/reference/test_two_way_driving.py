@@ -34,6 +34,7 @@ def rural(numbers, seed: int = 7, **changes: object):
     return sample(given, load_road("rural"), seed, np.asarray(numbers, np.uint64))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("kind", "is_true"), list(zip(KINDS, cycle([False, True]), strict=False)))
 def test_both_engines_observe_the_same_bits(kind, is_true):
     given = parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
@@ -54,6 +55,7 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
     assert met > 20
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     world = scenario(*SCENES, road=road(), horizon=9.0, num_slots=5)

@@ -147,6 +147,7 @@ def test_every_level_answers_alike(level, monkeypatch):
         assert_same(case(name), whole(case(name)), readable(name))
 
 
+@pytest.mark.ci
 def test_answers_about_overtakes_written_by_hand_are_the_same():
     for run in written():
         given, one = case_of(run), One(run, 0)

@@ -133,6 +133,7 @@ def test_what_a_recording_may_have_and_a_simulator_cannot_run_is_refused(scenari
         ot.simulate(scenario.replace(frame_interval_ms=33))
 
 
+@pytest.mark.ci
 def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(os, "sysconf", {"SC_PAGE_SIZE": 1024, "SC_PHYS_PAGES": 20}.__getitem__)
     with refused("sample: memory: expected at most the 0.0 GB of this machine, got"):

@@ -49,6 +49,7 @@ def crowds(draw) -> list[Mover]:
     return vehicles
 
 
+@pytest.mark.ci
 @settings(max_examples=25)
 @given(movers=crowds())
 def test_neighbours_are_those_that_a_plain_search_finds(tmp_path_factory, movers):
@@ -70,6 +71,7 @@ def test_neighbours_are_those_that_a_plain_search_finds(tmp_path_factory, movers
                 assert abs(apart[found]) == np.abs(apart[there]).min()
 
 
+@pytest.mark.ci
 @settings(max_examples=25)
 @given(movers=crowds())
 def test_passes_are_those_that_a_plain_count_finds(tmp_path_factory, movers):

@@ -83,6 +83,7 @@ def test_truncation_never_escapes(path: Path, size: int):
     check(path, WHOLE[:size])
 
 
+@pytest.mark.ci
 @given(
     changes=st.dictionaries(
         st.sampled_from(PLACES),

@@ -166,6 +166,7 @@ def test_the_command_lists_and_draws(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert listed[1]["refusal"].startswith("map.xodr: road 9: line 4: <road> belongs to a junction")
 
 
+@pytest.mark.ci
 def test_every_road_of_known_maps_is_read(shared_data: Path) -> None:
     for path in sorted((shared_data / "opendrive").glob("*.xodr")):
         found = map_roads(path)

@@ -75,6 +75,7 @@ CHANGES = (
 )
 
 
+@pytest.mark.ci
 def test_engine_and_reference_make_many_changes_alike():
     one = branch(traffic(), changes=CHANGES)
     two = branch(traffic(), changes=CHANGES, run=reference.run)

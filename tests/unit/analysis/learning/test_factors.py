@@ -28,6 +28,7 @@ def found():
     return learn_factors(planted(NUMBER), FACTORS, seed=3, leaks=leaks)
 
 
+@pytest.mark.ci
 def test_what_decides_comes_first_and_what_does_not_comes_last(found):
     order = [one.factor for one in found.ranking]
     assert order[0] == "speed"
@@ -121,6 +122,7 @@ def test_factors_that_the_examples_lack_are_refused():
         learn_factors(planted(NUMBER), factors)
 
 
+@pytest.mark.ci
 def test_factors_that_the_examples_lack_are_left_out(found):
     lacking = {"sight of the other side": ("oncoming_sight_m",)}
     again = learn_factors(planted(NUMBER), FACTORS | lacking, seed=3)

@@ -264,6 +264,7 @@ def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Datase
         )
 
 
+@pytest.mark.ci
 def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
     table = data.labels()
     paper = table[table["policy"] == "paper"]
@@ -302,6 +303,7 @@ def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
         ot.twin(data, 0, stay=True)
 
 
+@pytest.mark.ci
 def test_twins_are_filmed_one_above_the_other(data: ot.Dataset, begun: int, tmp_path: Path):
     av = pytest.importorskip("av")
     found = ot.twin(data, begun, delay=1.0)

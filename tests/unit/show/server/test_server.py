@@ -242,6 +242,7 @@ def test_a_fan_has_its_bounds(client: Client, asked: Any):
     assert (status, set(told)) == (400, {"error"})
 
 
+@pytest.mark.ci
 def test_lists_by_margin_are_in_order_and_keep_it_when_filtered(client: Client, data: Dataset):
     findings = data.findings()
     margin = findings[findings["rule"] == "L3"].set_index("simulation")["margin"]
