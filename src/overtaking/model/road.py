@@ -229,14 +229,13 @@ class Road:
     def limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
         """The posted limit [m/s].
 
-        Where a stretch ends and another begins, the limit is that of the second. Beyond an end of
-        the road it is that of the end.
+        Where a stretch ends and another begins, the limit is that of the second.
 
         Args:
             s: Station, any shape [m].
             direction: Direction of travel, +1 along `s` or -1 against it.
         """
-        station = np.clip(np.asarray(s, np.float64), 0.0, np.nextafter(self.length, 0.0))
+        station = np.asarray(s, np.float64)
         limits = np.full(station.shape, self.speed_limit)
         for one in self.course.limits_for(direction) if self.course else ():
             limits[(one.start <= station) & (station < one.stop)] = one.speed

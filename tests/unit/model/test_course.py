@@ -89,9 +89,6 @@ def test_limits_hold_from_where_they_begin_to_where_they_end_by_direction():
     np.testing.assert_array_equal(road.limit_at(stations), [25.0, 20.0, 20.0, 10.0, 10.0, 25.0])
     np.testing.assert_array_equal(road.limit_at(stations, -1), [25.0, 20.0, 20.0, 25.0, 15.0, 25.0])
     assert road.limit_at(150.0) == 20.0
-    ends = Course(limits=(limit(0.0, 10.0, 20.0), limit(road.length - 10.0, road.length, 10.0)))
-    road = dataclasses.replace(road, course=ends)
-    np.testing.assert_array_equal(road.limit_at([-1.0, road.length + 1.0]), [20.0, 10.0])
     assert road.mirrored().course == road.course
 
 
