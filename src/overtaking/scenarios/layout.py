@@ -137,7 +137,7 @@ def settle(
 ) -> tuple[F32, F32]:
     """Positions without overlap, and speeds from which everyone can avoid the vehicle ahead.
 
-    Nobody is faster than the driver goes into the bends and limits at and ahead of the start.
+    No vehicle starts faster than its driver takes the bends and limits at and ahead of the start.
 
     Args:
         draft: Starts as drawn.
@@ -225,7 +225,7 @@ class _Row:
         decel: Braking that the driver can count on [m/s^2].
         min_gap: Smallest gap between two in a lane [m].
         slot: Slot of the vehicle.
-        paces: See `Paces`; None where nobody slows down for the road.
+        paces: Speeds for bends and limits (`Paces`); None on a road without them.
     """
 
     lane: list[U8]

@@ -122,9 +122,9 @@ def course(state: State, given: Parameters, p: Fields, q: SimulationParameters) 
 def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameters) -> Fields:
     """The parameters of drivers with the speeds that they want by the limits at and ahead of them.
 
-    Where the wanted speed falls towards a lower limit, the driver brakes as it falls, and less by
-    what is missing of it over a time. So it is come up to from below, and reached where the stretch
-    begins. Nobody brakes for it harder than is comfortable.
+    Ahead of a lower limit the wanted speed falls. The driver brakes at the rate at which it falls,
+    less the remaining difference over a time constant, but no harder than its comfortable
+    deceleration. The driver thus approaches the wanted speed from below.
 
     Args:
         state: State at a decision; `State.most_accel` is set.
