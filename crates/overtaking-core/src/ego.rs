@@ -229,7 +229,7 @@ fn meet<S: Simd, const N: usize>(
     Meeting {
         may_go: may_go & !mind.met.leader_goes,
         hurries: plight.hurries,
-        squeezes: plight.hurries
+        squeezes: plight.pressed
             & min(beside, front).simd_gt(c.squeeze_gap)
             & ahead.simd_ge(-(c.abort_factor * view.own.decel)),
         falls_in: plight.yields & plight.fits & rear.simd_gt(c.smallest_rear_gap),

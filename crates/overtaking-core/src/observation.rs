@@ -263,7 +263,7 @@ fn meets<S: Simd, const N: usize>(
         expected: usual_closing(state, w, EGO),
         room: at_most(room_ahead(state, w, EGO, lead), w.c.unseen_gap),
         room_left: room_left(w, passed),
-        solid: flag(is_solid(state, w, EGO)),
+        solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_ahead))),
         hurries: flag(plight.hurries),
         yields: flag(plight.yields),
         can_fall_in: flag(can_fall_in(state, w)),

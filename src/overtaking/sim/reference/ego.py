@@ -339,7 +339,7 @@ def _meet(
         may_go=may_meet(given, view.own, view.speed, view.impatience, ahead)
         & ~moment.met.leader_goes[who],
         hurries=plight.hurries,
-        squeezes=plight.hurries & may_squeeze(given, q, view),
+        squeezes=plight.pressed & may_squeeze(given, q, view),
         falls_in=plight.yields & plight.fits & has_room_behind(given, view),
         room_left=room_left(given.constants, p, state.target[who]),
     )

@@ -211,7 +211,7 @@ def _meeting(
         "expected": usual_closing(state, q)[ego],
         "room": minimum(room, given.constants.unseen_gap),
         "room_left": room_left(given.constants, p, passed),
-        "solid": is_solid(state, given, p, ego),
+        "solid": is_solid(state, given, p, ego, given.constants.line_ahead),
         "hurries": plight.hurries,
         "yields": plight.yields,
         "can_fall_in": can_fall_in(state, given, p, ego),
