@@ -264,7 +264,7 @@ fn meets<S: Simd, const N: usize>(
         room: at_most(room_ahead(state, w, EGO, lead), w.c.unseen_gap),
         room_left: room_left(w, passed),
         solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_ahead))),
-        hurries: flag(plight.hurries),
+        hurries: 0.5 * flag(plight.hurries) + 0.5 * flag(plight.pressed),
         yields: flag(plight.yields),
         can_fall_in: flag(can_fall_in(state, w)),
     }

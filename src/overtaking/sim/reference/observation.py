@@ -212,7 +212,7 @@ def _meeting(
         "room": minimum(room, given.constants.unseen_gap),
         "room_left": room_left(given.constants, p, passed),
         "solid": is_solid(state, given, p, ego, given.constants.line_ahead),
-        "hurries": plight.hurries,
+        "hurries": np.float32(0.5) * plight.hurries + np.float32(0.5) * plight.pressed,
         "yields": plight.yields,
         "can_fall_in": can_fall_in(state, given, p, ego),
     }
