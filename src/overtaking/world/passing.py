@@ -81,7 +81,7 @@ def _passing(scenario: Scenario) -> Rows:
     """How each driver judges what passing takes, and what it wants to spare or trusts to be free.
 
     Source:
-        Gordon and Mart 1968 (need is underestimated).
+        Gordon and Mast 1968 (need is underestimated).
     """
     streams = np.uint32(Stream.OVERTAKING) + np.arange(scenario.num_slots, dtype=np.uint32)
     streams[Role.EGO] = Stream.PASSING
