@@ -221,8 +221,8 @@ fn meet<S: Simd, const N: usize>(
     state.hurries[i] = choose(plight.hurries, one, zero);
     let rear = view.gap[SLOW_REAR];
     let closing = view.closing[SLOW_LEAD];
-    let room = view.gap[SLOW_LEAD] - w.q.hasty_change * at_least(closing, 0.0);
-    let ahead = needed_braking(c, view.speed, room, closing, zero);
+    // It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
+    let ahead = needed_braking(c, view.speed, view.gap[SLOW_LEAD], closing, zero);
     let crossing = 0.5 * w.q.hasty_change;
     let front = view.gap[SLOW_LEAD] - crossing * closing;
     let beside = rear - crossing * at_least(view.closing[SLOW_REAR], 0.0);

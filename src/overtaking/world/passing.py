@@ -91,7 +91,8 @@ def _passing(scenario: Scenario) -> Rows:
     return {
         "need_factor": draws.lognormal(log(median), float(sigma)),
         "heeds_lines": draws.uniform() < known("model.oncoming.heeds_lines"),
-        "unseen_trust": known("model.oncoming.unseen_trust") / np.sqrt(maximum(demand, _LEAST_DEMAND)),
+        "unseen_trust": known("model.oncoming.unseen_trust")
+        / np.sqrt(maximum(demand, _LEAST_DEMAND)),
         "spare": known("model.oncoming.spare_asked") * demand,
         "limit": np.full_like(scenario.start_s, scenario.road.speed_limit),
     }

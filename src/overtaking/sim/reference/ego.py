@@ -352,8 +352,8 @@ def may_squeeze(given: Parameters, q: SimulationParameters, view: View) -> Mask:
     front = view.gap[SLOW_LEAD] - crossing * closing
     rear = view.gap[SLOW_REAR] - crossing * maximum(view.closing[SLOW_REAR], _STEADY)
     squeezed = minimum(rear, front) > c.squeeze_gap
-    room = view.gap[SLOW_LEAD] - q.hasty_change * maximum(closing, _STEADY)
-    ahead = needed_braking(c, view.speed, room, closing, _STEADY)
+    # It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
+    ahead = needed_braking(c, view.speed, view.gap[SLOW_LEAD], closing, _STEADY)
     return squeezed & (ahead >= -(c.abort_factor * view.own.decel))
 
 
