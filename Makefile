@@ -22,8 +22,8 @@ ROUNDS ?= 20
 LOCK_FLAGS ?=
 
 # Goals are made one after the other, so that the last line of `make test test-ci` is pytest's,
-# whatever -j says. What a goal needs is made two at a time, with $(WIDE).
-WIDE := -j2 wide=yes
+# whatever -j says. What a goal needs is made two at a time, or as many as -j says, with $(WIDE).
+WIDE = $(if $(findstring -j,$(MAKEFLAGS)),,-j2) wide=yes
 ifndef wide
 .NOTPARALLEL:
 endif
@@ -141,10 +141,10 @@ docs: dev  ## Write the pages and pictures that are made from the project anew
 	$(BIN)/python docs/generate.py
 
 build:  ## Make .venv with the compiled engine and the packages that make demo needs
-	@$(MAKE) $(WIDE) PACKAGES=$(if $(wildcard $(VENV)/.dev),dev,demo) $(VENV)/.build
+	@$(MAKE) $(WIDE) --silent PACKAGES=$(if $(wildcard $(VENV)/.dev),dev,demo) $(VENV)/.build
 
 dev:  ## The same with the packages that developers need
-	@$(MAKE) $(WIDE) $(VENV)/.build
+	@$(MAKE) $(WIDE) --silent $(VENV)/.build
 
 qc: $(QC)/.qc  ## Make .venv-qc, with the checkers of ASAM
 
@@ -164,6 +164,7 @@ lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,plots stats video) --group build -o requirements/demo.txt
 	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,gym onnx) --group rl -o requirements/rl.txt
 	$(COMPILE) --group qc -o requirements/qc.txt
+	$(COMPILE) --group pip -o requirements/pip.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
@@ -172,10 +173,11 @@ clean:  ## Remove what was built, except the caches of pip and cargo and the dat
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 # Each stamp is touched last, so an interrupted step is done again.
-$(VENV)/.python:
+$(VENV)/.python: requirements/pip.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@$(INSTALL) --quiet -r $<
 	@touch $@
 
 $(QC)/.qc: requirements/qc.txt | $(VENV)/.python

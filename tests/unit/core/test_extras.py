@@ -9,14 +9,14 @@ import sys
 import tomllib
 from typing import TYPE_CHECKING
 
-import pytest
-
 from overtaking.core.errors import MissingExtraError
 from overtaking.core.extras import extras, install_command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+    import pytest
 
 
 def declared(repository: Path) -> dict[str, list[str]]:
