@@ -11,15 +11,23 @@ SEED   ?= 1
 # Tests that ask for more processes than the machine has cores only get slower. With worksteal a process
 # runs neighbouring tests, so that most fixtures of a module are made once.
 PYTEST_FLAGS ?= -n 2 --dist worksteal
-# What is installed while the engine is built.
-PACKAGES = requirements/demo.txt
+# What is installed while the engine is built: requirements/dev.txt or requirements/demo.txt.
+PACKAGES := dev
+# The SIMD levels that are wanted, and those of the engine that is there.
+LEVELS := $(or $(OVERTAKING_LEVELS),all)
+BUILT   = $(shell cat $(VENV)/.engine 2>/dev/null)
 # How often `make test-all` runs the property tests, each time with other examples.
 ROUNDS ?= 20
 # `make lock LOCK_FLAGS=--upgrade` moves every package to its newest version.
 LOCK_FLAGS ?=
 
-# One process at a time: the last line of `make test` is pytest's, whatever -j says.
+# Goals are made one after the other, so that the last line of `make test test-ci` is pytest's,
+# whatever -j says. What a goal needs is made two at a time, or as many as -j says, with $(WIDE).
+WIDE = $(if $(findstring -j,$(MAKEFLAGS)),,-j2) wide=yes
+ifndef wide
 .NOTPARALLEL:
+endif
+MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -27,22 +35,22 @@ LOCK_FLAGS ?=
 unexport PYTHONPATH PYTHONHOME
 # Nearly every process would compile all modules anew, which takes longer than what most of them do.
 unexport PYTHONDONTWRITEBYTECODE
-export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
+# What PyO3 is to know of Python. Maturin would write a file of its own, and compile the binding again.
+export PYO3_CONFIG_FILE := $(CURDIR)/crates/overtaking-py/pyo3-config.txt
 # Pyright would ask the package registry whether a newer version exists.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 # Bytecode is written when a module is first imported, most of it never.
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile --require-hashes
-ENGINE  := cargo build --release --locked --package overtaking-py --features pyo3/extension-module
-EDITABLE = PATH="$(CURDIR)/$(BIN):$$PATH" \
-           $(BIN)/python -m pip install --quiet --no-build-isolation --no-deps --editable .
+# Cargo counts its own processes: those of `make` would leave it one.
+CARGO   := MAKEFLAGS= cargo
 CRATES := $(shell find crates -type f)
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes \
            --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 LOCK    := $(COMPILE) pyproject.toml
 
-.PHONY: help demo test test-ci test-qc test-rl test-all check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
-        lock build dev qc rl format clean
+.PHONY: help demo test test-ci test-qc test-rl test-all checks check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
+        lock build dev qc rl format clean more-levels
 
 help:  ## List what can be made
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1|\2/p' $(firstword $(MAKEFILE_LIST)) \
@@ -64,11 +72,12 @@ demo: build  ## Generate the paper's 276 simulations twice, as it tells them and
 	@echo "The study's experiment is in $(abspath $(DEMO))-study, the same scenes with physical weather in $(abspath $(DEMO)):"
 	@echo "tables, report/index.html, videos/; reproduction/index.html has the study, its experiment and ours side by side."
 
-# Pyright works on one core for as long as all other checks take on the other.
-test: dev  ## Checks, then the tests of both languages but those of test-ci
-	@$(MAKE) check-rust test-rust check-viewer & others=$$!; $(MAKE) check-python; python=$$?; \
-	  wait $$others && exit $$python
-	@$(MAKE) test-python
+test: checks test-python  ## Checks, then the tests of both languages but those of test-ci
+
+# One core compiles the engine, most of the time a single crate of it. Meanwhile the other one
+# installs packages, and then runs the checks that need no engine.
+checks:
+	@$(MAKE) $(WIDE) check-python site check-rust test-rust check-viewer
 
 test-ci: dev  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"
@@ -91,24 +100,27 @@ test-all: test test-ci  ## All of that, then random properties, hostile sizes, s
 	$(BIN)/python benchmarks/mutations.py
 	$(BIN)/python benchmarks/flips.py
 
-check: check-python check-rust check-viewer  ## Format, lint, types, layers, spelling, links, the page; changes nothing
+check:  ## Format, lint, types, layers, spelling, links, the page; changes nothing
+	@$(MAKE) $(WIDE) check-python site check-rust check-viewer
 
-check-python: dev
+# Sources are read, not imported.
+check-python: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/pyright
-	$(BIN)/lint-imports --no-cache --no-logo
 	$(BIN)/typos
-	$(BIN)/python docs/site.py
+	PYTHONPATH=src $(BIN)/lint-imports --no-cache --no-logo
+	$(BIN)/pyright
 
-check-rust: dev
+# With the profile and the feature of the engine, so that build scripts and macros are there.
+check-rust: $(VENV)/.engine
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets --locked -- -D warnings
+	$(CARGO) clippy --release --workspace --all-targets --locked --features pyo3/extension-module \
+	  -- -D warnings
 
 # Only the crate without Python in it has tests of its own (default-members); the binding is tested
 # from Python, as it has to be loaded by an interpreter.
-test-rust:
-	cargo test --release --locked
+test-rust: $(VENV)/.engine
+	$(CARGO) test --release --locked
 
 test-python: dev
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak and not qc and not rl"
@@ -122,28 +134,28 @@ bench: dev  ## Measure the speed against its peers
 viewer: dev  ## Build the page of `overtaking view` from viewer/src, with Node from the package registry
 	$(BIN)/python viewer/make.py
 
-check-viewer: dev
+check-viewer: $(VENV)/.dev
 	$(BIN)/python viewer/make.py --check
 
 docs: dev  ## Write the pages and pictures that are made from the project anew
 	$(BIN)/python docs/generate.py
 
-build: $(VENV)/.build  ## Make .venv with the compiled engine and the packages that make demo needs
+build:  ## Make .venv with the compiled engine and the packages that make demo needs
+	@$(MAKE) $(WIDE) --silent PACKAGES=$(if $(wildcard $(VENV)/.dev),dev,demo) $(VENV)/.build
 
-dev: PACKAGES = requirements/dev.txt
-dev: $(VENV)/.build $(VENV)/.dev  ## The same with the packages that developers need
-	@grep -qx all $(VENV)/.build || { $(ENGINE) && $(EDITABLE) && echo all > $(VENV)/.build; }
+dev:  ## The same with the packages that developers need
+	@$(MAKE) $(WIDE) --silent $(VENV)/.build
 
 qc: $(QC)/.qc  ## Make .venv-qc, with the checkers of ASAM
 
-rl: $(RL)/.rl  ## Make .venv-rl, with what drivers are trained with
+rl: build $(RL)/.rl  ## Make .venv-rl, with what drivers are trained with
 
 format: dev  ## Format all code, and fix what the linter can fix
 	$(BIN)/ruff check --fix-only --quiet .
 	$(BIN)/ruff format .
 	cargo fmt --all
 
-site: dev  ## Build the documentation as a site, target/docs/site; fails if a link leads nowhere
+site: $(VENV)/.build  ## Build the documentation as a site, target/docs/site; fails if a link leads nowhere
 	$(BIN)/python docs/site.py
 
 lock:  ## Write requirements/*.txt anew (needs uv)
@@ -152,6 +164,7 @@ lock:  ## Write requirements/*.txt anew (needs uv)
 	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,plots stats video) --group build -o requirements/demo.txt
 	$(LOCK) -c requirements/dev.txt $(addprefix --extra ,gym onnx) --group rl -o requirements/rl.txt
 	$(COMPILE) --group qc -o requirements/qc.txt
+	$(COMPILE) --group pip -o requirements/pip.txt
 	@if grep -nE '://|--(extra-)?index-url|--find-links' requirements/*.txt; then \
 	  echo "requirements/*.txt: a download address was written into a lock file" >&2; exit 1; fi
 
@@ -160,10 +173,11 @@ clean:  ## Remove what was built, except the caches of pip and cargo and the dat
 	find src tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
 
 # Each stamp is touched last, so an interrupted step is done again.
-$(VENV)/.python:
+$(VENV)/.python: requirements/pip.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
 	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@$(INSTALL) --quiet -r $<
 	@touch $@
 
 $(QC)/.qc: requirements/qc.txt | $(VENV)/.python
@@ -173,24 +187,32 @@ $(QC)/.qc: requirements/qc.txt | $(VENV)/.python
 	@touch $@
 
 # The same editable package: its engine fits every Python.
-$(RL)/.rl: requirements/rl.txt | $(VENV)/.build
+$(RL)/.rl: requirements/rl.txt | $(VENV)/.python
 	@$(PYTHON) -m venv $(RL)
 	@echo "installing the packages of $< into $(RL)"
 	@$(RL)/bin/python -m pip install --disable-pip-version-check --no-compile --require-hashes -r $<
 	@cp -r $(VENV)/lib/python3.*/site-packages/overtaking* $(RL)/lib/python3.*/site-packages/
 	@touch $@
 
-$(VENV)/.dev: requirements/dev.txt | $(VENV)/.build
+$(VENV)/.demo $(VENV)/.dev: $(VENV)/.%: requirements/%.txt | $(VENV)/.python
 	@echo "installing the packages of $< into $(VENV)"
 	@$(INSTALL) -r $<
 	@touch $@
 
-# Packages arrive while the engine is built. Maturin, which pip starts last, finds it built. Only the
-# compiled module has to be built again when Rust code changes.
-$(VENV)/.build: requirements/demo.txt $(CRATES) Cargo.toml Cargo.lock pyproject.toml | $(VENV)/.python
+$(VENV)/.engine: $(CRATES) Cargo.toml Cargo.lock $(if $(filter all $(LEVELS),$(BUILT)),,more-levels) \
+    | $(VENV)/.python
 	@command -v cargo >/dev/null || { \
 	  echo "cargo is not on PATH, overtaking needs Rust 1.89 or newer: install it with rustup" >&2; exit 1; }
-	@echo "building the engine, and installing the packages of $(PACKAGES) into $(VENV)"
-	@$(INSTALL) -r $(PACKAGES) & packages=$$!; $(ENGINE); engine=$$?; wait $$packages && exit $$engine
-	@$(EDITABLE)
-	@echo $(or $(OVERTAKING_LEVELS),all) > $@
+	@echo "building the engine"
+	@$(CARGO) build --release --locked --package overtaking-py --features pyo3/extension-module
+	@echo $(LEVELS) > $@
+
+# What `make demo` built has one SIMD level.
+more-levels:
+
+# Maturin, which pip starts, finds the engine built. Only the compiled module has to be built again
+# when Rust code changes.
+$(VENV)/.build: $(VENV)/.engine pyproject.toml | $(VENV)/.$(PACKAGES)
+	@PATH="$(CURDIR)/$(BIN):$$PATH" MAKEFLAGS= \
+	  $(BIN)/python -m pip install --quiet --no-build-isolation --no-deps --editable .
+	@touch $@

@@ -12,7 +12,7 @@ import pytest
 if TYPE_CHECKING:
     from pathlib import Path
 
-LOCKS = ("runtime", "demo", "dev", "rl", "qc")
+LOCKS = ("runtime", "demo", "dev", "rl", "qc", "pip")
 ADDRESS = re.compile(r"://|--(?:extra-)?index-url|--find-links| @ ")
 PIN = re.compile(r"^([a-z0-9._-]+)==(\S+)(?: ; (.*?))? \\$", re.MULTILINE)
 
@@ -59,8 +59,8 @@ def test_the_lock_file_of_the_page_has_hashes_and_no_address(repository: Path):
 
 
 def test_all_lock_files_agree_on_versions(repository: Path):
-    # The checkers of ASAM want another NumPy: qc stands apart.
-    runtime, demo, dev, rl, _ = (pins(repository, name) for name in LOCKS)
+    # The checkers of ASAM want another NumPy: qc stands apart, and pip is alone.
+    runtime, demo, dev, rl, *_ = (pins(repository, name) for name in LOCKS)
 
     def versions(lines: set[tuple[str, ...]]) -> set[tuple[str, ...]]:
         return {line[:2] for line in lines}
@@ -85,6 +85,7 @@ def test_the_locks_hold_every_package_that_the_project_asks_for(
         "dev": runtime | tools | optional,
         "rl": runtime | names([*groups["rl"], *extras["gym"]]),
         "qc": names(groups["qc"]),
+        "pip": names(groups["pip"]),
     }
     for name, packages in wanted.items():
         locked = {pin[0] for pin in pins(repository, name)}

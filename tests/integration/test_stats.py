@@ -1,17 +1,19 @@
-"""Statistics and report on the command line, of data that the package made."""
+"""Statistics on the command line, of data that the package made."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 import overtaking
 from overtaking.cli import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 SIMULATIONS = 40
 
@@ -86,15 +88,3 @@ def test_a_wrong_word_is_one_line(
     assert said.out == ""
     assert said.err.count("\n") == 1
     assert wrong[1] in said.err
-
-
-@pytest.mark.ci
-def test_a_report_of_data_without_frames_shows_overtakes(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-):
-    values = json.loads(run(capsys, "report", folder, "--json"))
-    present = set(overtaking.load(folder).features()["CLASS"])
-    assert Path(values["page"]) == folder / "report" / "index.html"
-    assert sum(name.startswith("example-") for name in values["figures"]) == len(present)
-    assert values["missing"] == []
-    overtaking.load(folder).verify()  # A report beside the tables is no damage.

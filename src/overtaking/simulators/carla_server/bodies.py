@@ -14,7 +14,6 @@ from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
-from overtaking.scenarios.assumed import assumed_drivers
 
 
 class Nature(NamedTuple):
@@ -88,6 +87,8 @@ def scenario_of(
         weather: The fourteen numbers of `carla.WeatherParameters`.
         nature: What they leave open.
     """
+    from overtaking.scenarios.assumed import assumed_drivers  # Slow; no client needs it.
+
     shape = (1, len(bodies))
     return Scenario(
         profile="carla",

@@ -84,7 +84,6 @@ def read(made: Report) -> Page:
     return Page(made.path.read_text(encoding="utf-8"))
 
 
-@pytest.mark.ci
 def test_every_figure_and_table_is_there_as_files(made: Report):
     folder = made.path.parent
     assert set(made.figures) == FIGURES

@@ -1,20 +1,21 @@
-"""The report in a browser as wide as a phone. Needs Chromium."""
+"""The report on the command line, and its page in a browser as wide as a phone (Chromium)."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
+from tests.support import commands
 from tests.support.browser import MISSING
 
 import overtaking
 
-if TYPE_CHECKING:
-    from pathlib import Path
+pytestmark = pytest.mark.ci
 
 CHROMIUM = shutil.which("chromium")
 OPTIONS = (
@@ -33,14 +34,39 @@ parent.document.title = [document.documentElement.scrollWidth, small, ...wide].j
 </script></body>"""
 
 
-@pytest.mark.ci
-def test_nothing_scrolls_sideways_and_letters_can_be_read(tmp_path: Path):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("data") / "pinto"
+    overtaking.generate("pinto2023-physical", 100, 1, path, keep="features")
+    return path
+
+
+@pytest.fixture(scope="module")
+def said(folder: Path, parent: None) -> subprocess.CompletedProcess[str]:
+    """What is said of the report that is made for all tests."""
+    return commands.run("report", folder, "--json")
+
+
+def test_a_report_of_data_without_frames_shows_overtakes(
+    folder: Path, said: subprocess.CompletedProcess[str]
+):
+    assert (said.returncode, said.stderr) == (0, "")
+    values = json.loads(said.stdout)
+    present = set(overtaking.load(folder).features()["CLASS"])
+    assert values["page"] == str(folder / "report" / "index.html")
+    assert sum(name.startswith("example-") for name in values["figures"]) == len(present)
+    assert values["missing"] == []
+    overtaking.load(folder).verify()  # A report beside the tables is no damage.
+
+
+def test_nothing_scrolls_sideways_and_letters_can_be_read(
+    folder: Path, said: subprocess.CompletedProcess[str], tmp_path: Path
+):
     if CHROMIUM is None:
         (pytest.fail if os.environ.get("CI") else pytest.skip)(MISSING)
-    data = overtaking.generate("pinto2023-physical", 100, 1, tmp_path / "data", keep="features")
-    made = overtaking.write_report(data)
+    made = json.loads(said.stdout)["page"]
     # The browser takes no window below 500 pixels, a frame of any width.
-    page = re.sub(r"<meta http-equiv=[^>]*>", "", made.path.read_text(encoding="utf-8"))
+    page = re.sub(r"<meta http-equiv=[^>]*>", "", Path(made).read_text(encoding="utf-8"))
     (tmp_path / "page.html").write_text(page.replace("</body>", SCRIPT), encoding="utf-8")
     (tmp_path / "frame.html").write_text(FRAME, encoding="utf-8")
     done = subprocess.run(
