@@ -15,7 +15,7 @@ from overtaking.analysis.validation.passes import meeting
 from overtaking.core.errors import ConfigError
 from overtaking.model.course import Course, Line, RoadMark
 from overtaking.model.known_roads import known_road
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.model.trajectory import NO_VEHICLE, Lights, Stage
 from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
@@ -519,3 +519,14 @@ def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
     assert out[0][-1] < out[1][-1] - 10
     s, body = runs[0].states.s[0, :2, out[0][-1]], runs[0].scenario.vehicles.length[0, :2].mean()
     assert 1e-3 * (s[0] - s[1]) - body > 2.0 * float(known("model.oncoming.squeeze_gap"))
+
+
+def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
+    first, leader, comes = pair(620.0, gap_acceptance=0.2, comes=28.0)
+    slow = Vehicle(kind="M", s=leader.s + 120.0, speed=8.0, driver={"desired_speed": 8.0})
+    run = simulated([first, leader, slow, comes], horizon=20.0)
+    out = in_the_other_lane(run, 0)
+    met = np.flatnonzero(run.states.s[0, 3] < run.states.s[0, 0])[0]
+    assert run.states.accel_lon[0, 0, out].min() < -3000
+    assert 0.05 * (met - out[-1]) > 4.0  # 3.1 s if it waited until it need not brake.
+    assert (run.contacts.partner[0] == NO_VEHICLE).all()
