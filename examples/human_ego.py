@@ -28,6 +28,7 @@ from overtaking.sim.reference.passing import Outlook, may_meet, seen_ahead
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
 from overtaking.world.parameters import Parameters, parameters
 
+PRESSED = 0.5  # Above it a small gap is taken; below it a driver only wants to be back soon [1].
 LEAST_DEMAND = np.float32(1e-6)  # Keeps what is imposed finite for who demands nothing [1].
 
 
@@ -100,7 +101,7 @@ class HumanEgo:
             leader=view.leader_speed,
             length=seen.of("length", "lead"),
             room=seen.of("room"),
-            seen=seen_ahead(c, gap, seen.of("sight")),
+            seen=seen_ahead(view.own, gap, seen.of("sight")),
             closing=np.where(comes, seen.of("closing", "oncoming"), seen.of("expected")),
             sure=seen.of("sure") > 0,
             solid=seen.of("solid") > 0,
@@ -119,7 +120,7 @@ class HumanEgo:
         may = may_return(self.given, view, view.room_left) & (passed | stuck)
         if self.given.road.two_way:
             room = may_squeeze(self.given, self.given.of_simulations, view)
-            squeezes = (seen.of("hurries") > 0) & room & passed
+            squeezes = (seen.of("hurries") > PRESSED) & room & passed
             may, rested = may | squeezes, rested | squeezes
         wants = np.where(view.told, passed, may)
         return passes & np.where(looks | view.told, wants & rested, seen.of("wanted") < 0)

@@ -119,7 +119,7 @@ def squeezes(run: Trajectories) -> NDArray[np.bool_]:
     """The ego is back just before the oncomer, and near ahead of the vehicle that it passed."""
     found = np.zeros(len(run.stage), bool)
     for one in passes(run):
-        found[one.row] = one.margin < 3.0 and one.left < 0.5
+        found[one.row] = one.margin < 3.0 and one.left < 0.8
     return found
 
 
@@ -271,6 +271,7 @@ SCENES = (
             ("rural-over-a-crest", over_a_crest),
             ("rural-another-gives-up", another_gives_up),
             ("rural-oncomer-in-the-own-lane", meets_an_overtaker),
+            ("rural-head-on-collision", head_on),
         )
     ),
     Scene(
@@ -279,13 +280,6 @@ SCENES = (
         profile="rural",
         road="rural",
         overrides={**PRESSED, "traffic.ego_types": {"T": 1}},
-    ),
-    Scene(
-        name="rural-head-on-collision",
-        happens=head_on,
-        profile="rural",
-        road="rural",
-        overrides={**PRESSED, "drivers.fixed.gap_acceptance": 0.0},
     ),
     Scene(name="last-numbers-overtake", happens=done, seed=2**64 - 1, first=2**64 - MOST),
 )

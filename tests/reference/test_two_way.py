@@ -15,7 +15,8 @@ from overtaking.analysis.validation.passes import meeting
 from overtaking.core.errors import ConfigError
 from overtaking.model.course import Course, Line, RoadMark
 from overtaking.model.known_roads import known_road
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.model.trajectory import NO_VEHICLE, Lights, Stage
+from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 from overtaking.sim import engine, reference
@@ -29,12 +30,13 @@ from .situations import difference
 if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
+    from overtaking.world.parameters import Parameters
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 
 KEEN = {
     "desired_speed": 27.0, "passing_gain": 1.0, "patience": 10.0, "lane_change_duration": 4.5,
-    "return_time_gap": 0.8, "reaction_time": 0.8,
+    "return_time_gap": 0.8, "reaction_time": 0.8, "gap_acceptance": 0.7,
 }  # fmt: skip
 ORDERED = KEEN | {"gap_acceptance": 0.0}
 """Told to pull out, whoever comes."""
@@ -146,7 +148,7 @@ def without_fields(given):
 
 def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
     keen = {"lead": 24.0, "desired_speed": 33.0, "gap_acceptance": 0.0}
-    gaps = np.arange(650.0, 900.0, 12.5)
+    gaps = np.arange(725.0, 775.0, 5.0)
     many = simulated(*(pair(gap, comes=70.0, **keen) for gap in gaps))
     hit = np.flatnonzero(many.contacts.partner[:, 0] == 2)
     assert len(hit)
@@ -426,7 +428,7 @@ def least_accepted(duration: float) -> tuple[float, float]:
     scenes = [
         pair(gap, lane_change_duration=duration, patience=1e6, gap_acceptance=0.4) for gap in gaps
     ]
-    world = scenario(*scenes, road=road(), horizon=15.0, index=[7] * len(gaps))
+    world = scenario(*scenes, road=road(), horizon=15.0, index=[9] * len(gaps))
     given = parameters(world)
     run = engine.run(world, given)
     out = run.stage == Stage.PULL_OUT
@@ -464,7 +466,7 @@ def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
     course = Course(lines=(Line(start=begins, stop=6000.0, mark=RoadMark.SOLID),))
     on = dataclasses.replace(road(), course=course)
     indices = list(range(40))
-    scenes = [pair(patience=1e6, gap_acceptance=0.5) for _ in indices]
+    scenes = [pair(patience=1e6, gap_acceptance=0.3) for _ in indices]
     for shift in (begins - announced - 1000.0 + 30.0, -200.0):
         placed = [[dataclasses.replace(one, s=one.s + shift) for one in scene] for scene in scenes]
         world = scenario(*placed, road=on, horizon=15.0, index=indices)
@@ -476,3 +478,55 @@ def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
         assert not heeds.all()
         assert goes[~heeds].all()
         assert goes[heeds].any() == (shift == -200.0)
+
+
+def with_ego(given: Parameters, **changed: float) -> Parameters:
+    """Other parameters of the ego."""
+    vehicle = given.vehicle.copy()
+    for name, value in changed.items():
+        vehicle[VEHICLE_FIELDS.index(name), Role.EGO] = value
+    return dataclasses.replace(given, vehicle=vehicle)
+
+
+def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():
+    scenes = [pair(gap_acceptance=asked) for asked in (0.4, 0.9, 1.6)]
+    world = scenario(*scenes, road=road())
+    trust = parameters(world).vehicle[VEHICLE_FIELDS.index("unseen_trust"), Role.EGO]
+    expected = float(known("model.oncoming.unseen_trust")) / np.sqrt([0.4, 0.9, 1.6])
+    np.testing.assert_allclose(trust, expected, rtol=1e-6)
+
+
+def test_trust_decides_where_the_road_is_not_seen_and_nowhere_else():
+    course = Course(sight=((0.0, 400.0),))
+    for on, limited in ((dataclasses.replace(road(), course=course), True), (road(), False)):
+        world = scenario(pair(600.0, gap_acceptance=0.4), road=on, horizon=3.0)
+        given = parameters(world)
+        goes = [
+            (engine.run(world, with_ego(given, unseen_trust=trust)).stage == Stage.PULL_OUT).any()
+            for trust in (1.0, 4.0)
+        ]
+        assert goes == ([False, True] if limited else [False, False])
+
+
+def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
+    course = Course(lines=(Line(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),))
+    on = dataclasses.replace(road(), course=course)
+    world = scenario(pair(gap_acceptance=0.3), road=on, horizon=25.0)
+    given = with_ego(parameters(world), heeds_lines=1.0)
+    runs = [engine.run(world, one) for one in (given, with_ego(given, heeds_lines=0.0))]
+    out = [in_the_other_lane(run, 0) for run in runs]
+    assert out[0][0] == out[1][0]
+    assert out[0][-1] < out[1][-1] - 10
+    s, body = runs[0].states.s[0, :2, out[0][-1]], runs[0].scenario.vehicles.length[0, :2].mean()
+    assert 1e-3 * (s[0] - s[1]) - body > 2.0 * float(known("model.oncoming.squeeze_gap"))
+
+
+def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
+    first, leader, comes = pair(620.0, gap_acceptance=0.2, comes=28.0)
+    slow = Vehicle(kind="M", s=leader.s + 120.0, speed=8.0, driver={"desired_speed": 8.0})
+    run = simulated([first, leader, slow, comes], horizon=20.0)
+    out = in_the_other_lane(run, 0)
+    met = np.flatnonzero(run.states.s[0, 3] < run.states.s[0, 0])[0]
+    assert run.states.accel_lon[0, 0, out].min() < -3000
+    assert 0.05 * (met - out[-1]) > 4.0  # 3.1 s if it waited until it need not brake.
+    assert (run.contacts.partner[0] == NO_VEHICLE).all()

@@ -221,15 +221,15 @@ fn meet<S: Simd, const N: usize>(
     state.hurries[i] = choose(plight.hurries, one, zero);
     let rear = view.gap[SLOW_REAR];
     let closing = view.closing[SLOW_LEAD];
-    let room = view.gap[SLOW_LEAD] - w.q.hasty_change * at_least(closing, 0.0);
-    let ahead = needed_braking(c, view.speed, room, closing, zero);
+    // It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
+    let ahead = needed_braking(c, view.speed, view.gap[SLOW_LEAD], closing, zero);
     let crossing = 0.5 * w.q.hasty_change;
     let front = view.gap[SLOW_LEAD] - crossing * closing;
     let beside = rear - crossing * at_least(view.closing[SLOW_REAR], 0.0);
     Meeting {
         may_go: may_go & !mind.met.leader_goes,
         hurries: plight.hurries,
-        squeezes: plight.hurries
+        squeezes: plight.pressed
             & min(beside, front).simd_gt(c.squeeze_gap)
             & ahead.simd_ge(-(c.abort_factor * view.own.decel)),
         falls_in: plight.yields & plight.fits & rear.simd_gt(c.smallest_rear_gap),

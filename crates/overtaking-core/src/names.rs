@@ -19,7 +19,8 @@ lane_fields! {
         threshold, bias, safe_decel, lane_change_duration, passing_gain, inverse_patience,
         pull_out_time, gap_acceptance, return_time_gap, signal_time, uses_indicator,
         checks_blind_spot, start_s, start_d, start_speed, start_lane, direction, makes_room,
-        passed_factor, need_factor, spare, heeds_lines, limit, free_speed, limit_respect, caution,
+        passed_factor, need_factor, unseen_trust, spare, heeds_lines, limit, free_speed,
+        limit_respect, caution,
     }
 }
 
@@ -57,10 +58,10 @@ number_fields! {
         near_side, edge_margin, spin_angle, sliding_ratio, friction_floor, truck_dry_factor,
         truck_loss_factor, turbulence_intensity, gust_length_scale, wind_angle_factor, gust_spacing,
         shelter_factor, shelter_reach, shelter_release, oncoming_range, small_oncomer,
-        passing_surplus, squeeze_gap, least_room, fit_share, calm_margin, spare_kept, unseen_trust,
-        abort_margin, tall_room, hurry_speed, hurry_gain, fall_back_speed, fall_back_share,
-        eye_offset, line_ahead, head_on_flash, head_on_lift, head_on_time, head_on_least,
-        head_on_most, aside_way, aside_duration, beside_margin, gravity, half_air_density,
+        passing_surplus, squeeze_gap, least_room, fit_share, calm_margin, spare_kept, abort_margin,
+        tall_room, hurry_speed, hurry_gain, fall_back_speed, fall_back_share, eye_offset,
+        line_ahead, head_on_flash, head_on_lift, head_on_time, head_on_least, head_on_most,
+        aside_way, aside_duration, beside_margin, gravity, half_air_density,
     }
 }
 

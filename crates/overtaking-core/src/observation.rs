@@ -263,8 +263,8 @@ fn meets<S: Simd, const N: usize>(
         expected: usual_closing(state, w, EGO),
         room: at_most(room_ahead(state, w, EGO, lead), w.c.unseen_gap),
         room_left: room_left(w, passed),
-        solid: flag(is_solid(state, w, EGO)),
-        hurries: flag(plight.hurries),
+        solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_ahead))),
+        hurries: 0.5 * flag(plight.hurries) + 0.5 * flag(plight.pressed),
         yields: flag(plight.yields),
         can_fall_in: flag(can_fall_in(state, w)),
     }

@@ -72,8 +72,8 @@ pub fn speed_of_pass<S: Simd, const N: usize>(
 
 /// The way up to who comes, or may come from where the road is not seen.
 #[inline(always)]
-fn seen_ahead<S: Simd, const N: usize>(w: &World<'_, S, N>, coming: &Oncoming<S>) -> V<S> {
-    min(coming.believed_gap, w.c.unseen_trust * coming.sight)
+fn seen_ahead<S: Simd>(own: &Vehicle<S>, coming: &Oncoming<S>) -> V<S> {
+    min(coming.believed_gap, own.unseen_trust * coming.sight)
 }
 
 /// How much more room drivers leave to the vehicle in a slot than to a car.
@@ -106,11 +106,11 @@ pub fn may_meet<S: Simd, const N: usize>(
     let need = own.need_factor * (gaining + own.lane_change_duration);
     let closing = coming.closing + 0.5 * at_least(top - speed, 0.0);
     let spare = own.spare * at_least(impatience, c.spare_kept);
-    let enough = seen_ahead(w, coming).simd_gt(need * (1.0 + spare) * closing);
+    let enough = seen_ahead(own, coming).simd_gt(need * (1.0 + spare) * closing);
     let room = room_ahead(state, w, i, near.slot[LEAD]);
     let least = 2.0 * own.half_length + c.squeeze_gap + returns;
     let room = room.simd_gt(least + c.fit_share * own.time_gap * leader);
-    let solid = is_solid(state, w, i);
+    let solid = is_solid(state, w, i, splat(w.simd, c.line_ahead));
     enough & coming.sure & room & !(solid & own.heeds_lines.simd_gt(0.0))
 }
 
@@ -140,15 +140,16 @@ pub fn room_ahead<S: Simd, const N: usize>(
     room
 }
 
-/// Whether the line is not to be crossed where driver `i` is, or is announced to become so.
+/// Whether the line is not to be crossed where driver `i` is, or at a way ahead of it.
 #[inline(always)]
 pub fn is_solid<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     i: usize,
+    ahead: V<S>,
 ) -> M<S> {
     let direction = w.p[i].direction;
-    let ahead = direction * w.c.line_ahead;
+    let ahead = direction * ahead;
     let [stations, along, against] = &w.road.ways.line;
     let turned = direction.simd_lt(0.0);
     let (place, _) = state.on_the_road(w, i);
@@ -166,8 +167,10 @@ pub fn is_solid<S: Simd, const N: usize>(
 pub struct Plight<S: Simd> {
     /// It falls back behind the vehicle that it was to pass.
     pub yields: M<S>,
-    /// It is short of time to be past.
+    /// It wants to be back soon.
     pub hurries: M<S>,
+    /// It would take a small gap for that.
+    pub pressed: M<S>,
     /// There is room behind that vehicle to fall in.
     pub fits: M<S>,
 }
@@ -207,10 +210,13 @@ pub fn weigh<S: Simd, const N: usize>(
     let too_slow = (onwards / at_least(faster, SLOWEST)).simd_gt(back);
     let trapped = no_time & (room.simd_lt(c.least_room) | too_slow);
     let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
-    let hurries = (out | in_stage(state, i, stage::RETURN)) & !yields;
+    let beyond = (out | in_stage(state, i, stage::RETURN)) & !yields;
+    let pressed = beyond & ((there - rest).simd_lt(c.calm_margin) | cramped);
+    let late = is_solid(state, w, i, at_least(speed, 0.0) * rest) & own.heeds_lines.simd_gt(0.0);
     Plight {
         yields,
-        hurries: hurries & ((there - rest).simd_lt(c.calm_margin) | cramped),
+        hurries: pressed | (beyond & late),
+        pressed,
         fits: lead.simd_gt(bodies),
     }
 }
@@ -240,7 +246,7 @@ fn is_confined<S: Simd, const N: usize>(
     let accel = reckoned_accel(c, own, state.vx[i], top);
     let longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel);
     let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
-    let late = seen_ahead(w, coming).simd_lt(longer * coming.closing);
+    let late = seen_ahead(own, coming).simd_lt(longer * coming.closing);
     let needed = needed_braking(c, state.vx[i], gap, closing, splat(w.simd, 0.0));
     past & late & needed.simd_ge(-(c.fall_back_share * own.hardest_decel))
 }

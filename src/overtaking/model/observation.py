@@ -67,7 +67,11 @@ MEETING: Final = {
     "room": ("m", "Gap ahead of the leader, to whoever is next there"),
     "room_left": ("1", "Times the room that it leaves to a car at its return: to a truck more"),
     "solid": ("flag", "The line between the directions is not to be crossed here, or soon"),
-    "hurries": ("flag", "Little time would be left: its pedals and lane changes are hasty"),
+    "hurries": (
+        "1",
+        "Its pedals and lane changes are hasty: 1 where little time would be left, 0.5 "
+        "where the line would be solid at its return",
+    ),
     "yields": ("flag", "It would not be past in time: its pedals fall back"),
     "can_fall_in": ("flag", "It is behind the vehicle that is overtaken, and can give up the pass"),
 }

@@ -179,7 +179,6 @@ class Constants:
     fit_share: np.float32 = _known("model.oncoming.fit_share")
     calm_margin: np.float32 = _known("model.oncoming.calm_margin")
     spare_kept: np.float32 = _known("model.oncoming.spare_kept")
-    unseen_trust: np.float32 = _known("model.oncoming.unseen_trust")
     abort_margin: np.float32 = _known("model.oncoming.abort_margin")
     tall_room: np.float32 = _known("model.oncoming.tall_room")
     hurry_speed: np.float32 = _known("model.oncoming.hurry_speed")

@@ -127,6 +127,7 @@ class VehicleParameters(NamedTuple):
     makes_room: F32
     passed_factor: F32
     need_factor: F32
+    unseen_trust: F32
     spare: F32
     heeds_lines: F32
     limit: F32

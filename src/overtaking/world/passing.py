@@ -23,9 +23,18 @@ from overtaking.world.people import quickest_change
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
-_BY_DRIVER = ("need_factor", "heeds_lines", "spare", "makes_room", "passed_factor", "limit")
+_BY_DRIVER = (
+    "need_factor",
+    "heeds_lines",
+    "unseen_trust",
+    "spare",
+    "limit",
+    "makes_room",
+    "passed_factor",
+)
 """What `passing_parameters` gives each vehicle."""
 
+_LEAST_DEMAND = np.float32(0.1)  # Keeps the trust of who demands no gap finite.
 _FAINTEST = np.float32(1e-12)  # Keeps the range of lamps finite where light has no limit [lx].
 
 
@@ -69,19 +78,22 @@ def _of_all(scenario: Scenario, world: World, effects: Effects) -> dict[str, NDA
 
 
 def _passing(scenario: Scenario) -> Rows:
-    """How each driver judges what passing takes, and how much time it wants to spare.
+    """How each driver judges what passing takes, and what it wants to spare or trusts to be free.
 
     Source:
-        Gordon and Mart 1968 (need is underestimated).
+        Gordon and Mast 1968 (need is underestimated).
     """
     streams = np.uint32(Stream.OVERTAKING) + np.arange(scenario.num_slots, dtype=np.uint32)
     streams[Role.EGO] = Stream.PASSING
     draws = Draws(scenario.seed, scenario.index[:, None], streams)
     median, sigma = known("model.oncoming.need_median"), known("model.oncoming.need_sigma")
+    demand = scenario.drivers.gap_acceptance
     return {
         "need_factor": draws.lognormal(log(median), float(sigma)),
         "heeds_lines": draws.uniform() < known("model.oncoming.heeds_lines"),
-        "spare": known("model.oncoming.spare_asked") * scenario.drivers.gap_acceptance,
+        "unseen_trust": known("model.oncoming.unseen_trust")
+        / np.sqrt(maximum(demand, _LEAST_DEMAND)),
+        "spare": known("model.oncoming.spare_asked") * demand,
         "limit": np.full_like(scenario.start_s, scenario.road.speed_limit),
     }
 

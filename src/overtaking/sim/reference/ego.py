@@ -339,7 +339,7 @@ def _meet(
         may_go=may_meet(given, view.own, view.speed, view.impatience, ahead)
         & ~moment.met.leader_goes[who],
         hurries=plight.hurries,
-        squeezes=plight.hurries & may_squeeze(given, q, view),
+        squeezes=plight.pressed & may_squeeze(given, q, view),
         falls_in=plight.yields & plight.fits & has_room_behind(given, view),
         room_left=room_left(given.constants, p, state.target[who]),
     )
@@ -352,8 +352,8 @@ def may_squeeze(given: Parameters, q: SimulationParameters, view: View) -> Mask:
     front = view.gap[SLOW_LEAD] - crossing * closing
     rear = view.gap[SLOW_REAR] - crossing * maximum(view.closing[SLOW_REAR], _STEADY)
     squeezed = minimum(rear, front) > c.squeeze_gap
-    room = view.gap[SLOW_LEAD] - q.hasty_change * maximum(closing, _STEADY)
-    ahead = needed_braking(c, view.speed, room, closing, _STEADY)
+    # It brakes on the way: who waits until it need not never gets behind a slow vehicle in time.
+    ahead = needed_braking(c, view.speed, view.gap[SLOW_LEAD], closing, _STEADY)
     return squeezed & (ahead >= -(c.abort_factor * view.own.decel))
 
 

@@ -211,8 +211,8 @@ def _meeting(
         "expected": usual_closing(state, q)[ego],
         "room": minimum(room, given.constants.unseen_gap),
         "room_left": room_left(given.constants, p, passed),
-        "solid": is_solid(state, given, p, ego),
-        "hurries": plight.hurries,
+        "solid": is_solid(state, given, p, ego, given.constants.line_ahead),
+        "hurries": np.float32(0.5) * plight.hurries + np.float32(0.5) * plight.pressed,
         "yields": plight.yields,
         "can_fall_in": can_fall_in(state, given, p, ego),
     }

@@ -95,18 +95,18 @@ def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
     return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), p.max_speed)
 
 
-def seen_ahead(c: Constants, gap: F32, sight: F32) -> F32:
+def seen_ahead(own: Fields, gap: F32, sight: F32) -> F32:
     """The way up to who comes, or may come from where the road is not seen [m].
 
     Few reckon with somebody at the very end of what they see: who does come then comes in sight
     while they pass.
 
     Args:
-        c: Constants of the model.
+        own: Parameters of the drivers.
         gap: Believed gap to who comes [m].
         sight: How far the other lane is seen [m].
     """
-    return minimum(gap, c.unseen_trust * sight)
+    return minimum(gap, own.unseen_trust * sight)
 
 
 def room_left(c: Constants, p: Fields, slot: F32) -> F32:
@@ -172,10 +172,10 @@ def outlook(
         leader=speed,
         length=_TWO * near.half_length[LEAD, who],
         room=room_ahead(state, p, slot, who),
-        seen=seen_ahead(given.constants, coming.believed_gap[who], coming.sight[who]),
+        seen=seen_ahead(p.of(who), coming.believed_gap[who], coming.sight[who]),
         closing=coming.closing[who],
         sure=coming.sure[who],
-        solid=is_solid(state, given, p, who),
+        solid=is_solid(state, given, p, who, given.constants.line_ahead),
         room_left=room_left(given.constants, p, slot),
     )
 
@@ -229,15 +229,23 @@ def room_ahead(state: State, p: Fields, slot: F32, who: Who) -> F32:
     return room
 
 
-def is_solid(state: State, given: Parameters, p: Fields, who: Who) -> Mask:
-    """Whether the line is not to be crossed where drivers are, or is announced to become so."""
+def is_solid(state: State, given: Parameters, p: Fields, who: Who, ahead: F32 | np.float32) -> Mask:
+    """Whether the line is not to be crossed where drivers are, or at a way ahead of them.
+
+    Args:
+        state: State at a decision.
+        given: All inputs.
+        p: Vehicle parameters.
+        who: The drivers.
+        ahead: The way [m].
+    """
     stations, along, against = given.road.line
-    here, _ = on_the_road(state, given, p)
+    here, direction = on_the_road(state, given, p)[0][who], p.direction[who]
     solid = np.zeros(here.shape, bool)
-    for place in (here, here + p.direction * given.constants.line_ahead):
+    for place in (here, here + direction * ahead):
         knot = np.searchsorted(stations, place, side="right") - 1
-        solid = solid | (np.where(p.direction < 0, against[knot], along[knot]) > 0)
-    return solid[who]
+        solid = solid | (np.where(direction < 0, against[knot], along[knot]) > 0)
+    return solid
 
 
 @dataclass(slots=True, kw_only=True)
@@ -246,12 +254,14 @@ class Plight:
 
     Attributes:
         yields: The driver falls back behind the vehicle that was to be passed.
-        hurries: The driver is short of time to be past.
+        hurries: The driver wants to be back soon.
+        pressed: It would take a small gap for that.
         fits: There is room behind that vehicle to fall in.
     """
 
     yields: Mask
     hurries: Mask
+    pressed: Mask
     fits: Mask
 
 
@@ -269,7 +279,8 @@ def weigh(
     there, and falling back lacks less time than going on. Later those who have no time to pass the
     next one, too, take the room beside them, at once where it is less than they would ask for; they
     fall back where it is none, or where they are not past sooner than back. They are in a hurry
-    where little would be to spare.
+    where little would be to spare, and pressed; those who heed lines also where they would return
+    across a solid one.
 
     Args:
         state: State at a decision.
@@ -305,10 +316,13 @@ def weigh(
     too_slow = onwards / maximum(faster, _SLOWEST) > back
     trapped = no_time & ((room < c.least_room) | too_slow)
     yields = (gives_up | trapped | (state.yields[who] > 0)) & out
-    hurries = (out | in_stage(state, who, Stage.RETURN)) & ~yields
+    beyond = (out | in_stage(state, who, Stage.RETURN)) & ~yields
+    pressed = beyond & ((there - rest < c.calm_margin) | cramped)
+    late = is_solid(state, given, p, who, maximum(speed, _ZERO) * rest) & (own.heeds_lines > 0)
     return Plight(
         yields=yields,
-        hurries=hurries & ((there - rest < c.calm_margin) | cramped),
+        hurries=pressed | (beyond & late),
+        pressed=pressed,
         fits=lead > bodies,
     )
 
@@ -340,7 +354,7 @@ def is_confined(
     accel = reckoned_accel(c, p, state.vx, top)
     longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel)
     longer = longer + _HALF * q.hasty_change + c.calm_margin
-    late = seen_ahead(c, coming.believed_gap, coming.sight) < longer * coming.closing
+    late = seen_ahead(p, coming.believed_gap, coming.sight) < longer * coming.closing
     needed = needed_braking(c, state.vx, gap, closing, _ZERO)
     return past & late & (needed >= -(c.fall_back_share * p.hardest_decel))
 

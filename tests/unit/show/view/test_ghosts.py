@@ -22,7 +22,7 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
     )
     compared = 0
     # Of the first 1,500, those that pull out and see who comes.
-    for number in (183, 505, 921, 1176):
+    for number in (119, 183, 505, 921):
         scenario = sample(held_up, load_road("rural"), 3, [number])
         runs = engine.simulate(scenario)
         percepts = runs.percepts
