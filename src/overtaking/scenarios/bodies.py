@@ -96,6 +96,29 @@ def lifted(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpecs:
     )
 
 
+def with_semitrailers(vehicles: VehicleSpecs, pulls: NDArray[np.bool_]) -> VehicleSpecs:
+    """The vehicles, some of the trucks with a semitrailer, which follows the path of its tractor.
+
+    Args:
+        vehicles: Bodies, shape (simulation, vehicle).
+        pulls: Which of the trucks have one, the same shape.
+    """
+    pulls = pulls & (vehicles.kind == VehicleKind.T)
+    mass = np.float32(number("starts.toml", "semitrailer.mass"))
+    inertia = vehicles.yaw_inertia * (mass / vehicles.mass)
+    return vehicles.replace(
+        yaw_inertia=np.where(pulls, inertia, vehicles.yaw_inertia),
+        **{
+            name: np.where(
+                pulls,
+                np.float32(number("starts.toml", f"semitrailer.{name}")),
+                getattr(vehicles, name),
+            )
+            for name in ("length", "height", "mass", "power", "drag_area", "side_area")
+        },
+    )
+
+
 def typical_bodies(kind: U8, colour: U8) -> VehicleSpecs:
     """Vehicles as they usually are, half worn, with the drive of most of their type.
 

@@ -43,6 +43,7 @@ class TwoWay(Section):
             like to; the others meet it as everybody meets others.
         types: Weights of the vehicle types.
         ego_types: Weights of the ego's; never a two-wheeler.
+        semitrailers: Part of the trucks that pull one.
         free_speed_kmh: What drivers of a type want on a free road, on average.
         slow_share: Part of the vehicles, the ego not among them, that are slow for some reason.
         slow_speed_kmh: What these want.
@@ -61,6 +62,7 @@ class TwoWay(Section):
     held_up: Share = 0.0
     types: Types
     ego_types: Types
+    semitrailers: Share = 0.0
     free_speed_kmh: dict[TypeName, SpeedKmh]
     slow_share: Share = 0.0
     slow_speed_kmh: SpeedRange = (30.0, 50.0)

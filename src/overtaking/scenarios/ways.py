@@ -19,7 +19,7 @@ from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, number
 from overtaking.model.road import Road
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.scenarios.bodies import sample_bodies, top_speeds
+from overtaking.scenarios.bodies import sample_bodies, top_speeds, with_semitrailers
 from overtaking.scenarios.flow import FlowLayout, equilibrium
 from overtaking.scenarios.layout import Zone
 from overtaking.scenarios.natural import MARGIN, PASSING_MARGIN, RETURN_TIME, Start
@@ -65,6 +65,8 @@ def start(spec: Spec, traffic: TwoWay, road: Road, seed: int, index: U64, bend: 
     pace = _usual_speed(traffic)
     places = _along(traffic, noise, own, begin, pace, bend)
     coming = _against(traffic, noise, other, np.float32(road.length) - begin, pace)
+    drawn = np.stack([noise.uniform() for _ in range(bodies.kind.shape[1])], axis=1)
+    bodies = with_semitrailers(bodies, drawn < np.float32(traffic.semitrailers))
     s = np.stack([*places, *coming], axis=1)
     # Who would start beyond an end of the road is met by nobody.
     valid = (s > np.float32(MARGIN)) & (s < np.float32(road.length - MARGIN))

@@ -1,9 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
 from overtaking.model.vehicles import Colour, VehicleKind
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
 
 SMALLEST_P = 1e-3
@@ -136,3 +139,23 @@ def test_empty_slots_hold_finite_numbers(pinto):
     for name in pinto.vehicles.__dataclass_fields__:
         assert np.all(np.isfinite(getattr(pinto.vehicles, name))), name
     assert np.all(pinto.vehicles.mass > 0)
+
+
+def test_as_many_trucks_pull_semitrailers_as_the_profile_says():
+    road, index = load_road("rural"), np.arange(400, dtype=np.uint64)
+    without, some = (
+        sample(spec("rural", {"traffic.semitrailers": share}), road, 1, index).vehicles
+        for share in (0.0, 0.25)
+    )
+    trucks = some.kind == VehicleKind.T
+    pulls = trucks & (some.length == 16.5)
+    assert stats.binomtest(int(pulls.sum()), int(trucks.sum()), 0.25).pvalue > SMALLEST_P
+    assert np.all(some.mass[pulls] == 28_000.0)
+    assert np.all(some.height[pulls] == 4.0)
+    # Within what the directive lets on roads, and no worse to hold against the wind than without.
+    assert np.all(some.side_area[pulls] / some.mass[pulls] < 24.0 / 12_000.0)
+    arms = some.yaw_inertia / some.mass
+    np.testing.assert_allclose(arms[pulls], (without.yaw_inertia / without.mass)[pulls], rtol=1e-6)
+    for field in dataclasses.fields(some):
+        now, before = getattr(some, field.name), getattr(without, field.name)
+        np.testing.assert_array_equal(now[~pulls], before[~pulls])

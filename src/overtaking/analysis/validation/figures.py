@@ -325,7 +325,7 @@ PASSES = (
     _pass("way_past_truck", _of_passes("way_truck"), "way_truck"),
     _pass("way_saved", _difference("way_truck", "way_car"), "way_car", is_signed=True),
     _pass("safe_gap", passes.safe_gap, "offers_unsafe"),
-    _pass("abreast", _of_passes("abreast"), "abreast"),
+    _pass("no_return", _of_passes("no_return"), "no_return"),
     _pass("critical_gap", passes.critical_gap, "refused"),
     _pass(
         "fast_oncomer",

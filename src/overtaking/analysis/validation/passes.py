@@ -16,6 +16,7 @@ from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Stage, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.lanes import road_parameters
+from overtaking.world.sight import sight_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,7 +47,8 @@ class Pass:
         way: Way meanwhile [m].
         surplus: Speed above that of the passed when abreast [m/s].
         passed_speed: Speed of the passed then [m/s].
-        abreast: When that was, of the time in the other lane [1].
+        no_return: When its middle reached the rear bumper of the passed, of the time in the other
+            lane [1].
         offered: Time until the nearest oncomer would be met, at the decision [s].
         away: How far off that one was [m].
         their_speed: Its speed then [m/s].
@@ -64,7 +66,7 @@ class Pass:
     way: float
     surplus: float
     passed_speed: float
-    abreast: float
+    no_return: float
     offered: float
     away: float
     their_speed: float
@@ -170,10 +172,12 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     first, last = int(beyond[0]), int(beyond[-1])
     while_out = slice(first, last + 1)
     s = states.s[row][:, : last + 1].astype(np.float64) * 1e-3
-    level = np.flatnonzero(s[Role.EGO, first:] >= s[target, first:])
+    ahead = s[Role.EGO, first:] - s[target, first:]
+    level = np.flatnonzero(ahead >= 0.0)
     if not level.size:
         return None
     abreast = first + int(level[0])
+    committed = int(np.argmax(ahead >= -0.5 * float(specs.length[row, target])))
     speed = 1e-3 * states.speed[row].astype(np.float64)
     at = (np.array([row, row]), np.array([start, last]))
     times, gaps, slots = meeting(runs, *at)
@@ -186,7 +190,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
         way=float(s[Role.EGO, last] - s[Role.EGO, first]),
         surplus=float(speed[Role.EGO, abreast] - speed[target, abreast]),
         passed_speed=float(speed[target, abreast]),
-        abreast=(abreast - first) / max(last - first, 1),
+        no_return=committed / max(last - first, 1),
         offered=float(times[0]),
         away=float(gaps[0]),
         their_speed=float(speed[slots[0], start]),
@@ -264,7 +268,7 @@ def _completed(tally: Tally, batch: Batch, given: dict[str, Sequence[float]]) ->
     add("duration_slow", of["duration"], slow)
     add("duration_fast", of["duration"], ~slow)
     add("surplus", of["surplus"])
-    add("abreast", of["abreast"])
+    add("no_return", of["no_return"])
     add("too_fast", of["too_fast"])
     near = np.abs(of["passed_speed"] - limit("way_speed")) < limit("way_speed_within")
     near = near & of["single"].astype(np.bool_)
@@ -382,7 +386,8 @@ def _refused(tally: Tally, batch: Batch) -> None:
     some = np.flatnonzero(np.isfinite(largest))
     bins = largest[some] / GAP_WIDTH
     tally.add_binned("refused", batch.group[some], bins, batch.weight[some], GAP_BINS)
-    near = there & (away < AWAY_BINS * AWAY_WIDTH)
+    seen = away < sight_at(runs.road, s[:, Role.EGO], 1)
+    near = there & seen & (away < AWAY_BINS * AWAY_WIDTH)
     small = runs.scenario.vehicles.kind[row, slot] == VehicleKind.MC
     place = (away[near] / AWAY_WIDTH).astype(np.int64) + AWAY_BINS * (
         small[near] + 2 * goes[near].astype(np.int64)
