@@ -8,6 +8,7 @@ input and writes the samples of all lanes to its standard output, as NumPy's .np
 import io
 import math
 import os
+import signal
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.confinement import confine
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
@@ -26,8 +28,11 @@ SPACING = 2.0
 """Distance of two samples of a lane [m]."""
 
 MAX_SAMPLES = 400_000
-TIME_LIMIT = 60.0
-"""A file that takes longer is refused [s]."""
+MEMORY_MIB, PROCESSOR_S = 2048, 60
+"""A file that takes more is refused [MiB, s of a processor]."""
+
+PATIENCE_S = 600.0
+"""So is one that takes longer by the clock, where the system does not bound the other [s]."""
 
 ANY_LIMIT = mps_from_kmh(90.0)
 """Speed limit where vehicles are on a map of which the server knows no limits [m/s]."""
@@ -68,11 +73,13 @@ def _in_own_process(name: str, opendrive: str) -> NDArray[np.float64]:
             command,
             input=opendrive.encode(),
             capture_output=True,
-            timeout=TIME_LIMIT,
+            timeout=PATIENCE_S,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise _unusable(name, f"none after {TIME_LIMIT:g} s") from None
+        raise _unusable(name, f"none after {PATIENCE_S:g} s") from None
+    if done.returncode == -getattr(signal, "SIGXCPU", math.inf):
+        raise _unusable(name, f"none after {PROCESSOR_S} s of a processor")
     if done.returncode:
         lines = done.stderr.decode(errors="replace").split("\n")
         said = next((line for line in reversed(lines) if line.strip()), "nothing")
@@ -157,6 +164,7 @@ def main() -> None:
     """Read a map from standard input and write its samples to standard output."""
     result = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # The reader prints its warnings there.
+    confine(MEMORY_MIB, processor_s=PROCESSOR_S)
     rows = _sampled(sys.stdin.buffer.read().decode("utf-8"))
     buffer = io.BytesIO()
     np.savez(buffer, rows=rows)
