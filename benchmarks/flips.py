@@ -34,8 +34,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 STEP_FILES = (
     "collisions", "control", "dynamics", "ego", "elementary", "engine", "environment", "following",
-    "lanes", "mobil", "neighbours", "oncoming", "passing", "perception", "recording", "state",
-    "steering", "trace", "words",
+    "gaps", "giving_way", "intent", "lanes", "mobil", "neighbours", "oncoming", "passing",
+    "perception", "plight", "recording", "state", "steering", "trace", "traffic", "words", "world",
 )  # fmt: skip
 """What the step consists of, and what writes it down."""
 
@@ -79,7 +79,7 @@ EQUIVALENT = {
     "let along = other.direction«.simd_gt(0.0);": (
         "both directions change names, and each is asked for the other"
     ),
-    "traffic.turned[j].on_road &= first.slot«.simd_ne(j as i32 as f32);": (
+    "traffic.turned[j].on_road &= slot«.simd_ne(j as i32 as f32);": (
         "told to another driver of the ego, who answers outside; nothing of it is recorded"
     ),
     "let at_home = state.lane[i]«.simd_eq(0.0).all_true();": (

@@ -57,7 +57,7 @@ MUTATIONS = (
         meaning="sign: of the centripetal term of the lateral velocity",
     ),
     Mutation(
-        file="ego.rs",
+        file="gaps.rs",
         marked="let rear = min(now, their_braking(w, view, later, faster))"
         "«.simd_ge(-view.imposes);",
         meaning="comparison: the ego pulls out only before those whom it makes brake hard",

@@ -15,7 +15,7 @@ from overtaking.core.elementary import Mask, exp, maximum, minimum
 from overtaking.model.observation import ROLES
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
-from overtaking.sim.reference.ego import (
+from overtaking.sim.reference.gaps import (
     View,
     has_room_behind,
     may_pull_out,

@@ -12,9 +12,8 @@ from __future__ import annotations
 
 import io
 import shutil
+import sys
 import tempfile
-import threading
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -25,13 +24,12 @@ from overtaking.analysis.stats.diagrams import diagram
 from overtaking.analysis.stats.distributions import typical
 from overtaking.show.plots.style import to_png
 from overtaking.show.report import gallery
-from overtaking.show.server.running import Server
 from overtaking.show.video.jobs import jobs
 from overtaking.show.video.produce import film_of
 from overtaking.show.video.scene import RATE as FILM_RATE
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
+    from collections.abc import Iterator
 
     from playwright.sync_api import Page, ViewportSize
 
@@ -41,6 +39,7 @@ if TYPE_CHECKING:
     from overtaking.show.video.film import Film
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parents[1]))  # For the server of the tests.
 SIMULATIONS, SEED = 276, 1
 CLASS = "Success_I"
 """Class of the simulation that is filmed: there is something to tell."""
@@ -138,6 +137,7 @@ def fitted(picture: Image.Image) -> Image.Image:
 def views(data: Dataset, folder: Path) -> Iterator[tuple[str, bytes]]:
     """The page of `overtaking view` in a browser, light and dark: names and pictures."""
     from playwright.sync_api import sync_playwright
+    from tests.support.serving import serving
 
     page = overtaking.write_view(data, folder / "page.html", simulations=VIEWED)
     with sync_playwright() as playwright, serving(data) as url:
@@ -170,19 +170,6 @@ def shot(page: Page, scrolled: int = 0) -> bytes:
         buffer = io.BytesIO()
         picture.convert("RGB").save(buffer, "WEBP", quality=82, method=6)
     return buffer.getvalue()
-
-
-@contextmanager
-def serving(data: Dataset) -> Generator[str]:
-    """The address of a server that ends with the context."""
-    server = Server(data, "paper", 0)
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    try:
-        yield server.url
-    finally:
-        server.stop()
-        thread.join()
 
 
 def main() -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.reference.test_two_way import pair
 from tests.support.bends import BENDS, HILLS, on
+from tests.support.two_way import pair
 from tests.support.worlds import scenario
 
 import overtaking as ot

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.reference.test_two_way import pair, road
 from tests.support.bends import on
 from tests.support.carla import needs_wheel
+from tests.support.two_way import pair, road
 from tests.support.worlds import scenario
 
 from overtaking import api

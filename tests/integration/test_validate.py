@@ -7,7 +7,9 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import overtaking as ot
@@ -26,7 +28,10 @@ def test_every_figure_has_a_value_an_interval_and_most_a_verdict(found):
     assert found.simulations == 8
     judged = {figure.name for figure in found.figures if figure.met is not None}
     waiting = {figure.name for figure in found.figures if figure.needs_km}
-    assert judged | waiting == {name for name, one in targets().items() if one.limits}
+    unmeasured = {figure.name for figure in found.figures if np.isnan(figure.value)}
+    limited = {name for name, one in targets().items() if one.limits}
+    assert judged == limited - waiting - unmeasured
+    assert {figure.name for figure in found.figures if figure.has_target} == limited
     assert waiting == {name for name, one in targets().items() if one.least_distance}
     assert len({figure.name for figure in found.figures}) == len(found.figures)
     assert sum(sum(one.counts.values()) for one in found.strata) >= 4
@@ -41,14 +46,19 @@ def test_the_command_prints_the_same_numbers_as_json(found):
     assert done.returncode == (0 if found.is_met else 1)
 
 
-def test_a_page_for_people_has_every_figure(found):
+def printed(values: dict[str, Any]) -> str:
+    """The page for people."""
     from rich.console import Console
 
     from overtaking.cli.validation_page import render
 
     console = Console(width=200, record=True, file=io.StringIO())
-    console.print(render(found.values()))
-    page = console.export_text()
+    console.print(render(values))
+    return console.export_text()
+
+
+def test_a_page_for_people_has_every_figure(found):
+    page = printed(found.values())
     assert all(figure.title in page for figure in found.figures)
     for figure in found.figures:
         line = next(line for line in page.splitlines() if line.startswith(figure.title))
@@ -57,6 +67,17 @@ def test_a_page_for_people_has_every_figure(found):
         assert (f"needs {figure.needs_km:,.0f} km" in line) == bool(figure.needs_km)
         assert ("our limits" in line) == (figure.met is not None and is_ours)
         assert ("met" in line or "missed" in line) == (figure.met is not None and not is_ours)
+
+
+def test_what_was_not_measured_is_neither_met_nor_missed(tmp_path):
+    found = ot.validate("rural", 3, seed=3)  # Nobody overtakes.
+    figure = next(one for one in found.figures if one.name == "time_in_other_lane")
+    assert (np.isnan(figure.value), figure.has_target, figure.met) == (True, True, None)
+    page = printed(found.values()).splitlines()
+    line = next(line for line in page if line.startswith(figure.title))
+    assert "not measured" in line
+    assert "missed" not in line
+    ot.plot_validation(found, tmp_path / "figures.png")
 
 
 def test_a_profile_without_a_flow_is_judged_on_its_open_road():
@@ -76,10 +97,6 @@ def test_the_picture_is_written_whole(found, tmp_path, name):
 
 @pytest.mark.ci
 def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
-    from rich.console import Console
-
-    from overtaking.cli.validation_page import render
-
     enriched = ot.validate("motorway-risk", 96, seed=5)
     rates = {rate.title: rate for rate in enriched.comparison}
     assert {"median time gap of followers", "simulations with an attempt"} <= set(rates)
@@ -88,9 +105,7 @@ def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
     assert len(values["comparison"]) == len(rates)
     # So few simulations cannot have all of five classes in each of seven kinds of weather.
     assert len(values["missing"]) == len(enriched.missing) > 0
-    console = Console(width=200, record=True, file=io.StringIO())
-    console.print(render(values))
-    page = console.export_text()
+    page = printed(values)
     assert all(title in page for title in rates)
     assert "all agree" in page
 
@@ -101,10 +116,6 @@ def test_a_profile_without_a_proposal_is_compared_with_nothing(found):
 
 @pytest.mark.skipif(not US101, reason="the recordings of US-101 are not here")
 def test_recordings_are_shown_beside_rings_as_dense():
-    from rich.console import Console
-
-    from overtaking.cli.validation_page import render
-
     found = ot.validate("motorway", 8, seed=3, recordings=US101[0])
     compared = found.recordings
     assert compared is not None
@@ -113,9 +124,7 @@ def test_recordings_are_shown_beside_rings_as_dense():
     gaps = compared.likenesses[0]
     assert min(gaps.recorded, gaps.simulated) > 100
     assert 0.0 < gaps.distance < 1.0
-    console = Console(width=200, record=True, file=io.StringIO())
-    console.print(render(json.loads(json.dumps(found.values()))))
-    page = console.export_text()
+    page = printed(json.loads(json.dumps(found.values())))
     assert all(one.title in page for one in compared.likenesses)
     assert found.is_met == all(figure.met is not False for figure in found.figures)
 

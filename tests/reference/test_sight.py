@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from tests.support.two_way import pair
 from tests.support.worlds import scenario
 
 from overtaking.model.course import Course, Place, PlaceKind
@@ -19,7 +20,6 @@ from overtaking.sim import engine, reference
 from overtaking.world.sight import places_for, shown, sight_at
 
 from .situations import difference
-from .test_two_way import pair
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road

@@ -7,6 +7,7 @@ from itertools import cycle
 import numpy as np
 import pytest
 from examples.human_ego import HumanEgo
+from tests.support.two_way import SCENES, pair, road
 from tests.support.worlds import scenario
 
 from overtaking import _core
@@ -23,7 +24,6 @@ from overtaking.world.parameters import parameters
 
 from .situations import difference
 from .test_driving import random_actions
-from .test_two_way import SCENES, pair, road
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")

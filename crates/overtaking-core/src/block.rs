@@ -11,13 +11,15 @@ use crate::SLOTS;
 use crate::collisions::Pairs;
 use crate::engine::{Inputs, Later, Seat};
 use crate::lanes::{LANES, Seats, V, outlined, splat};
+use crate::moment::{Mind, Minds};
 use crate::names::{Constants, Simulation, Vehicle};
 use crate::orders::{Orders, Script};
 use crate::output::Output;
 use crate::recording::Recorder;
-use crate::state::{EGO, History, Moments, Rates, Road, State, Stride, World};
-use crate::step::{Mind, Minds, SUBSTEPS, advance, decide, drive_ego, grip_again};
+use crate::state::{EGO, History, Moments, State};
+use crate::step::{advance, decide, drive_ego, grip_again};
 use crate::tile::{TILE, Tile};
+use crate::world::{Rates, Road, SUBSTEPS, Stride, World};
 
 /// Tiles of frames between two pauses at least: a larger block takes longer to come back into the caches.
 const fn tiles_per_phase(slots: usize) -> u32 {

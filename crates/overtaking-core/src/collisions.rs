@@ -5,7 +5,8 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::sincos;
 use crate::lanes::{M, V, choose, clamp, clamp_to, max, min, put, splat};
-use crate::state::{EGO, Each, State, Stride, World, stage, turned_round};
+use crate::state::{EGO, Each, State, stage, turned_round};
+use crate::world::{Stride, World};
 
 /// Keeps the instant of contact finite without relative motion [m].
 const TINY: f32 = 1e-6;

@@ -8,7 +8,8 @@ use crate::lanes::{M, V, at_least, choose, clamp, max, min, pick, splat};
 use crate::neighbours::Neighbours;
 use crate::passing::{room_left, speed_of_pass};
 use crate::perception::Beliefs;
-use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, World, stage};
+use crate::state::{EGO, FAST_LEAD, LEAD, SLOW_LEAD, State, stage};
+use crate::world::World;
 
 const FREE: f32 = 1e9;
 

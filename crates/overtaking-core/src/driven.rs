@@ -10,7 +10,8 @@ use crate::elementary::sincos;
 use crate::engine::{Inputs, level};
 use crate::lanes::{LANES, V, at_least, choose, clamp, clamp_to, dispatch, min, splat};
 use crate::names::Simulation;
-use crate::state::{History, Rates, Road, State, World};
+use crate::state::{History, State};
+use crate::world::{Rates, Road, World};
 use crate::{MAX_VEHICLES, SLOTS, dynamics, environment};
 
 /// Take fields out of a table with a row for each, and put them back.

@@ -6,7 +6,8 @@ use fearless_simd::prelude::*;
 use crate::elementary::sincos;
 use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, max, min, put, splat};
 use crate::names::{Constants, Vehicle};
-use crate::state::{State, Stride, World};
+use crate::state::State;
+use crate::world::{Stride, World};
 
 /// Keeps the direction of a wreck at rest finite [m/s].
 const TINY: f32 = 1e-3;

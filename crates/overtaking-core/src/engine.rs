@@ -8,7 +8,7 @@ use crate::lanes::LANES;
 use crate::names::{Constants, SIMULATION_NAMES};
 use crate::orders::Script;
 use crate::output::Output;
-use crate::state::Ways;
+use crate::world::Ways;
 use crate::{MAX_VEHICLES, SLOTS};
 
 /// Blocks that one thread advances together. More of them waste fewer lanes, until their states no

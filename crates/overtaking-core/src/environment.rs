@@ -7,7 +7,8 @@ use crate::elementary::{atan, exp, sincos};
 use crate::lanes::{LANES, V, at_least, at_most, choose, clamp_to, floor, max, min, splat};
 use crate::names::Constants;
 use crate::philox::{MOTION, uniform, words};
-use crate::state::{ANY_ACCEL, State, World};
+use crate::state::{ANY_ACCEL, State};
+use crate::world::World;
 
 /// A uniform number of unit variance lies within +- sqrt(3).
 const ROOT_3: f32 = 1.732_050_8;

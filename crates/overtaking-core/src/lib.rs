@@ -21,8 +21,12 @@ mod engine;
 mod environment;
 pub mod events;
 mod following;
+mod gaps;
+mod giving_way;
+mod intent;
 mod lanes;
 mod mobil;
+mod moment;
 mod neighbours;
 pub mod observation;
 mod oncoming;
@@ -31,6 +35,7 @@ mod output;
 mod passing;
 mod perception;
 mod philox;
+mod plight;
 mod recording;
 pub mod signals;
 mod state;
@@ -40,13 +45,15 @@ pub mod stepper;
 pub mod stretches;
 mod tile;
 mod trace;
+mod traffic;
 mod words;
+mod world;
 
 pub use engine::{Inputs, Later, available_levels, current_level, simulate, supported};
 pub use lanes::LANES;
 pub use names::{Constants, SIMULATION_NAMES, VEHICLE_NAMES};
 pub use output::{MAX_PERCEPTS, Output};
-pub use state::{MAX_KNOTS, Ways};
+pub use world::{MAX_KNOTS, Ways};
 
 /// Vehicle slots that the engine is compiled for.
 pub const SLOTS: [usize; 3] = [8, 16, 32];

@@ -7,8 +7,9 @@ use crate::following::{follow, forced_braking, needed_braking};
 use crate::lanes::{M, V, at_least, choose, min, put, splat};
 use crate::neighbours::{Body, along, lane_borders};
 use crate::perception::{Beliefs, draw_check};
-use crate::state::{FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, World};
+use crate::state::{FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State};
 use crate::steering::begin_path;
+use crate::world::World;
 
 /// Keeps the time until a gap is closed finite [m/s].
 const SLOWEST: f32 = 0.1;
@@ -164,8 +165,7 @@ pub fn change_lanes<S: Simd, const N: usize>(
     let (back, to_fast) = retreats(state, w, i, believed);
     let back = back & looks;
     let (fast, slow) = (fast | (back & !to_fast), slow | (back & to_fast));
-    let left = time_left(believed.gap[LEAD], believed.closing[LEAD]);
-    turn_to_lane(state, w, i, (fast, slow, back), left, None, decision);
+    turn_to_lane(state, w, i, (fast, slow, back), believed, None, decision);
 }
 
 /// Whether vehicle `i` lets somebody first who signals for the same place from the other side of it.
@@ -261,12 +261,6 @@ fn side<S: Simd, const N: usize>(w: &World<'_, S, N>, fast: M<S>, slow: M<S>) ->
     choose(fast, one, zero) - choose(slow, one, zero)
 }
 
-/// Time until a gap is closed, long where it does not close.
-#[inline(always)]
-pub fn time_left<S: Simd>(gap: V<S>, closing: V<S>) -> V<S> {
-    gap / at_least(closing, SLOWEST)
-}
-
 /// Begin a lane change of vehicle `i` in the masked simulations, to the fast side, to the slow side or back;
 /// in less than its usual time where the leader would be reached before, or in a time for who is in a hurry.
 #[inline(always)]
@@ -275,7 +269,7 @@ pub fn turn_to_lane<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
     i: usize,
     (fast, slow, back): (M<S>, M<S>, M<S>),
-    left: V<S>,
+    believed: &Beliefs<S>,
     hasty: Option<V<S>>,
     decision: u32,
 ) {
@@ -288,6 +282,7 @@ pub fn turn_to_lane<S: Simd, const N: usize>(
     state.lane[i] += step;
     let (low, high) = lane_borders(w, state.lane[i], 0.0);
     let c = w.c;
+    let left = believed.gap[LEAD] / at_least(believed.closing[LEAD], SLOWEST);
     let hurried = at_least(
         (left - c.clear_margin) / c.clear_fraction,
         c.quickest_change,

@@ -5,7 +5,8 @@ use fearless_simd::prelude::*;
 
 use crate::environment::lane_value;
 use crate::lanes::{M, V, at_most, choose, pick_each, splat};
-use crate::state::{NOBODY, ROLES, State, World};
+use crate::state::{NOBODY, ROLES, State};
+use crate::world::World;
 
 const FAR: f32 = 1e9;
 /// The own, the faster and the slower lane, from the own.

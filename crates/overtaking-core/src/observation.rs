@@ -3,15 +3,16 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::ego::{
-    can_abort, can_remain, faster, has_arrived, has_passed, in_stage, is_behind, is_told,
-};
+use crate::gaps::{faster, is_told};
+use crate::intent::{can_abort, can_remain, has_arrived, has_passed, in_stage, is_behind};
 use crate::lanes::{M, V, at_most, choose, pick_each, splat};
+use crate::moment::Mind;
 use crate::oncoming::{Oncoming, look_beyond, usual_closing};
 use crate::orders::{can_go_back, can_go_out};
-use crate::passing::{can_fall_in, is_solid, room_ahead, room_left, weigh};
-use crate::state::{EGO, LEAD, ROLES, State, World, stage};
-use crate::step::Mind;
+use crate::passing::{is_solid, room_ahead, room_left};
+use crate::plight::{can_fall_in, weigh};
+use crate::state::{EGO, LEAD, ROLES, State, stage};
+use crate::world::World;
 
 /// Whether another driver sees what the model's driver believes, or how it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

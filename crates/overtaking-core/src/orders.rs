@@ -3,10 +3,11 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::ego::{Intent, can_abort, can_remain, has_arrived, has_passed, in_stage, signal};
+use crate::intent::{Intent, can_abort, can_remain, has_arrived, has_passed, in_stage, signal};
 use crate::lanes::{LANES, M, V, choose, splat};
-use crate::passing::can_fall_in;
-use crate::state::{EGO, State, World, stage};
+use crate::plight::can_fall_in;
+use crate::state::{EGO, State, stage};
+use crate::world::World;
 
 /// Numbers of an action.
 pub const PARTS: usize = 3;

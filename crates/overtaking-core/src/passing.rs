@@ -1,20 +1,18 @@
-//! How drivers pass against oncoming traffic, the ego and the others alike; see `overtaking.sim.reference.passing`.
+//! Whether drivers pass against oncoming traffic, the ego and the others alike; see `overtaking.sim.reference.passing`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::ego::in_stage;
-use crate::following::{follow, needed_braking};
 use crate::lanes::{M, V, at_least, choose, max, min, pick, pick_each, splat};
 use crate::names::{Constants, Vehicle};
 use crate::neighbours::Neighbours;
-use crate::oncoming::{Oncoming, knots};
-use crate::state::{EGO, LEAD, SLOW_LEAD, SLOW_REAR, State, World, stage};
-use crate::step::Mind;
+use crate::oncoming::Oncoming;
+use crate::state::{LEAD, State};
+use crate::world::{World, knots};
 
 const FAR: f32 = 1e9;
 /// Least surplus of speed to be past with, and of approach [m/s].
-const SLOWEST: f32 = 0.5;
+pub const SLOWEST: f32 = 0.5;
 /// Keeps the time of accelerating finite [m/s^2].
 const LEAST_ACCEL: f32 = 0.1;
 
@@ -70,9 +68,25 @@ pub fn speed_of_pass<S: Simd, const N: usize>(
     min(hurried, own.max_speed)
 }
 
+/// How long driver `i` reckons to take to gain a way on another: from its own speed, and how much faster that is,
+/// and the speed of the other.
+#[inline(always)]
+pub fn time_to_pass<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    way: V<S>,
+    (speed, faster): (V<S>, V<S>),
+    other: V<S>,
+) -> V<S> {
+    let top = top_speed(state, w, i, other);
+    let accel = reckoned_accel(w.c, &w.p[i], speed, top);
+    time_to_gain(way, faster, top - other, accel)
+}
+
 /// The way up to who comes, or may come from where the road is not seen.
 #[inline(always)]
-fn seen_ahead<S: Simd>(own: &Vehicle<S>, coming: &Oncoming<S>) -> V<S> {
+pub fn seen_ahead<S: Simd>(own: &Vehicle<S>, coming: &Oncoming<S>) -> V<S> {
     min(coming.believed_gap, own.unseen_trust * coming.sight)
 }
 
@@ -101,8 +115,7 @@ pub fn may_meet<S: Simd, const N: usize>(
     let returns = own.return_time_gap * impatience * room_left(w, near.slot[LEAD]) * leader;
     let way = gap + bodies + returns;
     let top = top_speed(state, w, i, leader);
-    let accel = reckoned_accel(c, own, speed, top);
-    let gaining = time_to_gain(way, speed - leader, top - leader, accel);
+    let gaining = time_to_pass(state, w, i, way, (speed, speed - leader), leader);
     let need = own.need_factor * (gaining + own.lane_change_duration);
     let closing = coming.closing + 0.5 * at_least(top - speed, 0.0);
     let spare = own.spare * at_least(impatience, c.spare_kept);
@@ -161,179 +174,4 @@ pub fn is_solid<S: Simd, const N: usize>(
         }
     }
     solid[0].simd_gt(0.0) | solid[1].simd_gt(0.0)
-}
-
-/// How a driver in the other lane stands.
-pub struct Plight<S: Simd> {
-    /// It falls back behind the vehicle that it was to pass.
-    pub yields: M<S>,
-    /// It wants to be back soon.
-    pub hurries: M<S>,
-    /// It would take a small gap for that.
-    pub pressed: M<S>,
-    /// There is room behind that vehicle to fall in.
-    pub fits: M<S>,
-}
-
-/// Whether driver `i` goes on with its pass, and how.
-#[inline(always)]
-pub fn weigh<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-    mind: &Mind<'_, S>,
-) -> Plight<S> {
-    let (c, own, near, coming) = (w.c, &w.p[i], mind.near, &mind.met.coming);
-    let out = is_passing(state, i);
-    let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
-    let speed = state.road_velocity(i).0;
-    let (lead, bodies) = to_fall_in(state, w, i);
-    let faster = speed - other;
-    let top = top_speed(state, w, i, other);
-    let aside = 0.5 * w.q.hasty_change;
-    let onwards = at_least(lead + bodies, 0.0);
-    let accel = reckoned_accel(c, own, speed, top);
-    let rest = time_to_gain(onwards, faster, top - other, accel) + aside;
-    let brake = c.fall_back_share * own.hardest_decel;
-    let backwards = at_least(bodies - lead, 0.0);
-    let back = (faster + (faster * faster + 2.0 * brake * backwards).sqrt()) / brake + aside;
-    let there = choose(
-        coming.detected,
-        coming.believed_gap / at_least(coming.closing, SLOWEST),
-        splat(w.simd, FAR),
-    );
-    let gives_up = lead.simd_gt(0.0) & (rest + c.abort_margin).simd_gt(there) & back.simd_lt(rest);
-    let no_time = is_confined(state, w, i, mind);
-    let room = near.gap[SLOW_LEAD] + near.gap[SLOW_REAR];
-    let left = own.return_time_gap * room_left(w, state.target[i]);
-    let cramped = no_time & room.simd_lt(own.min_gap + (own.time_gap + left) * other);
-    let too_slow = (onwards / at_least(faster, SLOWEST)).simd_gt(back);
-    let trapped = no_time & (room.simd_lt(c.least_room) | too_slow);
-    let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
-    let beyond = (out | in_stage(state, i, stage::RETURN)) & !yields;
-    let pressed = beyond & ((there - rest).simd_lt(c.calm_margin) | cramped);
-    let late = is_solid(state, w, i, at_least(speed, 0.0) * rest) & own.heeds_lines.simd_gt(0.0);
-    Plight {
-        yields,
-        hurries: pressed | (beyond & late),
-        pressed,
-        fits: lead.simd_gt(bodies),
-    }
-}
-
-/// Whether driver `i` is past the one that it overtakes, has no time to pass the next one as well, and can still
-/// brake behind that.
-#[inline(always)]
-fn is_confined<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-    mind: &Mind<'_, S>,
-) -> M<S> {
-    let passes = in_stage(state, i, stage::PASS);
-    if !passes.any_true() {
-        return passes;
-    }
-    let (c, own, coming) = (w.c, &w.p[i], &mind.met.coming);
-    let past = passes & state.s[i].simd_gt(pick!(w.count, state.target[i], |j| state.s[j]));
-    let (gap, closing) = (
-        mind.believed.gap[SLOW_LEAD],
-        mind.believed.closing[SLOW_LEAD],
-    );
-    let next_one = state.vx[i] - closing;
-    let top = top_speed(state, w, i, next_one);
-    let bodies = 2.0 * (mind.near.half_length[SLOW_LEAD] + own.half_length);
-    let accel = reckoned_accel(c, own, state.vx[i], top);
-    let longer = time_to_gain(gap + bodies + c.squeeze_gap, closing, top - next_one, accel);
-    let longer = longer + 0.5 * w.q.hasty_change + c.calm_margin;
-    let late = seen_ahead(own, coming).simd_lt(longer * coming.closing);
-    let needed = needed_braking(c, state.vx[i], gap, closing, splat(w.simd, 0.0));
-    past & late & needed.simd_ge(-(c.fall_back_share * own.hardest_decel))
-}
-
-/// Whether driver `i` is past the one that it overtakes and comes beside the next one: it overtakes that now.
-#[inline(always)]
-pub fn goes_on<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-    mind: &Mind<'_, S>,
-) -> M<S> {
-    let passes = in_stage(state, i, stage::PASS);
-    if !passes.any_true() {
-        return passes;
-    }
-    let near = mind.near;
-    let past = passes & state.s[i].simd_gt(pick!(w.count, state.target[i], |j| state.s[j]));
-    let beside = near.gap[SLOW_LEAD].simd_lt(w.c.squeeze_gap);
-    let follows = is_confined(state, w, i, mind) | state.yields[i].simd_gt(0.0);
-    past & beside & near.slot[SLOW_LEAD].simd_ge(0.0) & !follows
-}
-
-/// Whether driver `i` is on its way past another.
-#[inline(always)]
-fn is_passing<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
-    in_stage(state, i, stage::PULL_OUT) | in_stage(state, i, stage::PASS)
-}
-
-/// Whether the ego of a two-way road can give up its pass: it is behind who is overtaken.
-#[inline(always)]
-pub fn can_fall_in<S: Simd, const N: usize>(state: &State<'_, S, N>, w: &World<'_, S, N>) -> M<S> {
-    let (lead, bodies) = to_fall_in(state, w, EGO);
-    is_passing(state, EGO) & lead.simd_gt(bodies)
-}
-
-/// How far ahead the target is, and has to be for driver `i` to fall in behind it [m].
-#[inline(always)]
-fn to_fall_in<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-) -> (V<S>, V<S>) {
-    let [place, half_length] = pick_each!(w.count, state.target[i], |j| [
-        state.s[j],
-        w.p[j].half_length
-    ]);
-    let bodies = w.p[i].half_length + half_length + w.c.squeeze_gap;
-    (place - state.s[i], bodies)
-}
-
-/// Where driver `i` may be held back: it falls back, or is in the other lane.
-#[inline(always)]
-pub fn is_held_back<S: Simd, const N: usize>(state: &State<'_, S, N>, i: usize) -> M<S> {
-    state.yields[i].simd_gt(0.0) | in_stage(state, i, stage::PASS)
-}
-
-/// The acceleration that driver `i` in the other lane does not go beyond: falling back, or fitting in
-/// where no time is left to pass the next one, too.
-#[inline(always)]
-pub fn held_back<S: Simd, const N: usize>(
-    state: &State<'_, S, N>,
-    w: &World<'_, S, N>,
-    i: usize,
-    mind: &Mind<'_, S>,
-) -> V<S> {
-    let (c, own, near, believed) = (w.c, &w.p[i], mind.near, mind.believed);
-    let (gap, closing) = (believed.gap[SLOW_LEAD], believed.closing[SLOW_LEAD]);
-    let other = pick!(w.count, state.target[i], |j| state.road_velocity(j).0);
-    let slow = state.road_velocity(i).0.simd_lt(other - c.fall_back_speed);
-    let brake = choose(
-        slow,
-        splat(w.simd, 0.0),
-        -(c.fall_back_share * own.hardest_decel),
-    );
-    let middle = 0.5 * (near.gap[SLOW_LEAD] + near.gap[SLOW_REAR]);
-    let nearest = at_least(middle - own.min_gap, 0.0) / at_least(state.vx[i], c.slip_speed);
-    let fitting = follow(
-        c,
-        own,
-        state.vx[i],
-        speed_of_pass(state, w, i),
-        gap,
-        closing,
-        min(c.fit_share * own.time_gap, nearest),
-        believed.accel[SLOW_LEAD],
-    );
-    let capped = choose(is_confined(state, w, i, mind), fitting, splat(w.simd, FAR));
-    choose(state.yields[i].simd_gt(0.0), brake, capped)
 }

@@ -10,18 +10,19 @@ use crate::lanes::{
 };
 use crate::neighbours::{Body, Neighbours, along};
 use crate::philox::{GLANCES, uniform, words};
-use crate::state::{FAST_LEAD, HISTORY, LEAD, ROLES, ROOM, State, UNKNOWN, World};
+use crate::state::{FAST_LEAD, HISTORY, LEAD, ROLES, ROOM, State, UNKNOWN};
+use crate::world::World;
 
 /// Who touches is as visible, and looms as much, as at this gap [m].
-pub const NEAREST: f32 = 1.0;
+const NEAREST: f32 = 1.0;
 /// Beyond this every limit of sight has been passed [m].
-pub const FARTHEST: f32 = 1e4;
+const FARTHEST: f32 = 1e4;
 /// Nothing is seen through e^-40; larger exponents only overflow.
-pub const DEEPEST: f32 = 40.0;
+const DEEPEST: f32 = 40.0;
 /// What is left of the logarithm of the contrast of something as large as a vehicle near by.
-pub const LEAST_CONTRAST: f32 = 0.02;
+const LEAST_CONTRAST: f32 = 0.02;
 /// Keeps the growth finite where all looming is seen [rad/s].
-pub const LEAST_LOOMING: f32 = 1e-9;
+const LEAST_LOOMING: f32 = 1e-9;
 /// Keeps sight lines finite alongside [m].
 pub const LEAST_REACH: f32 = 0.1;
 
@@ -165,32 +166,23 @@ fn is_hidden<S: Simd>(near: &Neighbours<S>, leader: &Leader<S>, role: usize) -> 
     leader.is_tall & blocked
 }
 
+/// How close to the limit of sight somebody at a gap is, by contrast or by lamps.
 #[inline(always)]
-fn strain<S: Simd, const N: usize>(
+pub fn strain<S: Simd, const N: usize>(
     w: &World<'_, S, N>,
-    bodies: &[Body<S>; N],
-    near: &Neighbours<S>,
-    role: usize,
-    depths: (V<S>, V<S>),
+    gap: V<S>,
+    is_front: bool,
+    [contrast, lamp]: [V<S>; 2],
+    (air, spray): (V<S>, V<S>),
 ) -> V<S> {
-    let (c, q, n) = (w.c, &w.q, w.count);
-    let is_front = role.is_multiple_of(2);
-    let slot = near.slot[role];
-    let distance = clamp_to(near.gap[role], NEAREST, FARTHEST);
-    let mut depth = depths.0 * distance;
+    let (c, q) = (w.c, &w.q);
+    let distance = clamp_to(gap, NEAREST, FARTHEST);
+    let mut depth = air * distance;
+    let mut sensitivity = q.sight_rear;
     if is_front {
-        depth += depths.1 * at_most(distance, c.spray_reach);
+        depth += spray * at_most(distance, c.spray_reach);
+        sensitivity = q.sight_front;
     }
-    let sensitivity = if is_front {
-        q.sight_front
-    } else {
-        q.sight_rear
-    };
-    let [contrast, lamp] = if is_front {
-        pick_each!(n, slot, |j| [w.p[j].contrast, bodies[j].inverse_rear_lamp])
-    } else {
-        pick_each!(n, slot, |j| [w.p[j].contrast, w.p[j].inverse_head_lamp])
-    };
     let by_contrast = depth / at_least(contrast + sensitivity, LEAST_CONTRAST);
     let by_contrast = max(by_contrast, distance * q.inverse_lit_range);
     let by_lamp =
@@ -258,14 +250,15 @@ fn numbered<S: Simd>(simd: S) -> V<S> {
     V::simd_from(simd, number)
 }
 
-/// Where and how fast the vehicles in `slot` were, `row` giving the line of the history.
+/// Where and how fast the vehicles in `slot` were at decision `then`.
 #[inline(always)]
 pub fn recall<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     simd: S,
-    row: V<S>,
+    then: V<S>,
     slot: V<S>,
 ) -> (V<S>, V<S>) {
+    let row = then - HISTORY as f32 * floor(then * (1.0 / HISTORY as f32));
     let who = at_least(slot, 0.0);
     let place: i32x16<S> = (row + (who * LANES as f32 + numbered(simd)) * ROOM as f32).to_int();
     let place = place.to_array();
@@ -284,10 +277,27 @@ pub fn recall<S: Simd, const N: usize>(
     V::simd_from(simd, low).deinterleave(V::simd_from(simd, high))
 }
 
-/// Line of the history that was written at decision `then`.
+/// How an approach looms to driver `i`: whether it does at all, how much of it is noticed, what is left of
+/// misjudgements as contact comes near, and the speed of approach that is sensed.
 #[inline(always)]
-pub fn row_of<S: Simd>(then: V<S>) -> V<S> {
-    then - HISTORY as f32 * floor(then * (1.0 / HISTORY as f32))
+pub fn sense<S: Simd, const N: usize>(
+    state: &State<'_, S, N>,
+    w: &World<'_, S, N>,
+    i: usize,
+    gap: V<S>,
+    closing: V<S>,
+    width: V<S>,
+) -> (M<S>, V<S>, V<S>, V<S>) {
+    let c = w.c;
+    let distance = at_least(gap, NEAREST);
+    let expansion = width * closing.abs() / (distance * distance);
+    let excess = expansion - c.looming_threshold;
+    let span = (c.looming_growth * c.looming_threshold).max(LEAST_LOOMING);
+    let clear = clamp_to(excess / span, 0.0, 1.0);
+    let fading = at_least(closing * c.error_fade_time, NEAREST);
+    let share = at_most(distance / fading, 1.0);
+    let sensed = closing * (1.0 + share * (w.q.speed_error * state.speed_error[i]));
+    (excess.simd_gt(0.0), clear, share, sensed)
 }
 
 /// What driver `i` believes about the six neighbours.
@@ -323,7 +333,19 @@ pub fn perceive<S: Simd, const N: usize>(
     // A short pass: the exponential and the root of one role take the time of those of several.
     let mut efforts = [zero; ROLES];
     for role in (0..ROLES).filter(|role| watched(*role)) {
-        efforts[role] = strain(w, bodies, near, role, depths);
+        let (slot, is_front) = (near.slot[role], role.is_multiple_of(2));
+        let shines = if is_front {
+            pick_each!(w.count, slot, |j| [
+                w.p[j].contrast,
+                bodies[j].inverse_rear_lamp
+            ])
+        } else {
+            pick_each!(w.count, slot, |j| [
+                w.p[j].contrast,
+                w.p[j].inverse_head_lamp
+            ])
+        };
+        efforts[role] = strain(w, near.gap[role], is_front, shines, depths);
     }
     for role in 0..ROLES {
         let slot = near.slot[role];
@@ -364,7 +386,7 @@ pub fn perceive<S: Simd, const N: usize>(
             _ => p.reaction_ticks,
         };
         let then = at_least(at - ticks, 0.0);
-        let (place, speed) = recall(state, w.simd, row_of(then), slot);
+        let (place, speed) = recall(state, w.simd, then, slot);
         let place = place + speed * ((at - then) * c.decision);
         let ahead = if is_front {
             place - state.s[i]
@@ -378,21 +400,14 @@ pub fn perceive<S: Simd, const N: usize>(
         } else {
             speed - own_speed
         };
-        let distance = at_least(gap, NEAREST);
         let width = pick!(w.count, slot, |j| w.p[j].loom_width);
-        let expansion = width * closing.abs() / (distance * distance);
-        let excess = expansion - c.looming_threshold;
-        let span = (c.looming_growth * c.looming_threshold).max(LEAST_LOOMING);
-        let clear = clamp_to(excess / span, 0.0, 1.0);
-        let fading = at_least(closing * c.error_fade_time, NEAREST);
-        let share = at_most(distance / fading, 1.0);
-        let sensed = closing * (1.0 + share * (q.speed_error * state.speed_error[i]));
+        let (looms, clear, share, sensed) = sense(state, w, i, gap, closing, width);
         let error = (judged - 1.0) * share;
         if is_front {
             let before = at_least(then - c.brake_memory, 0.0);
-            let (_, early) = recall(state, w.simd, row_of(before), slot);
+            let (_, early) = recall(state, w.simd, before, slot);
             let change = at_most((speed - early) / (c.brake_memory * c.decision), 0.0);
-            let lamps = change.simd_lt(-c.stop_lamp_decel) & !excess.simd_gt(0.0);
+            let lamps = change.simd_lt(-c.stop_lamp_decel) & !looms;
             let seen = choose(lamps, at_most(change, -c.lamp_decel), change);
             believed.accel[role] = choose(noticed, seen, zero);
         }

@@ -8,10 +8,11 @@ use crate::neighbours::Neighbours;
 use crate::oncoming::Oncoming;
 use crate::output::{MAX_PERCEPTS, Output};
 use crate::perception::Beliefs;
-use crate::state::{EGO, FAST_LEAD, State, World};
+use crate::state::{EGO, FAST_LEAD, State};
 use crate::tile::{self, PACKED, Row, TILE, Tile, packed, put_tile, transposed};
 use crate::trace::{self, digest, mix, mix_word};
 use crate::words::{INT32_LIMIT, NO_VEHICLE, THOUSAND, rounded, vehicle_words};
+use crate::world::World;
 
 /// Which decision a percept was written down for.
 #[derive(Clone, Copy)]

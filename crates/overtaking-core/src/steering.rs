@@ -5,7 +5,8 @@ use fearless_simd::prelude::*;
 
 use crate::elementary::{atan, sincos};
 use crate::lanes::{M, V, at_least, choose, clamp, clamp_to, min, splat};
-use crate::state::{EGO, State, Stride, World};
+use crate::state::{EGO, State};
+use crate::world::{Stride, World};
 
 /// Lay a quintic from where the path of vehicle `i` is now to the centre of another lane.
 #[inline(always)]

@@ -5,88 +5,17 @@ use fearless_simd::prelude::*;
 
 use crate::collisions::{Pairs, collide, leave_road, near_pairs};
 use crate::dynamics::Motion;
+use crate::giving_way::give_way;
 use crate::lanes::{M, V, min, outlined, splat};
-use crate::neighbours::{Body, Neighbours, find_neighbours};
-use crate::oncoming::{Encounters, Traffic, give_way, look_ahead};
+use crate::moment::{Mind, Minds};
+use crate::neighbours::{Body, find_neighbours};
+use crate::oncoming::look_ahead;
 use crate::orders::Orders;
-use crate::passing::{held_back, is_held_back};
-use crate::perception::Beliefs;
+use crate::plight::held_back;
 use crate::recording::Recorder;
-use crate::state::{EGO, Each, State, Stride, World};
+use crate::state::{EGO, Each, State};
+use crate::world::{SUBSTEPS, Stride, World};
 use crate::{control, dynamics, ego, environment, mobil, perception, steering};
-
-/// Steps between two decisions.
-pub const SUBSTEPS: u32 = 5;
-
-/// Who drives around each vehicle and what its driver believes: written anew at every decision, and
-/// kept in one place, as moving it costs more than some of what is computed from it.
-pub struct Minds<S: Simd, const N: usize> {
-    bodies: [Body<S>; N],
-    near: [Neighbours<S>; N],
-    believed: [Beliefs<S>; N],
-    looks: [M<S>; N],
-    /// Whom they meet, and what they look for; unused on roads of one direction.
-    met: [Encounters<S>; N],
-    traffic: Traffic<S, N>,
-    /// Whether the ego would let somebody first who signals for the same place.
-    waits: M<S>,
-    /// Where everybody was before a step, if anybody is near anybody.
-    pub before: Places<S, N>,
-}
-
-impl<S: Simd, const N: usize> Minds<S, N> {
-    /// Before anyone has looked.
-    pub fn new(simd: S) -> Self {
-        Self {
-            bodies: [Body::nothing(simd); N],
-            near: [Neighbours::nobody(simd); N],
-            believed: [Beliefs::nothing(simd); N],
-            looks: [never(simd); N],
-            met: [Encounters::nobody(simd); N],
-            traffic: Traffic::nobody(simd),
-            waits: never(simd),
-            before: ([splat(simd, 0.0); N], [splat(simd, 0.0); N]),
-        }
-    }
-}
-
-/// What a driver knows when it decides.
-#[derive(Clone, Copy)]
-pub struct Mind<'a, S: Simd> {
-    pub near: &'a Neighbours<S>,
-    pub believed: &'a Beliefs<S>,
-    pub met: &'a Encounters<S>,
-    pub looks: M<S>,
-    pub waits: M<S>,
-}
-
-impl<S: Simd, const N: usize> Minds<S, N> {
-    /// That of the ego.
-    pub fn of_ego(&self) -> Mind<'_, S> {
-        Mind {
-            near: &self.near[EGO],
-            believed: &self.believed[EGO],
-            met: &self.met[EGO],
-            looks: self.looks[EGO],
-            waits: self.waits,
-        }
-    }
-
-    /// That of another vehicle on a two-way road: of two lanes neither lies between two others, so nobody else
-    /// signals for the same place.
-    fn of_other(&self, i: usize) -> Mind<'_, S> {
-        Mind {
-            near: &self.near[i],
-            believed: &self.believed[i],
-            met: &self.met[i],
-            looks: self.looks[i],
-            waits: self.waits & !self.waits,
-        }
-    }
-}
-
-/// Positions along and across the road.
-pub type Places<S, const N: usize> = (Each<S, N>, Each<S, N>);
 
 /// Everything that happens 20 times a second: weather, perception, decisions.
 ///
@@ -231,9 +160,7 @@ pub fn drive_others<S: Simd, const N: usize>(
         for i in 1..w.count {
             outlined!(w.simd, {
                 leader[i] = min(leader[i], give_way(state, w, i, &met[i]));
-                if is_held_back(state, i).any_true() {
-                    leader[i] = min(leader[i], held_back(state, w, i, &minds.of_other(i)));
-                }
+                leader[i] = min(leader[i], held_back(state, w, i, &minds.of_other(i)));
             });
         }
     }
@@ -293,10 +220,7 @@ pub fn drive_ego<S: Simd, const N: usize>(
             let mut leader =
                 control::behind_leader(state, w, EGO, (mind.near, mind.believed), passed);
             if let Some(most) = gives_way {
-                leader = min(leader, most);
-                if is_held_back(state, EGO).any_true() {
-                    leader = min(leader, held_back(state, w, EGO, &mind));
-                }
+                leader = min(min(leader, most), held_back(state, w, EGO, &mind));
             }
             let mind = (mind.near, mind.believed);
             control::wanted(state, w, EGO, mind, passed, leader)
@@ -311,12 +235,6 @@ pub fn drive_ego<S: Simd, const N: usize>(
             near_pairs::<S, N, false>(state, w, pairs);
         }
     });
-}
-
-/// In no simulation.
-fn never<S: Simd>(simd: S) -> M<S> {
-    let zero = splat(simd, 0.0);
-    zero.simd_lt(zero)
 }
 
 /// Time, memory, weather and wind of a decision.
@@ -377,7 +295,7 @@ pub fn advance<S: Simd, const N: usize>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     pairs: &Pairs<S>,
-    before: &mut Places<S, N>,
+    before: &mut (Each<S, N>, Each<S, N>),
     step: u32,
     stride: &Stride,
     wheel: Option<V<S>>,
@@ -403,7 +321,7 @@ fn go_on<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<'_, S, N>,
     w: &World<'_, S, N>,
     pairs: &Pairs<S>,
-    before: &mut Places<S, N>,
+    before: &mut (Each<S, N>, Each<S, N>),
     stride: &Stride,
     wheel: Option<V<S>>,
 ) {

@@ -11,14 +11,16 @@ use rayon::prelude::*;
 use crate::block::{Block, merge};
 use crate::engine::{Inputs, Seat, alike_together, shares};
 use crate::lanes::{LANES, M, outlined};
+use crate::moment::{Mind, Minds};
 use crate::neighbours::Neighbours;
 use crate::observation::{Source, Table, WIDTH, observe};
 use crate::oncoming::Encounters;
 use crate::orders::{Kind, PARTS, Script};
 use crate::output::{Output, Storage};
 use crate::perception::Beliefs;
-use crate::state::{History, Moments, Road};
-use crate::step::{Mind, Minds, SUBSTEPS, drive_others, perceive};
+use crate::state::{History, Moments};
+use crate::step::{drive_others, perceive};
+use crate::world::{Road, SUBSTEPS};
 use crate::{MAX_VEHICLES, SLOTS};
 
 /// Decisions after which simulations move together, where others have ended.

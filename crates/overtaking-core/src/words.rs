@@ -4,8 +4,9 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
 
 use crate::lanes::{V, choose, clamp_to, splat};
-use crate::state::{State, World};
+use crate::state::State;
 use crate::tile::WORDS;
+use crate::world::World;
 
 /// Slot number, or lane, of nobody and nothing.
 pub const NO_VEHICLE: i32 = 255;

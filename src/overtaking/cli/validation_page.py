@@ -81,7 +81,7 @@ def _verdict(figure: Values) -> Text:
     if figure["needs_km"]:
         return Text(f"needs {figure['needs_km']:,.0f} km", "dim")
     if figure["met"] is None:
-        return Text("")
+        return Text("not measured" if _target(figure) else "", "dim")
     is_ours = CHOICE in (figure["standing"], figure["source"])
     if is_ours:
         said = "within our limits" if figure["met"] else "outside our limits"

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from tests.reference.scenes import limited
 from tests.reference.test_bends import BENDS, HILLS, on
-from tests.reference.test_two_way import pair
-from tests.reference.test_two_way import road as two_way_road
 from tests.support.sumo import needs_sumo
+from tests.support.two_way import pair
+from tests.support.two_way import road as two_way_road
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.core.errors import ConfigError, MissingExtraError

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow.csv as pacsv
 import pytest
 from tests.reference.test_bends import BENDS, HILLS, on
-from tests.reference.test_two_way import pair, road
+from tests.support.two_way import pair, road
 from tests.support.worlds import scenario
 
 from overtaking.core.errors import ConfigError

@@ -11,7 +11,7 @@ import pytest
 from tests.support.minds import CLEAR_MINDED, Moment, moment
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.sim.reference import ego as ego_module
+from overtaking.sim.reference import gaps
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
@@ -111,8 +111,8 @@ def test_it_waits_while_the_next_lane_is_taken_and_goes_once_it_is_free():
     assert Stage.DONE in stages(ran)
     s = ran.states.s[0] / 1000.0
     # The last of the convoy is past, or so far behind that it need not brake hard.
-    gaps = s[2:7, out] - s[0, out]
-    behind = gaps[gaps < 0.0]
+    apart = s[2:7, out] - s[0, out]
+    behind = apart[apart < 0.0]
     assert out * 0.05 > 3.0
     assert (behind < -15.0).all()
     assert (ran.contacts.partner == 255).all()
@@ -178,11 +178,11 @@ def test_what_it_believed_is_written_down_at_each_decision():
     )
 
 
-def view_of(*vehicles: Vehicle) -> tuple[Moment, ego_module.View]:
+def view_of(*vehicles: Vehicle) -> tuple[Moment, gaps.View]:
     """What the ego knows at one moment."""
     m = moment(list(vehicles))
     near = m.neighbours()
-    return m, ego_module.look(m.state, m.given, m.p, m.q, near, m.look(), Role.EGO)
+    return m, gaps.look(m.state, m.given, m.p, m.q, near, m.look(), Role.EGO)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def view_of(*vehicles: Vehicle) -> tuple[Moment, ego_module.View]:
 def test_it_returns_only_where_there_is_room_ahead_and_behind(front, behind, allowed: bool):
     around = [one for one in (front, behind) if one is not None]
     m, view = view_of(ego(lane=1), *around)
-    assert bool(ego_module.may_return(m.given, view)[0]) is allowed
+    assert bool(gaps.may_return(m.given, view)[0]) is allowed
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_it_returns_only_where_there_is_room_ahead_and_behind(front, behind, all
 )
 def test_it_pulls_out_only_where_there_is_room_and_a_gain(around, allowed: bool):
     m, view = view_of(ego(), other(40.0, 0, 20.0), *around)
-    assert bool(ego_module.may_pull_out(m.given, view)[0]) is allowed
+    assert bool(gaps.may_pull_out(m.given, view)[0]) is allowed
 
 
 def test_the_longest_wait_does_not_ask_more_of_others_than_an_emergency_does():
@@ -241,7 +241,7 @@ def test_the_longest_wait_does_not_ask_more_of_others_than_an_emergency_does():
 )
 def test_it_wants_to_pass_whoever_is_slow_and_near(distance: float, leader: float, wanted: bool):
     m, view = view_of(ego(), other(distance, 0, leader))
-    assert bool(ego_module.wants_to_pass(m.given, view)[0]) is wanted
+    assert bool(gaps.wants_to_pass(m.given, view)[0]) is wanted
 
 
 def branched(decision: Decision, seconds: float, *vehicles: Vehicle) -> Trajectories:

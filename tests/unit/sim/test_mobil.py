@@ -12,6 +12,7 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim import engine
 from overtaking.sim.reference import control, mobil
+from overtaking.sim.reference.state import LEAD
 from overtaking.sim.reference.steering import begin_path
 from overtaking.world.parameters import parameters
 
@@ -34,11 +35,11 @@ def changed(*others: Vehicle, lanes: int = 3) -> np.ndarray:
 
 def decide(m: Moment) -> None:
     """One look around of everybody, a fifth of a second after the last one."""
-    claims, looks = mobil.claimed(m.state), np.ones(m.state.s.shape, np.bool_)
+    looks = np.ones(m.state.s.shape, np.bool_)
     believed = m.look()
     own = control.behind_leader(m.state, m.given, m.p, m.neighbours(), believed, None)
     m.state.wanted_time += np.float32(0.2)
-    mobil.change_lanes(m.state, m.given, m.p, believed, own, looks, claims, m.decision)
+    mobil.change_lanes(m.state, m.given, m.p, believed, own, looks, m.decision)
 
 
 def car(s: float, lane: int, speed: float, **driver: float) -> Vehicle:
@@ -229,6 +230,7 @@ def test_who_would_reach_the_leader_hurries():
         shape = m.state.s.shape
         moved, nobody = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
         moved[1] = True
-        left = mobil.time_left(*(np.full(shape, v, np.float32) for v in (60.0, closing)))
-        mobil.turn_to_lane(m.state, m.given, m.p, (moved, nobody, nobody), left, 0)
+        believed = m.look()
+        believed.gap[LEAD], believed.closing[LEAD] = 60.0, closing
+        mobil.turn_to_lane(m.state, m.given, m.p, (moved, nobody, nobody), believed, 0)
         assert float(m.state.path_duration[1, 0]) == pytest.approx(expected, rel=1e-5)

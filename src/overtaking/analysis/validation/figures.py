@@ -68,9 +68,14 @@ class Figure:
     needs_km: float = 0.0
 
     @property
+    def has_target(self) -> bool:
+        """Whether there is a target to hold the value against."""
+        return self.target_low is not None or self.target_high is not None
+
+    @property
     def met(self) -> bool | None:
-        """Whether the value lies within the target; None without a target or enough to judge by."""
-        if self.needs_km or (self.target_low is None and self.target_high is None):
+        """Whether the value lies within the target; None without a target, or if not measured."""
+        if self.needs_km or math.isnan(self.value) or not self.has_target:
             return None
         above = self.target_low is None or self.value >= self.target_low
         return above and (self.target_high is None or self.value <= self.target_high)

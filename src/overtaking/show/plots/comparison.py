@@ -227,7 +227,7 @@ def draw_validation(found: Validation) -> Figure:
     Args:
         found: What `analysis.validation.run.validate` returned.
     """
-    judged = [one for one in found.figures if one.met is not None]
+    judged = [one for one in found.figures if one.has_target and not one.needs_km]
     drawing = new_figure(0.3 + 0.46 * len(judged))
     panels = drawing.subplots(len(judged), 1, squeeze=False)[:, 0]
     for axes, figure in zip(panels, judged, strict=True):
@@ -246,7 +246,7 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     low, high = _scale(figure)
     begin = low if figure.target_low is None else figure.target_low
     end = high if figure.target_high is None else figure.target_high
-    colour = MET if figure.met else MISSED
+    colour = palette.QUIET if figure.met is None else MET if figure.met else MISSED
     axes.axvspan(begin, end, color=palette.GRID, linewidth=0)
     if not math.isnan(figure.value):
         ends = [min(max(value, low), high) for value in (figure.low, figure.high)]
@@ -260,7 +260,7 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     described = f"{figure.title} ({figure.standing})"
     unit, title = (text.replace("^2", "²") for text in (unit, described))
     axes.set_title(title, fontweight="normal", fontsize=7.5, color=palette.INK, pad=2.0)
-    said = f"{figure.value:.3g}{unit}" if not math.isnan(figure.value) else "nothing counted"
+    said = f"{figure.value:.3g}{unit}" if not math.isnan(figure.value) else "not measured"
     remark(axes, said, color=colour)
     axes.tick_params(axis="x", labelsize=6.5, labelcolor=palette.QUIET, pad=1.5)
 

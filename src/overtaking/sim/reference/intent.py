@@ -61,19 +61,6 @@ def is_early(state: State, given: Parameters, who: Who) -> Mask:
     return state.path_time[who] < given.constants.abort_until * state.path_duration[who]
 
 
-def can_go_out(state: State, given: Parameters, who: Who) -> Mask:
-    """Whether there is a faster lane, and no lane change under way."""
-    settled = in_stage(state, who, Stage.FOLLOW) | in_stage(state, who, Stage.PASS)
-    has_lane = state.lane[who] < np.float32(given.road.num_lanes - 1)
-    return settled & has_arrived(state, who) & has_lane
-
-
-def can_go_back(state: State, who: Who) -> Mask:
-    """Whether there is a slower lane, and no lane change under way that cannot be given up."""
-    follows = in_stage(state, who, Stage.FOLLOW) & has_arrived(state, who)
-    return (follows | in_stage(state, who, Stage.PASS)) & (state.lane[who] >= np.float32(1.0))
-
-
 def can_abort(state: State, given: Parameters, who: Who) -> Mask:
     """Whether drivers pull out, and going back is shorter than going on."""
     return in_stage(state, who, Stage.PULL_OUT) & is_early(state, given, who)

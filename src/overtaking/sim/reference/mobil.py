@@ -115,7 +115,6 @@ def change_lanes(
     believed: Beliefs,
     own: F32,
     looks: Mask,
-    claims: Claims,
     decision: int,
 ) -> None:
     """Let the other vehicles change lanes where it pays and is safe, or back in danger.
@@ -127,9 +126,9 @@ def change_lanes(
         believed: What drivers believe about their neighbours.
         own: Acceleration behind the present leader, (vehicle, simulation) [m/s^2].
         looks: Which drivers look around, (vehicle, simulation).
-        claims: `claimed` at the begin of the decision.
         decision: Number of the decision.
     """
+    claims = claimed(state)
     to_fast, to_slow = incentives(given, p, state.vx, believed, own, state.most_accel)
     ready = looks & _is_ready(state, given, p)
     has_fast = state.lane < np.float32(given.road.num_lanes - 1)
@@ -148,8 +147,7 @@ def change_lanes(
     back, to_fast = _retreats(state, given, p, believed)
     back = back & looks
     fast, slow = (fast & decided) | (back & ~to_fast), (slow & decided) | (back & to_fast)
-    left = time_left(believed.gap[LEAD], believed.closing[LEAD])
-    turn_to_lane(state, given, p, (fast, slow, back), left, decision)
+    turn_to_lane(state, given, p, (fast, slow, back), believed, decision)
 
 
 def decide(state: State, p: Fields, wanted: F32, looks: Mask) -> Mask:
@@ -161,11 +159,6 @@ def decide(state: State, p: Fields, wanted: F32, looks: Mask) -> Mask:
     state.wanted_time = np.where(restarts, np.float32(0.0), state.wanted_time)
     state.wanted = np.where(others, wanted, state.wanted)
     return others & same & (state.wanted_time >= p.signal_time)
-
-
-def time_left(gap: F32, closing: F32) -> F32:
-    """Time until a gap is closed, long where it does not close [s]."""
-    return gap / maximum(closing, _SLOWEST)
 
 
 def claimed(state: State) -> Claims:
@@ -237,7 +230,7 @@ def turn_to_lane(
     given: Parameters,
     p: Fields,
     sides: tuple[Mask, Mask, Mask],
-    left: F32,
+    believed: Beliefs,
     decision: int,
     hasty: F32 | None = None,
 ) -> None:
@@ -251,7 +244,7 @@ def turn_to_lane(
         p: Vehicle parameters.
         sides: Who moves to the fast side, who to the slow side, and who of them breaks off a lane
             change and so has less far to go; each (vehicle, simulation).
-        left: `time_left` to the leader, (vehicle, simulation) [s].
+        believed: What drivers believe of the leader.
         decision: Number of the decision.
         hasty: How long it takes who is in a hurry, 0 for who is not, (vehicle, simulation) [s].
     """
@@ -259,6 +252,7 @@ def turn_to_lane(
     step, moved = _side(fast, slow), fast | slow
     state.lane = state.lane + step
     low, high = lane_borders(state, given, 0.0)
+    left = believed.gap[LEAD] / maximum(believed.closing[LEAD], _SLOWEST)
     hurried = maximum((left - c.clear_margin) / c.clear_fraction, c.quickest_change)
     usual = minimum(p.lane_change_duration, hurried)
     duration = np.where(back, c.retreat_share * p.lane_change_duration, usual)

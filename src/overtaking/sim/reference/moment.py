@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from overtaking.core.elementary import Mask
-from overtaking.sim.reference.mobil import Claims
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Encounters
 from overtaking.sim.reference.perception import Beliefs
@@ -17,12 +16,12 @@ class Moment:
         near: Their neighbours.
         believed: What they believe of them.
         looks: Who looks around, (vehicle, simulation).
-        claims: `mobil.claimed` before anyone decides.
+        waits: Who would let somebody first who signals for the same place, (vehicle, simulation).
         met: Whom they meet; None on roads of one direction.
     """
 
     near: Neighbours
     believed: Beliefs
     looks: Mask
-    claims: Claims
+    waits: Mask
     met: Encounters | None

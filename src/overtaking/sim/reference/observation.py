@@ -6,27 +6,20 @@ from overtaking.core.elementary import F32, Mask, minimum
 from overtaking.model.observation import AROUND, MEETING, OWN, WIDTH, parted
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
-from overtaking.sim.reference.ego import faster, is_told
+from overtaking.sim.reference.gaps import faster, is_told
 from overtaking.sim.reference.intent import (
     can_abort,
-    can_go_back,
-    can_go_out,
     can_remain,
     has_arrived,
     has_passed,
     in_stage,
 )
-from overtaking.sim.reference.mobil import must_wait
 from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming, look_beyond, usual_closing
-from overtaking.sim.reference.passing import (
-    can_fall_in,
-    is_solid,
-    room_ahead,
-    room_left,
-    weigh,
-)
+from overtaking.sim.reference.orders import can_go_back, can_go_out
+from overtaking.sim.reference.passing import is_solid, room_ahead, room_left
+from overtaking.sim.reference.plight import can_fall_in, weigh
 from overtaking.sim.reference.state import (
     LEAD,
     Fields,
@@ -110,11 +103,11 @@ def _own(state: State, given: Parameters, p: Fields, moment: Moment) -> dict[str
         "since_change": state.since_change[ego],
         "arrived": has_arrived(state, ego),
         "looks": moment.looks[ego],
-        "contested": must_wait(state, given, state.wanted, moment.claims)[ego],
+        "contested": moment.waits[ego],
         "passed": has_passed(state, given, p, ego),
         "behind_target": state.s[ego] < pick(state.s, state.target[ego]),
-        "can_go_out": can_go_out(state, given, ego),
-        "can_go_back": can_go_back(state, ego),
+        "can_go_out": can_go_out(state, given),
+        "can_go_back": can_go_back(state),
         "can_abort": can_abort(state, given, ego) | can_remain(state, given, ego),
     }
 

@@ -11,15 +11,13 @@ from overtaking.model.vehicles import Role
 from overtaking.sim.reference.intent import (
     Intent,
     can_abort,
-    can_go_back,
-    can_go_out,
     can_remain,
     has_arrived,
     has_passed,
     in_stage,
     signal,
 )
-from overtaking.sim.reference.passing import can_fall_in
+from overtaking.sim.reference.plight import can_fall_in
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.parameters import Parameters
 
@@ -93,6 +91,19 @@ def show(state: State, orders: Orders) -> None:
     state.indicator[_EGO] = np.where(told, side, state.indicator[_EGO])
 
 
+def can_go_out(state: State, given: Parameters) -> Mask:
+    """Whether there is a faster lane for the ego, and no lane change under way, (simulation,)."""
+    settled = in_stage(state, _EGO, Stage.FOLLOW) | in_stage(state, _EGO, Stage.PASS)
+    has_lane = state.lane[_EGO] < np.float32(given.road.num_lanes - 1)
+    return settled & has_arrived(state, _EGO) & has_lane
+
+
+def can_go_back(state: State) -> Mask:
+    """Whether there is a slower lane, and no change under way that cannot be given up."""
+    follows = in_stage(state, _EGO, Stage.FOLLOW) & has_arrived(state, _EGO)
+    return (follows | in_stage(state, _EGO, Stage.PASS)) & (state.lane[_EGO] >= np.float32(1.0))
+
+
 def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
     """What the ego sets out to do: what another driver asks for, where that is possible."""
     if orders.steers:
@@ -101,8 +112,8 @@ def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
     # Who changes their mind shows the other side for as long.
     turned = state.wanted[_EGO] * side < 0
     state.signalled[_EGO] = np.where(turned, np.float32(0.0), state.signalled[_EGO])
-    start = can_go_out(state, given, _EGO) & (side > 0)
-    back = can_go_back(state, _EGO) & (side < 0)
+    start = can_go_out(state, given) & (side > 0)
+    back = can_go_back(state) & (side < 0)
     signal(state, given, _EGO, start, back)
     now = _now(state, p, orders)
     drops_out, drops_back, falls_in = _gives_up(orders)

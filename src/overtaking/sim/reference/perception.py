@@ -6,6 +6,7 @@ import numpy as np
 
 from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
 from overtaking.core.philox import Stream, uniform, words
+from overtaking.model.vehicles import Role
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.neighbours import Neighbours, along
 from overtaking.sim.reference.state import (
@@ -14,7 +15,6 @@ from overtaking.sim.reference.state import (
     UNKNOWN,
     Fields,
     State,
-    overtakers,
     pick,
     road_velocity,
 )
@@ -23,11 +23,11 @@ from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters, SimulationParameters
 
 # The engine has these numbers too.
-NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
-FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
-DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
-LEAST_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
-LEAST_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
+_NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
+_FARTHEST = np.float32(1e4)  # Beyond this every limit of sight has been passed [m].
+_DEEPEST = np.float32(40.0)  # Nothing is seen through e**-40; larger exponents only overflow.
+_LEAST_CONTRAST = np.float32(0.02)  # Logarithm at which contrast is as good as gone.
+_LEAST_LOOMING = np.float32(1e-9)  # Keeps the growth finite where all looming is seen [rad/s].
 LEAST_REACH = np.float32(0.1)  # Keeps sight lines finite alongside [m].
 
 
@@ -72,7 +72,7 @@ def looks_around(state: State, given: Parameters, p: Fields, decision: int) -> M
     early = state.path_time < c.abort_until * state.path_duration
     regular = regular | (early & (decision % int(c.glance_moving) == 0))
     signalled = state.wanted_time >= p.signal_time
-    who = overtakers(given)
+    who = slice(None) if given.road.two_way else Role.EGO  # Who overtakes as the ego does.
     signalled[who] = state.signalled[who] > p.signal_time[who]
     looks = regular | ((state.wanted != 0) & signalled)
     # Who is in the lane of others looks all the time.
@@ -117,33 +117,39 @@ def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
 
 
 def strain(
-    state: State,
-    given: Parameters,
-    p: Fields,
+    c: Constants,
     q: SimulationParameters,
-    near: Neighbours,
-    role: int,
+    gap: F32,
+    shines: tuple[F32, F32],
     depths: tuple[F32, F32],
+    *,
+    is_front: bool,
 ) -> F32:
-    """How close to the limit of sight a neighbour is: below 1 it can be seen.
+    """How close to the limit of sight somebody at a gap is: below 1 it can be seen.
 
     By contrast the value is the distance over the range of sight (Koschmieder), by lamps the root
     of threshold over illuminance (Allard), which in clear air is the distance over the range as
     well.
+
+    Args:
+        c: Constants of the model.
+        q: Simulation parameters.
+        gap: The gap [m].
+        shines: Logarithm of the contrast, and one over the intensity of the lamps [1/cd].
+        depths: What `optical_depth` returned.
+        is_front: Whether it is seen ahead, not in the mirrors.
     """
-    c = given.constants
-    is_front = role % 2 == 0
-    slot = near.slot[role]
-    distance = clamp(near.gap[role], NEAREST, FARTHEST)
-    depth = depths[0] * distance
+    air, spray = depths
+    contrast, lamp = shines
+    distance = clamp(gap, _NEAREST, _FARTHEST)
+    depth, sensitivity = air * distance, q.sight_rear
     if is_front:
-        depth = depth + depths[1] * minimum(distance, c.spray_reach)
-    sensitivity = q.sight_front if is_front else q.sight_rear
-    by_contrast = depth / maximum(pick(p.contrast, slot) + sensitivity, LEAST_CONTRAST)
+        depth = depth + spray * minimum(distance, c.spray_reach)
+        sensitivity = q.sight_front
+    by_contrast = depth / maximum(contrast + sensitivity, _LEAST_CONTRAST)
     by_contrast = maximum(by_contrast, distance * q.inverse_lit_range)
-    lamp = _tail_lamp(state, c, p, slot) if is_front else pick(p.inverse_head_lamp, slot)
     by_lamp = np.sqrt(
-        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, DEEPEST))
+        distance * distance * (q.lamp_threshold * lamp) * exp(minimum(depth, _DEEPEST))
     )
     return minimum(by_contrast, by_lamp)
 
@@ -173,14 +179,16 @@ def notice(
     """
     c = given.constants
     slot, gap = near.slot[role], near.gap[role]
-    effort = strain(state, given, p, q, near, role, depths)
-    reach = p.attention if role % 2 == 0 else c.mirror_range
+    is_front = role % 2 == 0
+    lamp = _tail_lamp(state, c, p, slot) if is_front else pick(p.inverse_head_lamp, slot)
+    effort = strain(c, q, gap, (pick(p.contrast, slot), lamp), depths, is_front=is_front)
+    reach = p.attention if is_front else c.mirror_range
     visible = (slot >= 0) & (effort <= np.float32(1.0)) & (gap < reach)
-    if role % 2 == 0:
+    if is_front:
         visible = visible & ~is_hidden(p, near, role)
     # Who comes as near as this is noticed without a look over the shoulder.
     aside = np.abs(near.aside[role]) - (p.half_width + pick(p.half_width, slot))
-    hides = gap < (np.float32(0.0) if role % 2 == 0 else c.blind_spot)
+    hides = gap < (np.float32(0.0) if is_front else c.blind_spot)
     visible = visible & ~(hides & (aside > c.alongside) & (state.checks == 0))
     steadily, now = watches
     more = np.where(steadily, c.decision, c.glance_time)
@@ -193,6 +201,50 @@ def notice(
     state.seen_id[role] = np.where(now, slot, state.seen_id[role])
     needed = q.detection_time * (np.float32(1.0) + c.detection_growth * (effort * effort * effort))
     return now & visible & (state.seen_time[role] >= needed)
+
+
+def recall(state: State, then: F32, slot: F32) -> tuple[F32, F32]:
+    """Where the vehicles in `slot` were at decisions `then`, and how fast [m, m/s]."""
+    row, who = then.astype(np.int64) % HISTORY, slot.astype(np.int64).clip(0)
+    column = np.arange(state.s.shape[1])
+    return state.history_s[row, who, column], state.history_v[row, who, column]
+
+
+def sense(
+    state: State,
+    c: Constants,
+    q: SimulationParameters,
+    gap: F32,
+    closing: F32,
+    width: F32,
+) -> tuple[Mask, F32, F32, F32]:
+    """How an approach looms to each driver, (vehicle, simulation).
+
+    Args:
+        state: State at a decision.
+        c: Constants of the model.
+        q: Simulation parameters.
+        gap: The gap [m].
+        closing: Speed of approach [m/s].
+        width: What is seen to grow [m].
+
+    Returns:
+        Whether it looms at all; how much of it is noticed, 0 to 1; what is left of misjudgements
+        as contact comes near, 0 to 1; the speed of approach that is sensed [m/s].
+
+    Source:
+        Lee 1976 (time to contact from optical expansion).
+    """
+    one = np.float32(1.0)
+    distance = maximum(gap, _NEAREST)
+    expansion = width * np.abs(closing) / (distance * distance)
+    excess = expansion - c.looming_threshold
+    span = maximum(c.looming_growth * c.looming_threshold, _LEAST_LOOMING)
+    clear = clamp(excess / span, np.float32(0.0), one)
+    fading = maximum(closing * c.error_fade_time, _NEAREST)
+    share = minimum(distance / fading, one)
+    sensed = closing * (one + share * (q.speed_error * state.speed_error))
+    return excess > 0, clear, share, sensed
 
 
 def perceive(
@@ -213,14 +265,10 @@ def perceive(
     human driver model of Treiber, Kesting and Helbing (2006); their distance and closing speed are
     misjudged by slowly varying factors. An approach is noticed above the threshold of looming, a
     little at first. The misjudgement fades as contact comes near, since expansion alone tells the
-    time that is left.
-
-    Source:
-        Lee 1976 (time to contact from optical expansion).
+    time that is left (`sense`).
     """
     c = given.constants
     depths = optical_depth(state, given, p, q, near)
-    column = np.arange(state.s.shape[1])
     own_speed, _ = road_velocity(state)
     judged = exp(q.distance_error * state.distance_error)
     before = state.seen_id.copy(), state.seen_time.copy()
@@ -234,26 +282,18 @@ def perceive(
         ticks = np.where(_is_urgent(state, c, near, role), p.urgent_ticks, p.reaction_ticks)
         then = maximum(np.float32(decision) - ticks, np.float32(0.0))
         elapsed = (np.float32(decision) - then) * c.decision
-        row = (then.astype(np.int64)) % HISTORY
-        who = slot.astype(np.int64).clip(0)
-        speed = state.history_v[row, who, column]
-        place = state.history_s[row, who, column] + speed * elapsed
+        place, speed = recall(state, then, slot)
+        place = place + speed * elapsed
         ahead = along(given, place - state.s if role % 2 == 0 else state.s - place)
         gap = ahead - (near.half_length[role] + p.half_length)
         closing = own_speed - speed if role % 2 == 0 else speed - own_speed
-        distance = maximum(gap, NEAREST)
-        expansion = pick(p.loom_width, slot) * np.abs(closing) / (distance * distance)
-        excess = expansion - c.looming_threshold
-        span = maximum(c.looming_growth * c.looming_threshold, LEAST_LOOMING)
-        clear = clamp(excess / span, np.float32(0.0), np.float32(1.0))
-        fading = maximum(closing * c.error_fade_time, NEAREST)
-        share = minimum(distance / fading, np.float32(1.0))
-        sensed = closing * (np.float32(1.0) + share * (q.speed_error * state.speed_error))
+        width = pick(p.loom_width, slot)
+        looms, clear, share, sensed = sense(state, c, q, gap, closing, width)
         error = (judged - np.float32(1.0)) * share
         detected.append(noticed)
         gaps.append(np.where(noticed, gap + gap * error, c.unseen_gap))
         closings.append(np.where(noticed, clear * sensed, np.float32(0.0)))
-        accels.append(_braking(state, c, near, role, then, noticed, excess > 0))
+        accels.append(_braking(state, c, near, role, then, noticed, looms))
     return Beliefs(
         detected=np.stack(detected),
         gap=np.stack(gaps),
@@ -282,10 +322,8 @@ def _braking(
     if role % 2 == 1:
         return np.zeros_like(then)
     before = maximum(then - c.brake_memory, np.float32(0.0))
-    who = near.slot[role].astype(np.int64).clip(0)
-    column = np.arange(state.s.shape[1])
-    late = state.history_v[then.astype(np.int64) % HISTORY, who, column]
-    early = state.history_v[before.astype(np.int64) % HISTORY, who, column]
+    _, late = recall(state, then, near.slot[role])
+    _, early = recall(state, before, near.slot[role])
     change = minimum((late - early) / (c.brake_memory * c.decision), np.float32(0.0))
     lamps = (change < -c.stop_lamp_decel) & ~looming
     seen = np.where(lamps, minimum(change, -c.lamp_decel), change)

@@ -20,11 +20,12 @@ from overtaking.sim.reference import (
     perception,
     steering,
 )
+from overtaking.sim.reference.giving_way import give_way
 from overtaking.sim.reference.moment import Moment
 from overtaking.sim.reference.neighbours import find_neighbours
-from overtaking.sim.reference.oncoming import give_way, look_ahead
+from overtaking.sim.reference.oncoming import look_ahead
 from overtaking.sim.reference.orders import Orders, orders_at, pedals, wheel
-from overtaking.sim.reference.passing import held_back
+from overtaking.sim.reference.plight import held_back
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
 from overtaking.world.parameters import (
@@ -138,8 +139,8 @@ def perceive(
     looks = perception.looks_around(state, given, p, decision)
     met = look_ahead(state, given, p, q, near, decision) if road.two_way else None
     believed = perception.perceive(state, given, p, q, near, decision, looks)
-    claims = mobil.claimed(state)
-    return Moment(near=near, believed=believed, looks=looks, claims=claims, met=met)
+    waits = mobil.must_wait(state, given, state.wanted, mobil.claimed(state))
+    return Moment(near=near, believed=believed, looks=looks, waits=waits, met=met)
 
 
 def act(
@@ -161,8 +162,7 @@ def act(
     old_leader = control.behind_old_leader(state, given, p, near, believed, met)
     control.set_acceleration(state, given, p, *pedals(orders, leader, old_leader))
     if met is None:
-        looks, claims, decision = moment.looks, moment.claims, step // SUBSTEPS
-        mobil.change_lanes(state, given, p, believed, leader, looks, claims, decision)
+        mobil.change_lanes(state, given, p, believed, leader, moment.looks, step // SUBSTEPS)
     else:
         ego.decide_others(state, given, p, q, moment, step)
     ego.decide(state, given, p, q, moment, recorder, step, orders)

@@ -6,7 +6,6 @@ import numpy as np
 
 from overtaking.core.elementary import F32, sincos
 from overtaking.model.trajectory import Stage
-from overtaking.model.vehicles import Role
 from overtaking.world.parameters import Parameters, VehicleParameters
 
 HISTORY = 64
@@ -39,9 +38,6 @@ Fields = VehicleParameters
 
 Who = int | slice
 """Of which vehicles arrays tell: (simulation,) of one slot, (vehicle, simulation) of several."""
-
-OTHERS = slice(Role.EGO + 1, None)
-"""Everybody but the ego."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -244,16 +240,6 @@ def pick(values: F32, slot: F32) -> F32:
     """
     index = np.where(slot < 0, np.float32(0.0), slot).astype(np.int64)
     return values[index, np.arange(values.shape[1])]
-
-
-def overtakers(given: Parameters) -> Who:
-    """Who may overtake as the ego does: against oncoming traffic everybody."""
-    return slice(None) if given.road.two_way else Role.EGO
-
-
-def numbers(state: State, who: Who) -> F32:
-    """Slot numbers of vehicles, a column for several."""
-    return np.arange(len(state.s), dtype=np.float32)[:, None][who]
 
 
 def seen_from_each(state: State, given: Parameters, p: Fields, j: int) -> tuple[F32, F32]:

@@ -285,6 +285,8 @@ def test_three_head_on_collisions_of_three_do_not_settle_the_share():
     assert not found.is_sure
     nothing = HEAD_ON.measured(Tally())
     assert np.isnan([nothing.value, nothing.low, nothing.high]).all()
+    assert nothing.has_target
+    assert nothing.met is None
 
 
 def test_flows_are_those_that_the_traffic_was_drawn_with():

@@ -1,0 +1,80 @@
+"""What lines and the unseen road let a driver do."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tests.support.two_way import in_the_other_lane, pair, road
+from tests.support.worlds import scenario
+
+from overtaking.model.course import Course, Line, RoadMark
+from overtaking.model.trajectory import Stage
+from overtaking.model.vehicles import Role
+from overtaking.sim import engine
+from overtaking.world.constants import known
+from overtaking.world.parameters import VEHICLE_FIELDS, parameters
+
+if TYPE_CHECKING:
+    from overtaking.world.parameters import Parameters
+
+
+def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
+    begins, announced = 1500.0, float(known("model.oncoming.line_ahead"))
+    course = Course(lines=(Line(start=begins, stop=6000.0, mark=RoadMark.SOLID),))
+    on = dataclasses.replace(road(), course=course)
+    indices = list(range(40))
+    scenes = [pair(patience=1e6, gap_acceptance=0.3) for _ in indices]
+    for shift in (begins - announced - 1000.0 + 30.0, -200.0):
+        placed = [[dataclasses.replace(one, s=one.s + shift) for one in scene] for scene in scenes]
+        world = scenario(*placed, road=on, horizon=15.0, index=indices)
+        given = parameters(world)
+        run = engine.run(world, given)
+        heeds = given.vehicle[VEHICLE_FIELDS.index("heeds_lines"), 0] > 0
+        goes = (run.stage == Stage.PULL_OUT).any(axis=1)
+        assert heeds.any()
+        assert not heeds.all()
+        assert goes[~heeds].all()
+        assert goes[heeds].any() == (shift == -200.0)
+
+
+def with_ego(given: Parameters, **changed: float) -> Parameters:
+    """Other parameters of the ego."""
+    vehicle = given.vehicle.copy()
+    for name, value in changed.items():
+        vehicle[VEHICLE_FIELDS.index(name), Role.EGO] = value
+    return dataclasses.replace(given, vehicle=vehicle)
+
+
+def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
+    course = Course(lines=(Line(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),))
+    on = dataclasses.replace(road(), course=course)
+    world = scenario(pair(gap_acceptance=0.3), road=on, horizon=25.0)
+    given = with_ego(parameters(world), heeds_lines=1.0)
+    runs = [engine.run(world, one) for one in (given, with_ego(given, heeds_lines=0.0))]
+    out = [in_the_other_lane(run, 0) for run in runs]
+    assert out[0][0] == out[1][0]
+    assert out[0][-1] < out[1][-1] - 10
+    s, body = runs[0].states.s[0, :2, out[0][-1]], runs[0].scenario.vehicles.length[0, :2].mean()
+    assert 1e-3 * (s[0] - s[1]) - body > 2.0 * float(known("model.oncoming.squeeze_gap"))
+
+
+def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():
+    scenes = [pair(gap_acceptance=asked) for asked in (0.4, 0.9, 1.6)]
+    world = scenario(*scenes, road=road())
+    trust = parameters(world).vehicle[VEHICLE_FIELDS.index("unseen_trust"), Role.EGO]
+    expected = float(known("model.oncoming.unseen_trust")) / np.sqrt([0.4, 0.9, 1.6])
+    np.testing.assert_allclose(trust, expected, rtol=1e-6)
+
+
+def test_trust_decides_where_the_road_is_not_seen_and_nowhere_else():
+    course = Course(sight=((0.0, 400.0),))
+    for on, limited in ((dataclasses.replace(road(), course=course), True), (road(), False)):
+        world = scenario(pair(600.0, gap_acceptance=0.4), road=on, horizon=3.0)
+        given = parameters(world)
+        goes = [
+            (engine.run(world, with_ego(given, unseen_trust=trust)).stage == Stage.PULL_OUT).any()
+            for trust in (1.0, 4.0)
+        ]
+        assert goes == ([False, True] if limited else [False, False])

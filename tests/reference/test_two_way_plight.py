@@ -1,0 +1,109 @@
+"""How a pass goes on where time runs short: back behind the other, or into the room ahead."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tests.support.two_way import beyond, in_the_other_lane, pair, platoon, simulated, with_another
+from tests.support.worlds import Vehicle
+
+from overtaking.analysis.validation.passes import meeting
+from overtaking.model.trajectory import NO_VEHICLE, Stage
+from overtaking.recordings.roads import load_road
+from overtaking.scenarios import sample, spec
+from overtaking.sim import engine
+from overtaking.world.parameters import parameters
+
+if TYPE_CHECKING:
+    from overtaking.model.trajectory import Trajectories
+
+
+def test_an_ego_that_meets_an_unusually_fast_one_falls_back():
+    scenes = [pair(gap, comes=75.0, gap_acceptance=0.2) for gap in np.arange(200.0, 1500.0, 25.0)]
+    run = simulated(*scenes, horizon=20.0)
+    aborted = (run.stage == Stage.ABORT).any(axis=1)
+    assert aborted.any()
+    for row in np.flatnonzero(aborted):
+        frame = np.flatnonzero(run.stage[row] == Stage.ABORT)[0]
+        assert run.states.s[row, 0, frame] < run.states.s[row, 1, frame]
+
+
+def test_another_that_meets_an_unusually_fast_one_falls_back():
+    gaps = np.arange(300.0, 1500.0, 50.0)
+    scenes = [with_another(gap, comes=70.0, gap_acceptance=0.1) for gap in gaps]
+    run = simulated(*scenes, horizon=30.0)
+    s, last = run.states.s, run.num_frames - 1
+    tried = [row for row, away in enumerate(beyond(run, 2)) if len(away)]
+    behind = [s[row, 2, last[row]] < s[row, 1, last[row]] for row in tried]
+    back = [run.states.lane[row, 2, last[row]] == 0 for row in tried]
+    gave_up = [row for row, one, other in zip(tried, behind, back, strict=True) if one and other]
+    assert gave_up
+    for row in gave_up:
+        assert run.states.accel_lon[row, 2].min() < -2000
+
+
+def test_nobody_returns_beside_another_however_short_of_time():
+    scenes = [
+        platoon(room, gap, gap_acceptance=0.0)
+        for room in (8.0, 15.0, 25.0, 40.0)
+        for gap in np.arange(550.0, 1150.0, 50.0)
+    ]
+    run = simulated(*scenes, horizon=25.0)
+    returns = run.stage == Stage.RETURN
+    rows = np.flatnonzero(returns.any(axis=1))
+    assert len(rows) > 10
+    frame = returns.argmax(axis=1)[rows]
+    place = run.states.s[rows, :3, frame].astype(float) / 1e3
+    length = run.scenario.vehicles.length[rows, :3]
+    apart = np.abs(place[:, 1:] - place[:, :1]) - 0.5 * (length[:, 1:] + length[:, :1])
+    assert apart.min() > 0.0
+    # Some are short of time: they leave less than half a second to one of them.
+    assert apart.min() < 9.0
+
+
+def longest_beside(run: Trajectories, row: int) -> float:
+    """For how long the ego stays beside a vehicle that it passes, though somebody comes [s].
+
+    It is past the middle of the other, has less than 3 m to it, and less than 2 m/s of difference
+    in speed; somebody comes whom it would meet within 15 s.
+    """
+    states, specs = run.states, run.scenario.vehicles
+    along = specs.valid[row] & (run.scenario.start_lane[row] == 0)
+    along[0] = False
+    apart = (states.s[row, 0] - states.s[row]) / 1e3
+    along = along[:, None] & (apart > 0.0)
+    apart = apart - 0.5 * (specs.length[row, :, None] + specs.length[row, 0])
+    level = np.abs(states.speed[row].astype(float) - states.speed[row, 0]) < 2000
+    frames = np.arange(states.s.shape[2])
+    time, _, _ = meeting(run, np.full_like(frames, row), frames)
+    stays = ((apart < 3.0) & level & along).any(axis=0) & (run.stage[row] == Stage.PASS)
+    stays = stays & (time < 15.0) & run.frame_valid[row]
+    edges = np.flatnonzero(np.diff(stays, prepend=False, append=False))
+    return 0.05 * float(max(edges[1::2] - edges[::2], default=0))
+
+
+def test_nobody_stays_beside_another_with_neither_time_nor_room():
+    """Number 319 stayed beside another for 7.5 s before: no room, and not trapped."""
+    pressed = {
+        "traffic.held_up": 1.0,
+        "traffic.flow_vph": [200.0, 400.0],
+        "traffic.slow_share": 0.2,
+        "drivers.temper": [0.7, 1.0],
+    }
+    world = sample(spec("rural", pressed), load_road("rural"), 5, np.arange(192, 448))
+    run = engine.run(world, parameters(world))
+    tried = np.flatnonzero((run.stage == Stage.PASS).any(axis=1))
+    assert len(tried) > 20
+    assert max(longest_beside(run, int(row)) for row in tried) < 2.0
+
+
+def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
+    first, leader, comes = pair(620.0, gap_acceptance=0.2, comes=28.0)
+    slow = Vehicle(kind="M", s=leader.s + 120.0, speed=8.0, driver={"desired_speed": 8.0})
+    run = simulated([first, leader, slow, comes], horizon=20.0)
+    out = in_the_other_lane(run, 0)
+    met = np.flatnonzero(run.states.s[0, 3] < run.states.s[0, 0])[0]
+    assert run.states.accel_lon[0, 0, out].min() < -3000
+    assert 0.05 * (met - out[-1]) > 4.0  # 3.1 s if it waited until it need not brake.
+    assert (run.contacts.partner[0] == NO_VEHICLE).all()
