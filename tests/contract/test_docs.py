@@ -31,7 +31,11 @@ EXECUTED = [
     pytest.param("README.md", marks=pytest.mark.ci),  # A report, a film and a page: 20 s of a core.
     *(page for page in PAGES if page.startswith("docs/tutorials/")),
 ]
-EXAMPLES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "examples").glob("*.py"))
+EXAMPLES = [
+    # Each step of it is one of the readable simulator: 10 s of a core.
+    pytest.param(page, marks=pytest.mark.ci if page.endswith("mobil_driver.py") else ())
+    for page in sorted(str(path.relative_to(ROOT)) for path in (ROOT / "examples").glob("*.py"))
+]
 
 FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\[[^]]*\]\(([^)\s]+)\)|(?:src|srcset)=\"([^\"]+)\"")
