@@ -11,6 +11,8 @@ SEED   ?= 1
 # Tests that ask for more processes than the machine has cores only get slower. With worksteal a process
 # runs neighbouring tests, so that most fixtures of a module are made once.
 PYTEST_FLAGS ?= -n 2 --dist worksteal
+# Those of test-ci often wait, for servers, browsers, and processes that end: a third one works meanwhile.
+CI_FLAGS ?= -n 3 --dist worksteal
 # What is installed while the engine is built: requirements/dev.txt or requirements/demo.txt.
 PACKAGES := dev
 # The SIMD levels that are wanted, and those of the engine that is there.
@@ -80,7 +82,7 @@ checks:
 	@$(MAKE) $(WIDE) check-python site check-rust test-rust check-viewer
 
 test-ci: dev  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
-	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "ci and not soak"
+	$(BIN)/python -m pytest $(CI_FLAGS) -m "ci and not soak"
 
 test-qc: dev qc  ## Ask the checkers of ASAM for issues of exported files, in .venv-qc
 	$(BIN)/python -m pytest -m qc

@@ -294,6 +294,7 @@ def test_fewer_simulations_are_written_if_that_is_allowed(tmp_path):
     assert_same(repeated, short)
 
 
+@pytest.mark.ci
 def test_the_command_line_tells_what_is_missing(workdir):
     words = ["generate", "-n", "10", "--balance", "--balance-candidates", "10", "--json"]
     command = [sys.executable, "-m", "overtaking", *words, "--out", "few"]

@@ -46,6 +46,7 @@ def test_destroying_an_actor_twice_is_false_the_second_time(server: Address):
     assert found == [True, False]
 
 
+@pytest.mark.ci
 def test_a_traffic_manager_outlives_vehicles_that_come_and_go(server: Address):
     found = ask(
         server,
@@ -186,6 +187,7 @@ def test_a_call_that_is_not_offered_says_so_where_the_client_waits(server: Addre
 # --- towns, rays and telemetry ---
 
 
+@pytest.mark.ci
 def test_several_maps_are_offered_and_loaded_by_their_names(tmp_path: Path):
     road = known_map("town06").opendrive
     for name in ("Town98", "Town99"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from contextlib import ExitStack
 
+import pytest
 from tests.support.carla import (
     PATIENCE,
     answer_of,
@@ -28,6 +29,7 @@ VERSION_CALL = encode([0, 1, "version", [[False]]])
 VERSION = [1, 1, None, [[1, "0.9.16"]]]
 
 
+@pytest.mark.ci
 def test_answers_are_produced_no_faster_than_they_are_taken():
     road = known_map("town06").opendrive
     big = road.replace("</OpenDRIVE>", f"<!--{'x' * 3_000_000}--></OpenDRIVE>")

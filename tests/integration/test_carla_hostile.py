@@ -94,6 +94,7 @@ GOOD = (
 )
 
 
+@pytest.mark.ci
 def test_thousands_of_damaged_messages_leave_the_server_up_and_no_larger(server: Address):
     chance = random.Random(1)
     before = 0

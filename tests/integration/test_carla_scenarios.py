@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.ci, needs_wheel]
 
-COUNT, SEED = 20, 5
+COUNT, SEED, AGAIN = 20, 5, 4
 SHORT = {"time.horizon_s": 3.0, "time.attempt_deadline_s": 3.0}
 SIMULATORS = {"own": "carla", "traffic-manager": "carla-traffic-manager"}
 
@@ -65,13 +65,12 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
     assert len(classes) == COUNT
     assert set(classes["class"]) <= {one.title for one in OvertakeClass}
 
-    # The second time in one batch on a server of its own.
-    again = api.simulate(
-        api.sample("pinto2023-physical", COUNT, SEED, overrides=SHORT), simulator=SIMULATORS[driver]
-    )
-    for number in range(COUNT):
-        assert (again.trace_hash[number] == data.trajectory(number).trace_hash[0]).all(), number
-    assert len({tuple(one) for one in again.trace_hash.tolist()}) == COUNT
+    # The second time a few of them, in a batch and on a server of their own.
+    given = api.sample("pinto2023-physical", COUNT, SEED, overrides=SHORT)
+    again = api.simulate(given.select(slice(COUNT - AGAIN, COUNT)), simulator=SIMULATORS[driver])
+    hashes = [data.trajectory(number).trace_hash[0].tolist() for number in range(COUNT)]
+    assert again.trace_hash.tolist() == hashes[-AGAIN:]
+    assert len({tuple(one) for one in hashes}) == COUNT
 
     assert films_of(data, tmp_path / "films") == {
         f"{number:06d}-{view}.mp4": runs["num_frames"][number]

@@ -276,6 +276,7 @@ MANAGERS = """
 """
 
 
+@pytest.mark.ci
 def test_two_traffic_managers_drive_the_same_way_twice(server: Address):
     first, second = ask(server, MANAGERS), ask(server, MANAGERS)
     assert first == second

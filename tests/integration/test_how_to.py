@@ -33,6 +33,7 @@ LONG = {
     "evaluate-a-driver.md",
     "ask-what-if.md",
     "ask-with-logic.md",
+    "balance-classes.md",
     "export-the-papers-table.md",
     "videos.md",
 }

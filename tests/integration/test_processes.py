@@ -193,6 +193,7 @@ def test_a_group_asked_to_end_says_one_line_and_leaves_nobody(by, named, script)
     assert not (script.parent / "data" / PARTIAL).exists()
 
 
+@pytest.mark.ci
 def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
     settings = {
         "simulations": 60,

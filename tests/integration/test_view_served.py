@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.integration.test_view_browser import FRAME, PHONE, says, shows
-from tests.support.browser import PATIENCE_MS, expect, settle
+from tests.support.browser import PATIENCE_MS, axe_finds, expect, settle
 from tests.support.serving import Client, serving
 from tests.support.viewing import ROWS, at, enter
 
@@ -358,19 +357,14 @@ def test_on_a_phone_nothing_scrolls_sideways(browser: Browser, url: str, key: An
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("viewport", [{"width": 1280, "height": 900}, PHONE], ids=["desk", "phone"])
 def test_axe_finds_nothing(
-    browser: Browser, url: str, key: Any, repository: Any, scheme: str, viewport: dict[str, int]
+    browser: Browser, url: str, key: Any, scheme: str, viewport: dict[str, int]
 ):
-    axe = repository / "viewer" / "node_modules" / "axe-core" / "axe.min.js"
-    if not axe.exists():
-        (pytest.fail if os.environ.get("CI") else pytest.skip)("axe-core is missing: make viewer")
     settings = {"color_scheme": scheme, "viewport": viewport, "bypass_csp": True}
     for link in ("", "#class=Success_I&rule=L3", EVERYTHING):
         with at(browser, url, key, link, **settings) as page:
             if not link and viewport == PHONE:
                 page.click("aside .drawer > summary")
-            page.add_script_tag(path=axe)
-            found = page.evaluate("axe.run()")["violations"]
-            assert [(one["id"], [n["html"] for n in one["nodes"]]) for one in found] == []
+            assert axe_finds(page) == []
 
 
 def test_the_command_serves_until_it_is_interrupted(data: Dataset):

@@ -230,6 +230,7 @@ def approach(ran: Crash, state: State) -> float:
 motions = st.tuples(st.floats(0.0, 40.0), st.floats(-4.0, 4.0), st.floats(-1.0, 1.0))
 
 
+@pytest.mark.ci
 @given(
     kinds=st.tuples(*[st.sampled_from(["S", "M", "L", "V", "T", "MC"])] * 2),
     place=st.tuples(st.floats(-6.0, 6.0), st.floats(-2.2, 2.2)),

@@ -176,6 +176,7 @@ def test_the_driver_of_the_others_changes_lanes_by_mobil():
     assert not (found.stage == Stage.CRASHED).any()
 
 
+@pytest.mark.ci
 def test_the_reference_lets_a_policy_do_the_same():
     scenario = scenes(8)
     found = drive(scenario, HUMAN, reference.run, "reference")

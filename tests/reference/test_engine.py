@@ -40,13 +40,7 @@ def simulated(situation: Situation) -> Trajectories:
 
 @pytest.mark.parametrize(
     "situation",
-    [
-        *SITUATIONS,
-        *(
-            pytest.param(one, marks=() if one.profile.startswith("pinto") else pytest.mark.ci)
-            for one in (*FURTHER, *WRITTEN)
-        ),
-    ],
+    [*SITUATIONS, *(pytest.param(one, marks=pytest.mark.ci) for one in (*FURTHER, *WRITTEN))],
     ids=lambda one: one.name.replace(" ", "-"),
 )
 def test_engine_and_reference_record_the_same_bits(situation):

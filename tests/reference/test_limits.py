@@ -188,6 +188,7 @@ def test_who_passes_wants_to_only_where_the_limit_lets_it():
     assert (free.stage[0] > 0).any()
 
 
+@pytest.mark.ci
 def test_another_driver_sees_the_same_bits_on_both_engines():
     batch = on_limits("rural", 4, **{"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0})
     given = parameters(batch)

@@ -84,6 +84,7 @@ def test_it_leaves_the_same_trace_where_it_gives_up():
     assert not difference(drive(world, HUMAN, engine.run).replace(actions=None), expected)
 
 
+@pytest.mark.ci
 def test_the_reference_lets_it_do_the_same():
     world = scenario(*SCENES, road=road(is_open=False), horizon=12.0, num_slots=5)
     expected = engine.run(world, parameters(world)).trace_hash

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
     from collections.abc import Generator
-    from pathlib import Path
 
     from playwright.sync_api import Browser, Locator, Page
 
@@ -21,6 +21,7 @@ OPTIONS = (
 )
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 PATIENCE_MS = 60_000
+AXE = Path(__file__).parents[2] / "viewer" / "node_modules" / "axe-core" / "axe.min.js"
 MISSING = "there is no Chromium: apt-get install chromium"
 
 
@@ -54,6 +55,17 @@ def settle(page: Page) -> None:
     expect(page.locator("main").first).to_be_attached()
     expect(page.locator("[aria-busy=true], [data-address]")).to_have_count(0)
     page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def axe_finds(page: Page) -> list[Any]:
+    """What axe finds wrong with a page: rules, and the elements that break them."""
+    if not AXE.exists():
+        (pytest.fail if os.environ.get("CI") else pytest.skip)("axe-core is missing: make viewer")
+    if not page.evaluate("'axe' in window"):
+        page.add_script_tag(path=AXE)
+    # All that it approves of is megabytes, which would be sent here.
+    wrong = page.evaluate("axe.run({resultTypes: ['violations']}).then(all => all.violations)")
+    return [(one["id"], [node["html"] for node in one["nodes"]]) for one in wrong]
 
 
 @contextmanager

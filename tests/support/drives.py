@@ -166,43 +166,50 @@ CLOSED = {
 
 KEPT = ("d", "psi", "r")
 
+LOOPED = tuple(
+    (label, kind, kmh)
+    for label, loop in CLOSED.items()
+    for kmh in loop.speeds
+    for kind in (*FOUR_WHEELERS, "MC")
+    if kind != "T" or kmh <= 100.0
+)
+"""Drives with a driver: label, class and speed at the start [km/h]; lorries are not faster."""
 
-def looped(label: str, step: float, kinds: tuple[str, ...]) -> np.ndarray:
-    """Place, heading and yaw rate of every class and speed, shape (drive, time, 3)."""
-    loop, vehicles = CLOSED[label], vehicles_of(label, kinds)
+
+def of_each(name: str) -> np.ndarray:
+    """A number of `Loop` for each of `LOOPED`."""
+    return np.array([getattr(CLOSED[label], name) for label, _, _ in LOOPED], np.float32)
+
+
+def looped(step: float) -> np.ndarray:
+    """Place, heading and yaw rate of `LOOPED`, side by side, shape (drive, time, 3)."""
+    friction, gust = of_each("friction"), of_each("gust")
     test = bench(
-        *[Vehicle(kind=kind, speed=kmh / 3.6) for kind, kmh in vehicles],
-        friction=loop.friction,
+        *[Vehicle(kind=kind, speed=kmh / 3.6) for _, kind, kmh in LOOPED],
+        friction=friction.tolist(),
         step=step,
     )
     state, zero = test.state, np.zeros_like(test.state.s)
     changes = zero == 0
-    steering.begin_path(state, changes, state.d + np.float32(3.5), zero + np.float32(loop.duration))
-    most = np.float32(min(4.0, 0.7 * loop.friction * 9.81))
-    state.accel = zero + np.float32(loop.accel)
+    steering.begin_path(state, changes, state.d + np.float32(3.5), zero + of_each("duration"))
+    most = np.minimum(np.float32(4.0), np.float32(0.7 * 9.81) * friction)
+    state.accel = zero + of_each("accel")
     rows = []
     decision = round(DECISION / step)
     for k in range(round(LONG / step)):
         if k % decision == 0:
             rows.append([getattr(state, name)[0].copy() for name in KEPT])
-            blow(test, loop.gust if 2.0 <= k * step < 5.0 - 1e-6 else 0.0)
+            blow(test, gust if 2.0 <= k * step < 5.0 - 1e-6 else np.zeros_like(gust))
             steering.hold_against_wind(state, test.c.replace(decision=DECISION), test.p, k)
         test.move(test.steer(np.full_like(test.q.side_accel, most)))
     return np.array(rows).transpose(2, 0, 1)
 
 
-def vehicles_of(label: str, kinds: tuple[str, ...]) -> list[tuple[str, float]]:
-    """Classes and speeds at the start [km/h]; lorries are not faster than 100."""
-    return [
-        (kind, kmh) for kmh in CLOSED[label].speeds for kind in kinds if kind != "T" or kmh <= 100.0
-    ]
-
-
-def blow(test: Bench, wind: float) -> None:
-    """Let a side wind push from here on, by the formulas of the model."""
+def blow(test: Bench, wind: np.ndarray) -> None:
+    """Let side winds push from here on, by the formulas of the model."""
     speed = np.maximum(test.state.vx, np.float32(1.0))
-    angle = np.arctan2(np.float32(wind), speed)
-    pressure = speed * speed + np.float32(wind) ** 2
+    angle = np.arctan2(wind, speed)
+    pressure = speed * speed + wind * wind
     lift = np.sin(np.minimum(np.float32(1.2) * angle, np.float32(0.5 * math.pi)))
     test.state.wind_force = test.p.side_wind * pressure * lift
     arm = test.p.wind_centre * np.cos(angle) + test.p.wind_arm
@@ -210,18 +217,26 @@ def blow(test: Bench, wind: float) -> None:
 
 
 @cache
-def fine(label: str, kinds: tuple[str, ...]) -> np.ndarray:
-    """The same drives in steps of a millisecond."""
-    return looped(label, FINE, kinds)
+def farthest() -> np.ndarray:
+    """Largest distance of each of `LOOPED` from steps of a millisecond, shape (drive, 3)."""
+    return np.abs(looped(DECISION) - looped(FINE)).max(axis=1)
 
 
 def closed_errors(
     label: str, kinds: tuple[str, ...] = tuple(FOUR_WHEELERS)
 ) -> dict[float, np.ndarray]:
     """Largest distance from steps of a millisecond by speed of what is `KEPT` [m, rad, rad/s]."""
-    away = np.abs(looped(label, DECISION, kinds) - fine(label, kinds)).max(axis=1)
-    speeds = np.array([kmh for _, kmh in vehicles_of(label, kinds)])
-    return {kmh: away[speeds == kmh].max(axis=0) for kmh in CLOSED[label].speeds}
+    return {
+        kmh: np.max(
+            [
+                away
+                for away, (of, kind, start) in zip(farthest(), LOOPED, strict=True)
+                if of == label and kind in kinds and start == kmh
+            ],
+            axis=0,
+        )
+        for kmh in CLOSED[label].speeds
+    }
 
 
 def main() -> None:

@@ -239,6 +239,8 @@ def _split(piece: Piece) -> list[Piece]:
     for number in range(1, count + 1):
         end = piece.curvature + growth * (length * number)
         parts.append(Piece(x, y, heading, length, curvature, end))
+        if number == count:  # Where the last one ends is nobody's start; most pieces have one.
+            break
         east, north = chord(*map(np.asarray, (heading, curvature, growth, length)))
         x, y = x + float(east), y + float(north)
         heading, curvature = heading + length * (curvature + 0.5 * growth * length), end

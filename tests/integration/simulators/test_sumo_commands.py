@@ -139,6 +139,7 @@ def test_without_libsumo_one_line_says_what_to_install(monkeypatch, tmp_path, ca
     assert len(error.splitlines()) == 1
 
 
+@pytest.mark.ci
 def test_what_the_how_to_page_says_works(repository, workdir, capsys):
     text = (repository / "docs" / "how-to" / "run-on-sumo.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```console\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)

@@ -73,6 +73,7 @@ def tables(draw) -> pa.Table:
     return pa.Table.from_pylist([row(n) for n in range(draw(st.integers(0, 4)))], schema=SCHEMA)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(parts=st.lists(tables(), max_size=3))

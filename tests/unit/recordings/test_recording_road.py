@@ -27,6 +27,7 @@ def rotated(lines: list[np.ndarray], turn: float) -> list[np.ndarray]:
     return [line @ np.array([[cosine, sine], [-sine, cosine]]) for line in lines]
 
 
+@pytest.mark.ci
 @settings(max_examples=30, deadline=None)
 @given(
     radius=st.sampled_from([-2000.0, -500.0, 400.0, 900.0, 40.0]),

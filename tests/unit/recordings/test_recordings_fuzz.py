@@ -95,6 +95,7 @@ def test_damaged_scenes_never_escape(tmp_path: Path, changes):
     check(lambda: read_commonroad(path), path.name)
 
 
+@pytest.mark.ci
 @FEW
 @given(place=st.sampled_from(PLACES), value=st.sampled_from(NASTY))
 def test_nasty_numbers_never_escape(tmp_path: Path, place, value):

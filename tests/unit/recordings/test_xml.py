@@ -241,6 +241,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 """
 
 
+@pytest.mark.ci
 def test_large_hostile_files_cost_little_time_and_memory(tmp_path: Path):
     """A million open elements, 40 MB in one comment, tag or text, or in attributes or names."""
     million, size = 1_000_000, 40_000_000

@@ -99,7 +99,7 @@ def test_the_order_in_which_changes_are_given_does_not_matter():
     np.testing.assert_array_equal(late.trace_hash, branch(traffic(), changes=CHANGES).trace_hash)
 
 
-@pytest.mark.parametrize("run", [engine.run, reference.run])
+@pytest.mark.parametrize("run", [engine.run, pytest.param(reference.run, marks=pytest.mark.ci)])
 def test_nothing_changed_is_the_undisturbed_simulation(run):
     one = branch(traffic(), changes=[Change(frame=17), Change(frame=40)], run=run)
     np.testing.assert_array_equal(one.trace_hash, engine.simulate(traffic()).trace_hash)

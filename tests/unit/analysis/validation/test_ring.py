@@ -22,6 +22,7 @@ def world():
     return ring.on_ring(drawn, np.full(20, DENSITY, np.float32))
 
 
+@pytest.mark.ci
 def test_engine_and_reference_agree_on_a_ring(world):
     scenario, given = world
     one, other = engine.run(scenario, given), reference.run(scenario, given)

@@ -110,7 +110,10 @@ def test_the_stand_in_for_an_attempt_lies_within_the_time_of_following():
     assert pseudo_attempt(overtake())[0] == NEVER
 
 
-@pytest.mark.parametrize(("profile", "seconds"), [("pinto2023", 7.5), ("motorway", 45.0)])
+@pytest.mark.parametrize(
+    ("profile", "seconds"),
+    [("pinto2023", 7.5), pytest.param("motorway", 45.0, marks=pytest.mark.ci)],
+)
 def test_the_stand_in_comes_as_late_as_the_attempts_of_the_profile(profile: str, seconds: float):
     found = label(simulate(sample(profile, 400, seed=3)))
     attempted, waited = found.events.attempted, found.matched.waiting_time

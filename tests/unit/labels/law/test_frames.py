@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.law_fixtures import FIXTURES
@@ -67,6 +68,7 @@ def test_a_span_has_the_frames_from_its_start_to_its_stop(given_):
         assert reduced(np.maximum, values, span)[k] == values[k][mask[k]].max()
 
 
+@pytest.mark.ci
 def test_in_a_batch_every_fixture_is_judged_as_it_is_alone():
     groups: dict[object, list[Case]] = {}
     for _, _, _, make in FIXTURES:

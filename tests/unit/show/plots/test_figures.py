@@ -169,6 +169,7 @@ def test_a_figure_needs_nothing_from_outside(result: Statistics):
     assert "<text" not in svg
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("rows", [0, 1])
 def test_hardly_any_simulations_can_be_drawn(rows: int):
     result = statistics(synthetic_features(rows) if rows else synthetic_features(1).iloc[:0])
