@@ -34,7 +34,8 @@ live in `src/overtaking/knowledge/data/`.
 VEHICLES = """\
 The seven vehicle classes of the study: small, medium and large car, van, rigid truck, motorcycle,
 and bicycle with rider. `±` is one standard deviation; what varies is drawn for each vehicle,
-within two standard deviations or the limits that `vehicles.toml` states.
+within two standard deviations or the limits that `vehicles.toml` states. Trucks that pull a
+semitrailer have the numbers of `semitrailer` in [constants](constants.md).
 """
 DRIVERS = """\
 A profile draws its drivers from a *population*. Each driver has a hidden *temper*, uniform from 0

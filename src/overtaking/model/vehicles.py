@@ -26,7 +26,7 @@ class VehicleKind(IntEnum):
     M = 1  # medium car
     L = 2  # large car
     V = 3  # van
-    T = 4  # rigid truck
+    T = 4  # truck
     MC = 5  # motorcycle
     B = 6  # bicycle with rider
 
