@@ -111,7 +111,8 @@ check-python: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/typos
 	PYTHONPATH=src $(BIN)/lint-imports --no-cache --no-logo
-	$(BIN)/pyright
+	@# On both cores where one is idle; the engine, if it is being compiled, is waited for longer.
+	nice $(BIN)/pyright --threads 2
 
 # With the profile and the feature of the engine, so that build scripts and macros are there.
 check-rust: $(VENV)/.engine
