@@ -1,4 +1,4 @@
-//! What a driver sets out to do at a decision, whoever decides, and what it is free to do; see `overtaking.sim.reference.intent`.
+//! What a driver intends at a decision, and which moves are open to it; see `overtaking.sim.reference.intent`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

@@ -53,7 +53,7 @@ pub struct Mind<'a, S: Simd> {
 }
 
 impl<S: Simd, const N: usize> Minds<S, N> {
-    /// That of the ego.
+    /// What the driver of the ego knows.
     pub fn of_ego(&self) -> Mind<'_, S> {
         Mind {
             near: &self.near[EGO],
@@ -64,8 +64,8 @@ impl<S: Simd, const N: usize> Minds<S, N> {
         }
     }
 
-    /// That of another vehicle on a two-way road: of two lanes neither lies between two others, so nobody else
-    /// signals for the same place.
+    /// What the driver of another vehicle knows on a two-way road. It lets nobody first: two vehicles compete for a
+    /// place only from both sides of a lane, and with two lanes there is none on one side.
     pub fn of_other(&self, i: usize) -> Mind<'_, S> {
         Mind {
             near: &self.near[i],

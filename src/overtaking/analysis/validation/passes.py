@@ -47,8 +47,7 @@ class Pass:
         way: Way meanwhile [m].
         surplus: Speed above that of the passed when abreast [m/s].
         passed_speed: Speed of the passed then [m/s].
-        no_return: When its middle reached the rear bumper of the passed, of the time in the other
-            lane [1].
+        no_return: When its middle was beside the rear bumper of the passed, share of `duration`.
         offered: Time until the nearest oncomer would be met, at the decision [s].
         away: How far off that one was [m].
         their_speed: Its speed then [m/s].

@@ -1,6 +1,6 @@
-"""What a driver sets out to do at a decision, whoever decides, and what it is free to do.
+"""What a driver intends at a decision, and which moves are open to it.
 
-That is the ego, and on two-way roads anybody: `who` says of whom arrays tell.
+The ego decides so, on two-way roads every driver: `who` selects the rows of the arrays.
 """
 
 from dataclasses import dataclass

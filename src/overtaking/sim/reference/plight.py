@@ -1,6 +1,6 @@
 """How drivers go on in the other lane: past, back behind the other, or in haste.
 
-Everybody does so by the same rules, the ego and the others; `who` says of whom arrays tell.
+The ego and the others follow the same rules; `who` selects the rows of the arrays.
 """
 
 from dataclasses import dataclass
