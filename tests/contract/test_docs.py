@@ -252,6 +252,7 @@ def test_a_query_that_counts_a_simulation_thrice_is_seen():
 # --- snippets ---
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("page", EXECUTED)
 def test_what_a_page_tells_to_run_runs(
     page: str, workdir: Path, capsys: pytest.CaptureFixture[str]
@@ -287,6 +288,7 @@ def test_an_interactive_session_with_another_output_is_seen():
         check(">>> 1 + 1\n3\n", {}, "page")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("script", EXAMPLES)
 def test_an_example_runs(script: str, workdir: Path):
     done = subprocess.run(
@@ -410,6 +412,7 @@ def test_every_decision_is_listed():
 # --- generated pages ---
 
 
+@pytest.mark.ci
 def test_generated_pages_and_pictures_are_current_and_one_that_is_not_is_named(tmp_path: Path):
     shutil.copytree(ROOT / "docs", tmp_path / "docs")
     page = tmp_path / "docs" / "reference" / "constants.md"

@@ -152,6 +152,7 @@ def test_the_linter_catches(module: str, line: str, contract: str, repository: P
     assert any(row.startswith(contract) for row in broken), done.stdout
 
 
+@pytest.mark.ci
 def test_only_the_binding_loads_compiled_code(copy: Path):
     loaders = loaders_of_compiled_code(copy)
     assert {m for m in loaders if not any(inside(m, each) for each in BINDINGS)} == set()

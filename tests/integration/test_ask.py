@@ -142,6 +142,7 @@ def test_what_the_law_says_is_what_the_findings_say(data: Dataset):
     }
 
 
+@pytest.mark.ci
 def test_the_same_is_found_however_few_frames_are_looked_at(data: Dataset):
     query = "overtakes(S,A,B,F)"
     assert rows_of(data, query, every=1) == rows_of(data, query, every=500)

@@ -53,6 +53,7 @@ def data(made, tmp_path) -> Path:
     return Path(shutil.copytree(made, tmp_path / "data"))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

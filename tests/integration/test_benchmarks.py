@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.ci
+
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 REPLAYED = """
@@ -41,7 +43,6 @@ def run(*command: str | Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.ci
 def test_engine_and_peers_are_compared_in_one_run():
     done = run("engine.py", "--turns", "1", "--seconds", "0.01", "--json")
     rows = {row["name"]: row for row in json.loads(done.stdout) if "slower" in row}
@@ -60,7 +61,6 @@ def test_engine_and_peers_are_compared_in_one_run():
         assert row["slower"] == pytest.approx([ratio] * 3)
 
 
-@pytest.mark.ci
 def test_replayed_simulations_have_the_same_hashes_at_every_level_of_this_processor():
     done = run("arm.py", "--here", "--json")
     found = json.loads(done.stdout)
@@ -68,7 +68,6 @@ def test_replayed_simulations_have_the_same_hashes_at_every_level_of_this_proces
     assert {row["name"]: row["value"] for row in found}["portable: differences"] == 0
 
 
-@pytest.mark.ci
 def test_replayed_simulations_with_another_seed_have_other_hashes(tmp_path: Path):
     done = run("-c", REPLAYED, tmp_path)
     same = done.stdout.split()
@@ -77,7 +76,6 @@ def test_replayed_simulations_with_another_seed_have_other_hashes(tmp_path: Path
     assert len(same) == 256
 
 
-@pytest.mark.ci
 def test_accidents_are_told_with_what_was_believed_and_driving_goes_on_where_it_stopped(tmp_path):
     kept = tmp_path / "kept.json"
     asked = ("-c", IN_SMALL_BATCHES, "pinto2023", "--seed", "2", "--json")

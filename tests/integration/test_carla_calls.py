@@ -98,6 +98,7 @@ def test_a_constant_velocity_is_kept_and_let_go_of(server: Address):
     assert rest == 0.0
 
 
+@pytest.mark.ci
 def test_ackermann_control_makes_for_its_speed_with_the_gains_of_the_client(server: Address):
     found = ask(
         server,

@@ -136,6 +136,7 @@ def test_the_server_listens_on_loopback_only(server: Address):
     assert ours == {f"0100007F:{server.port:04X}"}
 
 
+@pytest.mark.ci
 def test_it_ends_when_told_to():
     with headless_server() as address:
         pass

@@ -25,6 +25,7 @@ pytestmark = [
 ]
 
 
+@pytest.mark.ci
 def test_it_is_ready_within_five_seconds():
     before = os.times()
     with headless_server():
@@ -323,6 +324,7 @@ def test_maps_are_loaded_by_name_and_unknown_ones_refused(server: Address):
     assert back.endswith("Town06")
 
 
+@pytest.mark.ci
 def test_an_opendrive_file_can_be_the_map(shared_data):
     path = shared_data / "opendrive" / "esmini_curve_r100.xodr"
     with headless_server("--map", str(path)) as address:

@@ -50,6 +50,7 @@ def made(out: Path, keep: str, **given: object) -> ot.Dataset:
     )
 
 
+@pytest.mark.ci
 def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
     data = made(tmp_path / "frames", "frames")
     few = made(tmp_path / "features", "features")
@@ -131,6 +132,7 @@ def test_data_sets_without_a_policy_have_no_actions(tmp_path):
     assert "clipped" not in (tmp_path / "own" / "dataset.json").read_text()
 
 
+@pytest.mark.ci
 def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
     failing = {"left": 2}
 

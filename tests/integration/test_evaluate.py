@@ -22,6 +22,8 @@ from overtaking.model.observation import MEETING, WIDTH
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+pytestmark = pytest.mark.ci
+
 SHORT = {"time.horizon_s": 12.0, "time.attempt_deadline_s": 12.0}
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ARGUMENTS = ["--set", "time.horizon_s=12.0", "--set", "time.attempt_deadline_s=12.0"]
@@ -61,7 +63,6 @@ def test_a_profile_of_the_package_stands_for_its_risky_one():
     assert met.effective == pytest.approx(4.0)
 
 
-@pytest.mark.ci
 def test_weighted_rates_are_those_that_brute_force_finds():
     """Dense nights and pressing egos are drawn more often; what happens is as frequent as ever."""
     bent = [
@@ -97,7 +98,6 @@ def test_clipped_answers_are_counted_and_told():
     assert any("and clipped" in one for one in warnings(found))
 
 
-@pytest.mark.ci
 def test_the_page_and_what_the_command_prints(tmp_path, capsys):
     words = ["evaluate", "pinto2023-physical", "--policy", "rules", "-n", "30", *ARGUMENTS]
     assert main([*words, "--out", str(tmp_path), "--films", "1", "--json"]) == 0

@@ -11,6 +11,8 @@ import pytest
 
 from overtaking.cli import main
 
+pytestmark = pytest.mark.ci
+
 PAGES = {
     "make-a-data-set.md": {"data/few", "data/pinto"},
     "generate-at-scale.md": {"data/large"},

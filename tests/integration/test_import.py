@@ -66,6 +66,7 @@ def test_an_overtake_in_a_recording_is_labelled_like_one_of_ours(scene, tmp_path
     assert (tmp_path / "data" / "README.md").read_text(encoding="utf-8").count("scene.xml") == 1
 
 
+@pytest.mark.ci
 def test_what_is_read_back_is_what_was_read(scene, tmp_path):
     found = scenes(read_commonroad(scene))
     data = api.import_recording("commonroad", scene, tmp_path / "data")
@@ -97,6 +98,7 @@ def test_the_same_file_gives_the_same_content_and_names_its_hash(scene, tmp_path
     one.verify()
 
 
+@pytest.mark.ci
 def test_the_command_tells_what_it_found(scene, tmp_path, capsys):
     out = tmp_path / "data"
     line = ["import", "commonroad", str(scene), "--out", str(out), "--attempts-only", "--json"]

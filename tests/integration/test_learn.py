@@ -37,6 +37,7 @@ def factors(folder: Path) -> Any:
     return overtaking.learn_factors(folder, features=["waiting time", "ahead_ttc_s"])
 
 
+@pytest.mark.ci
 def test_rules_come_as_json(folder: Path, rules: Any, capsys: pytest.CaptureFixture[str]):
     assert main(["learn", "rules", str(folder), "--about", "start", "--json"]) == 0
     said = capsys.readouterr()

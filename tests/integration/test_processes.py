@@ -29,6 +29,8 @@ from overtaking.data.recipe import Keep, Recipe
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import spec
 
+pytestmark = pytest.mark.ci
+
 NUM_SIMULATIONS, SHARD_SIZE = 1000, 125
 SETTINGS = {
     "overrides": {"time.horizon_s": 4.0, "time.attempt_deadline_s": 4.0},
@@ -114,7 +116,6 @@ def ignores(number: int, what: signal.Signals) -> bool:
     return bool(mask >> (what - 1) & 1)
 
 
-@pytest.mark.ci
 @linux_only
 def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undisturbed):
     told: list[int] = []
@@ -132,7 +133,6 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undistur
     assert told[-1] == NUM_SIMULATIONS
 
 
-@pytest.mark.ci
 @linux_only
 def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, undisturbed):
     monkeypatch.setattr(processes, "MAX_ATTEMPTS", 2)
@@ -146,7 +146,6 @@ def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, u
     assert contents(tmp_path / "data") == undisturbed
 
 
-@pytest.mark.ci
 def test_a_script_that_guards_nothing_runs_once(script, undisturbed):
     process = started(script)
     said, complaints = process.communicate(timeout=120)
@@ -156,7 +155,6 @@ def test_a_script_that_guards_nothing_runs_once(script, undisturbed):
     assert contents(script.parent / "data") == undisturbed
 
 
-@pytest.mark.ci
 @linux_only
 def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     process = at_work(script)
@@ -176,7 +174,6 @@ def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
-@pytest.mark.ci
 @linux_only
 @pytest.mark.parametrize(
     ("by", "named"), [(signal.SIGTERM, "DatasetError"), (signal.SIGINT, "KeyboardInterrupt")]
@@ -193,7 +190,6 @@ def test_a_group_asked_to_end_says_one_line_and_leaves_nobody(by, named, script)
     assert not (script.parent / "data" / PARTIAL).exists()
 
 
-@pytest.mark.ci
 def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
     settings = {
         "simulations": 60,
@@ -210,7 +206,6 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
     assert contents(made[0].path) == contents(made[1].path)
 
 
-@pytest.mark.ci
 def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
     monkeypatch.setitem(fsspec.config.conf, "local", {"auto_mkdir": True})
     monkeypatch.setenv("FSSPEC_LOCAL", '{"auto_mkdir": true}')  # The same for workers.
@@ -220,7 +215,6 @@ def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
     }
 
 
-@pytest.mark.ci
 @needs_sumo
 def test_every_process_has_a_sumo_of_its_own(tmp_path):
     made = [

@@ -14,6 +14,8 @@ from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
 from overtaking.world.constants import known
 
+pytestmark = pytest.mark.ci
+
 FILES = sorted((Path(__file__).parents[3] / "shared/data/commonroad").glob("*.xml"))
 ROUNDING = 0.003
 """Positions are rounded to millimetres before they are judged [m]."""

@@ -121,6 +121,7 @@ def test_a_killed_process_is_resumed_in_another(hold_at: int, undisturbed, tmp_p
     assert_same(generate(tmp_path / "data", resume=True), undisturbed)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("by", "named"), [(signal.SIGTERM, "DatasetError"), (signal.SIGINT, "KeyboardInterrupt")]
 )
@@ -139,6 +140,7 @@ def test_a_process_asked_to_end_cleans_up_and_says_how_to_go_on(
     assert_same(generate(out, resume=True), undisturbed)
 
 
+@pytest.mark.ci
 def test_what_is_finished_is_not_made_again(tmp_path: Path):
     end(start(tmp_path / "data", 24), signal.SIGKILL)
     first = tmp_path / "data" / "states" / "part-00000.parquet"
@@ -147,6 +149,7 @@ def test_what_is_finished_is_not_made_again(tmp_path: Path):
     assert first.stat().st_mtime_ns == before
 
 
+@pytest.mark.ci
 def test_two_processes_do_not_write_one_folder(undisturbed, tmp_path: Path):
     out = tmp_path / "data"
     process = start(out, 8)
@@ -158,6 +161,7 @@ def test_two_processes_do_not_write_one_folder(undisturbed, tmp_path: Path):
     assert_same(api.load(out), undisturbed)
 
 
+@pytest.mark.ci
 def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
     with pytest.raises(DatasetError, match=r"got one that is not finished; .*--resume"):
@@ -166,12 +170,14 @@ def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_pa
         api.load(tmp_path / "data")
 
 
+@pytest.mark.ci
 def test_another_recipe_does_not_go_on_with_it(tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
     with pytest.raises(DatasetError, match="seed of the data set: expected 2, got 1; choose"):
         generate(tmp_path / "data", seed=2, resume=True)
 
 
+@pytest.mark.ci
 def test_the_manifest_alone_says_how_to_go_on(undisturbed, tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
     assert_same(api.resume(tmp_path / "data"), undisturbed)
@@ -207,6 +213,7 @@ def empty(path: Path) -> None:
 DAMAGES = [cut, flip, empty, Path.unlink]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("table", ["states", "vehicles", "simulations"])
 def test_a_damaged_file_is_found_and_named_and_written_again(
@@ -240,6 +247,7 @@ def forget(folder: Path) -> None:
     (folder / "dataset.json").write_text(json.dumps(unfinished))
 
 
+@pytest.mark.ci
 @given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 @settings(max_examples=15)
 def test_any_bit_of_a_commit_mark_may_be_wrong(share, bit, undisturbed, tmp_path_factory):
@@ -256,6 +264,7 @@ def test_any_bit_of_a_commit_mark_may_be_wrong(share, bit, undisturbed, tmp_path
     assert resumed.content_hash == undisturbed.content_hash
 
 
+@pytest.mark.ci
 def test_a_shard_of_another_data_set_is_not_taken_for_finished(undisturbed, copy: Path, tmp_path):
     other = generate(tmp_path / "other", seed=2)
     for file in other.path.rglob("part-00000.parquet"):

@@ -25,6 +25,8 @@ from overtaking.core.errors import ConfigError, DatasetError
 if TYPE_CHECKING:
     from overtaking import Dataset
 
+pytestmark = pytest.mark.ci
+
 SIMULATIONS = 24
 SHARDS = 3
 
@@ -365,7 +367,6 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: Any) -> str:
 QUESTION = "select simulation, profile, trace_hash from simulations order by 1"
 
 
-@pytest.mark.ci
 def test_the_three_forms_say_the_same(folder: Path, capsys: pytest.CaptureFixture[str]):
     as_json = json.loads(run(capsys, "sql", folder, QUESTION, "--format", "json"))
     assert as_json == json.loads(run(capsys, "sql", folder, QUESTION, "--json"))

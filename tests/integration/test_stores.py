@@ -59,6 +59,7 @@ def test_a_store_holds_the_bytes_of_a_folder(url, folder):
     assert_same(stored, folder)
 
 
+@pytest.mark.ci
 def test_a_data_set_in_a_store_is_read_like_any_other(url, folder, tmp_path):
     generate(url)
     stored = api.load(url)
@@ -131,6 +132,7 @@ def test_another_data_set_in_a_store_is_refused(url):
         generate(url, seed=2, resume=True)
 
 
+@pytest.mark.ci
 def test_a_balanced_data_set_in_a_store_is_the_same(url, tmp_path):
     balance = Balance(candidates=400, allows_missing=True)
     stored, folder = (generate(out, balance=balance) for out in (url, tmp_path / "data"))

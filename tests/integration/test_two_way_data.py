@@ -73,6 +73,7 @@ def by_hand(data, number):
     return times, beyond
 
 
+@pytest.mark.ci
 def test_times_to_meet_are_those_of_the_recorded_states(passes):
     rows = passes.safety().query("moment == 'manoeuvre'").set_index("simulation")
     labels = passes.labels().query("policy == 'paper'").set_index("simulation")

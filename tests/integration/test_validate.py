@@ -15,6 +15,8 @@ import pytest
 import overtaking as ot
 from overtaking.knowledge.validation import targets
 
+pytestmark = pytest.mark.ci
+
 COMMAND = [sys.executable, "-m", "overtaking", "validate", "motorway", "-n", "8"]
 US101 = sorted((Path(__file__).parents[3] / "shared/data/commonroad").glob("USA_US101*.xml"))
 
@@ -95,7 +97,6 @@ def test_the_picture_is_written_whole(found, tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-@pytest.mark.ci
 def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
     enriched = ot.validate("motorway-risk", 96, seed=5)
     rates = {rate.title: rate for rate in enriched.comparison}

@@ -28,6 +28,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.ci
 def test_a_twin_is_told_saved_and_read_again(
     data: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

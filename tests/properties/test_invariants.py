@@ -81,6 +81,7 @@ def test_the_same_seed_gives_the_same_bits(seed: int, index: list[int]):
     assert_equal(simulated(seed, index), simulated(seed, index))
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=10)
 def test_a_simulation_is_the_same_in_any_batch(seed: int, index: list[int]):

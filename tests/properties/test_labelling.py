@@ -138,6 +138,7 @@ def prefixed(run: Trajectories, frames: int) -> Trajectories:
     )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("interval_ms", [40, 100])
 def test_classes_hardly_depend_on_the_frame_rate(interval_ms):
     size = 1200

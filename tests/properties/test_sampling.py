@@ -56,6 +56,7 @@ def specifications(draw):
     return spec("pinto2023-physical", overrides)
 
 
+@pytest.mark.ci
 @settings(max_examples=25)
 @given(SEEDS, st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=30))
 def test_a_scenario_is_the_same_in_any_batch(seed, numbers):

@@ -65,6 +65,7 @@ def test_both_engines_have_the_same_bits(profile: str):
         assert not difference(read, engine.simulate(batch, level=level))
 
 
+@pytest.mark.ci
 def test_a_line_without_bends_is_a_straight_road():
     batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(16))
     road = batch.road
@@ -74,6 +75,7 @@ def test_a_line_without_bends_is_a_straight_road():
     assert not difference(straight, laid)
 
 
+@pytest.mark.ci
 def test_left_and_right_are_the_same():
     batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(8))
     batch = batch.replace(road=on(batch.road, *BENDS, grade=HILLS))
@@ -178,6 +180,7 @@ def crooked() -> Road:
     return on(dataclasses.replace(rural, course=None), *parts)
 
 
+@pytest.mark.ci
 def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
     batch = sample(spec("rural"), crooked(), 5, np.arange(48))
     run = engine.simulate(batch)

@@ -76,6 +76,7 @@ def contact(a: Pose, b: Pose, start: tuple[float, float], end: tuple[float, floa
     return [float(x[0]) for x in first_contact(a.ours(), b.ours(), (s0, d0), (s1, d1))]
 
 
+@pytest.mark.ci
 @given(a=poses, b=poses, start=places, move=moves)
 @settings(max_examples=300)
 def test_boxes_touch_when_shapely_says(
@@ -265,6 +266,7 @@ def test_an_impact_keeps_momentum_and_spin_and_never_makes_energy(kinds, place, 
         assert after == before
 
 
+@pytest.mark.ci
 @given(
     kinds=st.tuples(*[st.sampled_from(["S", "M", "V", "T"])] * 2),
     aside=st.floats(-1.5, 1.5),

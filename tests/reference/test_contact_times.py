@@ -19,6 +19,8 @@ from overtaking.world.parameters import SUBSTEPS, parameters
 
 from .situations import ROUGH
 
+pytestmark = pytest.mark.ci
+
 FINE = 0.001
 EARLIER = 8
 """Decisions before the contact from which on the steps are fine."""

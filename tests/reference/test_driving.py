@@ -25,6 +25,8 @@ from overtaking.world.parameters import parameters
 
 from .situations import difference
 
+pytestmark = pytest.mark.ci
+
 SHORT = {"time.horizon_s": 15.0, "time.attempt_deadline_s": 15.0}
 SHORTER = {
     "time.horizon_s": 8.0,
@@ -176,7 +178,6 @@ def test_the_driver_of_the_others_changes_lanes_by_mobil():
     assert not (found.stage == Stage.CRASHED).any()
 
 
-@pytest.mark.ci
 def test_the_reference_lets_a_policy_do_the_same():
     scenario = scenes(8)
     found = drive(scenario, HUMAN, reference.run, "reference")

@@ -75,6 +75,7 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
         assert not found, f"{level}: {found}"
 
 
+@pytest.mark.ci
 def test_further_situations_are_what_they_are_called():
     told, *met, two_way, winding, meeting = FURTHER
     pushes = parameters(told.scenario(told.share)).of_simulations.push_accel

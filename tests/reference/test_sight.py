@@ -151,6 +151,7 @@ def test_places_are_where_one_sees_too_little():
     assert places_for(dataclasses.replace(two_way(), course=course), 1) == (own,)
 
 
+@pytest.mark.ci
 def test_both_engines_see_equally_far():
     """Behind bends and crests, from cars and from a truck, both ways: the same bits."""
     road = bent((1000.0, 0.0, 0.0), (LENGTH, 1 / 300, 1 / 300),

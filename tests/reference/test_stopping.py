@@ -85,6 +85,7 @@ def braking_distance(speed: float, film_mm: float) -> float:
     return quad(lambda v: v / decel(v), 0.0, speed, epsrel=1e-4, points=knots)[0]
 
 
+@pytest.mark.ci
 def test_on_a_film_the_distance_is_the_integral_over_the_table():
     cases = list(product((0.0, 0.2, 0.6, 1.0, 1.5), (20.0, 30.0, 36.0)))
     body = NO_RESISTANCE | {"peak_decel": 20.0}

@@ -281,6 +281,7 @@ REFUSED = {
 """The roads outside junctions that are not read: too sharp a bend, and tapers all along."""
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", MAPS)
 def test_every_road_is_read_or_refused_with_the_reason(maps: Path, name: str):
     verdicts = survey(maps / name)
@@ -314,6 +315,7 @@ def test_the_roads_that_are_read_are_counted(maps: Path):
     }
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", MAPS)
 def test_of_each_road_the_longest_stretch_is_read_on_which_it_stays_the_same(maps: Path, name: str):
     for road in mapped(maps / name):
@@ -364,6 +366,7 @@ def placed(road: ET.Element, station: float, t: float) -> tuple[float, float]:
     )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", MAPS)
 def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
     """Ten stations of every lane that is read, bends and lane offsets and all."""

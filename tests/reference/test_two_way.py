@@ -29,6 +29,7 @@ LEVELS = [name for name, available in _core.simd_levels() if available]
 COMES = {"desired_speed": 25.0}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_both_engines_record_the_same_bits_by_hand(mirrored):
     on = road(is_open=False)

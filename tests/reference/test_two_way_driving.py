@@ -67,6 +67,7 @@ def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
         assert not (wrong := difference(found, expected)), f"{level}: {wrong}"
 
 
+@pytest.mark.ci
 def test_the_built_in_ego_as_a_policy_leaves_the_same_trace():
     world = rural(np.arange(64))
     expected = engine.run(world, parameters(world))
@@ -75,6 +76,7 @@ def test_the_built_in_ego_as_a_policy_leaves_the_same_trace():
     assert not difference(found.replace(actions=None), expected)
 
 
+@pytest.mark.ci
 def test_it_leaves_the_same_trace_where_it_gives_up():
     gaps = np.arange(200.0, 1500.0, 25.0)
     scenes = [pair(gap, comes=75.0, gap_acceptance=0.2) for gap in gaps]

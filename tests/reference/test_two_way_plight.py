@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from tests.support.two_way import beyond, in_the_other_lane, pair, platoon, simulated, with_another
 from tests.support.worlds import Vehicle
 
@@ -83,6 +84,7 @@ def longest_beside(run: Trajectories, row: int) -> float:
     return 0.05 * float(max(edges[1::2] - edges[::2], default=0))
 
 
+@pytest.mark.ci
 def test_nobody_stays_beside_another_with_neither_time_nor_room():
     """Number 319 stayed beside another for 7.5 s before: no room, and not trapped."""
     pressed = {

@@ -92,6 +92,7 @@ def test_what_was_not_kept_is_simulated_again(simulation, data, summary):
     assert np.array_equal(again.trace_hash, data.trajectory(simulation).trace_hash)
 
 
+@pytest.mark.ci
 def test_a_data_set_is_a_sequence_of_simulations_whatever_it_kept(data, summary, runs):
     for source in (data, summary):
         hashes = [source[np.int64(number)].trace_hash[0] for number in range(len(source))]
@@ -148,6 +149,7 @@ def test_a_branch_is_the_same_up_to_its_frame_and_another_after_it(runs):
     assert (after > 0).any()
 
 
+@pytest.mark.ci
 def test_the_reference_writes_the_same_data_set(data, tmp_path: Path):
     readable = generate(tmp_path / "readable", simulator="reference")
     assert readable.content_hash == data.content_hash
@@ -171,6 +173,7 @@ def test_tables_come_as_pandas_in_si(data):
     assert speed.between(10, 60).all()  # 50 to 120 km/h, and not yet braked.
 
 
+@pytest.mark.ci
 def test_anyone_can_group_tables_of_many_shards_by_any_of_their_names(tmp_path: Path):
     # Arrow refuses to where the parts of a column list other names.
     data = api.generate(
@@ -239,6 +242,7 @@ def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
     assert set(manifest["provenance"]) >= {"started", "finished", "package", "machine"}
 
 
+@pytest.mark.ci
 def test_the_data_card_says_how_to_make_and_read_it_and_is_right(copy: Path):
     card = (copy / "README.md").read_text()
     code = [line[4:] for line in card.splitlines() if line.startswith("    ")]

@@ -12,6 +12,8 @@ from tests.support.small import generate
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.ci
+
 UNTIL_FULL = """
 import shutil, sys
 from pathlib import Path
@@ -111,7 +113,6 @@ def peak_memory(out: Path, simulations: int) -> int:
     return int(done.stdout)
 
 
-@pytest.mark.ci
 def test_memory_is_flat_in_the_number_of_simulations(tmp_path: Path):
     # As many pieces as may be under way at a time, and several times as many.
     few, many = (peak_memory(tmp_path / str(n), n) for n in (4 * 1024, 16 * 1024))

@@ -94,6 +94,7 @@ def test_a_comparison_counts_every_simulation_once(capsys):
     assert [row["index"] for row in told["rows"]] == list(range(5))
 
 
+@pytest.mark.ci
 def test_a_comparison_of_the_engine_with_its_twin_finds_no_difference(capsys):
     assert main(["compare", *FEW, "--with", "reference,sumo", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 
+import pytest
 from tests.reference.labels.events import find_events
 from tests.reference.labels.recordings import case, every_recording, readable, written
 from tests.reference.labels.signals import One, signals
 
 from overtaking.labels.events import case_of
 from overtaking.model.events import NEVER, Events
+
+pytestmark = pytest.mark.ci
 
 
 def of(events: Events, number: int) -> dict[str, int]:

@@ -58,6 +58,7 @@ def test_nothing_shows_of_what_the_memory_held_before(monkeypatch):
     assert len(used) == 1
 
 
+@pytest.mark.ci
 def test_signals_of_overtakes_written_by_hand_are_the_same():
     for run in written():
         assert not differences(case_of(run).signals, 0, signals(One(run, 0)))

@@ -62,6 +62,7 @@ def assert_same(given: Case, span: Span, ones: list[tuple[One, dict[str, Row]]])
         assert {name: row[k] for name, row in found.sums.items()} == expected["sums"], k
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("span_of", [conduct, whole, some_frames])
 @every_recording
 def test_every_answer_is_the_same(name, span_of):
@@ -140,6 +141,7 @@ def test_a_recording_of_another_shape_is_refused():
             ask()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("level", LEVELS)
 def test_every_level_answers_alike(level, monkeypatch):
     monkeypatch.setenv(SIMD_VARIABLE, level)
@@ -154,6 +156,7 @@ def test_answers_about_overtakes_written_by_hand_are_the_same():
         assert_same(given, whole(given), [(one, signals(one))])
 
 
+@pytest.mark.ci
 def test_what_they_agree_on_has_something_of_everything():
     batches = [case(name) for name in ("pinto2023", "motorway-risk")]
     batches += [case_of(run) for run in written()]

@@ -125,6 +125,7 @@ def test_followers_keep_the_equilibrium_gap_of_the_model(time_gap, min_gap, spee
     assert metres(run.states.speed[0, 0, -1]) == pytest.approx(speed, abs=0.05)
 
 
+@pytest.mark.ci
 def test_errors_of_judgement_scatter_the_gap_around_it():
     follows = STAYS | {"desired_speed": 30.0, "time_gap": 1.4, "min_gap": 2.0}
     begin = [
@@ -252,6 +253,7 @@ def test_left_hand_traffic_is_the_mirror_image():
 # --- determinism ---
 
 
+@pytest.mark.ci
 def test_the_same_scenarios_give_the_same_hashes(batch):
     again = sumo.simulate(batch.scenario)
     assert (again.trace_hash == batch.trace_hash).all()

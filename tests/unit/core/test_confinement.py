@@ -4,6 +4,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.ci
+
 pytest.importorskip("resource", reason="Windows bounds no process")
 
 SPINS = """

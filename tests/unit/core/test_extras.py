@@ -9,14 +9,14 @@ import sys
 import tomllib
 from typing import TYPE_CHECKING
 
+import pytest
+
 from overtaking.core.errors import MissingExtraError
 from overtaking.core.extras import extras, install_command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-    import pytest
 
 
 def declared(repository: Path) -> dict[str, list[str]]:
@@ -63,6 +63,7 @@ def test_nothing_tells_to_install_the_package_from_an_index(repository: Path):
     assert [path for path in sources(repository) if re.search(told, path.read_text("utf-8"))] == []
 
 
+@pytest.mark.ci
 def test_pip_takes_what_the_commands_name():
     """It reads all requirements before it looks for the first."""
     commands = [shlex.split(install_command(name)) for name in extras()]

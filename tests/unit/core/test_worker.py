@@ -97,6 +97,7 @@ def test_silence_is_a_timeout():
             worker.receive(0.01)
 
 
+@pytest.mark.ci
 def test_an_end_is_told_with_the_last_line_that_was_printed():
     with nothing_left():
         worker = started()
@@ -131,6 +132,7 @@ def test_a_worker_that_does_not_stop_is_killed():
         assert worker.ending() == "by SIGKILL"
 
 
+@pytest.mark.ci
 @posix_only
 def test_workers_killed_in_the_middle_of_a_call_leave_nothing():
     with nothing_left():
@@ -143,6 +145,7 @@ def test_workers_killed_in_the_middle_of_a_call_leave_nothing():
             assert worker.ending() == "by SIGKILL"
 
 
+@pytest.mark.ci
 def test_workers_closed_in_the_middle_of_a_call_leave_nothing():
     with nothing_left():
         for _ in range(ROUNDS):

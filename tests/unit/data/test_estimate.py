@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 ENGINE = simulator_of("engine")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("keep", Keep)
 def test_an_estimate_is_near_the_truth(recipe: Recipe, keep: Keep, tmp_path: Path):
     few = dataclasses.replace(recipe, num_simulations=600, shard_size=600, keep=keep, seed=3)

@@ -108,6 +108,7 @@ def test_a_recording_that_is_none_is_refused(runs, path: str, value: object, say
         ot.label(changed(runs, path, value))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("profile", profile_names())
 def test_what_profiles_and_simulators_make_passes(profile: str):
     check(ot.sample(profile, 500, 3), "test")
@@ -116,6 +117,7 @@ def test_what_profiles_and_simulators_make_passes(profile: str):
         check(ot.simulate(short, simulator=simulator), "test")
 
 
+@pytest.mark.ci
 def test_a_recording_of_others_passes(shared_data, tmp_path: Path):
     for name in ("C-DEU_MONAMerge-2_480_T-559", "OSC_CutIn-1_2_T-1"):
         source = shared_data / "commonroad" / f"{name}.xml"

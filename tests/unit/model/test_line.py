@@ -118,6 +118,7 @@ def test_it_goes_on_straight_beyond_its_ends() -> None:
     assert d == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.ci
 @given(line=lines(), part=st.floats(0.0, 1.0), offset=st.floats(-15.0, 15.0))
 def test_world_coordinates_lead_back_within_two_millimetres(
     line: ReferenceLine, part: float, offset: float

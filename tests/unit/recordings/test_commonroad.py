@@ -121,6 +121,7 @@ def test_what_the_file_says_of_the_road_is_kept_and_the_rest_is_unknown(write):
     assert "marks" in read_commonroad(write(bare)).unknown
 
 
+@pytest.mark.ci
 def test_limits_from_lanelet_to_lanelet_are_those_of_the_road(write):
     signs = "".join(
         f'<trafficSign id="{number}"><trafficSignElement><trafficSignID>274</trafficSignID>'
@@ -286,6 +287,7 @@ def with_ramp(movers, ramp: Bend = RAMP, on_ramp: int = 3) -> str:
     return commonroad(movers, MAIN, more="".join(beside.splitlines(keepends=True)[2:-1]))
 
 
+@pytest.mark.ci
 def test_the_busiest_road_is_read_and_not_the_busiest_lanelet(write):
     found = read_commonroad(write(with_ramp(OVERTAKE)))
     assert found.notes["lanelets_by_lane"] == [[11, 21, 31, 41, 51], [12, 22, 32, 42, 52]]
@@ -295,6 +297,7 @@ def test_the_busiest_road_is_read_and_not_the_busiest_lanelet(write):
     assert ramp.notes["other_roads"].startswith("41 (2 lanes")
 
 
+@pytest.mark.ci
 def test_a_road_that_bends_too_much_is_passed_over(write):
     hairpin = Bend(lanes=1, curvature=1.0 / 9.0, length=20.0)
     text = with_ramp(OVERTAKE[:2], hairpin, on_ramp=5)

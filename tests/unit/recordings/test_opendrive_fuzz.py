@@ -103,6 +103,7 @@ def test_hostile_values_never_escape(path: Path, changes: dict[tuple[int, int], 
     check(path, content)
 
 
+@pytest.mark.ci
 @given(
     place=st.integers(0, WHOLE.count(b"><")),
     tag=st.sampled_from([b"line", b"arc", b"lane", b"width", b"left", b"lanes", b"speed", b"type"]),

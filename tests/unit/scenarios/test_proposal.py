@@ -164,6 +164,7 @@ def test_components_that_leave_nothing_as_it_is_met_are_refused():
         spec("motorway-risk", {"proposal": [half, half]})
 
 
+@pytest.mark.ci
 def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
     road = load_road("motorway")
     natural = sample(spec("motorway"), road, 1, NUMBERS[:8000]).drivers

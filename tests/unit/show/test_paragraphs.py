@@ -14,6 +14,8 @@ from overtaking.labels.law.texts import words_of
 from overtaking.model.labels import Verdict
 from overtaking.show.paragraphs import paragraphs
 
+pytestmark = pytest.mark.ci
+
 PACKS = {"pt": PORTUGAL, "de": GERMANY}
 
 

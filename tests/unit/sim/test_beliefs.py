@@ -40,6 +40,7 @@ def test_an_ego_that_another_driver_drove_does_the_same_again(scenario: ot.Scena
         assert (np.rint(position * _MM) == runs.states.s[one, 0, :frames]).all()
 
 
+@pytest.mark.ci
 def test_both_engines_tell_the_same(scenario: ot.Scenario):
     few = scenario.select(slice(0, 2))
     few = few.replace(horizon=np.full(2, 1.5, np.float32))

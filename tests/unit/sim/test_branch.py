@@ -39,6 +39,7 @@ def test_a_change_of_weather_takes_effect_from_its_frame_on():
     assert blown.max() > 100  # mm, to the left, where the wind blows to.
 
 
+@pytest.mark.ci
 def test_engine_and_reference_branch_alike():
     one = branch(world(), 20, decision=Decision.PULL_OUT)
     two = branch(world(), 20, decision=Decision.PULL_OUT, run=reference.run)

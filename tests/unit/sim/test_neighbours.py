@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.minds import Moment, moment
@@ -46,6 +47,7 @@ def roles_of(m: Moment, me: int) -> list[int]:
     return [role for role in range(6) if 0 <= lane + (0, 1, -1)[role // 2] < LANES]
 
 
+@pytest.mark.ci
 @given(
     traffic=st.lists(vehicles, min_size=1, max_size=8),
     shifts=st.lists(st.floats(-3.0, 3.0), min_size=8, max_size=8),

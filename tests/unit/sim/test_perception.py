@@ -316,6 +316,7 @@ def test_who_has_signalled_for_long_enough_looks_once_more_and_who_moves_over_lo
     assert [int(looks(m, k)[1, 0]) for k in range(21, 26)] == [0, 0, 0, 0, 1]
 
 
+@pytest.mark.ci
 def test_looks_over_the_shoulder_fail_in_the_share_of_the_trait():
     m = moment(*[[Vehicle(driver={"checks_blind_spot": 0.9})]] * 4000)
     share = m.state.checks[0].mean()

@@ -128,6 +128,7 @@ def _pulls_out(runs: ot.Trajectories) -> Any:
     return np.where(is_out.any(axis=1), is_out.argmax(axis=1), -1)
 
 
+@pytest.mark.ci
 def test_any_profile_may_have_pushes():
     changes = {f"weather.pushes.{name}": value for name, value in PUSHES.items()}
     plain, pushed = (ot.sample("motorway", 4, 1, overrides=one) for one in (SHORT, SHORT | changes))
@@ -138,6 +139,7 @@ def test_any_profile_may_have_pushes():
     assert (runs.trace_hash == twin.trace_hash).all()
 
 
+@pytest.mark.ci
 def test_a_data_set_remembers_its_pushes(tmp_path: Any):
     short = {"time.horizon_s": 4.0, "time.attempt_deadline_s": 4.0}
     for keep in ("frames", "features"):

@@ -41,6 +41,7 @@ def follow_path(b: Bench, time: float) -> tuple[float, float, float]:
     return place, speed, float(steering.path_accel(b.state)[0, 0])
 
 
+@pytest.mark.ci
 @given(
     end=st.floats(-8.0, 8.0), duration=st.floats(2.5, 12.0), turn=st.floats(0.0, 1.0),
     back=st.floats(-8.0, 8.0), second=st.floats(2.5, 12.0), at=st.floats(0.0, 1.0),

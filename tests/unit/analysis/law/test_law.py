@@ -19,6 +19,8 @@ from overtaking.labels.law import GERMANY, PORTUGAL, policies_for
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass, Verdict
 
+pytestmark = pytest.mark.ci
+
 COUNT = 150
 POLICY = {one.name: one for one in policies_for("pt")}
 

@@ -12,6 +12,8 @@ from overtaking.analysis.learning.rules import BASELINE, learn_rules
 from overtaking.analysis.learning.targets import TARGETS
 from overtaking.core.errors import DatasetError
 
+pytestmark = pytest.mark.ci
+
 NUMBER = 600
 FACTORS = {
     "rain": ("rain_mmph",),

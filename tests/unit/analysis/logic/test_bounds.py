@@ -17,6 +17,7 @@ def overflows_of(text: str) -> list[str]:
     return [one.text for one in overflows([clause.tree.head, *clause.tree.body])]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("file", FILES)
 def test_no_term_of_a_program_leaves_32_bits_whatever_the_facts_within_their_ranges(file: str):
     for clause in program(file):
@@ -29,6 +30,7 @@ def test_every_word_of_a_program_is_declared(file: str):
     assert used <= set(declared())
 
 
+@pytest.mark.ci
 def test_the_largest_product_of_the_theory_is_near_the_border_and_below_it():
     highest = 0
     for file in FILES:

@@ -141,6 +141,7 @@ def test_both_say_the_same_of_simulations(profile: str, number: int):
     assert is_illegal.sum() > number / 4
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("code", "old", "new"),
     [

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     from overtaking.show.report.files import Written
 
+pytestmark = pytest.mark.ci
+
 SEED = 5
 
 
@@ -212,7 +214,6 @@ def test_the_text_says_what_the_label_hides(found: Reproduction):
     assert "assume that CARLA's presets were used unmodified" in text
 
 
-@pytest.mark.ci
 def test_the_command_prints_the_same_as_json(found: Reproduction, tmp_path: Path):
     command = [sys.executable, "-m", "overtaking", "reproduce", "pinto2023", "--json"]
     more = ["--replicates", "2", "--seed", str(SEED), "--out", str(tmp_path / "page"), "--quiet"]

@@ -85,6 +85,7 @@ def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, be
     assert value != getattr(one, found.parting.quantity)[0, found.parting.vehicle, frame]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("delay", [0.3, 1.0, 2.5])
 def test_a_later_start_is_as_late_as_asked(data: ot.Dataset, begun: int, delay: float):
     run = ot.twin(data, begun, delay=delay).told[1].run
@@ -189,6 +190,7 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
     assert futures.scenario.weather.rain[0] == 0.0
 
 
+@pytest.mark.ci
 def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_path: Path):
     dry = ot.branch(data[begun], changes=[ot.Change(without=("rain",))])
     stays = ot.branch(data[begun], decision=ot.Decision.STAY)
@@ -328,6 +330,7 @@ def test_films_of_twins_have_one_time_axis(data: ot.Dataset, begun: int):
     assert above == below
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["twin.svg", "twin.png"])
 def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, name: str):
     pytest.importorskip("matplotlib")

@@ -78,6 +78,7 @@ def test_numbers_are_not_copied():
     assert to_numpy(to_arrow(values)).ctypes.data == values.ctypes.data
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("module", ["overtaking.data.generate", "overtaking.data.tables.encode"])
 def test_writing_a_data_set_does_not_load_pandas(module: str):
     code = (

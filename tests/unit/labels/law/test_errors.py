@@ -151,6 +151,7 @@ def test_larger_errors_never_decide_more():
     assert (before.verdict == Verdict.UNDECIDABLE).sum() > 5
 
 
+@pytest.mark.ci
 def test_the_public_functions_take_errors_and_the_version_names_them(tmp_path, capsys):
     run = ot.simulate(ot.sample("pinto2023", 20, seed=3))
     exact, doubtful = ot.label(run), ot.label(run, position_error=0.5, speed_error=0.2)

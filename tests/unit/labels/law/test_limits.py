@@ -35,6 +35,7 @@ def fast(road, speed=30.0, **given):
     return alone(ego={"speed": speed} | given, road=road)
 
 
+@pytest.mark.ci
 @given(ends=ENDS, lower=st.tuples(st.floats(5, 33), st.floats(5, 33)), seed=st.integers(0, 9))
 def test_the_speed_limit_is_that_of_the_ego_s_place_frame_by_frame(ends, lower, seed):
     stretches = [
@@ -119,6 +120,7 @@ def test_the_limit_up_to_the_end_of_a_road_is_that_of_those_who_come_from_behind
     assert measured.time_available[0] == pytest.approx(6000.0 / (30.0 + 15.0))
 
 
+@pytest.mark.ci
 @given(st.lists(st.floats(0, 4999, width=64), min_size=2, max_size=2, unique=True))
 def test_facts_say_exactly_in_which_frames_a_lower_limit_holds(ends: list[float]):
     start, stop = sorted(ends)

@@ -108,6 +108,7 @@ def test_an_association_is_short(result: Statistics, value: float, text: str):
     assert text in texts(pairs.draw_associations(found))
 
 
+@pytest.mark.ci
 def test_the_pair_plot_has_a_panel_for_each_pair(result: Statistics):
     counted = [distributions.histogram(result.sample, one.name) for one in NUMERIC]
     points = distributions.pair_points(result.sample)
@@ -259,6 +260,7 @@ def of_every_class() -> Statistics:
     return statistics(frame)
 
 
+@pytest.mark.ci
 def test_a_legend_of_all_classes_fits_into_the_figure(of_every_class: Statistics):
     sample = of_every_class.sample
     counted = [distributions.histogram(sample, one.name) for one in FEATURES]

@@ -15,6 +15,8 @@ from overtaking.show.report import gallery
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+pytestmark = pytest.mark.ci
+
 
 def pictures() -> list[gallery.Picture]:
     found = statistics(synthetic_features())

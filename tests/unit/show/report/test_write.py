@@ -130,6 +130,7 @@ def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path)
     assert not any(name.startswith("example") for name in made.figures)
 
 
+@pytest.mark.ci
 def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path: Path):
     labelled = label(simulate(sample("motorway", 12, 1)))
     illegal = int(np.flatnonzero(labelled.findings.verdict[:, 2] == Verdict.ILLEGAL)[0])
@@ -205,6 +206,7 @@ print(len(made.figures), len(made.tables), *made.remarks, sep="|")
 """
 
 
+@pytest.mark.ci
 def test_without_the_extras_the_tables_are_there_and_it_says_what_to_install(
     tmp_path: Path, repository: Path
 ):

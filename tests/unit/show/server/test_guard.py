@@ -207,6 +207,7 @@ def test_a_taken_port_and_an_unknown_policy_are_clear_errors(data: Dataset):
         Server(data, "moon", 0)
 
 
+@pytest.mark.ci
 def test_nothing_is_written_into_the_data_set(client: Client, data: Dataset):
     def content() -> dict[str, tuple[str, int]]:
         files = sorted(one for one in Path(data.where).rglob("*") if one.is_file())
@@ -223,6 +224,7 @@ def test_nothing_is_written_into_the_data_set(client: Client, data: Dataset):
     assert content() == before
 
 
+@pytest.mark.ci
 def test_a_damaged_data_set_says_so_in_the_list(tmp_path: Path):
     data = ot.generate("pinto2023-physical", 4, 1, tmp_path / "data", keep="features")
     file = next((tmp_path / "data" / "findings").iterdir())

@@ -80,6 +80,7 @@ FILTERS: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("asked", FILTERS)
 def test_filters_leave_what_pandas_leaves(client: Client, data: Dataset, asked: dict[str, Any]):
     told = client.rows(**asked, count=NUM_SIMULATIONS)
@@ -109,6 +110,7 @@ def test_a_run_is_what_an_exported_page_holds(client: Client, data: Dataset):
         assert told == packed(data.trajectory(number), number)
 
 
+@pytest.mark.ci
 def test_beliefs_at_every_decision_agree_with_those_that_were_recorded(
     client: Client, data: Dataset
 ):
@@ -203,6 +205,7 @@ def test_a_branch_has_one_to_four_changes(client: Client, body: dict[str, Any]):
     assert (status, set(told)) == (400, {"error"})
 
 
+@pytest.mark.ci
 def test_what_several_pages_ask_for_at_once_is_answered_in_turn(client: Client):
     def ask(frame: int) -> int:
         asked = branches({"frame": frame, "decision": "STAY"})
@@ -212,6 +215,7 @@ def test_what_several_pages_ask_for_at_once_is_answered_in_turn(client: Client):
         assert set(many.map(ask, range(12))) == {200}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("given", ["truth", "belief"])
 def test_a_fan_is_that_of_the_command(
     client: Client, data: Dataset, given: str, capsys: pytest.CaptureFixture[str]
@@ -266,6 +270,7 @@ def test_an_order_is_that_of_a_stable_sort(sign: float):
     assert (ordering(sign * values) == np.argsort(sign * values, kind="stable")).all()
 
 
+@pytest.mark.ci
 def test_sql_filters_the_list_and_cannot_write(client: Client, data: Dataset):
     text = "SELECT simulation FROM labels WHERE policy = 'strict' AND class = 'Success_I'"
     _, told, _ = client.ask("POST", "/api/sql", {"sql": text})

@@ -86,6 +86,7 @@ def test_backwards_begins_at_rest_and_a_moving_vehicle_is_stopped_first():
     assert resting.throttle > 0.0
 
 
+@pytest.mark.ci
 def test_the_controller_reaches_its_speed_and_a_pedal_ends_it():
     world, car = car_in_the_calm()
     vehicle = world.vehicle(car)

@@ -82,6 +82,7 @@ def wheels_of(world: World, car: int) -> list[WheelTelemetry]:
     return wheels
 
 
+@pytest.mark.ci
 @needs_wheel
 @pytest.mark.parametrize(("yaw", "sign"), [(0.0, 1.0), (180.0, -1.0), (90.0, 0.0)])
 def test_vehicles_pitch_with_the_slope_and_rise_with_it(yaw: float, sign: float):
@@ -91,6 +92,7 @@ def test_vehicles_pitch_with_the_slope_and_rise_with_it(yaw: float, sign: float)
     assert pose.rotation.pitch == pytest.approx(sign * math.degrees(math.atan(SLOPE)), abs=0.02)
 
 
+@pytest.mark.ci
 @needs_wheel
 def test_spawn_points_lie_in_the_slope():
     point = sloping().spawn_points()[3]
@@ -155,6 +157,7 @@ def test_downwards_is_the_road_or_what_lies_beside_it():
     assert project(world, Vector(300.0, 244.65, 5.0), Vector(0.0, 0.0, 0.0), 50.0) is None
 
 
+@pytest.mark.ci
 @needs_wheel
 def test_a_ray_finds_the_slope_and_every_level():
     hill = project(world_on(sloping()), Vector(400.0, 5.0, 60.0), DOWN, 100.0)

@@ -31,11 +31,13 @@ SIMPLE = (
 VALUES = st.recursive(SIMPLE, lambda inner: st.lists(inner, max_size=20), max_leaves=40)
 
 
+@pytest.mark.ci
 @given(value=VALUES)
 def test_what_is_encoded_is_what_the_library_encodes(value: object):
     assert encode(value) == msgpack.packb(value, use_bin_type=True)
 
 
+@pytest.mark.ci
 @given(messages=st.lists(VALUES, min_size=1, max_size=5), cuts=st.lists(st.integers(1, 40)))
 def test_messages_come_out_whole_however_they_are_cut(messages: list[object], cuts: list[int]):
     data = b"".join(msgpack.packb(one, use_bin_type=True) for one in messages)
