@@ -28,6 +28,7 @@ from overtaking.sim.reference.passing import Outlook, may_meet, seen_ahead
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
 from overtaking.world.parameters import Parameters, parameters
 
+FITTING = 0.5  # Above it there is room behind the leader; below it a driver brakes for that [1].
 PRESSED = 0.5  # Above it a small gap is taken; below it a driver only wants to be back soon [1].
 LEAST_DEMAND = np.float32(1e-6)  # Keeps what is imposed finite for who demands nothing [1].
 
@@ -127,7 +128,7 @@ class HumanEgo:
 
     def aborts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to give up: the lane being entered has turned dangerous, or somebody comes."""
-        falls_in = (seen.of("yields") > 0) & (seen.of("can_fall_in") > 0)
+        falls_in = (seen.of("yields") > FITTING) & (seen.of("can_fall_in") > 0)
         falls_in &= has_room_behind(self.given, view)
         out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)

@@ -109,3 +109,15 @@ def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
     assert run.states.accel_lon[0, 0, out].min() < -3000
     assert 0.05 * (met - out[-1]) > 4.0  # 3.1 s if it waited until it need not brake.
     assert (run.contacts.partner[0] == NO_VEHICLE).all()
+
+
+def test_who_falls_back_touches_nobody_and_stays_on_the_road():
+    """Half of these touched the leader's corner, the others left the road at a walking pace."""
+    numbers = [1080, 1742, 2883, 5094, 6466, 8410, 13890, 28743, 31612, 35887]
+    world = sample(spec("rural-risk"), load_road("rural"), 58, np.array(numbers))
+    run = engine.run(world, parameters(world))
+    assert (run.stage == Stage.ABORT).any(axis=1).sum() > 5
+    assert (run.contacts.partner[:, 0] == NO_VEHICLE).all()
+    assert (run.stage != Stage.CRASHED).all()
+    edge = 1e-3 * run.states.d[:, 0][run.frame_valid].min()
+    assert edge > float(run.road.boundaries[0]) + 0.5

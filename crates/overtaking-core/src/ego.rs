@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 
 use crate::gaps::intend;
 use crate::intent::{Intent, in_stage};
-use crate::lanes::{V, choose, min, put, splat};
+use crate::lanes::{V, at_least, choose, max, min, put, splat};
 use crate::mobil::turn_to_lane;
 use crate::moment::Mind;
 use crate::neighbours::Neighbours;
@@ -225,7 +225,7 @@ fn act<S: Simd, const N: usize>(
     intent: &Intent<S>,
     decision: u32,
 ) {
-    let zero = splat(w.simd, 0.0);
+    let (c, zero) = (w.c, splat(w.simd, 0.0));
     let (faster, slower) = (intent.go_out | intent.remain, intent.go_back | intent.abort);
     put(&mut state.target[i], intent.go_out, mind.near.slot[LEAD]);
     if w.road.ways.two_way {
@@ -236,7 +236,8 @@ fn act<S: Simd, const N: usize>(
     let sides = (faster, slower, broken_off);
     let hasty = if w.road.ways.two_way {
         let hurried = state.hurries[i].simd_gt(0.0) | state.yields[i].simd_gt(0.0);
-        Some(choose(hurried, w.q.hasty_change, zero))
+        let turned = c.turning_way / at_least(state.vx[i], c.slip_speed);
+        Some(choose(hurried, max(w.q.hasty_change, turned), zero))
     } else {
         None
     };

@@ -266,7 +266,7 @@ fn meets<S: Simd, const N: usize>(
         room_left: room_left(w, passed),
         solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_ahead))),
         hurries: 0.5 * flag(plight.hurries) + 0.5 * flag(plight.pressed),
-        yields: flag(plight.yields),
+        yields: 0.5 * flag(plight.yields) + 0.5 * flag(plight.yields & plight.fits),
         can_fall_in: flag(can_fall_in(state, w)),
     }
 }

@@ -22,7 +22,7 @@ pub struct Plight<S: Simd> {
     pub hurries: M<S>,
     /// It would take a small gap for that.
     pub pressed: M<S>,
-    /// There is room behind that vehicle to fall in.
+    /// There will be room behind that vehicle to fall in, once it is no faster.
     pub fits: M<S>,
 }
 
@@ -62,11 +62,22 @@ pub fn weigh<S: Simd, const N: usize>(
     let beyond = (out | in_stage(state, i, stage::RETURN)) & !yields;
     let pressed = beyond & ((there - rest).simd_lt(c.calm_margin) | cramped);
     let late = is_solid(state, w, i, at_least(speed, 0.0) * rest) & own.heeds_lines.simd_gt(0.0);
+    // What is still gained on another while the brakes come on, and with them.
+    let gained = |faster: V<S>| {
+        let faster = at_least(faster, 0.0);
+        faster * (c.brake_ramp + faster / (2.0 * brake))
+    };
+    let (front, closing) = (
+        mind.believed.gap[SLOW_LEAD],
+        mind.believed.closing[SLOW_LEAD],
+    );
+    let fits =
+        (lead - gained(faster)).simd_gt(bodies) & (front - gained(closing)).simd_gt(c.squeeze_gap);
     Plight {
         yields,
         hurries: pressed | (beyond & late),
         pressed,
-        fits: lead.simd_gt(bodies),
+        fits,
     }
 }
 

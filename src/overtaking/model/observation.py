@@ -72,7 +72,11 @@ MEETING: Final = {
         "Its pedals and lane changes are hasty: 1 where little time would be left, 0.5 "
         "where the line would be solid at its return",
     ),
-    "yields": ("flag", "It would not be past in time: its pedals fall back"),
+    "yields": (
+        "1",
+        "It would not be past in time, and its pedals fall back: 1 where it fits in behind the "
+        "vehicle that is overtaken, 0.5 while it is too fast or too near for that",
+    ),
     "can_fall_in": ("flag", "It is behind the vehicle that is overtaken, and can give up the pass"),
 }
 """Unit and meaning of each number about a pass against oncoming traffic, zero on roads that run one

@@ -34,6 +34,9 @@ EMERGENCY = 6.0
 REST = 8.0
 """Time between two lane changes that are not the return [s]."""
 
+FITTING = 0.5
+"""`yields` above it: there is room behind the leader; below it the ego brakes for that [1]."""
+
 MARGIN = 3.0
 """Time to who comes that is to be left at the end of a pass [s]."""
 
@@ -59,7 +62,7 @@ def rules(seen: Observation) -> Moves:
     move = np.where(back, np.where(now, Move.RETURN, Move.SHOW_BACK), move)
     pulls = (stage == Stage.PULL_OUT) & (seen.of("can_abort") > 0) & looks
     gives_up = pulls & ~_is_free_behind(seen, "fast_rear", EMERGENCY)
-    falls_in = (seen.of("can_fall_in") > 0) & (seen.of("yields") > 0)
+    falls_in = (seen.of("can_fall_in") > 0) & (seen.of("yields") > FITTING)
     return np.where(gives_up | falls_in, Move.ABORT, move)
 
 

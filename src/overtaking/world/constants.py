@@ -174,6 +174,7 @@ class Constants:
     oncoming_range: np.float32 = _known("model.oncoming.range")
     small_oncomer: np.float32 = _known("model.oncoming.small_oncomer")
     passing_surplus: np.float32 = _known("model.oncoming.passing_surplus")
+    turning_way: np.float32 = _known("model.oncoming.turning_way")
     squeeze_gap: np.float32 = _known("model.oncoming.squeeze_gap")
     least_room: np.float32 = _known("model.oncoming.least_room")
     fit_share: np.float32 = _known("model.oncoming.fit_share")

@@ -6,7 +6,7 @@ tell.
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, minimum
+from overtaking.core.elementary import F32, Mask, maximum, minimum
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.gaps import intend
@@ -29,6 +29,7 @@ from overtaking.sim.reference.state import (
     State,
     Who,
 )
+from overtaking.world.constants import Constants
 from overtaking.world.parameters import SUBSTEPS, Parameters, SimulationParameters
 
 _ZERO = np.float32(0.0)
@@ -111,11 +112,15 @@ def _face(
     return plight
 
 
-def _haste(state: State, q: SimulationParameters, who: Who) -> F32:
-    """How long hurried drivers take to change lanes, 0 for everybody else [s]."""
+def _haste(state: State, c: Constants, q: SimulationParameters, who: Who) -> F32:
+    """How long hurried drivers take to change lanes, 0 for everybody else [s].
+
+    At a walking pace it takes longer: nobody changes lanes in less way than the wheels can turn in.
+    """
     hasty = np.zeros_like(state.s)
     hurried = (state.hurries[who] > 0) | (state.yields[who] > 0)
-    hasty[who] = np.where(hurried, q.hasty_change, _ZERO)
+    turned = c.turning_way / maximum(state.vx[who], c.slip_speed)
+    hasty[who] = np.where(hurried, maximum(q.hasty_change, turned), _ZERO)
     return hasty
 
 
@@ -169,7 +174,7 @@ def _act(
     fast[who] = intent.go_out | intent.remain
     slow[who] = intent.go_back | intent.abort
     back[who] = intent.abort | intent.remain
-    hasty = _haste(state, q, who) if given.road.two_way else None
+    hasty = _haste(state, given.constants, q, who) if given.road.two_way else None
     turn_to_lane(state, given, p, (fast, slow, back), moment.believed, decision, hasty)
     _show(state, p, intent, (fast | slow)[who], who)
 

@@ -206,6 +206,6 @@ def _meeting(
         "room_left": room_left(given.constants, p, passed),
         "solid": is_solid(state, given, p, ego, given.constants.line_ahead),
         "hurries": np.float32(0.5) * plight.hurries + np.float32(0.5) * plight.pressed,
-        "yields": plight.yields,
+        "yields": np.float32(0.5) * plight.yields + np.float32(0.5) * (plight.yields & plight.fits),
         "can_fall_in": can_fall_in(state, given, p, ego),
     }

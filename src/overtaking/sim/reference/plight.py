@@ -29,6 +29,7 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
+from overtaking.world.constants import Constants
 from overtaking.world.parameters import Parameters, SimulationParameters
 
 _FAR = np.float32(1e9)
@@ -45,7 +46,7 @@ class Plight:
         yields: The driver falls back behind the vehicle that was to be passed.
         hurries: The driver wants to be back soon.
         pressed: It would take a small gap for that.
-        fits: There is room behind that vehicle to fall in.
+        fits: There will be room behind that vehicle to fall in, once they are no faster.
     """
 
     yields: Mask
@@ -80,7 +81,8 @@ def weigh(
         who: The drivers.
     """
     assert moment.met is not None
-    c, own, near, coming = given.constants, p.of(who), moment.near, moment.met.coming
+    c, own, coming = given.constants, p.of(who), moment.met.coming
+    near, believed = moment.near, moment.believed
     out = _is_passing(state, who)
     along, _ = road_velocity(state)
     speed, other = along[who], pick(along, state.target[who])
@@ -107,12 +109,21 @@ def weigh(
     beyond = (out | in_stage(state, who, Stage.RETURN)) & ~yields
     pressed = beyond & ((there - rest < c.calm_margin) | cramped)
     late = is_solid(state, given, p, who, maximum(speed, _ZERO) * rest) & (own.heeds_lines > 0)
+    # Another than the target may be ahead in the lane, as that one may have pulled out itself.
+    front = believed.gap[SLOW_LEAD, who]
+    front = front - _gained(c, believed.closing[SLOW_LEAD, who], brake)
     return Plight(
         yields=yields,
         hurries=pressed | (beyond & late),
         pressed=pressed,
-        fits=lead > bodies,
+        fits=(lead - _gained(c, faster, brake) > bodies) & (front > c.squeeze_gap),
     )
+
+
+def _gained(c: Constants, faster: F32, brake: F32) -> F32:
+    """What is still gained on another while the brakes come on, and with them [m]."""
+    faster = maximum(faster, _ZERO)
+    return faster * (c.brake_ramp + faster / (_TWO * brake))
 
 
 def _is_confined(
