@@ -29,7 +29,7 @@ from overtaking.sim import engine
 from overtaking.world.film import rain_rate
 from overtaking.world.visibility import meteorological_range
 
-PIECE = 64
+PIECE = 256
 ENOUGH = 30
 STUDIED = tuple(OvertakeClass)[: OvertakeClass.UNSUCCESS_NCOL + 1]
 """The study's five classes."""
