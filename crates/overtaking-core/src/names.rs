@@ -59,9 +59,9 @@ number_fields! {
         truck_loss_factor, turbulence_intensity, gust_length_scale, wind_angle_factor, gust_spacing,
         shelter_factor, shelter_reach, shelter_release, oncoming_range, small_oncomer,
         passing_surplus, turning_way, squeeze_gap, least_room, fit_share, calm_margin, spare_kept,
-        abort_margin, tall_room, hurry_speed, hurry_gain, fall_back_speed, fall_back_share, eye_offset,
-        line_ahead, head_on_flash, head_on_lift, head_on_time, head_on_least, head_on_most,
-        aside_way, aside_duration, beside_margin, gravity, half_air_density,
+        abort_margin, tall_room, hurry_speed, hurry_gain, fall_back_speed, fall_back_share,
+        eye_offset, line_ahead, head_on_flash, head_on_lift, head_on_time, head_on_least,
+        head_on_most, aside_way, aside_duration, beside_margin, gravity, half_air_density,
     }
 }
 
