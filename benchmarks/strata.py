@@ -106,7 +106,7 @@ def classes_row(said: Labels, policy: str) -> tuple[str, bool]:
 def shares(hits: int, count: int) -> str:
     """The interval of a share in percent; what it is below where there is none."""
     low, high = (100.0 * end for end in wilson(hits / count, count))
-    return f"{low:.1f} to {high:.1f} %" if hits else f"below {high:.1f} %"
+    return f"{low:.2f} to {high:.2f} %" if hits else f"below {high:.2f} %"
 
 
 def main() -> int:
