@@ -81,6 +81,7 @@ def test_the_drivers_of_the_study_are_those_that_were_frozen():
     assert frozen["parameters_sha256"] == now, advice
 
 
+@pytest.mark.ci
 def test_the_frozen_numbers_of_the_study_are_what_its_drivers_give():
     module = calibration("pinto2023")
     frozen = json.loads(module.FROZEN.read_text(encoding="utf-8"))

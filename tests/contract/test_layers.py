@@ -131,6 +131,7 @@ def test_dependencies_point_down(repository: Path, copy: Path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("module", "line", "contract"),
     [
@@ -184,11 +185,13 @@ def test_a_detour_through_the_root_is_seen(line: str, copy: Path):
     assert "overtaking.core.spoiled" in {module for module, _ in users_of_the_root(copy)}
 
 
+@pytest.mark.ci
 def test_the_reference_runs_without_compiled_code(copy: Path):
     done = run(copy, sys.executable, "-c", LOAD_REFERENCE)
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.ci
 def test_compiled_code_below_the_reference_is_seen(copy: Path):
     add(copy, "model/spoiled.py", "from overtaking import _core")
     add(copy, "sim/reference/spoiled.py", "import overtaking.model.spoiled")

@@ -109,6 +109,7 @@ def test_who_passes_whom_is_seen_in_the_positions(data: Dataset, states: pd.Data
     assert len(exact) >= 0.95 * len(found)  # A millimetre of rounding may be a frame.
 
 
+@pytest.mark.ci
 def test_overtakes_are_those_that_the_events_call_completed(data: Dataset, states: pd.DataFrame):
     """Where the target is still in the ego's lane when the ego leaves it."""
     events = data.events().pivot_table(index="simulation", columns="event", values="frame")
@@ -129,6 +130,7 @@ def test_overtakes_are_those_that_the_events_call_completed(data: Dataset, state
     assert expected <= {row[:2] for row in rows_of(data, "overtakes(S,ego,B,F)")}
 
 
+@pytest.mark.ci
 def test_what_the_law_says_is_what_the_findings_say(data: Dataset):
     findings = data.findings()
     broken = findings[(findings["rule"] == "L12") & (findings["verdict"] == "illegal")]
@@ -221,6 +223,7 @@ def test_the_command_prints_answers_with_times(data: Dataset, capsys: pytest.Cap
     assert "there are more answers than these 1" in shown.err
 
 
+@pytest.mark.ci
 def test_a_proof_names_article_frames_and_facts(data: Dataset, capsys: pytest.CaptureFixture[str]):
     findings = data.findings()
     broken = findings[(findings["rule"] == "L12") & (findings["verdict"] == "illegal")].iloc[0]

@@ -171,6 +171,7 @@ def test_a_real_map_cut_short(tmp_path, shared_data):
     refused(tmp_path, "generate", *recipe, says="Town06.xodr")
 
 
+@pytest.mark.ci
 def test_a_road_that_the_map_does_not_have(tmp_path, shared_data):
     path = shared_data / "opendrive" / "Town06.xodr"
     recipe = ("--map", path, "--road", 99999, "--out", tmp_path / "data")
@@ -209,6 +210,7 @@ def test_out_holds_a_data_set_of_another_recipe(data, tmp_path):
 NO_ROOM = ("--set", "traffic.spawn_s_m=0..20", "--set", "traffic.vehicles=6..6")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -235,6 +237,7 @@ def test_a_refusal_leaves_nothing_behind(made, tmp_path, arguments, says):
     refused(tmp_path, *given, "--out", tmp_path / "some" / "folder", says=says)
 
 
+@pytest.mark.ci
 def test_a_refused_call_does_not_keep_the_right_one_out(tmp_path):
     out = tmp_path / "data"
     refused(tmp_path, "generate", "-n", 2, *NO_ROOM, "--out", out, says="spawn_s_m")
@@ -315,6 +318,7 @@ def test_a_manifest_that_is_a_pipe_or_endless(data, tmp_path):
         assert "a pipe or a device" in process.stderr
 
 
+@pytest.mark.ci
 def test_a_damaged_shard_is_exported_only_when_it_is_repaired(data, tmp_path):
     (part,) = (data / "states").glob("*.parquet")
     part.write_bytes(part.read_bytes()[:-1])

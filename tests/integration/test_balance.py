@@ -142,6 +142,7 @@ def test_the_manifest_and_the_card_say_what_became_of_each_class(data, candidate
     assert (found.missing, found.outside) == (0, 0)
 
 
+@pytest.mark.ci
 def test_day_and_night_are_cells_of_their_own(tmp_path):
     both = generate(tmp_path / "data", Balance(by=("class", "day-night")))
     counts = both.features()[["CLASS", "DN"]].value_counts()
@@ -155,6 +156,7 @@ def test_candidates_without_a_quota_are_counted_and_not_kept(tmp_path):
     assert record_of(strict).outside > 0
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("chunk_size", "threads"), [(7, 1), (64, 3), (512, 2)])
 def test_batches_and_threads_change_nothing(chunk_size, threads, data, tmp_path):
     engine = dataclasses.replace(api.simulator_of("engine"), chunk_size=chunk_size, threads=threads)

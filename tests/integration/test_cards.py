@@ -209,6 +209,7 @@ def test_duckdb_reads_every_table_as_it_is(data):
             assert found.fetchall() == [tuple(row.values()) for row in rows.to_pylist()]
 
 
+@pytest.mark.ci
 def test_the_same_recipe_tells_the_same_whatever_the_folder(tmp_path):
     one, other = generate(tmp_path / "one"), generate(tmp_path / "another" / "one")
     for name in CARDS:

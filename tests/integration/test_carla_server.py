@@ -98,6 +98,7 @@ def test_weather_presets_come_back_as_they_were_set(server: Address):
     assert all(found.values())
 
 
+@pytest.mark.ci
 def test_rain_makes_the_way_to_a_stop_longer(server: Address):
     found = ask(
         server,
@@ -128,6 +129,7 @@ def test_rain_makes_the_way_to_a_stop_longer(server: Address):
     assert wet > 1.4 * dry
 
 
+@pytest.mark.ci
 def test_vehicles_that_collide_tell_both_sensors_and_exchange_momentum(server: Address):
     found = ask(
         server,
@@ -219,6 +221,7 @@ def test_a_camera_sends_a_picture_of_each_tick_with_the_cars_in_it(server: Addre
     assert reddish > 200
 
 
+@pytest.mark.ci
 def test_crossing_a_line_is_noticed_by_the_sensor_in_the_client(server: Address):
     found = ask(
         server,
@@ -286,6 +289,7 @@ def test_two_traffic_managers_drive_the_same_way_twice(server: Address):
     assert speed == pytest.approx(31.0, abs=1.5)
 
 
+@pytest.mark.ci
 def test_a_client_that_is_killed_leaves_its_traffic_manager_port_to_the_next(server: Address):
     port = str(free_port())
     code = PROLOGUE + (
@@ -303,6 +307,7 @@ def test_a_client_that_is_killed_leaves_its_traffic_manager_port_to_the_next(ser
     assert time.monotonic() - begin < 5.0
 
 
+@pytest.mark.ci
 def test_maps_are_loaded_by_name_and_unknown_ones_refused(server: Address):
     found = ask(
         server,

@@ -22,7 +22,7 @@ from overtaking.recordings.pinto2023 import COLUMNS, read_table
 if TYPE_CHECKING:
     from pathlib import Path
 
-pytestmark = pytest.mark.usefixtures("parent")
+pytestmark = [pytest.mark.usefixtures("parent"), pytest.mark.ci]
 
 NUM_SIMULATIONS = 12
 COMMAND = [sys.executable, "-m", "overtaking"]
@@ -245,7 +245,6 @@ def files(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-@pytest.mark.ci
 def test_ctrl_c_leaves_a_data_set_that_resume_completes_to_the_same_content(tmp_path):
     simulations = 8 * 4096  # Eight shards.
     recipe = ("-n", simulations, "--keep", "features", "--engine", "threads", "--out")

@@ -74,6 +74,7 @@ def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
     assert ot.load(few.path).content_hash == few.content_hash
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("action", CONTROLS)
 def test_every_action_is_restored_from_its_table(tmp_path, action):
     """By the columns that it fills; the same bits act again."""
@@ -98,6 +99,7 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
         np.testing.assert_array_equal(again.trace_hash[0], run.trace_hash[number])
 
 
+@pytest.mark.ci
 def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
     """Through every shard, an interruption and new labels."""
     calls = {"left": 2}
@@ -157,6 +159,7 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
     assert data.content_hash == made(tmp_path / "again", "features").content_hash
 
 
+@pytest.mark.ci
 def test_another_policy_does_not_complete_it(tmp_path):
     made(tmp_path / "data", "features")
     with pytest.raises(DatasetError, match="policy"):

@@ -58,6 +58,7 @@ def test_only_the_chosen_simulations_are_written(data: Dataset, file_format: str
     assert exported(data, file_format, tmp_path, *chosen) == set(CHOSEN)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("file_format", FORMATS)
 def test_only_simulations_of_the_class_are_written(data: Dataset, file_format: str, tmp_path: Path):
     labels = data.labels().query("policy == 'strict' and simulation < 40")

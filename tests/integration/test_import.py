@@ -89,6 +89,7 @@ def test_what_a_recording_does_not_tell_is_not_made_up_for_the_papers_table(scen
     assert [each.name for each in tmp_path.glob("table*")] == []
 
 
+@pytest.mark.ci
 def test_the_same_file_gives_the_same_content_and_names_its_hash(scene, tmp_path):
     one = api.import_recording("commonroad", scene, tmp_path / "a")
     two = api.import_recording("commonroad", scene, tmp_path / "b")
@@ -111,6 +112,7 @@ def test_the_command_tells_what_it_found(scene, tmp_path, capsys):
     assert main(["show", str(out), "0"]) == 0
 
 
+@pytest.mark.ci
 def test_all_three_formats_are_commands(tmp_path, capsys):
     (tmp_path / "in").mkdir()
     highd(tmp_path / "in")
@@ -175,6 +177,7 @@ def test_a_folder_that_holds_something_is_not_touched(scene, tmp_path):
     assert [path.name for path in out.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.ci
 def test_a_recording_without_any_overtake_says_so(tmp_path):
     path = tmp_path / "still.xml"
     path.write_text(commonroad(MOVERS[1:2]), encoding="utf-8")

@@ -94,6 +94,7 @@ def test_a_recording_that_cannot_be_used_is_named_with_its_error(once):
     assert "expected" in json.loads(name.read_text())[BAD]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("engine", "workers"),
     [("processes", 2), pytest.param("ray", 2, marks=pytest.mark.ci)],
@@ -103,6 +104,7 @@ def test_every_engine_writes_the_same_bytes(folder, once, tmp_path, engine, work
     assert files(tmp_path / "labels") == files(once)
 
 
+@pytest.mark.ci
 def test_what_was_interrupted_is_completed_to_the_same_bytes(folder, once, tmp_path):
     out = tmp_path / "labels"
 
@@ -148,6 +150,7 @@ def test_a_call_that_cannot_succeed_leaves_nothing(folder, tmp_path):
         labelled(tmp_path, out)
 
 
+@pytest.mark.ci
 def test_the_command_labels_a_folder(folder, once, tmp_path, capsys):
     from overtaking.cli import main
 

@@ -59,6 +59,7 @@ def test_it_is_read(old: Path):
     assert len(data.frames(1)) == int(data[1].num_frames[0]) > 100
 
 
+@pytest.mark.ci
 def test_it_is_asked(old: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["sql", str(old), "SELECT count(*) AS n FROM simulations", "--json"]) == 0
     assert str(SIZE) in capsys.readouterr().out

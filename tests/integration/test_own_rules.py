@@ -46,6 +46,7 @@ def test_the_pack_of_the_page_is_short_and_passes_its_own_test(page):
     names["test_two_seconds"]()  # pyright: ignore[reportCallIssue]
 
 
+@pytest.mark.ci
 def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, tmp_path, capsys):
     data = ot.generate("pinto2023", 30, 1, tmp_path / "data")
     before = data.content_hash

@@ -19,6 +19,8 @@ from overtaking import api
 from overtaking.core.errors import DatasetError, LockedError
 from overtaking.data.tables.schemas import KEYS
 
+pytestmark = pytest.mark.ci
+
 NUM_SIMULATIONS = 24
 SHARD_SIZE = 8
 SHORT = {"time.horizon_s": 0.2, "time.attempt_deadline_s": 0.2}
@@ -92,7 +94,6 @@ def assert_same(data: api.Dataset, undisturbed: api.Dataset) -> None:
         assert rows == distinct == undisturbed.table(table).num_rows
 
 
-@pytest.mark.ci
 def test_a_process_killed_at_any_moment_loses_nothing_and_repeats_nothing(repository: Path):
     """Six of the moments of the full proof, which `make test-all` takes."""
     done = subprocess.run(
@@ -111,7 +112,6 @@ def test_a_process_killed_at_any_moment_loses_nothing_and_repeats_nothing(reposi
     assert done.stdout.startswith("6 kills, 6 resumed to the same content"), done.stdout
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("hold_at", [8, 16])
 def test_a_killed_process_is_resumed_in_another(hold_at: int, undisturbed, tmp_path: Path):
     process = start(tmp_path / "data", hold_at)
@@ -121,7 +121,6 @@ def test_a_killed_process_is_resumed_in_another(hold_at: int, undisturbed, tmp_p
     assert_same(generate(tmp_path / "data", resume=True), undisturbed)
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(
     ("by", "named"), [(signal.SIGTERM, "DatasetError"), (signal.SIGINT, "KeyboardInterrupt")]
 )
@@ -140,7 +139,6 @@ def test_a_process_asked_to_end_cleans_up_and_says_how_to_go_on(
     assert_same(generate(out, resume=True), undisturbed)
 
 
-@pytest.mark.ci
 def test_what_is_finished_is_not_made_again(tmp_path: Path):
     end(start(tmp_path / "data", 24), signal.SIGKILL)
     first = tmp_path / "data" / "states" / "part-00000.parquet"
@@ -149,7 +147,6 @@ def test_what_is_finished_is_not_made_again(tmp_path: Path):
     assert first.stat().st_mtime_ns == before
 
 
-@pytest.mark.ci
 def test_two_processes_do_not_write_one_folder(undisturbed, tmp_path: Path):
     out = tmp_path / "data"
     process = start(out, 8)
@@ -161,7 +158,6 @@ def test_two_processes_do_not_write_one_folder(undisturbed, tmp_path: Path):
     assert_same(api.load(out), undisturbed)
 
 
-@pytest.mark.ci
 def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
     with pytest.raises(DatasetError, match=r"got one that is not finished; .*--resume"):
@@ -170,14 +166,12 @@ def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_pa
         api.load(tmp_path / "data")
 
 
-@pytest.mark.ci
 def test_another_recipe_does_not_go_on_with_it(tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
     with pytest.raises(DatasetError, match="seed of the data set: expected 2, got 1; choose"):
         generate(tmp_path / "data", seed=2, resume=True)
 
 
-@pytest.mark.ci
 def test_the_manifest_alone_says_how_to_go_on(undisturbed, tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
     assert_same(api.resume(tmp_path / "data"), undisturbed)
@@ -213,7 +207,6 @@ def empty(path: Path) -> None:
 DAMAGES = [cut, flip, empty, Path.unlink]
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("table", ["states", "vehicles", "simulations"])
 def test_a_damaged_file_is_found_and_named_and_written_again(
@@ -247,7 +240,6 @@ def forget(folder: Path) -> None:
     (folder / "dataset.json").write_text(json.dumps(unfinished))
 
 
-@pytest.mark.ci
 @given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 @settings(max_examples=15)
 def test_any_bit_of_a_commit_mark_may_be_wrong(share, bit, undisturbed, tmp_path_factory):
@@ -264,7 +256,6 @@ def test_any_bit_of_a_commit_mark_may_be_wrong(share, bit, undisturbed, tmp_path
     assert resumed.content_hash == undisturbed.content_hash
 
 
-@pytest.mark.ci
 def test_a_shard_of_another_data_set_is_not_taken_for_finished(undisturbed, copy: Path, tmp_path):
     other = generate(tmp_path / "other", seed=2)
     for file in other.path.rglob("part-00000.parquet"):

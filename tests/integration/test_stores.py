@@ -72,6 +72,7 @@ def test_a_data_set_in_a_store_is_read_like_any_other(url, folder, tmp_path):
     assert answer.rows == [(NUM_SIMULATIONS,)]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("after", [8, 16])
 def test_what_a_store_has_is_kept_when_work_goes_on(after, url, folder):
     class Stopped(BaseException):
@@ -90,6 +91,7 @@ def test_what_a_store_has_is_kept_when_work_goes_on(after, url, folder):
     assert told[:2] == [0, 8]  # A shard that is there counts at once.
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["labels/part-00001.parquet", "simulations/part-00000.parquet"])
 @pytest.mark.parametrize("damage", [b"", b"PAR1 half of it", None])
 def test_damage_in_a_store_is_noticed_and_healed(name, damage, url, folder):

@@ -14,6 +14,8 @@ from overtaking.cli import main
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.ci
+
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> str:
@@ -28,7 +30,6 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.ci
 def test_a_twin_is_told_saved_and_read_again(
     data: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -55,7 +56,6 @@ def test_a_saved_branch_is_exported(data: str, tmp_path: Path, capsys: pytest.Ca
     capsys.readouterr()
 
 
-@pytest.mark.ci
 def test_a_fan_and_what_would_be_enough_are_told(data: str, capsys: pytest.CaptureFixture[str]):
     fan = said(capsys, "fan", data, "0", "--futures", "20", "--step", "4")
     first = fan["instants"][0]

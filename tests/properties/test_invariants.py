@@ -75,6 +75,7 @@ def assert_equal(one: Trajectories, other: Trajectories) -> None:
     np.testing.assert_array_equal(np.where(both, one.stage, 0), np.where(both, other.stage, 0))
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=10)
 def test_the_same_seed_gives_the_same_bits(seed: int, index: list[int]):
@@ -125,6 +126,7 @@ def mirrored(world: Scenario) -> Scenario:
     )
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=15)
 def test_a_mirrored_world_gives_the_mirror_image_bit_for_bit(seed: int, index: list[int]):
@@ -200,6 +202,7 @@ def shifted_by(one: Trajectories, other: Trajectories, shift: float) -> np.ndarr
     return np.where(one.num_frames == other.num_frames, away, np.inf)
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices, order=st.permutations(range(1, 6)))
 # Two that have crashed into each other are hit by the ego, both within one step of 10 ms.
 @example(seed=551, index=[*range(11), 1637903], order=[1, 2, 4, 3, 5])
@@ -254,6 +257,7 @@ def without_errors(world: Scenario):
     return dataclasses.replace(given_, constants=quiet, vehicle=vehicle)
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=20)
 def test_speeds_are_never_negative_and_accelerations_stay_physical(seed: int, index: list[int]):
@@ -303,6 +307,7 @@ def test_the_world_position_is_that_of_the_road_to_the_rounding(seed: int, index
     np.testing.assert_allclose(ran.states.y[valid] / 1000.0, y, atol=1.2e-3)
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=20)
 def test_the_recorded_lane_is_the_roads(seed: int, index: list[int]):
@@ -316,6 +321,7 @@ def test_the_recorded_lane_is_the_roads(seed: int, index: list[int]):
     assert (same | near_a_border).all()
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=20)
 def test_places_change_as_fast_as_the_speed_says(seed: int, index: list[int]):
@@ -382,6 +388,7 @@ def most_turn(ran: Trajectories) -> np.ndarray:
     return np.where(rides, turn[:, :, 1:] + turn[:, :, :-1], 4_000)
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=10)
 def test_frames_at_decisions_show_the_same_states(seed: int, index: list[int]):
@@ -402,6 +409,7 @@ def test_frames_at_decisions_show_the_same_states(seed: int, index: list[int]):
         np.testing.assert_array_equal(coarse.num_frames, expected)
 
 
+@pytest.mark.ci
 @given(seed=seeds, index=indices)
 @settings(max_examples=10)
 def test_frames_between_decisions_come_from_shorter_steps_of_nearly_the_same_motion(

@@ -88,6 +88,7 @@ def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
     np.testing.assert_array_equal(few.weather.preset, many.weather.preset)
 
 
+@pytest.mark.ci
 @settings(max_examples=40)
 @given(specifications(), SEEDS)
 def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
@@ -123,6 +124,7 @@ def test_every_number_is_finite_and_of_the_agreed_shape(given_spec, seed):
             assert values.dtype == (np.float64 if name == "weight" else np.float32), name
 
 
+@pytest.mark.ci
 @settings(max_examples=20)
 @given(SEEDS)
 def test_another_seed_is_another_batch(seed):

@@ -203,6 +203,7 @@ def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
     assert (run.contacts.partner == NO_VEHICLE).all()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", ["M", "T", "MC"])
 @pytest.mark.parametrize("radius", [100.0, -100.0, 300.0])
 def test_who_starts_in_a_bend_drives_through_it_as_before(kind: str, radius: float):

@@ -38,9 +38,10 @@ def simulated(situation: Situation) -> Trajectories:
     return situation.run(situation.scenario(situation.share), engine.run)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "situation",
-    [*SITUATIONS, *(pytest.param(one, marks=pytest.mark.ci) for one in (*FURTHER, *WRITTEN))],
+    [*SITUATIONS, *FURTHER, *WRITTEN],
     ids=lambda one: one.name.replace(" ", "-"),
 )
 def test_engine_and_reference_record_the_same_bits(situation):
@@ -62,7 +63,8 @@ CROWDED = {
 }
 
 
-@pytest.mark.parametrize("vehicles", [[9, 16], pytest.param([17, 32], marks=pytest.mark.ci)])
+@pytest.mark.ci
+@pytest.mark.parametrize("vehicles", [[9, 16], [17, 32]])
 def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
     crowded = spec("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
     scenario = sample(crowded, load_road("motorway"), 4, np.arange(18, dtype=np.uint64))

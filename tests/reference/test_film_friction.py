@@ -54,6 +54,7 @@ def test_friction_is_the_handbooks_table_linear_between_its_knots(
     assert model(speed, film_mm, wear) == pytest.approx(handbook(speed, film_mm, wear), abs=2e-6)
 
 
+@pytest.mark.ci
 def test_friction_never_rises_with_speed_or_water_beyond_what_the_handbook_lets_it():
     speeds = np.linspace(0.0, 45.0, 91)
     for film_mm in np.linspace(0.0, 3.0, 31):

@@ -97,6 +97,7 @@ def test_the_acceleration_is_that_of_the_book(
     assert float(model(driver, v, v0, s, dv)) == pytest.approx(expected, rel=2e-3, abs=2e-3)
 
 
+@pytest.mark.ci
 @given(driver=drivers, share=st.floats(0.0, 0.99), v0=st.floats(8.0, 45.0))
 def test_below_the_desired_speed_the_equilibrium_gap_is_exactly_s0_plus_v_t(
     driver: dict[str, float], share: float, v0: float
@@ -121,6 +122,7 @@ def test_on_a_free_road_the_acceleration_stays_between_a_and_minus_b(
         assert value == pytest.approx(free, rel=0.01, abs=1e-3)
 
 
+@pytest.mark.ci
 @given(driver=drivers, v=st.floats(1.0, 40.0), dv=st.floats(-10.0, 20.0))
 def test_more_room_or_a_faster_leader_never_asks_for_harder_braking(
     driver: dict[str, float], v: float, dv: float

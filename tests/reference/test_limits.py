@@ -100,6 +100,7 @@ def test_a_stretch_is_driven_as_a_road_that_has_its_limit(respect: float, sky: d
     np.testing.assert_array_equal(*(run.states.speed for run in runs))
 
 
+@pytest.mark.ci
 def test_limits_beyond_where_anybody_drives_change_nothing():
     batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(16))
     far = Limit(start=batch.road.length - 10.0, stop=batch.road.length, speed=3.0)
@@ -148,6 +149,7 @@ def on_limits(profile: str, count: int, **changes: Any) -> Scenario:
     return sample(plan, limited(road, *both), 5, np.arange(count))
 
 
+@pytest.mark.ci
 def test_left_and_right_are_the_same():
     batch = on_limits("motorway", 8)
     weather = batch.weather.replace(

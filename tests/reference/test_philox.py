@@ -82,6 +82,7 @@ def test_a_draw_does_not_depend_on_the_batch(seed, first, count):
         np.testing.assert_array_equal(together.word()[-1, 3], alone.word()[0, 0])
 
 
+@pytest.mark.ci
 def test_streams_simulations_and_seeds_do_not_repeat_each_other():
     index = np.arange(500, dtype=np.uint64)
     streams = np.arange(500, dtype=np.uint32)

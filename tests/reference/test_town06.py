@@ -392,6 +392,7 @@ def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
         assert (ahead > 0.0).all()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("name", "ids"), [("Town04.xodr", ("41", "6", "45")), ("Town06.xodr", ("40", "71", "6"))]
 )
@@ -488,6 +489,7 @@ def test_a_route_over_roads_with_other_limits_has_those_of_the_text(
 # ---- by name or by file ----
 
 
+@pytest.mark.ci
 def test_a_road_is_loaded_by_name_or_by_file(maps: Path):
     assert load_road("motorway").name == "motorway"
     assert load_road(str(maps / "esmini_straight_500m.xodr")).name == "esmini_straight_500m road 1"

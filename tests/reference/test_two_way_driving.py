@@ -169,6 +169,7 @@ def test_a_human_sees_those_who_come_as_far_as_the_road_shows_them():
     assert (of(around, "gap", "oncoming")[~seen] == 1000.0).all()
 
 
+@pytest.mark.ci
 def test_a_sensor_sees_those_who_come_within_its_range(repository):
     radar = Sensor.read(repository / "examples" / "radar.toml")
     _, around, meeting = observed(radar, pair(300.0, 380.0))
@@ -199,6 +200,7 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     assert table[0, 8] == Stage.ABORT
 
 
+@pytest.mark.ci
 def test_the_shipped_rules_pass_where_nobody_comes_and_wait_where_somebody_does():
     world = scenario(pair(), pair(300.0), road=road(), horizon=25.0)
     driver = Driver(policy=policies.rules, observe="human", action="decision")

@@ -63,6 +63,7 @@ def test_contrast_falls_to_the_threshold_at_its_range(
     assert value == pytest.approx(expected, rel=1e-5, abs=3e-7 / beta)
 
 
+@pytest.mark.ci
 @given(
     beta=st.floats(0.0, 0.06), intensity=st.floats(1.0, 500.0),
     threshold=st.sampled_from([8e-7, 1e-5, 1e-4]),

@@ -181,6 +181,7 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
     return float(state.wind_force[0, 0])
 
 
+@pytest.mark.ci
 def test_beside_a_lorry_the_wind_is_gone_and_returns_within_half_its_length():
     # Wind from the right, where the lorry drives.
     free = passing_a_lorry(ACROSS, 60.0)

@@ -83,6 +83,7 @@ def test_what_was_simulated_comes_back_from_the_files_bit_for_bit(simulation, da
     assert_same(data.trajectory(simulation), expected, expected.scenario.vehicles.valid)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("simulation", [0, 9, NUM_SIMULATIONS - 1])
 def test_what_was_not_kept_is_simulated_again(simulation, data, summary):
     assert not (summary.path / "states").exists()
@@ -118,6 +119,7 @@ def test_a_summary_says_the_same_as_the_whole(data, summary):
         assert summary.table(table).equals(data.table(table))
 
 
+@pytest.mark.ci
 def test_the_same_recipe_gives_the_same_bytes_elsewhere(data, tmp_path: Path):
     other = generate(tmp_path / "elsewhere")
     assert other.content_hash == data.content_hash
@@ -129,6 +131,7 @@ def test_a_simulation_is_the_same_in_a_data_set_of_any_size(data, tmp_path: Path
     assert small.states(2).equals(data.states(2))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("simulator", api.BRANCHING)
 def test_a_branch_without_a_change_is_the_simulation_itself(simulator: str, runs):
     again = api.branch(runs.scenario, 7, simulator=simulator)
@@ -266,6 +269,7 @@ def test_the_data_card_explains_every_column(data, summary):
     assert "## states" not in card
 
 
+@pytest.mark.ci
 def test_progress_counts_every_simulation(tmp_path: Path):
     heard: list[tuple[int, int]] = []
     generate(tmp_path / "data", progress=lambda done, total: heard.append((done, total)))

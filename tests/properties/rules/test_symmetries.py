@@ -104,6 +104,7 @@ def test_frames_beyond_the_end_of_a_recording_do_not_matter():
     assert_equal(found(), check(PORTUGAL, one.replace(signals=one.signals.replace(**spoiled))))
 
 
+@pytest.mark.ci
 @settings(max_examples=15, deadline=None)
 @given(shift=st.integers(1, 400))
 def test_a_recording_that_began_earlier_says_the_same_later(shift):
@@ -132,6 +133,7 @@ def crossing_at(shift: int, lane: np.ndarray, *, frames: int) -> Case:
     )
 
 
+@pytest.mark.ci
 @settings(max_examples=20, deadline=None)
 @given(near=st.floats(40.0, 150.0), more=st.floats(0.1, 100.0))
 def test_a_leader_farther_off_never_makes_a_lawful_distance_unlawful(near, more):

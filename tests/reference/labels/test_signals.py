@@ -64,6 +64,7 @@ def test_signals_of_overtakes_written_by_hand_are_the_same():
         assert not differences(case_of(run).signals, 0, signals(One(run, 0)))
 
 
+@pytest.mark.ci
 @every_recording
 def test_the_target_is_the_same(name):
     given, found = case(name), 0

@@ -240,6 +240,7 @@ def test_a_contact_is_recorded_for_both_and_ends_the_simulation():
     assert 20_000 < run.contacts.closing_speed[0, 0] <= 40_000
 
 
+@pytest.mark.ci
 def test_left_hand_traffic_is_the_mirror_image():
     road = known_road("town06")
     one, other = (sumo.simulate(sampled(3).replace(road=way)) for way in (road, road.mirrored()))
@@ -337,6 +338,7 @@ def test_without_libsumo_the_error_says_what_to_install(monkeypatch):
         sumo.simulate(scenario([Vehicle()]))
 
 
+@pytest.mark.ci
 def test_loading_it_prints_nothing_and_leaves_the_environment_alone():
     script = (
         "import os; before = dict(os.environ);"

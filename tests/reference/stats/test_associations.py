@@ -34,6 +34,7 @@ def matrix(found: Associations, values: np.ndarray) -> Any:
     return pd.DataFrame(values, found.names, found.names).loc[NAMES, NAMES]
 
 
+@pytest.mark.ci
 def test_associations_are_those_of_dython(frame: pd.DataFrame):
     """With the paper's call; dython fills gaps with zeros, so there are none here."""
     from dython import nominal as dython

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.features import synthetic_features
@@ -27,6 +28,7 @@ def test_freireichs_remissions_have_the_published_curve():
     assert (curve.num_events, curve.num_censored) == (9, 12)
 
 
+@pytest.mark.ci
 @given(
     st.lists(st.tuples(st.integers(0, 20), st.booleans()), min_size=2, max_size=60).filter(
         lambda rows: any(event for _, event in rows)

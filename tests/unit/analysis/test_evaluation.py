@@ -89,6 +89,7 @@ def test_a_component_that_bends_the_ego_only_changes_nothing():
     np.testing.assert_array_equal(some.weight, 1.0)
 
 
+@pytest.mark.ci
 def test_holm_is_that_of_statsmodels():
     p = [0.001, 0.2, 0.012, float("nan"), 0.04, 0.013, 0.9]
     known = [one for one in p if one == one]

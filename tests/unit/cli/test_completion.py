@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.ci
+
 COMMAND = [sys.executable, "-m", "overtaking"]
 
 

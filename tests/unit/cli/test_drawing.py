@@ -45,6 +45,7 @@ def test_sparkline_of_a_constant_speed_is_flat_and_of_the_width_asked_for():
     assert line == "_" * 40
 
 
+@pytest.mark.ci
 @given(
     values=st.lists(st.floats(0.0, 60.0), min_size=1, max_size=300),
     width=st.integers(1, 120),

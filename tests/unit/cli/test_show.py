@@ -85,6 +85,7 @@ def test_there_is_something_to_see(runs):
     assert (runs.contacts.partner != NO_VEHICLE).any()
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("width", "encoding"), [(80, "utf-8"), (80, "ascii"), (120, "utf-8")])
 def test_every_simulation_fits_the_terminal(labelled, stories, width, encoding):
     for number, values in list(enumerate(stories))[::3]:

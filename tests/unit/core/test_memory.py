@@ -44,6 +44,7 @@ def test_memory_is_used_again_once_the_array_is_gone():
     assert address(memory.empty(LARGE, np.uint8)) == place
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     "look",
     [

@@ -156,6 +156,7 @@ def test_workers_closed_in_the_middle_of_a_call_leave_nothing():
             worker.close()
 
 
+@pytest.mark.ci
 @posix_only
 def test_a_process_that_cannot_start_leaves_nothing(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))

@@ -48,6 +48,7 @@ def large(recipe: Recipe) -> Recipe:
     )
 
 
+@pytest.mark.ci
 def test_a_large_one_has_to_be_allowed(recipe: Recipe, tmp_path: Path):
     location, asked = Folder(tmp_path / "data"), list[Estimate]()
 

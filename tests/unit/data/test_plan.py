@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,6 +21,7 @@ from overtaking.scenarios import spec
 COUNT = st.integers(1, 5000)
 
 
+@pytest.mark.ci
 @given(num_simulations=COUNT, shard_size=st.integers(1, 6000), size=st.integers(1, 700))
 def test_every_simulation_comes_once_and_in_order(num_simulations, shard_size, size):
     planned = shards(num_simulations, shard_size)

@@ -104,6 +104,7 @@ def test_world_coordinates_are_a_rotation_of_the_complex_plane(road: Road, s: fl
     assert abs(complex(x, y) - point) < 1e-9  # 1e5 m in float64 with a few roundings.
 
 
+@pytest.mark.ci
 @given(road=either_hand, data=st.data())
 def test_road_coordinates_undo_world_coordinates(road: Road, data):
     points = data.draw(

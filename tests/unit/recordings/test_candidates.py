@@ -90,6 +90,7 @@ def test_passes_are_those_that_a_plain_count_finds(tmp_path_factory, movers):
     assert num_passes(tracks) == count
 
 
+@pytest.mark.ci
 def test_the_order_in_the_file_changes_nothing(tmp_path):
     one = scenes(read(tmp_path, QUIET))
     other = scenes(read(tmp_path, QUIET[::-1]))
@@ -109,6 +110,7 @@ def test_a_vehicle_along_a_line_does_not_change_lanes(tmp_path):
     assert len(lane_changes(read(tmp_path, [over, Mover(number=2, s=80.0)])).row) == 1
 
 
+@pytest.mark.ci
 def test_without_a_leader_in_reach_there_is_no_candidate(tmp_path):
     alone = [QUIET[0], QUIET[2]]
     recording = read(tmp_path, alone)
@@ -120,6 +122,7 @@ def test_without_a_leader_in_reach_there_is_no_candidate(tmp_path):
     assert overtakes(recording, lane_changes(recording), Surroundings.of(recording)) == []
 
 
+@pytest.mark.ci
 def test_two_lanes_in_one_go_are_one_candidate_and_two_movements_are_two(tmp_path):
     leader = Mover(number=2, s=80.0, speed=24.0, last=299)
     second = Mover(number=3, s=150.0, speed=24.0, lane=1, last=299)

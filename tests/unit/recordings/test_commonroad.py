@@ -43,6 +43,7 @@ ANY_LANELET = Lanelet(
 BENDS = (0.0, 1.0 / 1500.0, -1.0 / 200.0)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("curvature", BENDS)
 @pytest.mark.parametrize("version", ["2018b", "2020a"])
 def test_positions_come_back_along_and_across_a_straight_or_bent_road(write, curvature, version):
@@ -92,6 +93,7 @@ def test_an_overtake_is_found_with_its_target_and_its_window(write):
     assert window.last == pytest.approx(207, abs=2)
 
 
+@pytest.mark.ci
 def test_lanelets_that_follow_each_other_are_one_road(write):
     whole = read_commonroad(write(commonroad(road=Bend())))
     cut = read_commonroad(write(commonroad(road=Bend(cuts=(300.0, 650.0)))))
@@ -100,6 +102,7 @@ def test_lanelets_that_follow_each_other_are_one_road(write):
     assert np.allclose(cut.tracks.d, whole.tracks.d)
 
 
+@pytest.mark.ci
 def test_what_the_file_says_of_the_road_is_kept_and_the_rest_is_unknown(write):
     sign = (
         '<trafficSign id="500"><trafficSignElement><trafficSignID>274</trafficSignID>'
@@ -193,6 +196,7 @@ def typed(text: str, number: int, kind: str, more: str = "") -> str:
     )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("kind", "more", "expected"),
     [
@@ -218,6 +222,7 @@ def test_a_shoulder_beside_the_lanes_is_none_of_them(write, kind, more, expected
     assert right.road.slow_side_neighbour.kind == expected
 
 
+@pytest.mark.ci
 def test_lanes_on_either_side_of_a_bus_lane_are_two_roads(write):
     text = typed(commonroad(road=Bend(lanes=4)), 13, "busLane", "<userOneWay>bus</userOneWay>")
     assert read_commonroad(write(text)).notes["lanelets_by_lane"] == [[11], [12]]
@@ -225,6 +230,7 @@ def test_lanes_on_either_side_of_a_bus_lane_are_two_roads(write):
     assert found.notes["lanelets_by_lane"] == [[14]]
 
 
+@pytest.mark.ci
 def test_a_lanelet_that_nobody_drives_on_is_no_road(write):
     text = typed(commonroad(), 13, "shoulder")
     with pytest.raises(ImportFormatError, match="expected a lane to drive on, got shoulder"):
@@ -266,6 +272,7 @@ def test_a_lane_that_tapers_is_refused_and_named(write):
         read_commonroad(write(text.replace(middle, bent)))
 
 
+@pytest.mark.ci
 def test_the_road_can_be_chosen_by_a_lanelet(write):
     second = Bend().lanelets().replace('id="1', 'id="5').replace('ref="1', 'ref="5')
     second = second.replace("<y>", "<y>1000").replace("<y>10000.", "<y>1000.")
@@ -331,6 +338,7 @@ def _texts(text: str, name: str) -> list[str]:
     return [part.split(f"</{name}>")[0] for part in text.split(f"<{name}>")[1:]]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("tiny", [0.0, 5e-324, 1e-308, -1e-308])
 def test_a_border_with_edges_of_no_length_contains_what_it_did(write, tiny):
     text = commonroad(road=Bend(length=600.0))

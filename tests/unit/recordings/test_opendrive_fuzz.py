@@ -115,6 +115,7 @@ def test_elements_in_the_wrong_place_never_escape(path: Path, place: int, tag: b
     check(path, b"><".join(parts[: place + 1]) + inserted + b"><".join(parts[place + 1 :]))
 
 
+@pytest.mark.ci
 @given(data=st.data())
 def test_damaged_pieces_of_real_maps_never_escape(path: Path, shared_data: Path, data):
     name = data.draw(st.sampled_from(["Town04.xodr", "Town06.xodr", "esmini_two_plus_one.xodr"]))

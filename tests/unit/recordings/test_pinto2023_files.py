@@ -218,6 +218,7 @@ POOL = pa.proxy_memory_pool(pa.default_memory_pool())
 """Lives as long as the process: Arrow's threads may give memory back after a test has ended."""
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("rows", "cell", "settings_"),
     [

@@ -166,6 +166,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("highd")
 
 
+@pytest.mark.ci
 @FEW
 @given(name=st.sampled_from(["tracks", "tracksMeta", "recordingMeta"]), data=st.data())
 def test_damaged_tables_never_escape(folder: Path, name, data):

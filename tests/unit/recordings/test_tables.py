@@ -247,6 +247,7 @@ CROWD = (
 )
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("curvature", [1.0 / 400.0, -1.0 / 300.0])
 def test_a_road_that_bends_is_inferred_and_judged_as_the_straight_one(curvature):
     """Its traffic has the same ways along the right edge, and comes the other way besides."""

@@ -63,6 +63,7 @@ def points(bound: ET.Element | None) -> np.ndarray:
     return np.array(rows)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("place", [LINED, WINDING, MIRRORED], ids=["lined", "winding", "mirrored"])
 def test_commonroad_has_the_lanes_of_both_directions_where_they_are(place: Road, tmp_path: Path):
     write_commonroad(run_on(place), np.array([0]), tmp_path)

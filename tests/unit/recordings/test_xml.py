@@ -96,6 +96,7 @@ trees = st.recursive(
 )
 
 
+@pytest.mark.ci
 @given(st.lists(trees, max_size=4))
 def test_elements_are_those_of_the_standard_library(tmp_path_factory, cages: list[ET.Element]):
     """What we build equals what `xml.etree` builds from the same text."""

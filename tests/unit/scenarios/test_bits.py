@@ -12,6 +12,8 @@ import pytest
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios import sample, spec
 
+pytestmark = pytest.mark.ci
+
 # SHA-256 of the arrays of 2,000 scenarios. These change when a profile, a population, a vehicle
 # class, the friction or the sampler itself changes, and then all data sets do: put the new ones
 # here together with an entry in the changelog. They must not change for any other reason.

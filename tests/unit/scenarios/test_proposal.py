@@ -102,6 +102,7 @@ def test_a_tempered_component_is_a_mixture_of_its_copies():
     assert bending.weight.mean() == pytest.approx(1.0, abs=5.0 * bending.weight.std() / 141.0)
 
 
+@pytest.mark.ci
 def test_few_simulations_of_the_risk_profile_weigh_nothing():
     weight = sample(spec("motorway-risk"), load_road("motorway"), 1, NUMBERS[:8000]).weight
     assert (weight < 1e-6).mean() < 0.1

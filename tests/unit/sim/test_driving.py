@@ -15,6 +15,8 @@ from overtaking.sim.controls import CONTROLS
 from overtaking.sim.sensor import Sensing, Sensor
 from overtaking.world.parameters import parameters
 
+pytestmark = pytest.mark.ci
+
 SHORT = {"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0}
 
 RADAR = Sensor(

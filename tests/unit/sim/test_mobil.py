@@ -165,6 +165,7 @@ def test_lane_changes_of_clear_minds_in_dense_traffic_never_end_in_an_accident(s
     assert (ran.contacts.partner == 255).all()
 
 
+@pytest.mark.ci
 def test_nor_do_those_of_clear_minds_who_do_not_signal():
     # Two who make for one place from both sides see each other move; before the bodies are there.
     for seed in range(4):

@@ -84,6 +84,7 @@ def test_in_fog_by_day_an_unlit_car_is_seen_as_far_as_koschmieder_says(fog: floa
         assert bool(m.look().detected[LEAD, 0, 0]) is noticed
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("fog", "night", "metres"), [(100.0, 1.0, 154.0), (100.0, 0.0, 91.0)])
 def test_in_fog_a_rear_fog_lamp_is_seen_as_far_as_allard_says(
     fog: float, night: float, metres: float
@@ -135,6 +136,7 @@ def test_who_was_there_from_the_start_is_known():
     assert seen(one_ahead(30.0, effects=DELAYED))
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("reaction", [0.5, 1.25])
 def test_a_driver_acts_on_what_was_a_reaction_time_ago_carried_on(reaction: float):
     m = one_ahead(60.0, speed=20.0, ahead=20.0, driver={"reaction_time": reaction}, effects=DELAYED)

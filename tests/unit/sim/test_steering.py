@@ -111,6 +111,7 @@ def test_every_class_returns_to_its_lane_without_weaving(kind: str):
     assert np.abs(away[240:]).max() < 0.02
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", SPEEDS)
 def test_a_lane_change_ends_in_the_lane(kind: str):
     duration = 6.5 if kind == "T" else 5.0  # Lorries take 1.3 times as long.
@@ -126,6 +127,7 @@ def test_a_lane_change_ends_in_the_lane(kind: str):
     assert np.abs(ran["a_lat"]).max() < 1.2 * 5.77 * LANE_WIDTH / duration**2
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("kind", FOUR_WHEELERS)
 def test_a_steady_gale_is_steered_out(kind: str):
     sky = {"wind": 60.0, "wind_direction": math.pi / 2.0}

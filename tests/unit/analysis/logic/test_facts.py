@@ -50,6 +50,7 @@ def test_positions_speeds_and_lanes_are_those_that_were_recorded():
     assert lit == {row for row in rows if states.lights[row] & LEFT}
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("name", ["overtakes", "passes", "pulls_out", "returns", "collides"])
 def test_what_happens_is_found_in_the_same_frame_however_few_are_written(name: str):
     recorded = over_and_back()

@@ -17,6 +17,8 @@ from overtaking.labels.events import case_of
 from overtaking.labels.law import GERMANY, PORTUGAL, Pack, check
 from overtaking.model.labels import Case, Verdict
 
+pytestmark = pytest.mark.ci
+
 LAW = (PROGRAMS / "law.lp").read_text(encoding="utf-8")
 LAW_DE = (PROGRAMS / "law_de.lp").read_text(encoding="utf-8")
 GERMAN = [one for one in german_fixtures.FIXTURES if one[0] in CODES_DE]
@@ -110,7 +112,6 @@ def test_a_german_condition_that_is_changed_is_noticed(code: str, old: str, new:
     assert any(in_german_logic(german(n)[0], spoiled)[0] != german(n)[1] for n in places)
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(("profile", "number"), [("pinto2023-physical", 120), ("motorway", 30)])
 def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: int):
     case = case_of(simulate(sample(profile, number, seed=23)))
@@ -124,7 +125,6 @@ def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: in
     np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(
     ("profile", "number"), [("pinto2023-physical", 176), ("motorway-risk", 24)]
 )
@@ -141,7 +141,6 @@ def test_both_say_the_same_of_simulations(profile: str, number: int):
     assert is_illegal.sum() > number / 4
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(
     ("code", "old", "new"),
     [

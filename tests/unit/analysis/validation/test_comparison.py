@@ -38,6 +38,7 @@ def compare(weighted: Tally, natural: Tally) -> tuple[Rate, ...]:
     return compare_figures(weighted, natural, DEFINITIONS)
 
 
+@pytest.mark.ci
 def test_honest_weights_agree_about_as_often_as_the_interval_says():
     apart = sum(
         not all(rate.agrees for rate in compare(counted(2 * seed, 0.1, enriched=True), natural))

@@ -119,6 +119,7 @@ def test_what_cannot_be_drawn_again_is_refused(data: ot.Dataset, begun: int):
         ot.twin(data, begun, driver="brave")
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("from_start", [False, True])
 def test_saved_twins_are_simulated_again_from_their_manifest(
     data: ot.Dataset, begun: int, tmp_path: Path, from_start: bool
@@ -137,6 +138,7 @@ def test_saved_twins_are_simulated_again_from_their_manifest(
         ot.resume(saved.path)
 
 
+@pytest.mark.ci
 def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int, tmp_path: Path):
     first = ot.twin(data, begun, without=["rain"])
     saved = ot.save_twin(data, first, tmp_path / "twin")
@@ -165,6 +167,7 @@ def test_the_first_future_has_the_random_numbers_of_the_simulation(data: ot.Data
         np.testing.assert_array_equal(values, np.broadcast_to(values[:1], values.shape))
 
 
+@pytest.mark.ci
 def test_the_changes_of_a_branch_are_made_in_its_futures(
     data: ot.Dataset, begun: int, tmp_path: Path
 ):
@@ -205,6 +208,7 @@ def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_pa
     assert not changed.stayed.scenario.weather.rain.any()
 
 
+@pytest.mark.ci
 def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
     data: ot.Dataset, begun: int, tmp_path: Path
 ):
@@ -229,6 +233,7 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
     assert percept.is_shared_by(started(scene.world, 20, many)).sum() > TOO_FEW
 
 
+@pytest.mark.ci
 def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
     found = ot.fan(data, begun, futures=30, every=2.0)
     assert (found.futures == 30).all()
@@ -340,6 +345,7 @@ def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, 
         ot.plot_what_if(Stage.PASS, path)
 
 
+@pytest.mark.ci
 def test_a_fan_names_every_vehicle_of_its_scene(data: ot.Dataset, begun: int):
     """The target too, which the ego comes near to."""
     plots = pytest.importorskip("overtaking.show.plots.whatif")

@@ -45,6 +45,7 @@ def test_numbers_are_those_of_pyarrow(column):
     assert to_arrow(values).equals(pa.array(values))
 
 
+@pytest.mark.ci
 @given(column=columns())
 def test_any_part_of_an_array_comes_back(column):
     values, missing, part = column
@@ -55,6 +56,7 @@ def test_any_part_of_an_array_comes_back(column):
     assert np.array_equal(to_numpy(chunk)[there], values[part][there])
 
 
+@pytest.mark.ci
 @given(texts=st.lists(st.none() | st.text()))
 def test_texts_are_those_of_pyarrow(texts):
     ours = to_texts(texts)

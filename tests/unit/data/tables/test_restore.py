@@ -65,6 +65,7 @@ def trimmed(recorded: Trajectories) -> Trajectories:
     return recorded.replace(percepts=recorded.percepts.replace(**changes))
 
 
+@pytest.mark.ci
 @given(seed=st.integers(0, 2**32), road=st.sampled_from(["town06", "motorway"]), left=st.booleans())
 @settings(max_examples=25)
 def test_tables_hold_all_of_a_recording(recorder, seed: int, road: str, left: bool):

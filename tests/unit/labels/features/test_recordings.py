@@ -58,6 +58,7 @@ def test_a_track_that_begins_before_has_them(judged):
     assert said["D_m"] > 40.0
 
 
+@pytest.mark.ci
 def test_without_anybody_ahead_the_gap_is_zero(judged):
     found = judged(*OVERTAKE)
     alone = found.events.replace(

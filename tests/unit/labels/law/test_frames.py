@@ -14,6 +14,8 @@ from overtaking.model.batch import concatenate
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case, Verdict
 
+pytestmark = pytest.mark.ci
+
 FRAMES = 12
 
 # Whole numbers, so that margins of exactly 0 are common.
@@ -68,7 +70,6 @@ def test_a_span_has_the_frames_from_its_start_to_its_stop(given_):
         assert reduced(np.maximum, values, span)[k] == values[k][mask[k]].max()
 
 
-@pytest.mark.ci
 def test_in_a_batch_every_fixture_is_judged_as_it_is_alone():
     groups: dict[object, list[Case]] = {}
     for _, _, _, make in FIXTURES:

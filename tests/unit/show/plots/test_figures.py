@@ -98,6 +98,7 @@ def test_p_values_that_survive_correction_are_bold(result: Statistics):
     assert len(figure.axes[0].texts) == 16 * 15
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(
     ("value", "text"),
     [(0.5, ".50"), (-0.5, "−.50"), (-0.001, ".00"), (1.0, "1.0"), (-0.999, "−1.0")],
@@ -149,6 +150,7 @@ def test_few_simulations_are_counted_in_whole_numbers(simulations: int):
         assert all(tick == round(tick) for tick in axes.get_yticks() if axes.patches)
 
 
+@pytest.mark.ci
 def test_the_same_figure_has_the_same_bytes(result: Statistics):
     one, other = (single.draw_classes(result.classes) for _ in range(2))
     assert style.to_svg(one) == style.to_svg(other)

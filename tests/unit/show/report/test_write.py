@@ -146,6 +146,7 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
     assert {*re.findall(r"the rule (\w+) was broken", quoted)} == broken
 
 
+@pytest.mark.ci
 def test_examples_run_in_a_page_beside_the_report(undrawn: None, tmp_path: Path):
     one = label(simulate(sample("pinto2023-physical", 1, 1)))
     frame = synthetic_features(12)

@@ -286,6 +286,7 @@ def test_sql_filters_the_list_and_cannot_write(client: Client, data: Dataset):
         assert (status, set(told)) == (400, {"error"})
 
 
+@pytest.mark.ci
 def test_a_recording_is_listed_and_shown_without_what_it_does_not_tell(tmp_path: Path):
     scene, out = tmp_path / "scene.xml", tmp_path / "data"
     scene.write_text(commonroad(), encoding="utf-8")

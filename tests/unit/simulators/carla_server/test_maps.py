@@ -100,6 +100,7 @@ def test_spawn_points_lie_in_the_slope():
     assert point.location.z == pytest.approx(2.3 + SLOPE * point.location.x, abs=0.01)
 
 
+@pytest.mark.ci
 @needs_wheel
 def test_who_drives_on_a_bridge_stays_on_it_and_touches_nobody_below():
     world = world_on(crossing())

@@ -108,6 +108,7 @@ def test_a_long_message_has_few_values():
         Decoder().feed(encode([long, [1] * (MAX_FEW + 1)]))
 
 
+@pytest.mark.ci
 def test_the_values_of_a_hostile_message_take_bounded_memory():
     # Arrays in each other, so that none is complete before the last, full of the values that grow
     # most: two bytes of text become an object of 51.
