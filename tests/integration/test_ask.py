@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from overtaking import Dataset
 
+pytestmark = pytest.mark.ci
+
 SIMULATIONS = 24
 
 
@@ -109,7 +111,6 @@ def test_who_passes_whom_is_seen_in_the_positions(data: Dataset, states: pd.Data
     assert len(exact) >= 0.95 * len(found)  # A millimetre of rounding may be a frame.
 
 
-@pytest.mark.ci
 def test_overtakes_are_those_that_the_events_call_completed(data: Dataset, states: pd.DataFrame):
     """Where the target is still in the ego's lane when the ego leaves it."""
     events = data.events().pivot_table(index="simulation", columns="event", values="frame")
@@ -130,7 +131,6 @@ def test_overtakes_are_those_that_the_events_call_completed(data: Dataset, state
     assert expected <= {row[:2] for row in rows_of(data, "overtakes(S,ego,B,F)")}
 
 
-@pytest.mark.ci
 def test_what_the_law_says_is_what_the_findings_say(data: Dataset):
     findings = data.findings()
     broken = findings[(findings["rule"] == "L12") & (findings["verdict"] == "illegal")]
@@ -144,7 +144,6 @@ def test_what_the_law_says_is_what_the_findings_say(data: Dataset):
     }
 
 
-@pytest.mark.ci
 def test_the_same_is_found_however_few_frames_are_looked_at(data: Dataset):
     query = "overtakes(S,A,B,F)"
     assert rows_of(data, query, every=1) == rows_of(data, query, every=500)
@@ -189,7 +188,6 @@ def test_what_is_no_question_is_refused_in_one_line(data: Dataset, query: str, m
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.ci
 def test_a_question_without_end_is_stopped(data: Dataset):
     endless = "X = 1..9000, Y = 1..9000, Z = 1..9000, (X+Y+Z)\\7 = 8"
     with pytest.raises(ConfigError, match="an answer within 1 s"):
@@ -223,7 +221,6 @@ def test_the_command_prints_answers_with_times(data: Dataset, capsys: pytest.Cap
     assert "there are more answers than these 1" in shown.err
 
 
-@pytest.mark.ci
 def test_a_proof_names_article_frames_and_facts(data: Dataset, capsys: pytest.CaptureFixture[str]):
     findings = data.findings()
     broken = findings[(findings["rule"] == "L12") & (findings["verdict"] == "illegal")].iloc[0]

@@ -17,6 +17,8 @@ from overtaking.recordings.formats import FORMATS
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.ci
+
 COLUMNS: dict[str, Any] = {
     "recording": {"length_m": 4.4, "width_m": 1.8},
     "columns": {"vehicle": "id", "time": "t [s]", "x": "x [m]", "y": "y [m]"},
@@ -94,7 +96,6 @@ def test_a_recording_that_cannot_be_used_is_named_with_its_error(once):
     assert "expected" in json.loads(name.read_text())[BAD]
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(
     ("engine", "workers"),
     [("processes", 2), pytest.param("ray", 2, marks=pytest.mark.ci)],
@@ -104,7 +105,6 @@ def test_every_engine_writes_the_same_bytes(folder, once, tmp_path, engine, work
     assert files(tmp_path / "labels") == files(once)
 
 
-@pytest.mark.ci
 def test_what_was_interrupted_is_completed_to_the_same_bytes(folder, once, tmp_path):
     out = tmp_path / "labels"
 
@@ -150,7 +150,6 @@ def test_a_call_that_cannot_succeed_leaves_nothing(folder, tmp_path):
         labelled(tmp_path, out)
 
 
-@pytest.mark.ci
 def test_the_command_labels_a_folder(folder, once, tmp_path, capsys):
     from overtaking.cli import main
 

@@ -15,6 +15,8 @@ from overtaking.show.report.write import Writer
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.ci
+
 SIMULATIONS = 400
 
 
@@ -37,7 +39,6 @@ def factors(folder: Path) -> Any:
     return overtaking.learn_factors(folder, features=["waiting time", "ahead_ttc_s"])
 
 
-@pytest.mark.ci
 def test_rules_come_as_json(folder: Path, rules: Any, capsys: pytest.CaptureFixture[str]):
     assert main(["learn", "rules", str(folder), "--about", "start", "--json"]) == 0
     said = capsys.readouterr()
@@ -62,7 +63,6 @@ def test_a_counterexample_can_be_shown_and_is_one(
     assert (name in ("Success_L", "Success_I")) != rules.is_negated
 
 
-@pytest.mark.ci
 def test_tables_are_shown_in_a_terminal(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
@@ -122,7 +122,6 @@ def test_popper_is_an_export_with_options_of_its_own(
     assert "every" in capsys.readouterr().err
 
 
-@pytest.mark.ci
 def test_what_was_learned_is_on_the_page(folder: Path, rules: Any, factors: Any, tmp_path: Path):
     made = Writer(tmp_path, overtaking.statistics(folder), None)
     learned = Learned(rules=(rules,), factors=factors, remarks=("No rules about this.",))

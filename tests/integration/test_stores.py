@@ -16,6 +16,8 @@ from overtaking.data.store import Store
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.ci
+
 NUM_SIMULATIONS = 20
 SETTINGS = {
     "overrides": {"time.horizon_s": 0.5, "time.attempt_deadline_s": 0.5},
@@ -59,7 +61,6 @@ def test_a_store_holds_the_bytes_of_a_folder(url, folder):
     assert_same(stored, folder)
 
 
-@pytest.mark.ci
 def test_a_data_set_in_a_store_is_read_like_any_other(url, folder, tmp_path):
     generate(url)
     stored = api.load(url)
@@ -72,7 +73,6 @@ def test_a_data_set_in_a_store_is_read_like_any_other(url, folder, tmp_path):
     assert answer.rows == [(NUM_SIMULATIONS,)]
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("after", [8, 16])
 def test_what_a_store_has_is_kept_when_work_goes_on(after, url, folder):
     class Stopped(BaseException):
@@ -91,7 +91,6 @@ def test_what_a_store_has_is_kept_when_work_goes_on(after, url, folder):
     assert told[:2] == [0, 8]  # A shard that is there counts at once.
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("name", ["labels/part-00001.parquet", "simulations/part-00000.parquet"])
 @pytest.mark.parametrize("damage", [b"", b"PAR1 half of it", None])
 def test_damage_in_a_store_is_noticed_and_healed(name, damage, url, folder):
@@ -134,7 +133,6 @@ def test_another_data_set_in_a_store_is_refused(url):
         generate(url, seed=2, resume=True)
 
 
-@pytest.mark.ci
 def test_a_balanced_data_set_in_a_store_is_the_same(url, tmp_path):
     balance = Balance(candidates=400, allows_missing=True)
     stored, folder = (generate(out, balance=balance) for out in (url, tmp_path / "data"))

@@ -7,6 +7,8 @@ import overtaking as ot
 from overtaking.analysis.learning.examples import examples_of
 from overtaking.core.errors import ConfigError
 
+pytestmark = pytest.mark.ci
+
 PROFILE = "rural"
 SHORT = {"time.horizon_s": 20.0, "time.attempt_deadline_s": 18.0, "traffic.held_up": 1.0}
 PASSES = SHORT | {
@@ -73,7 +75,6 @@ def by_hand(data, number):
     return times, beyond
 
 
-@pytest.mark.ci
 def test_times_to_meet_are_those_of_the_recorded_states(passes):
     rows = passes.safety().query("moment == 'manoeuvre'").set_index("simulation")
     labels = passes.labels().query("policy == 'paper'").set_index("simulation")
@@ -89,7 +90,6 @@ def test_times_to_meet_are_those_of_the_recorded_states(passes):
         assert not row.oncoming_given_up
 
 
-@pytest.mark.ci
 def test_decisions_know_who_comes_next(passes):
     decisions = passes.decisions().set_index("simulation")
     for number, row in decisions.iterrows():

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.model.trajectory import Trajectories
 
+pytestmark = pytest.mark.ci
+
 LEVELS = [name for name, available in _core.simd_levels() if available]
 GRAVITY, AIR_DENSITY, USABLE_POWER = 9.81, 1.2, 0.9
 
@@ -53,7 +55,6 @@ def of(run: Trajectories, name: str) -> np.ndarray:
     return getattr(run.states, name)[0, 0, : run.num_frames[0]] * scale
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
 def test_both_engines_have_the_same_bits(profile: str):
     # 20 s are some 600 m: through bends of either side, over a rise or a fall.
@@ -65,7 +66,6 @@ def test_both_engines_have_the_same_bits(profile: str):
         assert not difference(read, engine.simulate(batch, level=level))
 
 
-@pytest.mark.ci
 def test_a_line_without_bends_is_a_straight_road():
     batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(16))
     road = batch.road
@@ -75,7 +75,6 @@ def test_a_line_without_bends_is_a_straight_road():
     assert not difference(straight, laid)
 
 
-@pytest.mark.ci
 def test_left_and_right_are_the_same():
     batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(8))
     batch = batch.replace(road=on(batch.road, *BENDS, grade=HILLS))
@@ -180,7 +179,6 @@ def crooked() -> Road:
     return on(dataclasses.replace(rural, course=None), *parts)
 
 
-@pytest.mark.ci
 def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
     batch = sample(spec("rural"), crooked(), 5, np.arange(48))
     run = engine.simulate(batch)
@@ -203,7 +201,6 @@ def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
     assert (run.contacts.partner == NO_VEHICLE).all()
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("kind", ["M", "T", "MC"])
 @pytest.mark.parametrize("radius", [100.0, -100.0, 300.0])
 def test_who_starts_in_a_bend_drives_through_it_as_before(kind: str, radius: float):
@@ -240,7 +237,6 @@ def test_height_is_the_integral_of_the_slope():
     np.testing.assert_allclose(road.height_at(s), risen, atol=1e-9)
 
 
-@pytest.mark.ci
 def test_overtakes_in_bends_are_labelled_as_on_straight_roads():
     """The same traffic on a road that bends hardly at all gets the same labels."""
     batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(64))

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
 
+pytestmark = pytest.mark.ci
+
 LEVELS = [name for name, available in _core.simd_levels() if available]
 
 each_situation = pytest.mark.parametrize(
@@ -38,7 +40,6 @@ def simulated(situation: Situation) -> Trajectories:
     return situation.run(situation.scenario(situation.share), engine.run)
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(
     "situation",
     [*SITUATIONS, *FURTHER, *WRITTEN],
@@ -63,7 +64,6 @@ CROWDED = {
 }
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("vehicles", [[9, 16], [17, 32]])
 def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
     crowded = spec("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
@@ -77,7 +77,6 @@ def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
         assert not found, f"{level}: {found}"
 
 
-@pytest.mark.ci
 def test_further_situations_are_what_they_are_called():
     told, *met, two_way, winding, meeting = FURTHER
     pushes = parameters(told.scenario(told.share)).of_simulations.push_accel

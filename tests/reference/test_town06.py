@@ -23,6 +23,8 @@ from overtaking.recordings.opendrive import survey_opendrive
 from overtaking.recordings.opendrive_map import MappedRoad, map_roads
 from overtaking.recordings.roads import load_road
 
+pytestmark = pytest.mark.ci
+
 CENTIMETRE = 0.01
 
 
@@ -281,7 +283,6 @@ REFUSED = {
 """The roads outside junctions that are not read: too sharp a bend, and tapers all along."""
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("name", MAPS)
 def test_every_road_is_read_or_refused_with_the_reason(maps: Path, name: str):
     verdicts = survey(maps / name)
@@ -295,7 +296,6 @@ def test_every_road_is_read_or_refused_with_the_reason(maps: Path, name: str):
             assert reason in str(verdict)
 
 
-@pytest.mark.ci
 def test_the_roads_that_are_read_are_counted(maps: Path):
     """Roads in all, those outside junctions, those that are read, and those read from end to end.
 
@@ -315,7 +315,6 @@ def test_the_roads_that_are_read_are_counted(maps: Path):
     }
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("name", MAPS)
 def test_of_each_road_the_longest_stretch_is_read_on_which_it_stays_the_same(maps: Path, name: str):
     for road in mapped(maps / name):
@@ -366,7 +365,6 @@ def placed(road: ET.Element, station: float, t: float) -> tuple[float, float]:
     )
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("name", MAPS)
 def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
     """Ten stations of every lane that is read, bends and lane offsets and all."""
@@ -392,7 +390,6 @@ def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
         assert (ahead > 0.0).all()
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(
     ("name", "ids"), [("Town04.xodr", ("41", "6", "45")), ("Town06.xodr", ("40", "71", "6"))]
 )
@@ -489,7 +486,6 @@ def test_a_route_over_roads_with_other_limits_has_those_of_the_text(
 # ---- by name or by file ----
 
 
-@pytest.mark.ci
 def test_a_road_is_loaded_by_name_or_by_file(maps: Path):
     assert load_road("motorway").name == "motorway"
     assert load_road(str(maps / "esmini_straight_500m.xodr")).name == "esmini_straight_500m road 1"

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     from overtaking.model.trajectory import Trajectories
 
+pytestmark = pytest.mark.ci
+
 
 @pytest.fixture(scope="module")
 def runs() -> Trajectories:
@@ -83,7 +85,6 @@ def test_what_was_simulated_comes_back_from_the_files_bit_for_bit(simulation, da
     assert_same(data.trajectory(simulation), expected, expected.scenario.vehicles.valid)
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("simulation", [0, 9, NUM_SIMULATIONS - 1])
 def test_what_was_not_kept_is_simulated_again(simulation, data, summary):
     assert not (summary.path / "states").exists()
@@ -93,7 +94,6 @@ def test_what_was_not_kept_is_simulated_again(simulation, data, summary):
     assert np.array_equal(again.trace_hash, data.trajectory(simulation).trace_hash)
 
 
-@pytest.mark.ci
 def test_a_data_set_is_a_sequence_of_simulations_whatever_it_kept(data, summary, runs):
     for source in (data, summary):
         hashes = [source[np.int64(number)].trace_hash[0] for number in range(len(source))]
@@ -119,7 +119,6 @@ def test_a_summary_says_the_same_as_the_whole(data, summary):
         assert summary.table(table).equals(data.table(table))
 
 
-@pytest.mark.ci
 def test_the_same_recipe_gives_the_same_bytes_elsewhere(data, tmp_path: Path):
     other = generate(tmp_path / "elsewhere")
     assert other.content_hash == data.content_hash
@@ -131,7 +130,6 @@ def test_a_simulation_is_the_same_in_a_data_set_of_any_size(data, tmp_path: Path
     assert small.states(2).equals(data.states(2))
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("simulator", api.BRANCHING)
 def test_a_branch_without_a_change_is_the_simulation_itself(simulator: str, runs):
     again = api.branch(runs.scenario, 7, simulator=simulator)
@@ -152,7 +150,6 @@ def test_a_branch_is_the_same_up_to_its_frame_and_another_after_it(runs):
     assert (after > 0).any()
 
 
-@pytest.mark.ci
 def test_the_reference_writes_the_same_data_set(data, tmp_path: Path):
     readable = generate(tmp_path / "readable", simulator="reference")
     assert readable.content_hash == data.content_hash
@@ -176,7 +173,6 @@ def test_tables_come_as_pandas_in_si(data):
     assert speed.between(10, 60).all()  # 50 to 120 km/h, and not yet braked.
 
 
-@pytest.mark.ci
 def test_anyone_can_group_tables_of_many_shards_by_any_of_their_names(tmp_path: Path):
     # Arrow refuses to where the parts of a column list other names.
     data = api.generate(
@@ -245,7 +241,6 @@ def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
     assert set(manifest["provenance"]) >= {"started", "finished", "package", "machine"}
 
 
-@pytest.mark.ci
 def test_the_data_card_says_how_to_make_and_read_it_and_is_right(copy: Path):
     card = (copy / "README.md").read_text()
     code = [line[4:] for line in card.splitlines() if line.startswith("    ")]
@@ -269,7 +264,6 @@ def test_the_data_card_explains_every_column(data, summary):
     assert "## states" not in card
 
 
-@pytest.mark.ci
 def test_progress_counts_every_simulation(tmp_path: Path):
     heard: list[tuple[int, int]] = []
     generate(tmp_path / "data", progress=lambda done, total: heard.append((done, total)))

@@ -24,6 +24,8 @@ from overtaking.scenarios import profile_names
 if TYPE_CHECKING:
     from overtaking.model.batch import Batch
 
+pytestmark = pytest.mark.ci
+
 SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
 
 
@@ -108,7 +110,6 @@ def test_a_recording_that_is_none_is_refused(runs, path: str, value: object, say
         ot.label(changed(runs, path, value))
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("profile", profile_names())
 def test_what_profiles_and_simulators_make_passes(profile: str):
     check(ot.sample(profile, 500, 3), "test")
@@ -117,7 +118,6 @@ def test_what_profiles_and_simulators_make_passes(profile: str):
         check(ot.simulate(short, simulator=simulator), "test")
 
 
-@pytest.mark.ci
 def test_a_recording_of_others_passes(shared_data, tmp_path: Path):
     for name in ("C-DEU_MONAMerge-2_480_T-559", "OSC_CutIn-1_2_T-1"):
         source = shared_data / "commonroad" / f"{name}.xml"
@@ -135,7 +135,6 @@ def test_what_a_recording_may_have_and_a_simulator_cannot_run_is_refused(scenari
         ot.simulate(scenario.replace(frame_interval_ms=33))
 
 
-@pytest.mark.ci
 def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(os, "sysconf", {"SC_PAGE_SIZE": 1024, "SC_PHYS_PAGES": 20}.__getitem__)
     with refused("sample: memory: expected at most the 0.0 GB of this machine, got"):

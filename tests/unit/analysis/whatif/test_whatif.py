@@ -24,6 +24,8 @@ from overtaking.show.video.view import SCENE_BOTTOM
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.ci
+
 WET = {"weather.presets": ["HardRainNoon"], "traffic.vehicles": "4..6"}
 STARTS = (
     ot.Change(decision=ot.Decision.STAY),
@@ -85,7 +87,6 @@ def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, be
     assert value != getattr(one, found.parting.quantity)[0, found.parting.vehicle, frame]
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("delay", [0.3, 1.0, 2.5])
 def test_a_later_start_is_as_late_as_asked(data: ot.Dataset, begun: int, delay: float):
     run = ot.twin(data, begun, delay=delay).told[1].run
@@ -119,7 +120,6 @@ def test_what_cannot_be_drawn_again_is_refused(data: ot.Dataset, begun: int):
         ot.twin(data, begun, driver="brave")
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("from_start", [False, True])
 def test_saved_twins_are_simulated_again_from_their_manifest(
     data: ot.Dataset, begun: int, tmp_path: Path, from_start: bool
@@ -138,7 +138,6 @@ def test_saved_twins_are_simulated_again_from_their_manifest(
         ot.resume(saved.path)
 
 
-@pytest.mark.ci
 def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int, tmp_path: Path):
     first = ot.twin(data, begun, without=["rain"])
     saved = ot.save_twin(data, first, tmp_path / "twin")
@@ -167,7 +166,6 @@ def test_the_first_future_has_the_random_numbers_of_the_simulation(data: ot.Data
         np.testing.assert_array_equal(values, np.broadcast_to(values[:1], values.shape))
 
 
-@pytest.mark.ci
 def test_the_changes_of_a_branch_are_made_in_its_futures(
     data: ot.Dataset, begun: int, tmp_path: Path
 ):
@@ -193,7 +191,6 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
     assert futures.scenario.weather.rain[0] == 0.0
 
 
-@pytest.mark.ci
 def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_path: Path):
     dry = ot.branch(data[begun], changes=[ot.Change(without=("rain",))])
     stays = ot.branch(data[begun], decision=ot.Decision.STAY)
@@ -208,7 +205,6 @@ def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_pa
     assert not changed.stayed.scenario.weather.rain.any()
 
 
-@pytest.mark.ci
 def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
     data: ot.Dataset, begun: int, tmp_path: Path
 ):
@@ -233,7 +229,6 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
     assert percept.is_shared_by(started(scene.world, 20, many)).sum() > TOO_FEW
 
 
-@pytest.mark.ci
 def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
     found = ot.fan(data, begun, futures=30, every=2.0)
     assert (found.futures == 30).all()
@@ -271,7 +266,6 @@ def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Datase
         )
 
 
-@pytest.mark.ci
 def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
     table = data.labels()
     paper = table[table["policy"] == "paper"]
@@ -310,7 +304,6 @@ def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
         ot.twin(data, 0, stay=True)
 
 
-@pytest.mark.ci
 def test_twins_are_filmed_one_above_the_other(data: ot.Dataset, begun: int, tmp_path: Path):
     av = pytest.importorskip("av")
     found = ot.twin(data, begun, delay=1.0)
@@ -335,7 +328,6 @@ def test_films_of_twins_have_one_time_axis(data: ot.Dataset, begun: int):
     assert above == below
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("name", ["twin.svg", "twin.png"])
 def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, name: str):
     pytest.importorskip("matplotlib")
@@ -345,7 +337,6 @@ def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, 
         ot.plot_what_if(Stage.PASS, path)
 
 
-@pytest.mark.ci
 def test_a_fan_names_every_vehicle_of_its_scene(data: ot.Dataset, begun: int):
     """The target too, which the ego comes near to."""
     plots = pytest.importorskip("overtaking.show.plots.whatif")

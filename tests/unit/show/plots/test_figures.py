@@ -26,6 +26,8 @@ from overtaking.show.plots.overtake import moved_apart
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+pytestmark = pytest.mark.ci
+
 
 @pytest.fixture(scope="module")
 def result() -> Statistics:
@@ -98,7 +100,6 @@ def test_p_values_that_survive_correction_are_bold(result: Statistics):
     assert len(figure.axes[0].texts) == 16 * 15
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize(
     ("value", "text"),
     [(0.5, ".50"), (-0.5, "−.50"), (-0.001, ".00"), (1.0, "1.0"), (-0.999, "−1.0")],
@@ -109,7 +110,6 @@ def test_an_association_is_short(result: Statistics, value: float, text: str):
     assert text in texts(pairs.draw_associations(found))
 
 
-@pytest.mark.ci
 def test_the_pair_plot_has_a_panel_for_each_pair(result: Statistics):
     counted = [distributions.histogram(result.sample, one.name) for one in NUMERIC]
     points = distributions.pair_points(result.sample)
@@ -150,7 +150,6 @@ def test_few_simulations_are_counted_in_whole_numbers(simulations: int):
         assert all(tick == round(tick) for tick in axes.get_yticks() if axes.patches)
 
 
-@pytest.mark.ci
 def test_the_same_figure_has_the_same_bytes(result: Statistics):
     one, other = (single.draw_classes(result.classes) for _ in range(2))
     assert style.to_svg(one) == style.to_svg(other)
@@ -172,7 +171,6 @@ def test_a_figure_needs_nothing_from_outside(result: Statistics):
     assert "<text" not in svg
 
 
-@pytest.mark.ci
 @pytest.mark.parametrize("rows", [0, 1])
 def test_hardly_any_simulations_can_be_drawn(rows: int):
     result = statistics(synthetic_features(rows) if rows else synthetic_features(1).iloc[:0])
@@ -262,7 +260,6 @@ def of_every_class() -> Statistics:
     return statistics(frame)
 
 
-@pytest.mark.ci
 def test_a_legend_of_all_classes_fits_into_the_figure(of_every_class: Statistics):
     sample = of_every_class.sample
     counted = [distributions.histogram(sample, one.name) for one in FEATURES]

@@ -27,6 +27,8 @@ from overtaking.show.report.write import Report, write_report
 if TYPE_CHECKING:
     from pathlib import Path
 
+pytestmark = pytest.mark.ci
+
 
 def hide_matplotlib(patch: pytest.MonkeyPatch) -> None:
     """Let Matplotlib look as if it were not installed, where figures would only take time."""
@@ -130,7 +132,6 @@ def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path)
     assert not any(name.startswith("example") for name in made.figures)
 
 
-@pytest.mark.ci
 def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path: Path):
     labelled = label(simulate(sample("motorway", 12, 1)))
     illegal = int(np.flatnonzero(labelled.findings.verdict[:, 2] == Verdict.ILLEGAL)[0])
@@ -146,7 +147,6 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
     assert {*re.findall(r"the rule (\w+) was broken", quoted)} == broken
 
 
-@pytest.mark.ci
 def test_examples_run_in_a_page_beside_the_report(undrawn: None, tmp_path: Path):
     one = label(simulate(sample("pinto2023-physical", 1, 1)))
     frame = synthetic_features(12)
@@ -207,7 +207,6 @@ print(len(made.figures), len(made.tables), *made.remarks, sep="|")
 """
 
 
-@pytest.mark.ci
 def test_without_the_extras_the_tables_are_there_and_it_says_what_to_install(
     tmp_path: Path, repository: Path
 ):
