@@ -128,8 +128,7 @@ class HumanEgo:
 
     def aborts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to give up: the lane being entered has turned dangerous, or somebody comes."""
-        falls_in = (seen.of("yields") > FITTING) & (seen.of("can_fall_in") > 0)
-        falls_in &= has_room_behind(self.given, view)
+        falls_in = (seen.of("yields") > FITTING) & has_room_behind(self.given, view)
         out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
         home &= not self.given.road.two_way  # The lane of others is no place to stay.

@@ -64,8 +64,8 @@ impl<S: Simd, const N: usize> Minds<S, N> {
         }
     }
 
-    /// What the driver of another vehicle knows on a two-way road. It lets nobody first: two vehicles compete for a
-    /// place only from both sides of a lane, and with two lanes there is none on one side.
+    /// What the driver of another vehicle knows on a two-way road. It gives way to nobody: two vehicles want the same
+    /// place only where each comes from another side of a lane, which takes three lanes.
     pub fn of_other(&self, i: usize) -> Mind<'_, S> {
         Mind {
             near: &self.near[i],

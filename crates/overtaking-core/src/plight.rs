@@ -22,7 +22,7 @@ pub struct Plight<S: Simd> {
     pub hurries: M<S>,
     /// It would take a small gap for that.
     pub pressed: M<S>,
-    /// There will be room behind that vehicle to fall in, once it is no faster.
+    /// There will be room behind that vehicle, and the next one in its lane, once it is no faster.
     pub fits: M<S>,
 }
 

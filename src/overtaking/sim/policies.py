@@ -62,7 +62,7 @@ def rules(seen: Observation) -> Moves:
     move = np.where(back, np.where(now, Move.RETURN, Move.SHOW_BACK), move)
     pulls = (stage == Stage.PULL_OUT) & (seen.of("can_abort") > 0) & looks
     gives_up = pulls & ~_is_free_behind(seen, "fast_rear", EMERGENCY)
-    falls_in = (seen.of("can_fall_in") > 0) & (seen.of("yields") > FITTING)
+    falls_in = seen.of("yields") > FITTING
     return np.where(gives_up | falls_in, Move.ABORT, move)
 
 

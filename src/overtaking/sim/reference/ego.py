@@ -115,7 +115,7 @@ def _face(
 def _haste(state: State, c: Constants, q: SimulationParameters, who: Who) -> F32:
     """How long hurried drivers take to change lanes, 0 for everybody else [s].
 
-    At a walking pace it takes longer: nobody changes lanes in less way than the wheels can turn in.
+    At a walking pace a change takes longer, as the wheels turn only so far.
     """
     hasty = np.zeros_like(state.s)
     hurried = (state.hurries[who] > 0) | (state.yields[who] > 0)

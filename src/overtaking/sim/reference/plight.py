@@ -46,7 +46,8 @@ class Plight:
         yields: The driver falls back behind the vehicle that was to be passed.
         hurries: The driver wants to be back soon.
         pressed: It would take a small gap for that.
-        fits: There will be room behind that vehicle to fall in, once they are no faster.
+        fits: There will be room behind that vehicle, and the next one in its lane, once they are
+            no faster.
     """
 
     yields: Mask
