@@ -36,14 +36,12 @@ class Stream(enum.IntEnum):
     SIMULATOR = 5  # Seeds for simulators with random numbers of their own.
     PROPOSAL = 6  # Whether a simulation is drawn from where more happens.
     POLICY = 7  # For another driver of the ego to draw from.
-    PASSING = 8  # How the ego judges what it takes to pass against oncoming traffic.
     VEHICLE = 0x100  # + slot: the vehicle's body
     DRIVER = 0x200  # + slot: the person in it
     MOTION = 0x300  # + slot: gusts and errors of perception while driving
     GLANCES = 0x400  # + slot: looks over the shoulder
     SENSOR = 0x500  # + role: errors of another driver's sensors
     PASSED = 0x600  # + slot: what a driver does while being passed
-    OVERTAKING = 0x700  # + slot: how a driver other than the ego judges what it takes to pass
 
 
 def philox4x32(

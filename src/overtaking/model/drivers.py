@@ -80,6 +80,19 @@ class Drivers(Batch):
     limit_respect: Annotated[
         F32, within(0.0, 1.0, "", "Share of the speed above the limit that is given up")
     ]
+    need_factor: Annotated[
+        F32,
+        within(
+            0.0,
+            100.0,
+            "",
+            "Time that passing against oncoming traffic is believed to take, over what it takes",
+            since=5,
+        ),
+    ]
+    heeds_lines: Annotated[
+        Mask, meant("Whether solid lines between the directions are heeded when passing", since=5)
+    ]
 
 
 DRIVER_RANGES: dict[str, Range] = {

@@ -105,7 +105,9 @@ def _trait(name: str, who: Population, temper: F32, noise: Noise, bend: Bend) ->
         return _between(temper, *(end.parameter("value") for end in ends))
     if kind == "bernoulli":
         probability = _between(temper, *(end.parameter("probability") for end in ends))
-        return (noise.uniform() < probability).astype(np.float32)
+        drawn = noise.uniform()
+        drawn[:, Role.EGO] = bend(f"ego_{name}", drawn[:, Role.EGO])
+        return (drawn < probability).astype(np.float32)
     low, high = (
         _between(temper, *(getattr(end, side) for end in ends)) for side in ("low", "high")
     )

@@ -37,11 +37,12 @@ BENT = (
     "start",
     "held_up",
     "ego_temper",
+    "ego_heeds_lines",
     "others_temper",
 )
 """What a proposal may draw differently. `rains` and `foggy` decide whether there is any: they are
 small where there is. `flow`, `start` (where the ego starts) and `held_up` (small where it is) are
-of two-way roads. `others_temper` is bent for each of the others on its own."""
+of two-way roads, as is `ego_heeds_lines` (large where it does not). `others_temper` is bent for each of the others on its own."""
 
 SHIFTED = tuple(
     f"ego_{trait}"
@@ -56,6 +57,7 @@ SHIFTED = tuple(
         "return_time_gap",
         "signal_time",
         "cruise_factor",
+        "need_factor",
     )
 )
 """Traits of the ego that a proposal may draw differently, all of them normal or lognormal."""

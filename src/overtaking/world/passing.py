@@ -1,7 +1,6 @@
 """Parameters of passing against oncoming traffic: what is believed, wanted and granted.
 
-They are drawn from streams of their own and are no columns of a data set: only two-way roads have
-them, and a simulation is as it was on any other.
+What drivers do while being passed is drawn from a stream of its own and is no column of a data set.
 """
 
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, exp, log, maximum, minimum
+from overtaking.core.elementary import F32, exp, maximum, minimum
 from overtaking.core.philox import Draws, Stream
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role
@@ -24,8 +23,6 @@ from overtaking.world.people import quickest_change
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
 _BY_DRIVER = (
-    "need_factor",
-    "heeds_lines",
     "unseen_trust",
     "spare",
     "limit",
@@ -78,19 +75,9 @@ def _of_all(scenario: Scenario, world: World, effects: Effects) -> dict[str, NDA
 
 
 def _passing(scenario: Scenario) -> Rows:
-    """How each driver judges what passing takes, and what it wants to spare or trusts to be free.
-
-    Source:
-        Gordon and Mast 1968 (need is underestimated).
-    """
-    streams = np.uint32(Stream.OVERTAKING) + np.arange(scenario.num_slots, dtype=np.uint32)
-    streams[Role.EGO] = Stream.PASSING
-    draws = Draws(scenario.seed, scenario.index[:, None], streams)
-    median, sigma = known("model.oncoming.need_median"), known("model.oncoming.need_sigma")
+    """What each driver wants to spare, and how far it trusts the unseen road to be free."""
     demand = scenario.drivers.gap_acceptance
     return {
-        "need_factor": draws.lognormal(log(median), float(sigma)),
-        "heeds_lines": draws.uniform() < known("model.oncoming.heeds_lines"),
         "unseen_trust": known("model.oncoming.unseen_trust")
         / np.sqrt(maximum(demand, _LEAST_DEMAND)),
         "spare": known("model.oncoming.spare_asked") * demand,

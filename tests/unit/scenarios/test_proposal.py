@@ -176,3 +176,19 @@ def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
         assert enriched.mean() > more * plain.mean()
         spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))
         assert (weight * enriched).mean() == pytest.approx(plain.mean(), abs=4.0 * spread)
+
+
+@pytest.mark.ci
+def test_rural_risk_has_more_who_misjudge_and_heed_no_line_and_weighs_them_back():
+    road = load_road("rural")
+    natural = sample(spec("rural"), road, 1, NUMBERS[:8000]).drivers
+    risk = sample(spec("rural-risk"), road, 1, NUMBERS[:8000])
+    weight = risk.weight
+    assert weight.max() <= 1.0 / 0.36 + 1e-9
+    for unusual in (lambda who: ~who.heeds_lines, lambda who: who.need_factor < 0.6):
+        enriched, plain = (unusual(who)[:, Role.EGO] for who in (risk.drivers, natural))
+        assert enriched.mean() > 2.0 * plain.mean()
+        spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))
+        assert (weight * enriched).mean() == pytest.approx(plain.mean(), abs=4.0 * spread)
+        others = unusual(risk.drivers)[:, 1:]
+        assert others.mean() == pytest.approx(unusual(natural)[:, 1:].mean(), abs=0.005)

@@ -27,6 +27,7 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role
 from overtaking.sim import engine
 from overtaking.sim.branch import branch, changed
+from overtaking.world.lanes import has_two_directions
 
 ACCIDENTS = (OvertakeClass.UNSUCCESS_COL, OvertakeClass.UNSUCCESS_DEP)
 
@@ -144,7 +145,8 @@ def enough_of(
 
 def quantities(scene: Scene) -> Iterator[Quantity]:
     """The list: the ego's driver, the vehicles that it decides about, the weather, the start."""
-    for name, title, unit, size, steps in _TRAITS:
+    two_way = has_two_directions(scene.scenario.road)
+    for name, title, unit, size, steps in _TRAITS + (_OF_TWO_WAYS if two_way else ()):
         yield Quantity(
             name=f"ego: {title}",
             unit=unit,
@@ -192,7 +194,9 @@ _KMH = mps_from_kmh(1.0)
 
 _LATER = np.arange(1, 101).astype(np.float64) * 0.1
 
-_TRAITS: tuple[tuple[str, str, str, float, Values], ...] = (
+_Trait = tuple[str, str, str, float, Values]
+
+_TRAITS: tuple[_Trait, ...] = (
     ("desired_speed", "speed wanted", "km/h", _KMH, _both(60.0, 1.0)),
     ("time_gap", "time gap wanted", "s", 1.0, _both(3.0, 0.1)),
     ("gap_acceptance", "factor on the gaps demanded", "", 1.0, _both(3.0, 0.1)),
@@ -202,6 +206,10 @@ _TRAITS: tuple[tuple[str, str, str, float, Values], ...] = (
     ("reaction_time", "reaction time", "s", 1.0, _both(1.0, 0.05)),
 )
 """Trait, words, unit, the unit in SI units, and changes that are tried."""
+
+_OF_TWO_WAYS: tuple[_Trait, ...] = (
+    ("need_factor", "time believed for a pass, over what it takes", "", 1.0, _both(1.0, 0.05)),
+)
 
 
 def _others(scene: Scene) -> list[tuple[str, int]]:

@@ -76,11 +76,14 @@ def to_numpy(chunk: pa.Array) -> Array:
 
 def column_to_numpy(column: pa.ChunkedArray, missing: Any = 0) -> Array:
     """The values of a column of numbers or of yes and no, with a value for its nulls."""
-    parts = [np.empty(0, dtype=column.type.to_pandas_dtype())]
+    kind = np.dtype(column.type.to_pandas_dtype())
+    parts = [np.empty(0, dtype=kind)]
     for chunk in column.chunks:
         values = to_numpy(chunk)
-        parts.append(np.where(missing_in(chunk), missing, values) if chunk.null_count else values)
-    return np.concatenate(parts, dtype=parts[0].dtype)
+        parts.append(
+            np.where(missing_in(chunk), kind.type(missing), values) if chunk.null_count else values
+        )
+    return np.concatenate(parts)
 
 
 def missing_in(chunk: pa.Array) -> Mask:

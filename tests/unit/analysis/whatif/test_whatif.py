@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,20 +12,19 @@ from scipy.stats import binomtest
 
 import overtaking as ot
 from overtaking.analysis.whatif.beliefs import Percept, proposals
-from overtaking.analysis.whatif.enough import ACCIDENTS
+from overtaking.analysis.whatif.enough import ACCIDENTS, enough_of
 from overtaking.analysis.whatif.fan import TOO_FEW
 from overtaking.analysis.whatif.futures import copies, started
-from overtaking.analysis.whatif.scenes import class_of, pull_out, scene_of
+from overtaking.analysis.whatif.scenes import Scene, class_of, pull_out, scene_of
 from overtaking.core.errors import ConfigError
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import Stage
 from overtaking.show.video.twin import TwinFilm
 from overtaking.show.video.view import SCENE_BOTTOM
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 pytestmark = pytest.mark.ci
+
+GOLDEN = Path(__file__).parents[3] / "golden"
 
 WET = {"weather.presets": ["HardRainNoon"], "traffic.vehicles": "4..6"}
 STARTS = (
@@ -284,6 +284,20 @@ def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
         confirmed += sum(one.least is not None for one in found.found)
         assert all(math.isnan(one.larger) or 0 <= one.larger <= 1 for one in found.found)
     assert confirmed
+
+
+def test_who_knows_what_a_pass_takes_would_not_have_collided(data: ot.Dataset):
+    scenes = json.loads((GOLDEN / "trace_hashes.json").read_text(encoding="utf-8"))
+    one = next(scene for scene in scenes if scene["name"] == "rural-head-on-collision")
+    drawn = ot.sample("rural", 1, one["seed"], first=one["index"], overrides=one["overrides"])
+    scene = Scene(data=data, number=0, run=ot.simulate(drawn))
+    found = {each.name: each for each in enough_of(scene, goal="safe").found}
+    least = found["ego: time believed for a pass, over what it takes"].least
+    assert least is not None
+    assert least > 0.0
+    value = float(drawn.drivers.need_factor[0, 0]) + least
+    run = ot.branch(drawn, changes=[ot.Change(traits={"need_factor": value})])
+    assert class_of(ot.label(run), "paper") not in [kind.title for kind in ACCIDENTS]
 
 
 def test_a_goal_that_is_reached_is_refused(data: ot.Dataset, begun: int):
