@@ -101,7 +101,7 @@ def test_nobody_stays_beside_another_with_neither_time_nor_room():
 
 
 def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
-    first, leader, comes = pair(620.0, gap_acceptance=0.2, comes=28.0)
+    first, leader, comes = pair(620.0, gap_acceptance=0.2, comes=28.0, need_factor=0.8)
     slow = Vehicle(kind="M", s=leader.s + 120.0, speed=8.0, driver={"desired_speed": 8.0})
     run = simulated([first, leader, slow, comes], horizon=20.0)
     out = in_the_other_lane(run, 0)
@@ -112,11 +112,12 @@ def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
 
 
 def test_who_falls_back_touches_nobody_and_stays_on_the_road():
-    """Half of these touched the leader's corner, the others left the road at a walking pace."""
-    numbers = [1080, 1742, 2883, 5094, 6466, 8410, 13890, 28743, 31612, 35887]
-    world = sample(spec("rural-risk"), load_road("rural"), 58, np.array(numbers))
+    """Without either mend the first left the road at a walking pace, the others touched somebody."""
+    numbers = [11703, 199, 4685, 7020, 25921, 27697, 29696]
+    slow = spec("rural-risk", {"traffic.slow_share": 0.6, "traffic.held_up": 1.0})
+    world = sample(slow, load_road("rural"), 58, np.array(numbers))
     run = engine.run(world, parameters(world))
-    assert (run.stage == Stage.ABORT).any(axis=1).sum() > 5
+    assert (run.stage == Stage.ABORT).any(axis=1).all()
     assert (run.contacts.partner[:, 0] == NO_VEHICLE).all()
     assert (run.stage != Stage.CRASHED).all()
     edge = 1e-3 * run.states.d[:, 0][run.frame_valid].min()

@@ -32,6 +32,7 @@ CALM_DRIVER: dict[str, float] = dict.fromkeys(declarations(Drivers), 1.0) | {
     "right_bias": 0.2, "safe_decel": 4.0, "lane_change_duration": 5.0, "passing_gain": 1e6,
     "patience": 1e6, "pull_out_time": 5.0, "gap_acceptance": 1.0, "return_time_gap": 1.0,
     "signal_time": 0.0, "uses_indicator": 1.0, "checks_blind_spot": 1.0, "limit_respect": 0.0,
+    "need_factor": 0.85,
 }  # fmt: skip
 """A driver who stays in lane and never overtakes, unless told otherwise."""
 

@@ -159,7 +159,7 @@ class Definition:
             return math.nan, math.nan, math.nan
         share, least, most = tally.estimate(self.statistic)
         low, high = wilson(share, float(total * total / squares))
-        return share, np.fmin(low, least), np.fmax(high, most)
+        return share, np.fmin(low, least), min(np.fmax(high, most), 1.0)
 
     def _rare(self, tally: Tally) -> tuple[float, float, float]:
         """The rate with the wider limits of two: a Poisson count's and the jackknife's.

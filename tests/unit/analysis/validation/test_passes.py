@@ -289,6 +289,14 @@ def test_three_head_on_collisions_of_three_do_not_settle_the_share():
     assert nothing.met is None
 
 
+def test_a_share_is_never_more_than_all():
+    tally, groups = Tally(), np.arange(20)
+    for name, values in (("hard", 1.0), ("head_on", groups > 0), ("hard_squares", 1.0)):
+        tally.add(name, groups, np.full(20, values, np.float64))
+    found = HEAD_ON.measured(tally)
+    assert (found.value, found.high) == (pytest.approx(0.95), 1.0)
+
+
 def test_flows_are_those_that_the_traffic_was_drawn_with():
     given = spec("rural", {"traffic.flow_vph": [300.0, 300.0], "traffic.split": [0.7, 0.7]})
     index = np.arange(400, dtype=np.uint64)
