@@ -69,7 +69,8 @@ def by_hand(data, number):
         other = states.xs(slot, level="vehicle")
         ahead = (other.s_m - ego.s_m).to_numpy()
         gap = ahead - half[0] - 0.5 * bodies.loc[slot, "length_m"]
-        met = np.maximum(gap, 0.0) / (other.speed_mps + ego.speed_mps).to_numpy()
+        closing = (other.speed_mps + ego.speed_mps).to_numpy()
+        met = np.maximum(gap, 0.0) / np.maximum(closing, 1e-3)  # Both may stand after a collision.
         is_next = (ahead > 0.0) & (gap < nearest)
         nearest, times = np.where(is_next, gap, nearest), np.where(is_next, met, times)
     return times, beyond

@@ -112,7 +112,7 @@ def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
 
 
 def test_who_falls_back_touches_nobody_and_stays_on_the_road():
-    """Without either mend the first left the road at a walking pace, the others touched somebody."""
+    """Without the mends the first left the road at a walking pace, the others touched somebody."""
     numbers = [11703, 199, 4685, 7020, 25921, 27697, 29696]
     slow = spec("rural-risk", {"traffic.slow_share": 0.6, "traffic.held_up": 1.0})
     world = sample(slow, load_road("rural"), 58, np.array(numbers))

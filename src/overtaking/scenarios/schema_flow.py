@@ -41,8 +41,9 @@ BENT = (
     "others_temper",
 )
 """What a proposal may draw differently. `rains` and `foggy` decide whether there is any: they are
-small where there is. `flow`, `start` (where the ego starts) and `held_up` (small where it is) are
-of two-way roads, as is `ego_heeds_lines` (large where it does not). `others_temper` is bent for each of the others on its own."""
+small where there is. Of two-way roads are `flow`, `start` (where the ego starts), `held_up` (small
+where it is) and `ego_heeds_lines` (large where it heeds none). `others_temper` is bent for each of
+the others on its own."""
 
 SHIFTED = tuple(
     f"ego_{trait}"

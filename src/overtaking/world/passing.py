@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from overtaking.core.elementary import F32, exp, maximum, minimum
 from overtaking.core.philox import Draws, Stream
 from overtaking.model.scenario import Scenario
-from overtaking.model.vehicles import Role
 from overtaking.world import visibility
 from overtaking.world.bodies import Rows
 from overtaking.world.conditions import World, acting
