@@ -45,9 +45,8 @@ def with_ego(given: Parameters, **changed: float) -> Parameters:
 def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
     course = Course(lines=(Line(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),))
     on = dataclasses.replace(road(), course=course)
-    world = scenario(pair(gap_acceptance=0.3), road=on, horizon=25.0)
-    given = with_ego(parameters(world), heeds_lines=1.0)
-    runs = [engine.run(world, one) for one in (given, with_ego(given, heeds_lines=0.0))]
+    scenes = [pair(gap_acceptance=0.3, heeds_lines=one) for one in (True, False)]
+    runs = [engine.simulate(scenario(scene, road=on, horizon=25.0)) for scene in scenes]
     out = [in_the_other_lane(run, 0) for run in runs]
     assert out[0][0] == out[1][0]
     assert out[0][-1] < out[1][-1] - 10

@@ -103,3 +103,6 @@ def test_a_column_in_pieces_is_one_array_with_a_value_for_its_nulls():
     assert values.tolist() == [1, 255, 3, 5]
     assert column_to_numpy(pa.chunked_array([], pa.bool_())).dtype == np.bool_
     assert column_to_numpy(pa.chunked_array([[True, None]]), missing=True).tolist() == [True, True]
+    # Older tables lack a column that holds yes or no.
+    absent = column_to_numpy(pa.chunked_array([pa.nulls(2, pa.bool_())]))
+    assert (absent.dtype, absent.tolist()) == (np.bool_, [False, False])
