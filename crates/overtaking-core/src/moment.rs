@@ -64,8 +64,8 @@ impl<S: Simd, const N: usize> Minds<S, N> {
         }
     }
 
-    /// What the driver of another vehicle knows on a two-way road. It gives way to nobody: two vehicles want the same
-    /// place only where each comes from another side of a lane, which takes three lanes.
+    /// What the driver of another vehicle knows on a two-way road. No two vehicles change into one lane from both of
+    /// its sides there, as that takes three lanes, so the driver gives way to nobody.
     pub fn of_other(&self, i: usize) -> Mind<'_, S> {
         Mind {
             near: &self.near[i],

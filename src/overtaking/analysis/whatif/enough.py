@@ -210,6 +210,7 @@ _TRAITS: tuple[_Trait, ...] = (
 _OF_TWO_WAYS: tuple[_Trait, ...] = (
     ("need_factor", "time believed for a pass, over what it takes", "", 1.0, _both(1.0, 0.05)),
 )
+"""The same, of drivers on two-way roads."""
 
 
 def _others(scene: Scene) -> list[tuple[str, int]]:
