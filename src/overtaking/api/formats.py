@@ -342,7 +342,7 @@ def write_column_map(table: str | Path, out: str | Path) -> None:
     """Write a map of columns to fill in.
 
     Args:
-        table: The CSV or Parquet file that it is for; its columns are listed.
+        table: The CSV, Parquet or Arrow file that it is for; its columns are listed.
         out: The file to write; it must not exist.
 
     Raises:

@@ -43,7 +43,7 @@ ENDINGS = {
     "highd": ("_tracks.csv",),
     "ngsim": (".csv", ".txt"),
     "pinto2023": (".csv", ".parquet"),
-    "table": (".csv", ".parquet"),
+    "table": (".csv", ".parquet", ".arrow", ".arrows", ".feather"),
 }
 """How the names of recordings end, by format; the other files of a folder are left alone."""
 

@@ -1,11 +1,12 @@
-"""Tables of recordings, CSV or Parquet: bounded in size, every cell checked."""
+"""Tables of recordings, CSV, Parquet or Arrow: bounded in size, every cell checked."""
 
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
 
 import csv
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
+import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
 
 from overtaking.core.errors import ImportFormatError
@@ -26,8 +28,12 @@ MAX_MAGNITUDE = 1.0e6
 """No metre, second or number of a frame in half an hour of a motorway is larger."""
 
 _MAX_EXPANSION, _SMALL_BYTES = 100, 1 << 24
-"""Cells of a Parquet file may take so many times its size, and always 16 MB: a few bytes can stand
-for any number of rows."""
+"""Cells of a compressed file may take so many times its size, and always 16 MB: a few bytes can
+stand for any number of rows."""
+
+ARROW_SUFFIXES = (".arrow", ".arrows", ".feather")
+_ARROW_FILE_MAGIC = b"ARROW1"  # Files begin with it, streams do not.
+_CELL_BYTES = 8  # A number in memory, whatever its encoding in the file.
 
 _MAX_LINE = 1 << 16
 TEXT, NUMBER, WHOLE = pa.string(), pa.float64(), pa.int64()
@@ -41,10 +47,11 @@ def read_columns(
     header: Sequence[str] = (),
     limits: Mapping[str, float] | None = None,
 ) -> pa.Table:
-    """Some columns of a CSV or Parquet file.
+    """Some columns of a CSV, Parquet or Arrow file.
 
     Args:
-        path: The file; Parquet if its name ends in `.parquet`, else CSV.
+        path: The file. The ending of its name is its format: `.parquet`; one of `ARROW_SUFFIXES`;
+            any other is CSV.
         columns: Types of the wanted columns by name; the file may have more. A name in other
             letters, capital or small, is the same if no other column has it.
         header: Names of all columns of a text file that has none, with blanks between the cells.
@@ -59,6 +66,8 @@ def read_columns(
     """
     if path.suffix == ".parquet":
         return checked_table(_parquet(path, columns), columns, path.name, limits)
+    if path.suffix in ARROW_SUFFIXES:
+        return checked_table(_read_arrow(path, columns), columns, path.name, limits)
     names = _header(path)
     if header and not any(one.strip()[:1].isalpha() for one in names):
         return checked_table(_headless(path, columns, header), columns, path.name, limits)
@@ -126,6 +135,9 @@ def column_names(path: Path) -> tuple[str, ...]:
     """The columns of a file."""
     if path.suffix == ".parquet":
         return tuple(_parquet_file(path).schema_arrow.names)
+    if path.suffix in ARROW_SUFFIXES:
+        with _open_arrow(path) as reader:
+            return tuple(reader.schema.names)
     return tuple(_header(path))
 
 
@@ -190,17 +202,100 @@ def _parquet(path: Path, columns: Types) -> pa.Table:
     """Some columns of a Parquet file."""
     file = _parquet_file(path)
     found = named(file.schema_arrow.names, columns, path.name)
-    most = min(max(_MAX_EXPANSION * path.stat().st_size, _SMALL_BYTES), MAX_BYTES)
+    most = _max_cell_bytes(path)
     about = file.metadata
     pages = sum(about.row_group(k).total_byte_size for k in range(about.num_row_groups))
-    if max(pages, 8 * len(columns) * about.num_rows) > most:
-        raise refused(path, "file", f"at most {most >> 20} MB of cells", f"{about.num_rows} rows")
+    if max(pages, _CELL_BYTES * len(columns) * about.num_rows) > most:
+        raise _too_many_cells(path, most, about.num_rows)
     try:
         table = file.read(columns=list(found.values()))
         table.validate(full=True)
     except (pa.ArrowException, OSError) as error:
         raise refused(path, "file", "a readable Parquet file", str(error)) from None
     return table.select(list(found.values())).rename_columns(list(found))
+
+
+@contextmanager
+def _open_arrow(path: Path, columns: Sequence[int] | None = None) -> Generator[Any]:
+    """A reader of an Arrow IPC file or stream.
+
+    Args:
+        path: The file.
+        columns: Indices of the columns to read; all if None.
+
+    Raises:
+        ImportFormatError: The file is not readable, also while the caller reads from it.
+    """
+    options = ipc.IpcReadOptions(included_fields=None if columns is None else list(columns))
+    expected = "a readable Arrow file (Feather of version 2)"
+    try:
+        if not path.is_file():
+            raise refused(path, "file", expected, "no plain file")
+        # No memory map: another process that shortens the file would end this one by SIGBUS.
+        with pa.OSFile(str(path)) as file:
+            is_stream = file.read(len(_ARROW_FILE_MAGIC)) != _ARROW_FILE_MAGIC
+            file.seek(0)
+            opened = ipc.open_stream if is_stream else ipc.open_file
+            with opened(file, options=options) as reader:
+                yield reader
+    except (pa.ArrowException, OSError, UnicodeDecodeError, KeyError) as error:
+        raise refused(path, "file", expected, str(error)) from None
+
+
+def _read_arrow(path: Path, columns: Types) -> pa.Table:
+    """Some columns of an Arrow IPC file or stream."""
+    most = _max_cell_bytes(path)
+    with _open_arrow(path) as reader:
+        schema = reader.schema
+        names = named(schema.names, columns, path.name)
+    indices = [schema.get_field_index(name) for name in names.values()]
+    for field in map(schema.field, indices):
+        # Cells of other types, such as run-end encoded ones, take any number of bytes when cast.
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        if pa.types.is_nested(kind) or not (pa.types.is_primitive(kind) or _is_text(kind)):
+            raise refused(path, f"column {field.name}", "cells of numbers or text", str(field.type))
+    batches: list[pa.RecordBatch] = []
+    num_rows = num_bytes = 0
+    with _open_arrow(path, indices) as reader:
+        if isinstance(reader, ipc.RecordBatchFileReader):
+            # Known before anything is decompressed; a stream has no such count.
+            if _CELL_BYTES * len(columns) * reader.count_rows() > most:
+                raise _too_many_cells(path, most, reader.count_rows())
+            source = map(reader.get_batch, range(reader.num_record_batches))
+        else:
+            source = reader
+        for batch in source:
+            batch.validate(full=True)
+            batches.append(batch)
+            num_rows += batch.num_rows
+            num_bytes += sum(map(_decoded_bytes, batch.columns))
+            if num_bytes > most:
+                raise _too_many_cells(path, most, num_rows)
+        read_schema = batches[0].schema if batches else reader.schema
+    table = pa.Table.from_batches(batches, read_schema)
+    return table.select(list(names.values())).rename_columns(list(names))
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or kind == pa.string_view()
+
+
+def _decoded_bytes(column: pa.Array) -> int:
+    """Memory of a column with every cell on its own, not as an index of a dictionary [bytes]."""
+    cells = max(column.nbytes, _CELL_BYTES * len(column))
+    if pa.types.is_dictionary(column.type) and _is_text(column.type.value_type):
+        longest = pc.max(pc.binary_length(column.dictionary.cast(TEXT))).as_py() or 0
+        cells = max(cells, longest * len(column))
+    return cells
+
+
+def _max_cell_bytes(path: Path) -> int:
+    """Memory that the cells of a compressed file may take [bytes]."""
+    return min(max(_MAX_EXPANSION * path.stat().st_size, _SMALL_BYTES), MAX_BYTES)
+
+
+def _too_many_cells(path: Path, most: int, num_rows: int) -> ImportFormatError:
+    return refused(path, "file", f"at most {most >> 20} MB of cells", f"{num_rows} rows")
 
 
 def _of_type(column: pa.ChunkedArray, name: str, kind: pa.DataType, where: str) -> pa.ChunkedArray:
@@ -219,7 +314,8 @@ def _place_of(error: Exception) -> str:
 
 def _check_numbers(where: str, name: str, column: pa.ChunkedArray, most: float) -> None:
     """Refuse what is missing, not finite, or larger than anything in a recording."""
-    sizes = pc.abs(pc.fill_null(column.cast(NUMBER), np.nan))
+    # An integer beyond 2**53 loses digits here; it is far beyond every limit all the same.
+    sizes = pc.abs(pc.fill_null(column.cast(NUMBER, safe=False), np.nan))
     wrong = pc.index(pc.fill_null(pc.less_equal(sizes, most), False), False).as_py()
     if wrong >= 0:
         got = "an empty cell" if not column[wrong].is_valid else str(column[wrong].as_py())

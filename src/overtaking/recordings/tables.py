@@ -47,7 +47,7 @@ def read_table(
     """The traffic in a table, or in the three of highD's family.
 
     Args:
-        path: The file; CSV or Parquet.
+        path: The file; CSV, Parquet or Arrow.
         columns: Which column holds what; see `column_map`.
         road: The road, in the axes of the table; by default what the map says of it, and else
             lanes are inferred from the traffic.
