@@ -198,16 +198,22 @@ class Identity(_Record):
     branches: tuple[BranchRecord, ...] = ()
 
     @field_serializer("road", mode="wrap")
-    def _without_empty_course(self, road: Road, dump: SerializerFunctionWrapHandler) -> Any:
-        """The road; a road along which nothing changes stays as it was before roads had courses."""
-        said = dump(road)
+    def _road_values(self, road: Road, dump: SerializerFunctionWrapHandler) -> Any:
+        """Values of the road, without parts of the course that are empty and without zero origins.
+
+        Left-out parts leave the fingerprints of roads as they are that have none of them.
+        """
+        values = dump(road)
+        for name in ("origin_x", "origin_y"):
+            if not getattr(road, name):
+                del values[name]
         if road.course is None:
-            del said["course"]
+            del values["course"]
         else:
             for name in ("line", "grade", "limits"):
                 if not getattr(road.course, name):
-                    del said["course"][name]
-        return said
+                    del values["course"][name]
+        return values
 
     @property
     def tables(self) -> tuple[str, ...]:

@@ -37,7 +37,8 @@ F64 = NDArray[np.float64]
 MAX_LANES = 8
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
 MAX_NEIGHBOUR_WIDTH = 100.0
-MAX_COORDINATE = 1.0e8  # Wider than any map projection of the Earth in metres.
+MAX_COORDINATE = 2.0e6  # World millimetres are int32, which end at 2147 km; roads end before that.
+MAX_ORIGIN = 1.0e8  # Wider than any map projection of the Earth in metres.
 MAX_CURVED_WIDTH = (
     0.5  # |curvature * d|: nearer to the centre of a bend s and d lose their meaning.
 )
@@ -50,6 +51,7 @@ def _reference_line(pieces: tuple[Piece, ...]) -> ReferenceLine:
 
 
 _COORDINATE = within(-MAX_COORDINATE, MAX_COORDINATE, "m")
+_ORIGIN = within(-MAX_ORIGIN, MAX_ORIGIN, "m")
 
 
 class DrivingSide(enum.Enum):
@@ -116,6 +118,9 @@ class Road:
             [rad].
         speed_limit: Limit that is posted for the driving lanes, on a road with `Course.limits` the
             highest one [m/s].
+        origin_x: Source x of the world origin: what was taken off the x of a file in absolute
+            coordinates, such as UTM, so that millimetres fit the recorded integers [m].
+        origin_y: Source y of the world origin [m].
         slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
         fast_side_neighbour: Lane beside `lanes[-1]`, or None.
         course: What changes along the road; None if nothing does.
@@ -134,6 +139,8 @@ class Road:
     y0: Annotated[float, _COORDINATE]
     heading: Annotated[float, within(-math.tau, math.tau, "rad")]
     speed_limit: Annotated[float, within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True)]
+    origin_x: Annotated[float, _ORIGIN] = 0.0
+    origin_y: Annotated[float, _ORIGIN] = 0.0
     slow_side_neighbour: Lane | None = None
     fast_side_neighbour: Lane | None = None
     course: Course | None = None
@@ -284,6 +291,25 @@ class Road:
         cosine, sine = direction(self.heading)
         return east * cosine + north * sine, north * cosine - east * sine
 
+    def to_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
+        """Coordinates of world points in the file that the road comes from [m].
+
+        Args:
+            x: World x, any shape [m].
+            y: World y, same shape [m].
+        """
+        return (
+            np.asarray(x, dtype=np.float64) + self.origin_x,
+            np.asarray(y, dtype=np.float64) + self.origin_y,
+        )
+
+    def from_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
+        """World coordinates of points in the file's coordinates [m]; the inverse of `to_source`."""
+        return (
+            np.asarray(x, dtype=np.float64) - self.origin_x,
+            np.asarray(y, dtype=np.float64) - self.origin_y,
+        )
+
     def lane_index(self, d: ArrayLike) -> NDArray[np.int64]:
         """Index into `lanes` of the lane that a point lies in.
 
@@ -341,6 +367,7 @@ class Road:
             lanes=tuple(lane.mirrored() for lane in self.lanes),
             edge_d=-self.edge_d,
             y0=-self.y0,
+            origin_y=-self.origin_y,
             heading=-self.heading,
             slow_side_neighbour=slow.mirrored() if slow else None,
             fast_side_neighbour=fast.mirrored() if fast else None,

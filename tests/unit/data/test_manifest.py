@@ -56,6 +56,17 @@ def test_a_course_comes_back_and_a_road_without_one_does_not_name_it(
     assert read_manifest(Folder(written)) == changed
 
 
+def test_an_origin_comes_back_and_a_road_without_one_does_not_name_it(
+    manifest: Manifest, written: Path
+):
+    road = json.loads((written / FILE_NAME).read_text())["identity"]["road"]
+    assert {"origin_x", "origin_y"} & road.keys() == set()
+    moved = dataclasses.replace(known_road("town06"), origin_x=691_000.0, origin_y=5_335_000.0)
+    identity = manifest.identity.model_copy(update={"road": moved})
+    write_manifest(Folder(written), manifest.model_copy(update={"identity": identity}))
+    assert read_manifest(Folder(written)).identity.road == moved
+
+
 def test_the_specification_comes_back(manifest: Manifest, written: Path):
     assert spec(read_manifest(Folder(written)).identity.spec) == spec("pinto2023-physical")
 

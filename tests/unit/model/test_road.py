@@ -178,6 +178,21 @@ def test_a_mark_seen_twice_from_the_other_side_is_itself(mark: RoadMark):
     assert (mark.reversed is not mark) == (mark in (RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID))
 
 
+def test_world_points_come_back_in_the_coordinates_of_the_source():
+    road = straight(origin_x=691_000.0, origin_y=5_335_000.0)
+    x, y = road.to_source(*road.world(100.0, 2.0))
+    assert (float(x), float(y)) == pytest.approx((691_098.799, 5_335_042.698), abs=1e-3)
+    s, d = road.road_coordinates(*road.from_source(x, y))
+    assert (float(s), float(d)) == pytest.approx((100.0, 2.0), abs=1e-6)
+
+
+def test_the_origin_of_the_mirror_image_is_mirrored():
+    road = straight(origin_x=691_000.0, origin_y=5_335_000.0)
+    image = road.mirrored()
+    assert (image.origin_x, image.origin_y) == (691_000.0, -5_335_000.0)
+    assert image.mirrored() == road
+
+
 def test_an_extended_road_only_grows():
     road = straight()
     longer = road.extended(2500.0)
@@ -209,6 +224,8 @@ def with_lane(**changes) -> tuple[Lane, ...]:
         ({"heading": 7.0}, "heading"),
         ({"heading": math.nan}, "heading"),
         ({"x0": math.inf}, "x0"),
+        ({"x0": 5_335_000.0}, "x0: expected -2e+06 to 2e+06 m, got 5.335e+06"),
+        ({"origin_y": math.nan}, "origin_y"),
         ({"y0": math.nan}, "y0"),
         ({"edge_d": -math.inf}, "edge_d"),
         ({"speed_limit": 0.0}, "speed_limit"),
