@@ -7,7 +7,6 @@ import random
 import socket
 import struct
 from contextlib import ExitStack, suppress
-from pathlib import Path
 
 import pytest
 from tests.support.carla import (
@@ -19,6 +18,7 @@ from tests.support.carla import (
     needs_wheel,
     stopped_by_signals,
 )
+from tests.support.processes import listening_addresses
 
 from overtaking.simulators.carla_server.wire import encode
 
@@ -130,10 +130,8 @@ def test_streams_that_are_not_there_are_closed_and_half_a_request_is_waited_for(
 
 
 def test_the_server_listens_on_loopback_only(server: Address):
-    table = Path("/proc/net/tcp").read_text(encoding="ascii")
-    rows = [line.split() for line in table.split("\n")[1:-1]]
-    ours = {row[1] for row in rows if row[1].endswith(f":{server.port:04X}") and row[3] == "0A"}
-    assert ours == {f"0100007F:{server.port:04X}"}
+    for port in (server.port, server.streams):
+        assert listening_addresses(port) == {"127.0.0.1"}
 
 
 @pytest.mark.ci

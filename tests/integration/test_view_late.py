@@ -16,7 +16,7 @@ import overtaking as ot
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, Route
 
 pytestmark = pytest.mark.ci
 
@@ -248,3 +248,22 @@ def test_an_answer_in_sql_is_to_what_was_asked_last(browser: Browser, url: str, 
         expect(page.locator(".found")).to_have_text("5 of 120 simulations")
         settle(page)
         assert page.input_value("#sql") == "SELECT"
+
+
+def test_a_request_that_a_busy_server_refuses_is_sent_again(browser: Browser, url: str, key: Any):
+    statuses = [429, 429]
+
+    def refuse(route: Route) -> None:
+        if statuses:
+            status = statuses.pop()
+            route.fulfill(status=status, headers={"Retry-After": "0"}, json={"error": "busy"})
+        else:
+            route.continue_()
+
+    # Not `at`: Chromium itself writes each refusal to the console.
+    with browser.new_context(storage_state=key) as context:
+        page = context.new_page()
+        page.route(re.compile(r"/api/rows$"), refuse)
+        page.goto(url.partition("#")[0])
+        expect(page.locator(".found")).to_have_text(ALL)
+        assert not statuses

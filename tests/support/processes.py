@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+_LISTENING = "0A"  # The state TCP_LISTEN in /proc/net/tcp.
+
 
 def is_running(process: int) -> bool:
     """Whether a process exists and has not ended; on Linux a zombie has ended."""
@@ -27,3 +29,14 @@ def eventually(condition: Callable[[], bool], patience: float = 60.0) -> bool:
     while not condition() and time.monotonic() < end:
         time.sleep(0.01)
     return condition()
+
+
+def listening_addresses(port: int) -> set[str]:
+    """IPv4 addresses at which a process of this machine listens on a port (Linux)."""
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text("ascii").splitlines()[1:]]
+    local = [row[1].split(":") for row in rows if row[3] == _LISTENING]
+    return {
+        ".".join(str(part) for part in reversed(bytes.fromhex(address)))
+        for address, number in local
+        if int(number, 16) == port
+    }

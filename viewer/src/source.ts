@@ -99,13 +99,21 @@ function embedded(bundle: Bundle): Source {
   };
 }
 
-async function ask<T>(path: string, body?: unknown): Promise<T> {
+// A busy server refuses a request with status 429; the page asks again, at most this often.
+const MAX_ATTEMPTS = 10;
+
+async function ask<T>(path: string, body?: unknown, attempt = 1): Promise<T> {
   const sent: RequestInit = body === undefined ? {} : { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
   let answer: Response;
   try {
     answer = await fetch(`/api/${path}`, { credentials: "same-origin", ...sent });
   } catch {
     throw new Error("overtaking view has ended: start it again");
+  }
+  if (answer.status === 429 && attempt < MAX_ATTEMPTS) {
+    const pause = Number(answer.headers.get("Retry-After") ?? 1);
+    await new Promise((resume) => setTimeout(resume, 1000 * pause));
+    return ask(path, body, attempt + 1);
   }
   const told = (await answer.json()) as T & { error?: string };
   if (!answer.ok) throw new Error(told.error ?? answer.statusText);

@@ -11,6 +11,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
+from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
@@ -32,15 +33,12 @@ if TYPE_CHECKING:
 MOST_BYTES = 16_384
 """Of the body of a request."""
 
-MOST_BRANCHES = 4
-"""Branches and fans that are computed at a time."""
-
-MOST_WAITING = 16
-"""Branches and fans that are computed or wait for their turn; further ones are refused."""
+RETRY_AFTER_S = 1
+"""A page that is refused for now waits this long before it asks again [s]."""
 
 _DIGITS = re.compile(r"[0-9]{1,15}", re.ASCII)
+_CLOSED = "the connection was closed before the request was answered"
 _USED = "this address has been used: go on in the browser that used it, or start the command again"
-_BUSY = "too much is asked for at once: wait for an answer"
 
 
 def app(library: Library, hosts: tuple[str, ...], keys: Keys) -> Starlette:
@@ -78,12 +76,53 @@ def app(library: Library, hosts: tuple[str, ...], keys: Keys) -> Starlette:
     )
 
 
+class RequestQueue:
+    """Requests of one kind, of which a few are computed at a time.
+
+    Slow requests of one kind do not delay those of another, which wait in another queue.
+    All queues together compute fewer requests than Starlette has threads (40).
+
+    Args:
+        kind: Plural noun for the error message, such as "queries".
+        max_running: Requests that are computed at a time.
+        max_queued: Requests that are computed or wait; further ones are refused with status 429.
+    """
+
+    def __init__(self, kind: str, *, max_running: int, max_queued: int) -> None:
+        """Start empty."""
+        self._kind, self._max_queued = kind, max_queued
+        self._running, self._num_queued = asyncio.Semaphore(max_running), 0
+
+    async def answer(
+        self, request: Request, function: Callable[..., dict[str, Any]], *arguments: Any
+    ) -> Response:
+        """The answer of a function to a request, computed in a thread.
+
+        Raises:
+            HTTPException: The queue is full, or the client has closed the connection.
+        """
+        if self._num_queued >= self._max_queued:
+            reason = f"{self._max_queued} {self._kind} are being computed: ask again in a moment"
+            raise HTTPException(429, reason, {"Retry-After": str(RETRY_AFTER_S)})
+        self._num_queued += 1
+        try:
+            async with self._running:
+                if await request.is_disconnected():
+                    raise HTTPException(408, _CLOSED)
+                return JSONResponse(await run_in_threadpool(function, *arguments))
+        finally:
+            self._num_queued -= 1
+
+
 class _Answers:
-    """The answer of each path, computed in threads."""
+    """The answer of each path."""
 
     def __init__(self, library: Library, keys: Keys) -> None:
         self._library, self._keys = library, keys
-        self._waiting, self._branches = 0, asyncio.Semaphore(MOST_BRANCHES)
+        self._lists = RequestQueue("lists", max_running=4, max_queued=32)
+        self._queries = RequestQueue("queries", max_running=1, max_queued=8)
+        self._runs = RequestQueue("simulations", max_running=4, max_queued=64)
+        self._branches = RequestQueue("branches and fans", max_running=4, max_queued=16)
 
     async def session(self, request: Request) -> Response:
         key = self._keys.exchange(asked(Token, await _body(request)).token)
@@ -97,51 +136,42 @@ class _Answers:
         return JSONResponse(self._library.start())
 
     async def rows(self, request: Request) -> Response:
-        return await _told(self._library.rows, asked(Rows, await _body(request)))
+        rows = asked(Rows, await _body(request))
+        queue = self._queries if rows.sql else self._lists
+        return await queue.answer(request, self._library.rows, rows)
 
     async def sql(self, request: Request) -> Response:
-        return await _told(self._library.sql, asked(Query, await _body(request)).sql)
+        text = asked(Query, await _body(request)).sql
+        return await self._queries.answer(request, self._library.sql, text)
 
     async def run(self, request: Request) -> Response:
-        return await _told(self._library.run, _number(request))
+        return await self._runs.answer(request, self._library.run, _number(request))
 
     async def beliefs(self, request: Request) -> Response:
-        return await _told(self._library.beliefs, _number(request))
+        return await self._runs.answer(request, self._library.beliefs, _number(request))
 
     async def thumbnail(self, request: Request) -> Response:
-        return await _told(self._library.thumbnail, _number(request))
+        return await self._runs.answer(request, self._library.thumbnail, _number(request))
 
     async def branch(self, request: Request) -> Response:
-        number, what = _number(request), asked(Branch, await _body(request))
-        return await self._in_turn(self._library.branch, number, what)
+        number, changes = _number(request), asked(Branch, await _body(request))
+        return await self._branches.answer(request, self._library.branch, number, changes)
 
     async def fan(self, request: Request) -> Response:
-        number, what = _number(request), asked(Futures, await _body(request))
-        return await self._in_turn(self._library.fan, number, what)
-
-    async def _in_turn(self, function: Callable[..., dict[str, Any]], *what: Any) -> Response:
-        """What takes long, a few at a time; refused while many wait."""
-        if self._waiting >= MOST_WAITING:
-            raise HTTPException(429, _BUSY)
-        self._waiting += 1
-        try:
-            async with self._branches:
-                return await _told(function, *what)
-        finally:
-            self._waiting -= 1
-
-
-async def _told(function: Callable[..., dict[str, Any]], *arguments: Any) -> Response:
-    return JSONResponse(await run_in_threadpool(function, *arguments))
+        number, futures = _number(request), asked(Futures, await _body(request))
+        return await self._branches.answer(request, self._library.fan, number, futures)
 
 
 async def _body(request: Request) -> bytes:
     """The body of a request, if it is small."""
     body = b""
-    async for part in request.stream():
-        body += part
-        if len(body) > MOST_BYTES:
-            raise HTTPException(413, f"a request has {MOST_BYTES} bytes at most")
+    try:
+        async for part in request.stream():
+            body += part
+            if len(body) > MOST_BYTES:
+                raise HTTPException(413, f"a request has {MOST_BYTES} bytes at most")
+    except ClientDisconnect:
+        raise HTTPException(408, _CLOSED) from None
     return body
 
 
@@ -165,7 +195,7 @@ def _built(name: str, kind: str) -> Callable[[Request], Response]:
 async def _refused(_: Request, error: Exception) -> Response:
     is_known = isinstance(error, HTTPException)
     status, detail = (error.status_code, error.detail) if is_known else (500, FAULT)
-    return JSONResponse({"error": detail}, status)
+    return JSONResponse({"error": detail}, status, error.headers if is_known else None)
 
 
 async def _wrong(_: Request, error: Exception) -> Response:

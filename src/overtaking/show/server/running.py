@@ -11,6 +11,7 @@ import uvicorn
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law import policy as checked_policy
 from overtaking.show.server.app import app
+from overtaking.show.server.connections import KEEP_ALIVE_TIMEOUT, BoundedConnection
 from overtaking.show.server.guard import Keys
 from overtaking.show.server.library import Library
 
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from overtaking.data.load import Dataset
 
 _HOST = "127.0.0.1"
-_MOST_REQUESTS = 64
-_IDLE_S = 30
 
 
 class Server:
@@ -51,12 +50,12 @@ class Server:
             uvicorn.Config(
                 app(library, hosts, keys),
                 access_log=False,
+                http=BoundedConnection,
                 lifespan="off",
-                limit_concurrency=_MOST_REQUESTS,
                 log_config=None,
                 proxy_headers=False,
                 server_header=False,
-                timeout_keep_alive=_IDLE_S,
+                timeout_keep_alive=KEEP_ALIVE_TIMEOUT,
                 ws="none",
             )
         )
