@@ -19,7 +19,7 @@ from overtaking.api.choices import simulator_of
 from overtaking.recordings.roads import load_road
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import Mask
+    from overtaking.core.arrays import Mask
 
 PROFILES = {"told": "pinto2023", "decide": "pinto2023-physical"}
 HARD_RAIN = 1.0

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import overtaking as ot
-from overtaking.core.elementary import Mask, exp, maximum, minimum
+from overtaking.core.arrays import Mask
+from overtaking.core.elementary import exp, maximum, minimum
 from overtaking.model.observation import ROLES
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import overtaking as ot
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.model.events import Outcome
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.mobil import incentives, is_safe

@@ -15,7 +15,7 @@ from figures.overtake import THEMES
 from figures.svg import box, curve, document, element, label, line
 
 import overtaking as ot
-from overtaking.core.elementary import F64
+from overtaking.core.arrays import F64
 from overtaking.labels.instants import borders_of
 from overtaking.model.events import NEVER
 from overtaking.model.labels import OvertakeClass

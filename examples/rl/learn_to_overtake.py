@@ -26,7 +26,7 @@ from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor, VecNormalize
 
 import overtaking as ot
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.gym import COLUMNS, Events, flat, progress
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
 from overtaking.model.trajectory import Stage

@@ -10,8 +10,7 @@ import numpy as np
 
 from overtaking import _core
 from overtaking.core import elementary, philox
-from overtaking.core.elementary import F32, F32Like
-from overtaking.core.philox import U32, U64
+from overtaking.core.arrays import F32, U32, U64, F32Like
 
 
 class Draws(philox.Draws):

@@ -11,15 +11,8 @@ against mpmath.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-# Float32 by contract and by test: NumPy's own types lose the width of a float after one operation,
-# so naming it here would only make the type checker refuse right code.
-F32 = NDArray[np.floating[Any]]
-F32Like = F32 | np.floating[Any]
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from overtaking.core.arrays import F32, F32Like
 
 _LOG2_E = np.float32(1.442_695_04)
 _LN2_HIGH = np.float32(0.693_359_375)

@@ -13,10 +13,8 @@ import enum
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, exp, log, sincos
-
-U32 = NDArray[np.uint32]
-U64 = NDArray[np.uint64]
+from overtaking.core.arrays import F32, U32, U64
+from overtaking.core.elementary import exp, log, sincos
 
 _M0 = np.uint64(0xD251_1F53)
 _M1 = np.uint64(0xCD9E_8D57)

@@ -6,15 +6,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law import policy as known_policy
 from overtaking.model.checks import check
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.values import within
-
-I64 = NDArray[np.int64]
-F64 = NDArray[np.float64]
 
 BY = (("class",), ("class", "day-night"))
 """The variables that can define the cells."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from overtaking.core.arrays import F64, I64, U64
 from overtaking.core.errors import DatasetError
 from overtaking.core.files import whole
 from overtaking.core.steps import Progress
@@ -29,9 +29,6 @@ from overtaking.scenarios import sample
 
 FILE_NAME = "balance.json"
 
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-U64 = NDArray[np.uint64]
 
 _HEAD_BYTES, _SIMULATION_BYTES = 1_000, 16
 """Most of what is remembered, but for the simulations, and of each: a number below

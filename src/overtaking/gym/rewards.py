@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import Mask, as_f32
+from overtaking.core.arrays import F64, Mask
+from overtaking.core.elementary import as_f32
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law.distances import lawful_gap
 from overtaking.model.trajectory import Stage
 from overtaking.sim.observation import Seen
 from overtaking.world.constants import known
-
-F64 = NDArray[np.float64]
 
 CRASH_COST: Final = 100.0
 """What an accident costs: more time than any overtake gains; a choice [s]."""

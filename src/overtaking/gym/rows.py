@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, F64, Mask
 from overtaking.gym.supply import Place, Supply, given_of, scenario_of
 from overtaking.labels.label import label
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions
 from overtaking.model.observation import OWN, parted
 from overtaking.model.trajectory import Stage
 from overtaking.sim import engine
-from overtaking.sim.controls import CONTROLS, F64
+from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import rounded
 from overtaking.sim.observation import Seen
 from overtaking.sim.stepping import Renewable

@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from overtaking.api.choices import Profile
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.gym.vector import Info, OvertakingVectorEnv
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.model.actions import Move
 from overtaking.model.observation import AROUND, MEETING, OWN, ROLES

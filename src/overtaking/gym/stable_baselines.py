@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from overtaking.api.choices import Profile
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.core.errors import ConfigError
 from overtaking.gym.vector import Info, OvertakingVectorEnv
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from overtaking import scenarios
 from overtaking.api.choices import Profile, road_of
+from overtaking.core.arrays import F32, Mask
 from overtaking.core.checks import check_name
-from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.gym.rewards import REWARDS, Events, Reward
 from overtaking.gym.rows import Rows, Verdicts

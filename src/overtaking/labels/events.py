@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import I32, U8, Mask
 from overtaking.labels.instants import (
-    I32,
-    U8,
     across_at,
     borders_of,
     frames_within,

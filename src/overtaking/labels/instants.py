@@ -10,16 +10,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask, as_f32, sincos
+from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.core.elementary import as_f32, sincos
 from overtaking.model.labels import Case
 from overtaking.model.road import DrivingSide, Road
 from overtaking.model.signals import Signals
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
 
-I32 = NDArray[np.int32]
-U8 = NDArray[np.uint8]
-Index = NDArray[np.intp]
 Frames = NDArray[np.integer]
 T = TypeVar("T", bound=np.generic)
 
@@ -38,14 +36,14 @@ def at(values: NDArray[T], frames: Frames) -> NDArray[T]:
     return values[np.arange(len(frames)), np.maximum(frames, 0)]
 
 
-def spread_over(values: NDArray[T], where: Index | Mask, count: int) -> NDArray[T]:
+def spread_over(values: NDArray[T], where: IndexArray | Mask, count: int) -> NDArray[T]:
     """Values of some of `count` simulations among all, 0 for the others."""
     spread = np.zeros(count, values.dtype)
     spread[where] = values
     return spread
 
 
-def frames_within(start: I32, stop: I32) -> tuple[Index, Index]:
+def frames_within(start: I32, stop: I32) -> tuple[IndexArray, IndexArray]:
     """Simulation and frame of each frame from `start` to `stop`, both within it, in order."""
     length = np.maximum(stop - start + 1, 0)
     rows = np.repeat(np.arange(len(length)), length)
@@ -72,12 +70,12 @@ def borders_of(road: Road) -> F32:
     return borders
 
 
-def slot_of(vehicle: U8) -> Index:
+def slot_of(vehicle: U8) -> IndexArray:
     """Slot of each vehicle; the ego's where there is none."""
     return np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
 
 
-def half_lengths(run: Trajectories, rows: Index, slot: Index) -> F32:
+def half_lengths(run: Trajectories, rows: IndexArray, slot: IndexArray) -> F32:
     """Half of the lengths of the ego and a vehicle together, shape (instant,) [m]."""
     length = run.scenario.vehicles.length
     return np.float32(0.5) * (length[rows, Role.EGO] + length[rows, slot])
@@ -128,7 +126,11 @@ def half_window(interval_ms: int) -> int:
 
 
 def lateral_speed_at(
-    run: Trajectories, rows: Index, slot: Index, frames: Frames, half: Frames | int | None = None
+    run: Trajectories,
+    rows: IndexArray,
+    slot: IndexArray,
+    frames: Frames,
+    half: Frames | int | None = None,
 ) -> F32:
     """Speed to the left of vehicles at single frames; all arrays of one shape [m/s].
 
@@ -152,7 +154,7 @@ def lateral_speed_at(
 
 
 def _recorded_around(
-    run: Trajectories, rows: Index, slot: Index, frames: Frames, half: Frames | int
+    run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames, half: Frames | int
 ) -> tuple[I32, I32]:
     """The farthest frames within `half` of some that the vehicle is recorded up to."""
     last = np.maximum(run.num_frames[rows] - 1, np.int32(0))
@@ -184,7 +186,7 @@ class Along:
     speed: F32
 
 
-def vehicle_at(run: Trajectories, vehicle: U8, rows: Index, frames: Frames) -> Along:
+def vehicle_at(run: Trajectories, vehicle: U8, rows: IndexArray, frames: Frames) -> Along:
     """A vehicle along the road at single frames; the first frame where one is negative.
 
     Args:
@@ -206,14 +208,14 @@ def vehicle_at(run: Trajectories, vehicle: U8, rows: Index, frames: Frames) -> A
     )
 
 
-def lead_at(run: Trajectories, rows: Index, slot: Index, frames: Frames) -> F32:
+def lead_at(run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames) -> F32:
     """Centre of the ego minus that of a vehicle along the road at single frames [m]."""
     s = run.states.s
     return as_f32(s[rows, Role.EGO, frames] - s[rows, slot, frames]) * METRES
 
 
 def across_at(
-    run: Trajectories, seen: Signals, rows: Index, slot: Index, frames: Frames
+    run: Trajectories, seen: Signals, rows: IndexArray, slot: IndexArray, frames: Frames
 ) -> tuple[F32, F32]:
     """Vehicles across the road at single frames: `lateral` and `lateral_gap` of `TargetSignals`.
 

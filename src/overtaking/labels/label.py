@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from overtaking.core.arrays import U8
 from overtaking.labels.events import case_of, detail, first_case, outcome
 from overtaking.labels.features import (
     decision_features,
@@ -13,7 +14,6 @@ from overtaking.labels.features import (
     paper_features,
     safety_measures,
 )
-from overtaking.labels.instants import U8
 from overtaking.labels.law import (
     POLICIES,
     PORTUGAL,

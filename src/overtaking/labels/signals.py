@@ -12,18 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.elementary import F32, as_f32, log, maximum
+from overtaking.core.arrays import F32, U8, IndexArray
+from overtaking.core.elementary import as_f32, log, maximum
 from overtaking.core.memory import Buffers, Layout, empty
-from overtaking.labels.instants import (
-    METRES,
-    U8,
-    Index,
-    borders_of,
-    half_window,
-    oncoming,
-    side_of,
-    slot_of,
-)
+from overtaking.labels.instants import METRES, borders_of, half_window, oncoming, side_of, slot_of
 from overtaking.model.batch import Batch
 from overtaking.model.labels import Case
 from overtaking.model.once import once
@@ -127,7 +119,9 @@ def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Ta
     )
 
 
-def encounter(case: Case, neighbour: Around | Index, rows: Index, frames: Index) -> Encounter:
+def encounter(
+    case: Case, neighbour: Around | IndexArray, rows: IndexArray, frames: IndexArray
+) -> Encounter:
     """The ego and a neighbour at single frames, with the measures of the follower.
 
     Args:
@@ -159,7 +153,7 @@ def encounter(case: Case, neighbour: Around | Index, rows: Index, frames: Index)
 
 def beside_target(
     case: Case, ends: NDArray[np.int32]
-) -> tuple[Index, Index, U8, NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[IndexArray, IndexArray, U8, NDArray[np.float32], NDArray[np.float32]]:
     """The frames in which ego and target overlap along the road, in order.
 
     Args:

@@ -9,6 +9,7 @@ from typing import Annotated, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import I32, I64
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.values import along
 
@@ -88,9 +89,9 @@ class Actions(Batch):
             is not known, as in a data set, which holds what acted.
     """
 
-    values: Annotated[NDArray[np.int32], along("simulation", "action", MOST_PARTS)]
+    values: Annotated[I32, along("simulation", "action", MOST_PARTS)]
     kind: str
-    clipped: Annotated[NDArray[np.int64] | None, along("simulation")] = None
+    clipped: Annotated[I64 | None, along("simulation")] = None
 
     @classmethod
     def none(cls, simulations: int) -> "Actions":

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import Mask
 from overtaking.core.errors import ConfigError, NoSuchSimulationError
 from overtaking.core.summary import Summarized
 
@@ -27,7 +28,7 @@ class Constraint:
 
     field: str
     expected: str
-    broken: NDArray[np.bool_]
+    broken: Mask
     got: NDArray[Any]
 
 

@@ -13,14 +13,13 @@ from itertools import pairwise
 from typing import Annotated, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check
 from overtaking.model.line import Piece
 from overtaking.model.values import within
-
-F64 = NDArray[np.float64]
 
 MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
 MAX_SIGHT = 10_000.0

@@ -7,17 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.model.batch import Batch
 from overtaking.model.safety import Encounter
 from overtaking.model.values import documented, meant
 from overtaking.model.vehicles import VehicleKind
-
-U8 = NDArray[np.uint8]
-I32 = NDArray[np.int32]
 
 _KINDS = tuple(kind.name for kind in VehicleKind)
 _SIDES = ("off", "left", "right", "both")

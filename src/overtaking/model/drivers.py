@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.model.batch import Batch
 from overtaking.model.values import Range, declarations, documented, meant, within
 

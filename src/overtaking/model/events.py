@@ -4,13 +4,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import I32, U8, Mask
 from overtaking.model.batch import Batch
-
-I32 = NDArray[np.int32]
-U8 = NDArray[np.uint8]
 
 NEVER = np.int32(-1)
 """Frame of an event that did not happen; a null in every table."""

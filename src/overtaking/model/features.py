@@ -4,17 +4,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.knowledge import terms
 from overtaking.model.batch import Batch
 from overtaking.model.values import Declaration, documented, meant
 from overtaking.model.vehicles import VehicleKind
-
-U8 = NDArray[np.uint8]
-I32 = NDArray[np.int32]
 
 
 def _paper(code: str, unit: str = "1", **declared: Any) -> Declaration:

@@ -3,17 +3,11 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.model.batch import Batch
 from overtaking.model.events import Events
 from overtaking.model.signals import Signals, TargetSignals
 from overtaking.model.trajectory import Trajectories
-
-I32 = NDArray[np.int32]
-U8 = NDArray[np.uint8]
 
 
 class Verdict(IntEnum):

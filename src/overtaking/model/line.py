@@ -16,7 +16,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-F64 = NDArray[np.float64]
+from overtaking.core.arrays import F64
 
 _HALF_PI = math.pi / 2.0
 _SINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(19, 0, -2))

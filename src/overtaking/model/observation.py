@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 
 OWN: Final = {
     "speed": ("m/s", "Speed along its axis"),

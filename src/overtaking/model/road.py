@@ -26,13 +26,12 @@ from typing import Annotated, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.checks import check
 from overtaking.model.course import MAX_LENGTH, MAX_SPEED_LIMIT, Course, RoadMark, whole_line
 from overtaking.model.line import Piece, ReferenceLine, direction
 from overtaking.model.values import within
-
-F64 = NDArray[np.float64]
 
 MAX_LANES = 8
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.

@@ -7,15 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, I32, Mask
 from overtaking.model.batch import Batch
 from overtaking.model.oncoming import Oncoming
 from overtaking.model.values import documented, meant
-
-I32 = NDArray[np.int32]
 
 MOMENTS = (
     "manoeuvre",

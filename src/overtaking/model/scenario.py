@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32, F64, U8, U64
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import MAX_LENGTH, Road
@@ -59,15 +59,15 @@ class Scenario(Batch):
     road: Road
     seed: Annotated[int, within(0, 2**64 - 1)]
     frame_interval_ms: Annotated[int, within(1, 1000, "ms")]
-    index: NDArray[np.uint64]
+    index: U64
     horizon: Annotated[F32, within(0.0, MAX_DURATION, "s", is_open=True)]
     attempt_deadline: Annotated[F32, within(0.0, 1e6, "s", is_open=True)]
-    weight: Annotated[NDArray[np.float64], within(0.0, 1e12)]
+    weight: Annotated[F64, within(0.0, 1e12)]
     vehicles: VehicleSpecs
     drivers: Drivers
     weather: Weather
     start_s: Annotated[F32, within(-MAX_LENGTH, MAX_LENGTH, "m", axes=_EACH)]
-    start_lane: Annotated[NDArray[np.uint8], within(0, "lane or oncoming", axes=_EACH)]
+    start_lane: Annotated[U8, within(0, "lane or oncoming", axes=_EACH)]
     start_speed: Annotated[F32, within(0.0, 150.0, "m/s", axes=_EACH)]
     pushes: Pushes | None = None
 

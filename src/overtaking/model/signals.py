@@ -8,14 +8,9 @@ same signals.
 from dataclasses import dataclass
 from enum import IntEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.model.batch import Delayed
 from overtaking.model.trajectory import NO_VEHICLE
-
-U8 = NDArray[np.uint8]
 
 
 class Around(IntEnum):

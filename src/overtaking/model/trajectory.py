@@ -16,16 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core import units
+from overtaking.core.arrays import I16, I32, U8, U32, Mask
 from overtaking.model.actions import Actions
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.changes import Branched
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
 from overtaking.model.values import along, declarations, documented, meant, within
-
-I32 = NDArray[np.int32]
-I16 = NDArray[np.int16]
-U8 = NDArray[np.uint8]
 
 NO_VEHICLE = np.uint8(255)
 """Slot number where there is no vehicle to name; a null in every table."""
@@ -193,11 +190,11 @@ class Percepts(Batch):
 
     AXES = ("simulation", "decision", 3)
 
-    valid: Annotated[NDArray[np.bool_], along("simulation", "decision")]
+    valid: Annotated[Mask, along("simulation", "decision")]
     kind: Annotated[U8, within(0, max(DecisionKind), axes=("simulation", "decision"))]
     time: Annotated[I32, within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision"))]
     vehicle: Annotated[U8, within(0, "vehicle", also=int(NO_VEHICLE))]
-    detected: NDArray[np.bool_]
+    detected: Mask
     gap: I32
     closing_speed: I32
     true_gap: I32
@@ -291,9 +288,9 @@ class Trajectories(Batch):
     ]
     contacts: Contacts
     percepts: Percepts
-    trace_hash: Annotated[NDArray[np.uint32], along("simulation", 4)]
+    trace_hash: Annotated[U32, along("simulation", 4)]
     unknown: frozenset[str] = frozenset()
-    present: Annotated[NDArray[np.bool_] | None, along(*States.AXES)] = None
+    present: Annotated[Mask | None, along(*States.AXES)] = None
     actions: Actions | None = None
     branched: Branched | None = None
 

@@ -6,10 +6,11 @@ A field of a dataclass is declared once, in its annotation (`Annotated[F32, with
 `declarations`.
 """
 
+import inspect
 import math
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import Field, dataclass, fields, replace
 from functools import cache
 from numbers import Integral, Real
 from pathlib import Path
@@ -17,8 +18,6 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
-
-from overtaking.core.elementary import Mask
 
 Cls = TypeVar("Cls", bound=type)
 
@@ -97,6 +96,7 @@ class Declaration:
         names: Names of its codes, if it is an enumeration.
         since: Version of the tables that its column came with.
         type: Its annotated type.
+        dtype: The dtype of an array, None for anything else.
     """
 
     meaning: str = ""
@@ -109,26 +109,17 @@ class Declaration:
     names: Sequence[str] = ()
     since: int = 1
     type: Any = None
+    dtype: np.dtype[Any] | None = None
 
     @property
     def is_flag(self) -> bool:
         """Whether its values are yes or no."""
-        return self.type == Mask
+        return self.dtype == np.bool_
 
     @property
     def is_optional(self) -> bool:
         """Whether it may be None."""
         return types.NoneType in choices(self.type)
-
-    @property
-    def dtype(self) -> np.dtype[Any] | None:
-        """The dtype of an array, None for anything else."""
-        hint = next(one for one in choices(self.type) if one is not types.NoneType)
-        if get_origin(hint) is not np.ndarray:
-            return None
-        (scalar,) = get_args(get_args(hint)[1])
-        # `elementary.F32` is float32 by contract, and says less for the type checker's sake.
-        return np.dtype(np.float32 if get_origin(scalar) is np.floating else scalar)
 
 
 def within(
@@ -209,23 +200,53 @@ def along(*axes: str | int) -> Declaration:
 @cache
 def declarations(cls: type) -> dict[str, Declaration]:
     """What each field of a dataclass declares, by its name, in their order."""
-    found: dict[str, Declaration] = {}
-    for field in fields(cls):
-        is_declared = get_origin(field.type) is Annotated
-        kind, one = get_args(field.type) if is_declared else (field.type, Declaration())
-        column, axes = one.column and one.column.format(field.name), getattr(cls, "AXES", ())
-        found[field.name] = replace(one, type=kind, column=column, axes=one.axes or axes)
-    return found
+    return {field.name: _declaration(cls, field) for field in fields(cls)}
+
+
+def _declaration(cls: type, field: Field[Any]) -> Declaration:
+    """What a field declares, with the defaults of its class filled in."""
+    metadata, dtype = tuple(_metadata(field.type)), dtype_of(field.type)
+    if dtype is None and "ndarray" in repr(without_metadata(field.type)).lower():
+        raise TypeError(f"{cls.__name__}.{field.name}: expected an array type of core.arrays")
+    declared = next((item for item in metadata if isinstance(item, Declaration)), Declaration())
+    return replace(
+        declared,
+        type=without_metadata(field.type),
+        dtype=dtype,
+        column=declared.column and declared.column.format(field.name),
+        axes=declared.axes or getattr(cls, "AXES", ()),
+    )
+
+
+def _metadata(annotation: Any) -> Iterator[object]:
+    """What `Annotated` attaches to an annotation, then to the members of its union."""
+    # Nested `Annotated` need no search, because Python joins their metadata.
+    if get_origin(annotation) is Annotated:
+        yield from annotation.__metadata__
+    for member in choices(without_metadata(annotation)):
+        if get_origin(member) is Annotated:
+            yield from member.__metadata__
+
+
+def without_metadata(annotation: Any) -> Any:
+    """The type that an annotation names."""
+    return annotation.__origin__ if get_origin(annotation) is Annotated else annotation
+
+
+def dtype_of(annotation: Any) -> np.dtype[Any] | None:
+    """The dtype that an array type of `core.arrays` declares; None for any other annotation."""
+    return next((item for item in _metadata(annotation) if isinstance(item, np.dtype)), None)
 
 
 def documented(cls: Cls) -> Cls:
     """A dataclass whose docstring lists its declarations, for `help` and notebooks."""
     lines = [
-        f"        {name}: {one.meaning}{'' if one.unit == '1' else f' [{one.unit}]'}."
+        f"    {name}: {one.meaning}{'' if one.unit == '1' else f' [{one.unit}]'}."
         for name, one in declarations(cls).items()
     ]
     if cls.__doc__:  # None under `python -OO`.
-        cls.__doc__ = "\n".join([cls.__doc__.rstrip(), "", "    Attributes:", *lines, "    "])
+        # Python 3.13 removes the indentation of docstrings, earlier versions keep it.
+        cls.__doc__ = "\n".join([inspect.cleandoc(cls.__doc__), "", "Attributes:", *lines, ""])
     return cls
 
 
@@ -239,6 +260,9 @@ def taken(value: Any, hint: Any) -> Any:
     if len(several := choices(hint)) > 1:
         found = (taken(value, one) for one in several)
         return next((one for one in found if one is not REFUSED), REFUSED)
+    if (dtype := dtype_of(hint)) is not None:
+        return value if isinstance(value, np.ndarray) and value.dtype == dtype else REFUSED
+    hint = without_metadata(hint)
     origin, inner = get_origin(hint) or hint, get_args(hint)
     if hint in _PLAIN:
         return value if _is_plain(value, hint) else REFUSED
@@ -278,6 +302,9 @@ def expected(hint: Any) -> str:
     if len(several := choices(hint)) > 1:
         *others, last = dict.fromkeys(expected(one) for one in several)
         return f"{', '.join(others)} or {last}" if others else last
+    if (dtype := dtype_of(hint)) is not None:
+        return f"an array of {dtype}"
+    hint = without_metadata(hint)
     origin, inner = get_origin(hint) or hint, get_args(hint)
     if hint in _PLAIN:
         return _PLAIN[hint][1]

@@ -6,9 +6,8 @@ from enum import IntEnum
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.values import documented, meant, within
 
@@ -55,8 +54,8 @@ class VehicleSpecs(Batch):
         Mask,
         meant("Whether the slot holds a vehicle; an empty one has values in range without meaning"),
     ]
-    kind: Annotated[NDArray[np.uint8], within(0, max(VehicleKind), "", "`VehicleKind`")]
-    colour: Annotated[NDArray[np.uint8], within(0, max(Colour), "", "`Colour`")]
+    kind: Annotated[U8, within(0, max(VehicleKind), "", "`VehicleKind`")]
+    colour: Annotated[U8, within(0, max(Colour), "", "`Colour`")]
     length: Annotated[F32, within(0.1, 60.0, "m", "Bumper to bumper")]
     width: Annotated[F32, within(0.1, 60.0, "m", "Body without mirrors")]
     height: Annotated[F32, within(0.1, 6.0, "m", "Height")]

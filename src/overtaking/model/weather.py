@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.knowledge import presets
 from overtaking.model.batch import Batch
 from overtaking.model.values import documented, meant, within
@@ -41,7 +40,7 @@ class Weather(Batch):
     """Weather of each simulation; every array has shape (simulation,)."""
 
     preset: Annotated[
-        NDArray[np.uint8],
+        U8,
         within(
             0,
             "preset",

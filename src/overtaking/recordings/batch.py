@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import I64
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     NO_VEHICLE,
@@ -24,8 +25,6 @@ from overtaking.recordings.candidates import Window
 from overtaking.recordings.neighbours import NOBODY, Surroundings
 from overtaking.recordings.recording import Recording
 from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
-
-I64 = NDArray[np.int64]
 
 NUM_SLOTS = 16
 """Default number of vehicles of a simulation from a recording, the ego among them."""

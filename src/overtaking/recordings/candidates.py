@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import I64
 from overtaking.recordings.neighbours import Surroundings
 from overtaking.recordings.recording import Recording, Tracks, slope
-
-I64 = NDArray[np.int64]
 
 BEFORE_S, AFTER_S = 10.0, 5.0
 """What a window holds before the movement and after the return [s]."""

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.model.road import Road
 from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.recordings.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
@@ -33,8 +34,6 @@ from overtaking.recordings.recording import (
 )
 from overtaking.recordings.road import Projection
 from overtaking.recordings.xml import Element, elements
-
-F64 = NDArray[np.float64]
 
 FORMAT = "commonroad"
 VERSIONS = ("2018b", "2020a")

@@ -8,10 +8,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.model.road import MIN_LANE_WIDTH, RoadMark
 from overtaking.recordings.xml import Element
-
-F64 = NDArray[np.float64]
 
 MAX_POINTS = 20_000
 """Points of one border; the files that were tried have fewer than a hundred."""

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.recordings.xml import Element
-
-F64 = NDArray[np.float64]
 
 VEHICLES = frozenset(
     {"car", "truck", "bus", "motorcycle", "bicycle", "priorityVehicle", "taxi", "unknown"}

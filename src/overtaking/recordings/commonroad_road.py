@@ -8,8 +8,8 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.course import Course
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
@@ -27,8 +27,6 @@ from overtaking.recordings.limits import Stated, highest_and_lower
 from overtaking.recordings.messages import refused
 from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
 from overtaking.recordings.xml import Element
-
-F64 = NDArray[np.float64]
 
 SPEED_SIGNS = frozenset({"274", "R2-1"})
 """Signs that post a speed limit: CommonRoad's own and Germany's, and that of the USA."""

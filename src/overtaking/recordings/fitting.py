@@ -10,12 +10,10 @@ points to the line least.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.model.course import MAX_CURVATURE, MAX_LENGTH
 from overtaking.model.line import Piece, ReferenceLine
-
-F64 = NDArray[np.float64]
 
 CLOSE = 0.1
 """Distance from the points within which a line needs no more knots [m]."""

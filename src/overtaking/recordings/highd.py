@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import MAX_LANES, DrivingSide, Lane, Road, RoadMark
@@ -34,9 +33,9 @@ from overtaking.recordings.tables import tracks_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from overtaking.core.arrays import F64
     from overtaking.recordings.rows import Rows
 
-F64 = NDArray[np.float64]
 
 FORMAT = "highd"
 DIRECTIONS = (1, 2)

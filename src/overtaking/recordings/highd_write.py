@@ -24,13 +24,13 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.core.folders import put_file
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.table_road import NO_LIMIT
 
-F64 = NDArray[np.float64]
 Places = NDArray[np.int64]
 """Places among the vehicles, `_NOBODY` for none; shape (vehicle, frame)."""
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import I64
 from overtaking.recordings.recording import Recording, Tracks
-
-I64 = NDArray[np.int64]
 
 NOBODY = -1
 

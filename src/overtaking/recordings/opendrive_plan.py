@@ -6,13 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.model.line import Piece, ReferenceLine, chord
 from overtaking.recordings.opendrive_shape import TOLERANCE, Cubic, unfit
 from overtaking.recordings.xml import Element
-
-F64 = NDArray[np.float64]
 
 MAX_GAP = 0.05
 """Gap between two pieces that still counts as a joint [m]."""

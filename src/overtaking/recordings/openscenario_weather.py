@@ -2,7 +2,7 @@
 
 from math import pi, tau
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.world.conditions import world_of

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64, I64
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Stage, Trajectories
@@ -38,9 +38,6 @@ from overtaking.recordings.pinto2023_tracks import (
 )
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, Tracks, slope
 from overtaking.recordings.scenes import Parts
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 SCALES = {"a third": 1.0 / 3.0, "three times": 3.0}
 """Ratios of measured to recorded speed in a table whose time was scaled on one side only."""

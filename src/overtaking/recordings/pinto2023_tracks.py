@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, F64, I64
 from overtaking.core.units import mps_from_kmh, rad_from_deg
 from overtaking.knowledge import presets
 from overtaking.knowledge.roads import ROAD_NAMES
@@ -23,11 +24,6 @@ from overtaking.recordings import messages
 from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
 from overtaking.recordings.recording import Tracks, kinds_by_length, lane_codes, slope
 from overtaking.scenarios.assumed import assumed_weather
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-
-F32 = NDArray[np.float32]
 
 MIN_AGREEMENT = 0.95
 """Share of the lane ids of a table that must be those of its road."""

@@ -11,14 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64, I64, U8
 from overtaking.knowledge import vehicle_classes
 from overtaking.model.road import Road
 from overtaking.model.trajectory import BEYOND_SLOW_EDGE
 from overtaking.model.vehicles import VehicleKind
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-U8 = NDArray[np.uint8]
 
 NEVER_RECORDED = frozenset(
     {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}

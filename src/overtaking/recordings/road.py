@@ -11,12 +11,10 @@ this costs.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.model.line import Piece, ReferenceLine
 from overtaking.recordings.fitting import LARGEST_MISS, Fitted, fitted
-
-F64 = NDArray[np.float64]
 
 GRID = 1.0
 """Spacing of the stations at which the borders are held [m]."""

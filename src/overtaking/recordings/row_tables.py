@@ -23,7 +23,7 @@ from overtaking.recordings.column_map import (
     files_of,
 )
 from overtaking.recordings.recording import kinds_by_length
-from overtaking.recordings.rows import F64, I64, ON_GRID, Rows, at_whole_frames, numbered
+from overtaking.recordings.rows import ON_GRID, Rows, at_whole_frames, numbered
 from overtaking.recordings.table_files import (
     NUMBER,
     TEXT,
@@ -38,6 +38,8 @@ from overtaking.recordings.table_files import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
+
+    from overtaking.core.arrays import F64, I64
 
 INTERVALS_MS = (10.0, 1000.0)
 """Least and most time between two frames [ms]."""

@@ -11,13 +11,10 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64, I64
 from overtaking.knowledge import number
 from overtaking.recordings.recording import Recording, bending, lane_codes
-
-F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 _MOVES = 0.5  # Below this speed a movement has no reliable direction [m/s].
 

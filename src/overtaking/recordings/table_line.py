@@ -11,16 +11,17 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.model.line import ReferenceLine
 from overtaking.recordings.fitting import Fitted, fitted
 from overtaking.recordings.table_files import refused
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from overtaking.core.arrays import F64
     from overtaking.recordings.rows import Rows
 
-F64 = NDArray[np.float64]
 
 _ROUNDS = 3
 _BINS = 10.0  # Between the stations at which the offsets of all vehicles are compared [m].

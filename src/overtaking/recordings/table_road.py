@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
 from overtaking.model.course import Course
@@ -31,10 +30,12 @@ from overtaking.recordings.table_files import refused
 from overtaking.recordings.table_line import line_of_traffic
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from overtaking.core.arrays import F64
     from overtaking.recordings.column_map import ColumnMap
     from overtaking.recordings.rows import Rows
 
-F64 = NDArray[np.float64]
 
 NO_LIMIT = MAX_SPEED_LIMIT
 """Stands for a road without a speed limit [m/s]."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.recordings.column_map import ColumnMap, column_map
 from overtaking.recordings.recording import (
@@ -28,10 +27,10 @@ from overtaking.recordings.table_road import check_straight, located
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from overtaking.core.arrays import F64
     from overtaking.model.road import Road
     from overtaking.recordings.rows import Rows
 
-F64 = NDArray[np.float64]
 
 _MOVES = 0.5  # Below this speed a movement has no reliable direction [m/s].
 _WIDEST = 1.0e6  # Farther from each other than any two vehicles of a recording are [m].

@@ -9,16 +9,13 @@ known alone, so that a recording from memory and from a file has the same ones.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.model.drivers import Drivers
 from overtaking.model.values import declarations
 from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.bodies import typical_bodies
-
-U8 = NDArray[np.uint8]
 
 KIND = VehicleKind.M
 """Type of a vehicle whose type is not known."""

@@ -6,9 +6,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, U8, U64
 from overtaking.core.compiled import clamp, maximum
-from overtaking.core.elementary import F32
-from overtaking.core.philox import U64, Stream
+from overtaking.core.philox import Stream
 from overtaking.knowledge import (
     COLOUR_ORDER,
     VEHICLE_CLASS_ORDER,
@@ -17,7 +17,7 @@ from overtaking.knowledge import (
     vehicle_classes,
 )
 from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
-from overtaking.scenarios.noise import U8, Noise, choose, weights_of
+from overtaking.scenarios.noise import Noise, choose, weights_of
 from overtaking.scenarios.schema import Traffic
 from overtaking.world.constants import constants
 

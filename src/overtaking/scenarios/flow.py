@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking import knowledge
+from overtaking.core.arrays import F32, U8, U64, Mask
 from overtaking.core.compiled import exp, maximum, minimum
-from overtaking.core.elementary import F32, Mask
-from overtaking.core.philox import U64, Stream
+from overtaking.core.philox import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
-from overtaking.scenarios.noise import U8, Noise, choose, in_order, out_of_order, spread, weights_of
+from overtaking.scenarios.noise import Noise, choose, in_order, out_of_order, spread, weights_of
 from overtaking.scenarios.schema_flow import Flow
 
 UNCERTAINTY = knowledge.number("starts.toml", "flow.uncertainty")

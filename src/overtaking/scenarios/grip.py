@@ -2,13 +2,12 @@
 
 import numpy as np
 
+from overtaking.core.arrays import F32, U8
 from overtaking.core.compiled import minimum
-from overtaking.core.elementary import F32
 from overtaking.knowledge import number
 from overtaking.model.road import Road
 from overtaking.model.vehicles import VehicleKind, VehicleSpecs
 from overtaking.model.weather import Weather
-from overtaking.scenarios.noise import U8
 from overtaking.world import film, friction
 from overtaking.world.constants import constants, known
 

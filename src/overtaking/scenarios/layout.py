@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import knowledge
+from overtaking.core.arrays import F32, U8, U64, Mask
 from overtaking.core.compiled import maximum, minimum, power
-from overtaking.core.elementary import F32, Mask
-from overtaking.core.philox import U64, Stream
+from overtaking.core.philox import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.bodies import top_speeds
-from overtaking.scenarios.noise import U8, Noise, in_order, out_of_order, spread
+from overtaking.scenarios.noise import Noise, in_order, out_of_order, spread
 from overtaking.scenarios.people import LEAD_SLOT
 from overtaking.scenarios.schema import Starts, Traffic
 

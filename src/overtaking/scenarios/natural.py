@@ -6,9 +6,8 @@ from functools import partial
 
 import numpy as np
 
+from overtaking.core.arrays import F32, U8, U64, Mask
 from overtaking.core.compiled import minimum
-from overtaking.core.elementary import F32, Mask
-from overtaking.core.philox import U64
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import number
 from overtaking.model.drivers import Drivers
@@ -17,7 +16,7 @@ from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.scenarios import flow as layout
 from overtaking.scenarios.bodies import first_uniform, sample_bodies, top_speeds
 from overtaking.scenarios.layout import Zone
-from overtaking.scenarios.noise import REACH, U8
+from overtaking.scenarios.noise import REACH
 from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
 from overtaking.scenarios.proposal import Bend
 from overtaking.scenarios.schema import Spec

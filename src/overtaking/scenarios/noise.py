@@ -11,12 +11,10 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, U8, U32, U64
 from overtaking.core.compiled import Draws, clamp, normal_pair
-from overtaking.core.elementary import F32
-from overtaking.core.philox import U32, U64
 from overtaking.knowledge import number
 
-U8: TypeAlias = NDArray[np.uint8]
 T = TypeVar("T", bound=np.generic)
 Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
 

@@ -4,14 +4,15 @@ from typing import Any
 
 import numpy as np
 
+from overtaking.core.arrays import F32, U8, U64
 from overtaking.core.compiled import clamp, exp, log, maximum, minimum
-from overtaking.core.elementary import F32, as_f32
-from overtaking.core.philox import U64, Stream
+from overtaking.core.elementary import as_f32
+from overtaking.core.philox import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import Distribution
 from overtaking.model.drivers import Drivers
 from overtaking.model.vehicles import Role
-from overtaking.scenarios.noise import U8, Noise, cut_off, spread
+from overtaking.scenarios.noise import Noise, cut_off, spread
 from overtaking.scenarios.populations import KEPT_TRAITS, Population, population
 from overtaking.scenarios.proposal import Bend, as_met
 from overtaking.scenarios.schema import People, Traffic

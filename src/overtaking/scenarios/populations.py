@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from overtaking.core.elementary import Mask, as_f32
+from overtaking.core.arrays import Mask
+from overtaking.core.elementary import as_f32
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge import (
     VEHICLE_CLASS_ORDER,

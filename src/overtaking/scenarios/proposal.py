@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, U64, Mask
 from overtaking.core.compiled import exp, power
-from overtaking.core.elementary import F32, Mask
-from overtaking.core.philox import U64, Stream
+from overtaking.core.philox import Stream
 from overtaking.scenarios.noise import Noise, spread
 from overtaking.scenarios.schema_flow import Component, Proposal
 

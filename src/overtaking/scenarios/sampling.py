@@ -8,10 +8,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from overtaking.core.arrays import F32, U8, U64
 from overtaking.core.compiled import minimum
-from overtaking.core.elementary import F32
 from overtaking.core.errors import ConfigError, InfeasibleError
-from overtaking.core.philox import U64
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER
 from overtaking.model.batch import Batch, concatenate
@@ -28,7 +27,6 @@ from overtaking.scenarios.bodies import (
 from overtaking.scenarios.grip import usable_decel
 from overtaking.scenarios.layout import Draft, Followers, Paces, Zone, draw_layout, settle
 from overtaking.scenarios.natural import PASSING_MARGIN, Start
-from overtaking.scenarios.noise import U8
 from overtaking.scenarios.people import drivers_of, fastest_wish, sample_traits
 from overtaking.scenarios.proposal import Bending
 from overtaking.scenarios.schema import Spec, Traffic

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, U8, U64
 from overtaking.core.compiled import log, minimum
-from overtaking.core.elementary import F32
-from overtaking.core.philox import U64, Stream
+from overtaking.core.philox import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, number
 from overtaking.model.road import Road
@@ -23,7 +23,7 @@ from overtaking.scenarios.bodies import sample_bodies, top_speeds, with_semitrai
 from overtaking.scenarios.flow import FlowLayout, equilibrium
 from overtaking.scenarios.layout import Zone
 from overtaking.scenarios.natural import MARGIN, PASSING_MARGIN, RETURN_TIME, Start
-from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
+from overtaking.scenarios.noise import Noise, choose, spread, weights_of
 from overtaking.scenarios.people import drivers_with, most_cruise, sample_traits
 from overtaking.scenarios.proposal import Bend, Bending
 from overtaking.scenarios.schema import Spec

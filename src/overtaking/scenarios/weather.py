@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from overtaking.core.compiled import log, maximum, minimum, power
-from overtaking.core.elementary import F32, PI, Mask
-from overtaking.core.philox import U64, Stream
+from overtaking.core.elementary import PI
+from overtaking.core.philox import Stream
 from overtaking.core.units import rad_from_deg
 from overtaking.knowledge import Preset, number, presets
 from overtaking.model.weather import NO_PRESET, Weather
-from overtaking.scenarios.noise import U8, Noise, choose, spread, weights_of
+from overtaking.scenarios.noise import Noise, choose, spread, weights_of
 from overtaking.scenarios.proposal import Bend, as_met
 from overtaking.scenarios.schema import IndependentWeather, PresetWeather
 from overtaking.world.constants import known
+
+if TYPE_CHECKING:
+    from overtaking.core.arrays import F32, U8, U64, Mask
 
 SUN_AHEAD = number("starts.toml", "weather.sun_ahead")
 """A preset's low sun stands within this angle of the direction of travel [rad]."""

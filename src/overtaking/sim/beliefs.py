@@ -13,7 +13,7 @@ from overtaking.sim.stepping import stepper
 from overtaking.world.parameters import parameters
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import F32
+    from overtaking.core.arrays import F32
     from overtaking.model.actions import Actions
     from overtaking.model.scenario import Scenario
 

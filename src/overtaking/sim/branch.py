@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, U64, Mask
 from overtaking.core.errors import ConfigError
-from overtaking.core.philox import U64
 from overtaking.model.changes import Branched, Change
 from overtaking.model.decision import Decision
 from overtaking.model.drivers import Drivers

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.model.actions import KINDS, Part
 from overtaking.sim.observation import Seen
-
-F64 = NDArray[np.float64]
 
 Track = Callable[[Seen], F64]
 """From what is observed to an action, while an answer holds."""

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, F64, Mask
 from overtaking.core.checks import check_name
-from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError, PolicyError
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions, Part
 from overtaking.model.observation import parted
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
 from overtaking.sim.branch import Run
-from overtaking.sim.controls import CONTROLS, F64, Control
+from overtaking.sim.controls import CONTROLS, Control
 from overtaking.sim.observation import Observation, Policy
 from overtaking.sim.sensor import Sensing, Sensor
 from overtaking.sim.stepping import stepper

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.core.memory import Buffers, Layout
 from overtaking.model.actions import Actions
 from overtaking.model.scenario import Scenario

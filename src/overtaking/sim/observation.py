@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core import philox
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
 from overtaking.model.scenario import Scenario
 from overtaking.world.parameters import VehicleParameters

@@ -6,7 +6,7 @@ They decide about lanes; pedals and steering are those of the model's own driver
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.model.actions import Move
 from overtaking.model.trajectory import Stage
 from overtaking.sim.observation import Observation

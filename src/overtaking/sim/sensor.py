@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.philox import Stream, normal_pair
 from overtaking.model.observation import AROUND, MEETING, ROLES

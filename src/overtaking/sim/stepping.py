@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.sim.engine import road_values
 from overtaking.sim.reference.stepper import Stepper as ReferenceStepper
 from overtaking.world.compiled import chosen_level, constant_values

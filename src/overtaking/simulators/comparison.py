@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import F64, I32, U8, U64, Mask
 from overtaking.knowledge import presets
 from overtaking.model.batch import Batch
 from overtaking.model.labels import Labels
@@ -16,10 +16,6 @@ from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.world.constants import constants
 from overtaking.world.constants import known as known_number
 from overtaking.world.visibility import meteorological_range
-
-I32 = NDArray[np.int32]
-U8 = NDArray[np.uint8]
-F64 = NDArray[np.float64]
 
 PARTING_DISTANCE = 2.0
 """Distance between the places of the same vehicle from which two simulations have parted [m].
@@ -91,7 +87,7 @@ class Comparison(Batch):
 
     simulators: tuple[str, ...]
     frame_interval_ms: int
-    index: NDArray[np.uint64]
+    index: U64
     weather: NDArray[np.str_]
     endings: tuple[Ending, ...]
     partings: tuple[Parting, ...]

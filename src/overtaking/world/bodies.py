@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, log, maximum
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import log, maximum
 from overtaking.model.road import MAX_LANES
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Lights

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from overtaking.core.elementary import F32, PI, Mask, log, minimum, sincos
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import PI, log, minimum, sincos
 from overtaking.core.philox import Draws, Stream
 from overtaking.model.once import once
 from overtaking.model.scenario import Scenario

@@ -4,7 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from overtaking.core.elementary import F32, clamp, maximum, power
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import clamp, maximum, power
 from overtaking.world.constants import Constants, known
 
 PERCENT = np.float32(0.01)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, clamp, maximum, minimum
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import clamp, maximum, minimum
 from overtaking.world.constants import Constants
 
 _ENDLESS = np.float32(1e6)

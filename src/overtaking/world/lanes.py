@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from overtaking.core.elementary import F32, Mask, as_f32, clamp, minimum, sincos
+from overtaking.core.arrays import F32, F64, Mask
+from overtaking.core.elementary import as_f32, clamp, minimum, sincos
 from overtaking.core.errors import ConfigError
 from overtaking.model.course import Course
 from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
@@ -16,8 +17,6 @@ from overtaking.model.scenario import Scenario
 from overtaking.world import film
 from overtaking.world.constants import Constants, known
 from overtaking.world.sight import shown
-
-F64 = NDArray[np.float64]
 
 MAX_KNOTS = 64
 """Most stations between which sight, or the line between the directions, changes."""

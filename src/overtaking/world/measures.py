@@ -7,7 +7,8 @@ broadcast and gives float32; what never happens takes an infinite time.
 
 import numpy as np
 
-from overtaking.core.elementary import F32, F32Like, Mask, as_f32
+from overtaking.core.arrays import F32, F32Like, Mask
+from overtaking.core.elementary import as_f32
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32, U64
 from overtaking.core.memory import empty
 from overtaking.model.decision import Decision
 from overtaking.model.drivers import Drivers
@@ -165,7 +165,7 @@ class Parameters:
     road: RoadParameters
     constants: Constants
     seed: int
-    index: NDArray[np.uint64]
+    index: U64
     record_every: int
     judged: F32 | None = None
 

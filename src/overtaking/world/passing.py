@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, exp, maximum, minimum
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import exp, maximum, minimum
 from overtaking.core.philox import Draws, Stream
 from overtaking.model.scenario import Scenario
 from overtaking.world import visibility

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from overtaking.core.elementary import F32, clamp, exp, maximum, minimum
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import clamp, exp, maximum, minimum
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role
 from overtaking.world import friction, visibility

@@ -17,13 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.knowledge.roads import sight_facts
 from overtaking.model.course import Course, Place, PlaceKind
 from overtaking.model.line import direction as of_angle
 from overtaking.model.road import Road
 from overtaking.world.constants import known
-
-F64 = NDArray[np.float64]
 
 _AT_ONCE = 512  # Places whose view is looked at together.
 _LEAST_AHEAD = 1e-3  # What is not this far ahead has no bearing [m].

@@ -4,18 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from overtaking.core.elementary import (
-    F32,
-    F32Like,
-    Mask,
-    as_f32,
-    exp,
-    log,
-    maximum,
-    minimum,
-    power,
-    sincos,
-)
+from overtaking.core.arrays import F32, F32Like, Mask
+from overtaking.core.elementary import as_f32, exp, log, maximum, minimum, power, sincos
 from overtaking.core.units import deg_from_rad
 from overtaking.world.constants import known
 from overtaking.world.film import PERCENT

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.core.elementary import F32, as_f32, maximum, minimum, sincos
+from overtaking.core.elementary import as_f32, maximum, minimum, sincos
 from overtaking.labels.signals import conditions
 from overtaking.model.road import DrivingSide
 from overtaking.model.signals import Around
@@ -25,6 +25,7 @@ from overtaking.world.measures import drac, time_gap, ttc, ttc_accel
 from overtaking.world.visibility import LEAST_EXTINCTION, lamp_range
 
 if TYPE_CHECKING:
+    from overtaking.core.arrays import F32
     from overtaking.model.trajectory import Trajectories
 
 METRES, HALF = np.float32(1e-3), np.float32(0.5)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from overtaking.analysis.validation.tally import Array
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
 
 REPEATS: Final = 2000
 LEVEL: Final = 0.05

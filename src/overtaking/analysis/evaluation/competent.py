@@ -15,7 +15,7 @@ from overtaking.analysis.evaluation.lane_changes import of
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
     from overtaking.model.trajectory import Trajectories
 
 GRAVITY = 9.81

@@ -16,7 +16,7 @@ from overtaking.model.labels import Belief, OvertakeClass, Verdict
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
     from overtaking.labels.label import Labelled
     from overtaking.model.trajectory import Trajectories
 

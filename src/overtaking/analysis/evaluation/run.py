@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from overtaking.analysis.validation.tally import Array
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from overtaking.core.elementary import Mask
+    from overtaking.core.arrays import Mask
     from overtaking.labels.label import Labelled
     from overtaking.labels.law import Pack, Policy
     from overtaking.model.labels import Case

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.elementary import F64
+from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.schemas import SCHEMAS

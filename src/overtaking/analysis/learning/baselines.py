@@ -13,7 +13,7 @@ from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.rules import BASELINE, LEAST
 from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.tasks import Names
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 from overtaking.core.intervals import Z95
 
 if TYPE_CHECKING:

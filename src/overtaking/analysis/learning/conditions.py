@@ -9,7 +9,7 @@ from overtaking.analysis.learning.attributes import Attribute
 from overtaking.analysis.learning.cuts import supervised_cuts
 from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.wording import condition_text, rounded
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 
 _LEAST_SHARE = 0.002
 """Least share of examples that must meet a condition, and that must fail it."""

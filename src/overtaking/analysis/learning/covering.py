@@ -22,14 +22,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.analysis.learning.conditions import Condition, Rule, RuleSet
 from overtaking.analysis.learning.examples import Examples
-from overtaking.core.elementary import F64, Mask
+from overtaking.core.arrays import F32, F64, Mask
 from overtaking.core.steps import Progress, Steps
 
-F32 = NDArray[np.float32]
 Numbers = tuple[int, ...]
 """A rule as the indices of its conditions."""
 

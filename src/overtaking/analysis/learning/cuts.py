@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F64, I64, Mask
+from overtaking.core.arrays import F64, I64, Mask
 
 MAX_DEPTH = 3
 """Depth of cuts within cuts: at most seven in all."""

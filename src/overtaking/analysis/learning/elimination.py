@@ -19,7 +19,7 @@ import numpy as np
 from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.models import Outcomes, Split, predicted_right, split
 from overtaking.analysis.learning.scores import grouped_interval
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 
 Factors = Mapping[str, tuple[str, ...]]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import ATTRIBUTES, BY_NAME, DERIVED, Attribute
 from overtaking.analysis.learning.targets import Target, is_asked
-from overtaking.core.elementary import F64, I64, Mask
+from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import DatasetError
 from overtaking.data.load import Dataset
 

@@ -14,7 +14,7 @@ from overtaking.analysis.learning.models import MODELS, Model, Outcomes, Split
 from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.targets import Target, is_ended
 from overtaking.analysis.stats.columns import ALL_CLASSES
-from overtaking.core.elementary import F64, I64
+from overtaking.core.arrays import F64, I64
 from overtaking.core.errors import DatasetError
 from overtaking.core.plain import plain
 from overtaking.core.steps import Progress, Steps

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from overtaking.analysis.learning.attributes import BY_NAME, FACTORS
-from overtaking.core.elementary import F64
+from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.vehicles import Role
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import Attribute
+from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.checks import check_name
-from overtaking.core.elementary import F64, I64, Mask
 from overtaking.core.errors import MissingExtraError
 
 if TYPE_CHECKING:

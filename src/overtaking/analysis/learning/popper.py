@@ -17,7 +17,7 @@ from overtaking.analysis.learning.conditions import Condition, conditions_of
 from overtaking.analysis.learning.covering import MAX_CONDITIONS, MAX_RULES
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
 from overtaking.analysis.learning.targets import Target
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 from overtaking.core.folders import put_file, whole_folder
 
 MAX_PREDICATES = 60

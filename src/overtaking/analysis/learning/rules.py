@@ -12,7 +12,7 @@ from overtaking.analysis.learning.examples import Examples, refuse_too_few
 from overtaking.analysis.learning.models import TREES, Split
 from overtaking.analysis.learning.scores import Score, best_threshold, score
 from overtaking.analysis.learning.targets import Target
-from overtaking.core.elementary import F64, Mask
+from overtaking.core.arrays import F64, Mask
 from overtaking.core.steps import Progress
 from overtaking.core.summary import Summarized
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.elementary import F64, I64, Mask
+from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.intervals import wilson
 from overtaking.core.plain import plain
 

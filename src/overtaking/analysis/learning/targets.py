@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from overtaking.core.arrays import Mask
 from overtaking.core.checks import check_name
-from overtaking.core.elementary import Mask
 from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:

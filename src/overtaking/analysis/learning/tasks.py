@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.targets import TARGETS, is_ended
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 
 Names = NDArray[np.str_]
 

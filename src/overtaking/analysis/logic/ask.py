@@ -21,7 +21,7 @@ from overtaking.core.checks import check_least
 from overtaking.core.summary import Summarized
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import I64
+    from overtaking.core.arrays import I64
     from overtaking.core.steps import Progress
     from overtaking.data.load import Dataset
 

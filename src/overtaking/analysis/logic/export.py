@@ -17,7 +17,7 @@ from overtaking.core.folders import put_file, whole_folder
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from overtaking.core.elementary import I64
+    from overtaking.core.arrays import I64
     from overtaking.core.steps import Progress
     from overtaking.data.load import Dataset
 

@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking.core.elementary import F32, I64, Mask
+    from overtaking.core.arrays import F32, I64, Mask
 
 
 _PER_UNIT = 1000.0

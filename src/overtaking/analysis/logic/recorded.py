@@ -28,11 +28,10 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from overtaking.analysis.logic.source import Group
-    from overtaking.core.elementary import F32, Mask
+    from overtaking.core.arrays import F32, IndexArray, Mask
     from overtaking.model.road import Lane, Road
     from overtaking.model.trajectory import Trajectories
 
-Index = NDArray[np.intp]
 Columns = tuple[NDArray[np.integer], ...]
 """The arguments of the facts of one predicate; constants as their codes."""
 
@@ -248,7 +247,7 @@ class _Recorded:
         row, *others = self._contacts()
         return self._numbers[row], *others
 
-    def _contacts(self) -> tuple[Index, Index, NDArray[np.integer], NDArray[np.integer]]:
+    def _contacts(self) -> tuple[IndexArray, IndexArray, NDArray[np.integer], NDArray[np.integer]]:
         """Row, vehicle, partner and first frame of each contact."""
         contacts, last = self._run.contacts, self._run.num_frames - 1
         row, slot = np.nonzero(contacts.partner != NO_VEHICLE)
@@ -358,7 +357,7 @@ class _Recorded:
         neighbour = np.full(len(row), code)
         return self._numbers[row], neighbour, frame, down(gap), exact, beside(lawful, gap)
 
-    def _there(self, code: int) -> tuple[Index, Index]:
+    def _there(self, code: int) -> tuple[IndexArray, IndexArray]:
         """Simulations and frames with a vehicle at a position around the ego."""
         if code == len(Around):
             row, frame = np.nonzero(self._case.target.valid)
@@ -389,7 +388,7 @@ class _Recorded:
         row, slot, frame = self._at_target()
         return self._numbers[row], frame, self._states.speed[row, slot, frame]
 
-    def _at_target(self) -> tuple[Index, Index, Index]:
+    def _at_target(self) -> tuple[IndexArray, IndexArray, IndexArray]:
         row, frame = np.nonzero(self._case.target.valid)
         return row, self._case.target.vehicle[row].astype(np.intp), frame
 
@@ -401,7 +400,7 @@ class _Recorded:
         return self._numbers[row], frame, self._states.s[row, Role.EGO, frame]
 
     @cached_property
-    def _coming(self) -> tuple[Index, Index, Index, F32]:
+    def _coming(self) -> tuple[IndexArray, IndexArray, IndexArray, F32]:
         """Row, frame and slot of who comes towards the ego, and the gap between the two."""
         if not self._run.road.is_two_way:
             nothing = np.zeros(0, np.intp)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from overtaking.core.elementary import I64
+    from overtaking.core.arrays import I64
     from overtaking.data.load import Dataset
     from overtaking.model.labels import Case
 

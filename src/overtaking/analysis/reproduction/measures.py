@@ -12,7 +12,7 @@ from overtaking.analysis.reproduction.replicates import SIZE, Replicates, member
 from overtaking.knowledge.paper import Measure, Statement
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import F64, Mask
+    from overtaking.core.arrays import F64, Mask
 
 POLICY = "paper"
 """The policy whose classes are compared: it decides by the paper's columns."""

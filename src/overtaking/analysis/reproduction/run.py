@@ -33,7 +33,7 @@ from overtaking.knowledge.reader import load
 from overtaking.scenarios import spec as checked_spec
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
     from overtaking.data.recipe import Simulator
     from overtaking.model.road import Road
     from overtaking.scenarios import Spec

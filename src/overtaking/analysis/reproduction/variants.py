@@ -15,7 +15,7 @@ from overtaking.knowledge.paper import Measure, Statement, statements
 from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
     from overtaking.scenarios import Spec
 
 PUSHES = (0.0, 0.5, 1.0, 2.0)

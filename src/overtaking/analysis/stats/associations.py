@@ -18,7 +18,7 @@ from overtaking.analysis.stats.columns import ALL_CLASSES, BY_NAME, CLASS, FEATU
 from overtaking.analysis.stats.moments import sums
 from overtaking.analysis.stats.sample import Sample
 from overtaking.analysis.stats.table import Style, Table
-from overtaking.core.elementary import F64, I64, Mask
+from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import MissingExtraError
 
 if TYPE_CHECKING:

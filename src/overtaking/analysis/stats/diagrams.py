@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F64
+from overtaking.core.arrays import F64
 from overtaking.model.events import NEVER, Events
 from overtaking.model.road import RoadMark
 from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from overtaking.analysis.stats.columns import BY_NAME, CLASS, EGO_TYPES, NUMERIC, Feature
 from overtaking.analysis.stats.moments import quantiles, sums
 from overtaking.analysis.stats.sample import Sample
-from overtaking.core.elementary import F64, Mask
+from overtaking.core.arrays import F64, Mask
 
 MAX_BINS = 24
 MAX_BARS = 8

@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.analysis.stats.columns import BY_NAME, CENSORED, NOMINAL, WEATHER
 from overtaking.analysis.stats.sample import Sample
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

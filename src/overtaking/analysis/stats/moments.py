@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F64
+from overtaking.core.arrays import F64
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from overtaking.analysis.stats.columns import (
     PAPER_CLASSES,
     WEIGHT,
 )
-from overtaking.core.elementary import F64, Mask
+from overtaking.core.arrays import F64, Mask
 from overtaking.core.errors import SchemaError
 
 _WHERE = "features"

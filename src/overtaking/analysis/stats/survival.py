@@ -9,7 +9,7 @@ import pandas as pd
 from overtaking.analysis.stats.columns import CLASS, NO_ATTEMPT
 from overtaking.analysis.stats.moments import sums
 from overtaking.analysis.stats.sample import Sample
-from overtaking.core.elementary import F64, Mask
+from overtaking.core.arrays import F64, Mask
 from overtaking.core.intervals import Z95
 
 

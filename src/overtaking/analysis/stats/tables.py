@@ -14,7 +14,7 @@ from overtaking.analysis.stats.columns import BY_NAME, CENSORED, EGO_TYPES, FEAT
 from overtaking.analysis.stats.moments import Moments, moments
 from overtaking.analysis.stats.sample import Sample, effective_size
 from overtaking.analysis.stats.table import Style, Table
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 from overtaking.core.intervals import wilson
 
 ALL = "All"

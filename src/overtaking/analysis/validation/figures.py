@@ -31,7 +31,7 @@ from overtaking.knowledge.validation import Standing, Target, targets
 from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
 
 Statistic = Callable[[Tally], float]
 """A number computed from a tally."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from overtaking.analysis.validation.tally import Array, Tally
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
 
 EVERY_S = 1.0
 """Interval at which a driver who is held up is asked whether it goes [s]."""

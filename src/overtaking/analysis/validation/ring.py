@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from overtaking.analysis.validation.tally import Array, Tally
-    from overtaking.core.elementary import F32
+    from overtaking.core.arrays import F32
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.scenarios import Spec

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from overtaking.core.elementary import F64
+    from overtaking.core.arrays import F64
 
 Array: TypeAlias = NDArray[Any]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.whatif.futures import Futures, copies
 from overtaking.analysis.whatif.scenes import Scene
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.core.philox import Stream
 from overtaking.model.changes import Change
 from overtaking.model.drivers import Drivers

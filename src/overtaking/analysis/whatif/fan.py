@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from overtaking.analysis.whatif.beliefs import Percept, proposals
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, pull_out
+from overtaking.core.arrays import I64
 from overtaking.core.checks import check_name
 from overtaking.core.intervals import wilson
 from overtaking.labels.label import label
@@ -17,8 +18,6 @@ from overtaking.model.decision import Decision
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.sim.branch import branch
-
-I64 = NDArray[np.int64]
 
 GIVEN = ("truth", "belief")
 """What the futures share: the others as they are, or what the ego believes of them."""

@@ -4,8 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from overtaking.core.elementary import F32
-from overtaking.core.philox import U64
+from overtaking.core.arrays import F32, U64
 from overtaking.model.changes import Branched, Change
 from overtaking.model.decision import Decision
 from overtaking.model.scenario import Scenario

@@ -12,8 +12,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import Mask
+
 Array = NDArray[Any]
-Mask = NDArray[np.bool_]
 
 
 class Masked(NamedTuple):

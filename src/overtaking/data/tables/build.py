@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from overtaking.data.tables.arrow import Array, Mask, Masked, to_arrow, to_names
+from overtaking.core.arrays import Mask
+from overtaking.data.tables.arrow import Array, Masked, to_arrow, to_names
 from overtaking.data.tables.columns import Column, names_of
 from overtaking.data.tables.schemas import COLUMNS, schema_of
 from overtaking.model.batch import Batch

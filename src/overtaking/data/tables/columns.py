@@ -17,7 +17,6 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
 from overtaking.core.units import STEPS, SUFFIXES
 from overtaking.data.tables.arrow import missing_in, to_numpy
 from overtaking.model.batch import Batch
@@ -25,15 +24,6 @@ from overtaking.model.values import Declaration, declarations
 
 FLOAT, DOUBLE, BOOL, TEXT = pa.float32(), pa.float64(), pa.bool_(), pa.string()
 BYTE, SHORT, INT, LONG, ULONG = pa.uint8(), pa.int16(), pa.int32(), pa.int64(), pa.uint64()
-
-_TYPES = {
-    F32: FLOAT,
-    Mask: BOOL,
-    NDArray[np.uint8]: BYTE,
-    NDArray[np.int16]: SHORT,
-    NDArray[np.int32]: INT,
-}
-"""Arrow types for the annotations of fields."""
 
 Names = tuple[str, ...]
 """The names that an enumeration column can hold, in the order of their codes in memory."""
@@ -176,8 +166,8 @@ def declared(
         if one.column is None or name in without or (only and name not in only):
             continue
         where = f"{path}.{name}".lstrip(".")
-        if isinstance(hint := one.type, type) and issubclass(hint, Batch):
-            found += _nested(where, hint, one)
+        if one.dtype is None:
+            found += _nested(where, one.type, one)
             continue
         present = f"{path}{one.present}".lstrip(".") if one.present[:1] == "." else one.present
         if isinstance(nullable, bool):
@@ -187,7 +177,7 @@ def declared(
         found.append(
             column(
                 one.column,
-                tuple(one.names) or kinds.get(name) or _TYPES[hint],
+                tuple(one.names) or kinds.get(name) or pa.from_numpy_dtype(one.dtype),
                 one.meaning,
                 units.get(name, one.unit),
                 path=where,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from overtaking.core.arrays import F32
 from overtaking.core.compiled import exp, maximum, minimum
-from overtaking.core.elementary import F32
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.scenario import Scenario
 from overtaking.world import film

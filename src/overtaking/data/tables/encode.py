@@ -6,7 +6,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from overtaking.data.tables.arrow import Array, Mask, Masked, to_texts
+from overtaking.core.arrays import Mask
+from overtaking.data.tables.arrow import Array, Masked, to_texts
 from overtaking.data.tables.build import Given, Rows, Texts, build
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.derived import derived_weather

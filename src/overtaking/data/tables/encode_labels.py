@@ -8,8 +8,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import Mask
 from overtaking.data.tables import names
-from overtaking.data.tables.arrow import Array, Mask, Masked
+from overtaking.data.tables.arrow import Array, Masked
 from overtaking.data.tables.build import Rows, Texts, build, read_columns
 from overtaking.data.tables.encode import Numbers, encode
 from overtaking.data.tables.schemas import COLUMNS, LABEL_TABLES

@@ -7,8 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32
-from overtaking.labels.instants import Index
+from overtaking.core.arrays import F32, IndexArray
 from overtaking.labels.law import Rule
 from overtaking.model.labels import Belief, Case, Severity
 from overtaking.model.signals import Around
@@ -141,16 +140,16 @@ class BreachFacts:
     last: int
 
     @property
-    def frames(self) -> Index:
+    def frames(self) -> IndexArray:
         """From the first to the last frame of the breach."""
         return np.arange(self.first, self.last + 1)
 
-    def beside(self, neighbour: Around) -> Index:
+    def beside(self, neighbour: Around) -> IndexArray:
         """Frames of the breach with this neighbour."""
         vehicle = self.case.signals.vehicle[0, neighbour, self.frames]
         return self.frames[vehicle != NO_VEHICLE]
 
-    def within(self, frames: Index) -> Index:
+    def within(self, frames: IndexArray) -> IndexArray:
         """Those of some frames that belong to the breach."""
         return frames[(frames >= self.first) & (frames <= self.last)]
 
@@ -162,7 +161,7 @@ class BreachFacts:
         """The ego at another speed."""
         return sole(Quantity.SPEED, self.case.signals.speed[0, frame], needed, frame)
 
-    def slower(self, frames: Index, allowed: F32) -> tuple[Remedy, ...]:
+    def slower(self, frames: IndexArray, allowed: F32) -> tuple[Remedy, ...]:
         """So much slower that every frame is lawful; no remedy where one of them never is."""
         if (allowed < 0).any():
             return ()

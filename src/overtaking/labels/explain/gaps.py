@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, as_f32
+from overtaking.core.arrays import F32, IndexArray
+from overtaking.core.elementary import as_f32
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy, sole
-from overtaking.labels.instants import Index
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
 from overtaking.labels.law.frames import after_cut_ins
@@ -119,7 +119,7 @@ def slow_vehicle(facts: BreachFacts) -> tuple[Remedy, ...]:
     return more_distance(facts, Around.LEADER, frames[worst], facts.margin)
 
 
-def _followable(facts: BreachFacts, frames: Index) -> F32:
+def _followable(facts: BreachFacts, frames: IndexArray) -> F32:
     """Highest speed that each gap to the leader allows, negative where none does [m/s]."""
     gap, closing = _gaps(facts, Around.LEADER, frames)
     ahead = facts.case.signals.speed[0, frames] - closing
@@ -150,16 +150,16 @@ def more_distance(
     return sole(quantity, gap, gap - float(margin), frame, int(seen.vehicle[0, neighbour, frame]))
 
 
-def _margins(facts: BreachFacts, neighbour: Around, frames: Index, margin: Margin) -> F32:
+def _margins(facts: BreachFacts, neighbour: Around, frames: IndexArray, margin: Margin) -> F32:
     gap, closing = _gaps(facts, neighbour, frames)
     return margin(gap, facts.case.signals.speed[0, frames], closing, _decel(facts, frames))
 
 
-def _gaps(facts: BreachFacts, neighbour: Around, frames: Index) -> tuple[F32, F32]:
+def _gaps(facts: BreachFacts, neighbour: Around, frames: IndexArray) -> tuple[F32, F32]:
     """Gap and closing speed of a neighbour, shape (frame,)."""
     seen = facts.case.signals
     return seen.gap[0, neighbour, frames], seen.closing_speed[0, neighbour, frames]
 
 
-def _decel(facts: BreachFacts, frames: Index) -> F32:
+def _decel(facts: BreachFacts, frames: IndexArray) -> F32:
     return sure_decel(facts.case.signals.friction[0, frames])

@@ -18,7 +18,7 @@ from overtaking.world.constants import known
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from overtaking.core.elementary import F32
+    from overtaking.core.arrays import F32
     from overtaking.labels.explain.breach import BreachFacts, Remedy
 
 

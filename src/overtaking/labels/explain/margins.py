@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import Labelled
 from overtaking.labels.law.alongside import alongside
@@ -13,8 +14,6 @@ from overtaking.model.labels import Case, Verdict
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.constants import known
-
-F64 = NDArray[np.float64]
 
 
 def margins(labelled: Labelled) -> dict[str, F64]:

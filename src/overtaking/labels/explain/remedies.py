@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from overtaking.core.elementary import F32, as_f32
+from overtaking.core.arrays import F32, IndexArray
+from overtaking.core.elementary import as_f32
 from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
-from overtaking.labels.instants import Index
 from overtaking.labels.law.alongside import alongside, lane_index
 from overtaking.labels.law.distances import full_decel
 from overtaking.labels.law.lanes import left_widths
@@ -53,7 +53,7 @@ def apart_from_bicycle(facts: BreachFacts) -> tuple[Remedy, ...]:
     return (tuple(change for change, lacks in lacking if lacks),)
 
 
-def _alongside(facts: BreachFacts) -> Index:
+def _alongside(facts: BreachFacts) -> IndexArray:
     """Frames of the breach in which ego and target overlap along the road."""
     return facts.within(alongside(facts.case).frames)
 

@@ -6,15 +6,14 @@ number comes from one frame, that of the instant, or from a decision before it.
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.core.arrays import F32, I32, IndexArray, Mask
+from overtaking.core.elementary import as_f32
 from overtaking.labels.features.oncoming import next_oncomer
 from overtaking.labels.features.safety import stop_margins
 from overtaking.labels.features.study import moment, unless_under_way
 from overtaking.labels.instants import (
-    I32,
     METRES,
     OCCUPANCY_REACH_MM,
-    Index,
     at,
     in_lane,
     left_lane_at,
@@ -125,7 +124,7 @@ def _pair(one: Encounter, ego: OwnState) -> tuple[F32, F32, F32]:
     return one.gap, ego.speed, one.closing_speed
 
 
-def _ego(case: Case, rows: Index, frames: Index) -> OwnState:
+def _ego(case: Case, rows: IndexArray, frames: IndexArray) -> OwnState:
     scenario, seen = case.trajectories.scenario, case.signals
     speed = seen.speed[rows, frames]
     waited = np.maximum(frames - case.events.follow, 0).astype(np.int32)
@@ -140,7 +139,7 @@ def _ego(case: Case, rows: Index, frames: Index) -> OwnState:
     )
 
 
-def _ahead(case: Case, rows: Index, frames: Index, ego: OwnState) -> VehicleAhead:
+def _ahead(case: Case, rows: IndexArray, frames: IndexArray, ego: OwnState) -> VehicleAhead:
     run, bodies = case.trajectories, case.trajectories.scenario.vehicles
     one = beside(case, Around.LEADER, frames)
     slot = slot_of(case.signals.vehicle[rows, Around.LEADER, frames])
@@ -165,7 +164,7 @@ def _ahead(case: Case, rows: Index, frames: Index, ego: OwnState) -> VehicleAhea
 
 
 def _overtaking(
-    case: Case, one: Encounter, ego: OwnState, length: F32, frames: Index
+    case: Case, one: Encounter, ego: OwnState, length: F32, frames: IndexArray
 ) -> tuple[F32, F32]:
     """Least time and way to be ahead of the vehicle ahead [s], [m].
 
@@ -181,7 +180,7 @@ def _overtaking(
     return time, finite * (ego.speed + np.float32(0.5) * ego.available_accel * finite)
 
 
-def _lane_centre(case: Case, rows: Index, frames: Index) -> F32:
+def _lane_centre(case: Case, rows: IndexArray, frames: IndexArray) -> F32:
     """Centre of the ego's lane across the road, growing to the left [m]."""
     road = case.trajectories.road
     centres = as_f32(road.centres * float(side_of(road)))
@@ -214,7 +213,7 @@ def _nothing(count: int) -> Believed:
     return Believed(exists=zero > 0, age=zero, detected=wide > 0, gap=wide, closing_speed=wide)
 
 
-def _lane_around(case: Case, frames: Index) -> Surround:
+def _lane_around(case: Case, frames: IndexArray) -> Surround:
     """Road, weather and light of each simulation at one frame each."""
     run, seen = case.trajectories, case.signals
     road, weather = run.road, run.scenario.weather
@@ -239,7 +238,7 @@ def _lane_around(case: Case, frames: Index) -> Surround:
     )
 
 
-def _left_lane(case: Case, frames: Index) -> LeftLane:
+def _left_lane(case: Case, frames: IndexArray) -> LeftLane:
     """The lane to the left of each ego at one frame each."""
     run, seen = case.trajectories, case.signals
     rows = np.arange(len(frames))
@@ -288,7 +287,7 @@ def _other_side(case: Case, frame: I32) -> OtherSide:
     )
 
 
-def _next_ahead(case: Case, slot: Index, frames: Index) -> tuple[Mask, F32]:
+def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask, F32]:
     """The gap ahead of a vehicle to the next one in the ego's lane.
 
     Args:
@@ -311,7 +310,7 @@ def _next_ahead(case: Case, slot: Index, frames: Index) -> tuple[Mask, F32]:
     return has_next, np.where(has_next, gap, _ZERO)
 
 
-def _near(case: Case, frames: Index) -> Mask:
+def _near(case: Case, frames: IndexArray) -> Mask:
     """Which centres are within the reach of the occupancy, shape (simulation, vehicle)."""
     s = case.trajectories.states.s[np.arange(len(frames)), :, frames]
     return np.abs(s - s[:, [Role.EGO]]) <= OCCUPANCY_REACH_MM

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
-from overtaking.labels.instants import I32, Index, at, seconds_of
+from overtaking.core.arrays import F32, I32, IndexArray, Mask
+from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law.opposite import coming, on_the_other_side
 from overtaking.labels.law.others import others_at
 from overtaking.labels.law.sight import shown_sight, unseen_speed
@@ -58,7 +58,9 @@ def _known(where: Mask, values: F32) -> F32:
     return np.where(where, values, _NONE).astype(np.float32)
 
 
-def next_oncomer(case: Case, frame: I32, rows: Index | None = None) -> tuple[F32, F32, Index]:
+def next_oncomer(
+    case: Case, frame: I32, rows: IndexArray | None = None
+) -> tuple[F32, F32, IndexArray]:
     """The nearest who comes at one frame of some simulations of a two-way road; none at `NEVER`.
 
     Args:
@@ -79,7 +81,7 @@ def next_oncomer(case: Case, frame: I32, rows: Index | None = None) -> tuple[F32
     return _known(there, gap), _known(there, both), slot
 
 
-def _meeting(case: Case, frame: I32, rows: Index | None = None) -> tuple[F32, F32]:
+def _meeting(case: Case, frame: I32, rows: IndexArray | None = None) -> tuple[F32, F32]:
     """Gap to who comes next [m], and the time to meet [s]; arguments as of `next_oncomer`."""
     gap, both, _ = next_oncomer(case, frame, rows)
     return gap, np.maximum(gap, np.float32(0.0)) / both

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, as_f32
+from overtaking.core.arrays import F32, I32, U8, IndexArray
+from overtaking.core.elementary import as_f32
 from overtaking.labels.features.oncoming import oncoming_measures
-from overtaking.labels.instants import I32, METRES, U8, Index, at, half_lengths, slot_of
+from overtaking.labels.instants import METRES, at, half_lengths, slot_of
 from overtaking.labels.law.distances import margin_of_gap, stop_distance, sure_decel
 from overtaking.labels.law.frames import Span, conduct, stretches
 from overtaking.labels.signals import encounter
@@ -51,14 +52,14 @@ def safety_measures(case: Case) -> Safety:
         seen.speed[own], seen.friction[own], seen.sight_lit[own], seen.sight_unlit[own]
     )
 
-    def table(name: str, values: NDArray[Any], cells: Index) -> NDArray[Any]:
+    def table(name: str, values: NDArray[Any], cells: IndexArray) -> NDArray[Any]:
         """A measure as a table (simulation, moment): its worst, and at events; 0 elsewhere."""
         whole = np.zeros((seen.num_simulations, len(MOMENTS)), values.dtype)
         whole.reshape(-1)[cells] = values
         whole[:, 0] = worst.get(name, 0)
         return whole
 
-    def tables(name: str, one: Encounter, cells: Index) -> Encounter:
+    def tables(name: str, one: Encounter, cells: IndexArray) -> Encounter:
         """The same of the measures of an encounter."""
         names = [each.name for each in fields(one)]
         return Encounter(
@@ -134,7 +135,7 @@ def _encroachment(case: Case, vehicle: U8, frame: I32, lane: U8, arrival: I32) -
     return time
 
 
-def _past(case: Case, rows: Index, slot: Index, begin: I32, frame: I32) -> F32:
+def _past(case: Case, rows: IndexArray, slot: IndexArray, begin: I32, frame: I32) -> F32:
     """How far a front bumper is past the place of the ego's rear bumper at an earlier frame [m].
 
     Args:
@@ -149,7 +150,9 @@ def _past(case: Case, rows: Index, slot: Index, begin: I32, frame: I32) -> F32:
     return way + half_lengths(case.trajectories, rows, slot)
 
 
-def front_margins(case: Case, front: Encounter, rows: Index, frames: Index) -> dict[str, F32]:
+def front_margins(
+    case: Case, front: Encounter, rows: IndexArray, frames: IndexArray
+) -> dict[str, F32]:
     """Further measures of the vehicle ahead."""
     seen = case.signals
     speed, slot = seen.speed[rows, frames], slot_of(seen.vehicle[rows, Around.LEADER, frames])

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, I32
 from overtaking.core.compiled import Draws
-from overtaking.core.elementary import F32, as_f32, maximum
+from overtaking.core.elementary import as_f32, maximum
 from overtaking.core.philox import Stream
 from overtaking.knowledge import Quantity, quantities
 from overtaking.labels.instants import (
-    I32,
     METRES,
     LeftLane,
     at,

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
-from overtaking.labels.instants import U8, Index, across_at, at, slot_of, vehicle_at
+from overtaking.core.arrays import F32, U8, IndexArray, Mask
+from overtaking.labels.instants import across_at, at, slot_of, vehicle_at
 from overtaking.labels.law.errors import lane_error
 from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
 from overtaking.labels.law.others import num_slow, target_may_be
@@ -35,8 +35,8 @@ class Alongside:
         accel: Of the target [m/s^2].
     """
 
-    rows: Index
-    frames: Index
+    rows: IndexArray
+    frames: IndexArray
     lane: U8
     lateral_gap: F32
     accel: F32
@@ -83,7 +83,7 @@ def _on_the_left(case: Case) -> Check:
     return found.check(case, margin)
 
 
-def in_queue(case: Case, rows: Index, frames: Index) -> Mask:
+def in_queue(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     """Whether queues go on side by side at different speeds, which is no overtaking (42)."""
     below, reach = float(known("law.queue.speed")), float(known("law.queue.reach"))
     slow = num_slow(case, rows, frames, below=below, reach=reach)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.labels.instants import I32, METRES, U8, Index, at
+from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.core.elementary import as_f32
+from overtaking.labels.instants import METRES, at
 from overtaking.labels.law.distances import sure_decel
 from overtaking.labels.law.frames import frames_of
 from overtaking.model.events import NEVER
@@ -30,13 +31,13 @@ class Decision:
     """The decision that led to the judged manoeuvre, one for each simulation.
 
     Attributes:
-        row: Index of its percepts, shape (simulation,).
+        row: IndexArray of its percepts, shape (simulation,).
         exists: Whether there is one, same shape.
         speed: Of the ego [m/s], same shape.
         decel: `sure_decel` there [m/s^2], same shape.
     """
 
-    row: Index
+    row: IndexArray
     exists: Mask
     speed: F32
     decel: F32
@@ -105,7 +106,7 @@ def margins_of(
     return true, by(percepts.gap, percepts.closing_speed)
 
 
-def decision_at(case: Case, row: Index, exists: Mask, time_ms: I32) -> Decision:
+def decision_at(case: Case, row: IndexArray, exists: Mask, time_ms: I32) -> Decision:
     """A row of percepts with speed and friction of the frame in which it was decided."""
     frame = np.maximum(time_ms, 0) // case.signals.frame_interval_ms
     frame = np.minimum(frame, case.events.last)

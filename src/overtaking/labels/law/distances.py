@@ -5,7 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from overtaking.core.elementary import F32, F32Like, as_f32, clamp, maximum, minimum
+from overtaking.core.arrays import F32, F32Like
+from overtaking.core.elementary import as_f32, clamp, maximum, minimum
 from overtaking.labels.instants import Frames, at, spread_over
 from overtaking.labels.signals import encounter
 from overtaking.model.events import NEVER

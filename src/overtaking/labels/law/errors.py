@@ -11,8 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from overtaking.core.elementary import F32, as_f32
-from overtaking.labels.instants import I32, METRES, Index, at, seconds_of, vehicle_at
+from overtaking.core.arrays import F32, I32, IndexArray
+from overtaking.core.elementary import as_f32
+from overtaking.labels.instants import METRES, at, seconds_of, vehicle_at
 from overtaking.labels.law.distances import (
     beside,
     full_decel,
@@ -70,7 +71,7 @@ def standard_error(margin: Callable[..., F32], *sizes: float) -> F32:
     return np.sqrt(total)
 
 
-def deciding(span: Span, margin: Callable[[Index, Index], F32], found: Check) -> I32:
+def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], found: Check) -> I32:
     """The frame of a span at which a margin is the one that was found, shape (simulation,)."""
     rows, frames = span.frames()
     decide = np.maximum(span.start, 0).astype(np.int32)
@@ -124,7 +125,7 @@ def of_both(errors: Errors) -> tuple[float, float, float, float]:
 def _following(case: Case, found: Check, errors: Errors) -> F32:
     """Of the gap to the leader, in the frame in which it lacks most."""
 
-    def margin(rows: Index, frames: Index) -> F32:
+    def margin(rows: IndexArray, frames: IndexArray) -> F32:
         ahead = encounter(case, Around.LEADER, rows, frames)
         decel = sure_decel(case.signals.friction[rows, frames])
         speed = case.signals.speed[rows, frames]
@@ -210,7 +211,7 @@ def _braking(case: Case, found: Check, errors: Errors) -> F32:
         most = known("law.obstruction.most")
         return np.minimum(closing * closing / (np.float32(2.0) * gap), most)
 
-    def margin(rows: Index, frames: Index) -> F32:
+    def margin(rows: IndexArray, frames: IndexArray) -> F32:
         behind = encounter(case, Around.FOLLOWER, rows, frames)
         return np.where(behind.valid, known("law.obstruction.braking") - hard(behind), ENDLESS)
 
@@ -272,7 +273,7 @@ def _stopping(sight: str) -> Callable[[Case, Check, Errors], F32]:
     def of(case: Case, found: Check, errors: Errors) -> F32:
         seen = case.signals
 
-        def margin(rows: Index, frames: Index) -> F32:
+        def margin(rows: IndexArray, frames: IndexArray) -> F32:
             stop = stop_distance(seen.speed[rows, frames], seen.friction[rows, frames])
             return getattr(seen, sight)[rows, frames] - stop
 

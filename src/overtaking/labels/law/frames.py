@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.elementary import F32, Mask
-from overtaking.labels.instants import I32, U8, Index, frames_within
+from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.labels.instants import frames_within
 from overtaking.labels.law.rule import Check, decided
 from overtaking.labels.signals import Arrays, adjacent, pack_seen, packed
 from overtaking.model.events import NEVER
@@ -45,16 +45,16 @@ class Span:
         """First frames and then last frames, as compiled functions take them."""
         return np.concatenate([self.start, self.stop], dtype=np.int32)
 
-    def of(self, rows: Index) -> "Span":
+    def of(self, rows: IndexArray) -> "Span":
         """The spans of some simulations."""
         return Span(start=self.start[rows], stop=self.stop[rows])
 
-    def mask(self, rows: Index, num_frames: int) -> Mask:
+    def mask(self, rows: IndexArray, num_frames: int) -> Mask:
         """Which frames it has in some simulations, shape (row, time)."""
         frame = np.arange(num_frames, dtype=np.int32)
         return (frame >= self.start[rows, None]) & (frame <= self.stop[rows, None])
 
-    def frames(self) -> tuple[Index, Index]:
+    def frames(self) -> tuple[IndexArray, IndexArray]:
         """Simulation and frame of each of its frames, in order."""
         return frames_within(self.start, self.stop)
 
@@ -163,7 +163,7 @@ class Stretch:
     last: I32
     longest: I32
 
-    def replaced(self, rows: Index, by: "Stretch") -> "Stretch":
+    def replaced(self, rows: IndexArray, by: "Stretch") -> "Stretch":
         """The same with other margins in some simulations."""
         changed = {one.name: getattr(self, one.name).copy() for one in fields(self)}
         for name, values in changed.items():
@@ -310,13 +310,13 @@ def reduced(by: np.ufunc, values: NDArray[Any], span: Span) -> NDArray[Any]:
     return by.reduceat(flat, index[index < flat.size])[::2]
 
 
-def ends_in(span: Span, rows: Index, broken: Mask) -> tuple[I32, I32, I32]:
+def ends_in(span: Span, rows: IndexArray, broken: Mask) -> tuple[I32, I32, I32]:
     """`ends_of` the frames of a mask (row, time) of some simulations within a span."""
     row, frame = np.nonzero(span.mask(rows, broken.shape[1]) & broken)
     return ends_of(rows[row], frame, len(span.start))
 
 
-def ends_of(rows: Index, frames: Index, num_simulations: int) -> tuple[I32, I32, I32]:
+def ends_of(rows: IndexArray, frames: IndexArray, num_simulations: int) -> tuple[I32, I32, I32]:
     """First and last of some frames of each simulation, and how many of them follow each other.
 
     Args:
@@ -401,7 +401,7 @@ def always(margin: F32, span: Span) -> Check:
     return never_negative(stretch(margin, span), span)
 
 
-def always_at(margin: F32, rows: Index, frames: Index, num_simulations: int) -> Check:
+def always_at(margin: F32, rows: IndexArray, frames: IndexArray, num_simulations: int) -> Check:
     """The same of a margin at single frames; the rule applies to simulations that have any.
 
     Args:

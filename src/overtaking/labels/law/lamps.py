@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import Mask
-from overtaking.labels.instants import I32, U8, Index, at, seconds_of
+from overtaking.core.arrays import I32, U8, IndexArray, Mask
+from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law.frames import (
     Span,
     bits_within,
@@ -56,7 +56,7 @@ def _return_crossed(case: Case) -> I32:
     return limited(case.signals.right_reach, border, span, is_most=False).first
 
 
-def _dark(case: Case, crossed: I32, bit: int) -> tuple[Index, Index]:
+def _dark(case: Case, crossed: I32, bit: int) -> tuple[IndexArray, IndexArray]:
     """Frames around a crossing without a lamp of the ego: simulation and frame of each."""
     before = frames_of(case, known("law.signal.before"))
     after = frames_of(case, known("law.signal.after"))
@@ -110,7 +110,7 @@ def _suspect(lights: U8, span: Span, needed: Mask, thick: Mask) -> Mask:
     return dark | fog | ((ever & HIGH) != 0)
 
 
-def dazzles(case: Case, rows: Index, frames: Index) -> Mask:
+def dazzles(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     """Whether high beam would dazzle a driver ahead or oncoming, at single frames."""
     ahead = encounter(case, Around.LEADER, rows, frames)
     behind = ahead.valid & (ahead.gap < known("law.lamps.high_beam_behind"))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.labels.instants import Index
+from overtaking.core.arrays import F32, IndexArray, Mask
+from overtaking.core.elementary import as_f32
 from overtaking.labels.law.alongside import lane_index
 from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
 from overtaking.labels.law.frames import (
@@ -81,7 +81,7 @@ def _lowest_clearance(case: Case, span: Span, k: int, sides: tuple[bool, bool]) 
     return reduced(np.minimum, _clearance(case, every, k, sides), span)
 
 
-def _clearance(case: Case, rows: Index, k: int, sides: tuple[bool, bool]) -> F32:
+def _clearance(case: Case, rows: IndexArray, k: int, sides: tuple[bool, bool]) -> F32:
     """Distance of the ego's body from border k, negative where it treads on it, (row, time) [m].
 
     Beyond an edge of the road it stays negative. A line that may be crossed from one side is looked

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
-from overtaking.labels.instants import METRES, Index, across_at, at, borders_of, seconds_of, slot_of
+from overtaking.core.arrays import F32, IndexArray, Mask
+from overtaking.core.elementary import as_f32
+from overtaking.labels.instants import METRES, across_at, at, borders_of, seconds_of, slot_of
 from overtaking.labels.law.distances import lawful_gap, sure_decel
 from overtaking.labels.law.errors import of_both, standard_error
 from overtaking.labels.law.frames import (
@@ -144,7 +145,7 @@ L25 = Rule(
 )
 
 
-def nearest_coming(case: Case) -> tuple[Index, Index, Index]:
+def nearest_coming(case: Case) -> tuple[IndexArray, IndexArray, IndexArray]:
     """Each frame on the other side in which an oncoming vehicle is near, and the nearest.
 
     Near is who is met within 10 s at both speeds.
@@ -161,7 +162,7 @@ def nearest_coming(case: Case) -> tuple[Index, Index, Index]:
     return rows[met], frames[met], slot[met]
 
 
-def over_its_edge(case: Case, rows: Index, frames: Index, slot: Index) -> F32:
+def over_its_edge(case: Case, rows: IndexArray, frames: IndexArray, slot: IndexArray) -> F32:
     """How far oncoming vehicles reach beyond the outer edge of their lane, (instant,) [m]."""
     run = case.trajectories
     reach = across_at(run, case.signals, rows, slot, frames)[0]

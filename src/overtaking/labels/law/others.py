@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask, as_f32, sincos
+from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.core.elementary import as_f32, sincos
 from overtaking.labels.instants import (
-    I32,
     METRES,
     RADIANS,
-    U8,
     Frames,
-    Index,
     half_window,
     lateral_speed_at,
     slot_of,
@@ -50,7 +48,7 @@ class Others:
     oncoming: Mask
 
 
-def others_at(case: Case, frame: I32, rows: Index | None = None) -> Others:
+def others_at(case: Case, frame: I32, rows: IndexArray | None = None) -> Others:
     """All vehicles at one frame of some simulations; frame 0 where that is negative.
 
     Args:
@@ -77,7 +75,7 @@ def others_at(case: Case, frame: I32, rows: Index | None = None) -> Others:
     )
 
 
-def num_slow(case: Case, rows: Index, frames: Frames, *, below: float, reach: float) -> I32:
+def num_slow(case: Case, rows: IndexArray, frames: Frames, *, below: float, reach: float) -> I32:
     """Number of others slower than `below` [m/s] and nearer than `reach` [m] at single frames.
 
     Args:
@@ -94,7 +92,7 @@ def num_slow(case: Case, rows: Index, frames: Frames, *, below: float, reach: fl
     return slow.sum(axis=1, dtype=np.int32)
 
 
-def _others_there(run: Trajectories, rows: Index, frames: Frames) -> Mask:
+def _others_there(run: Trajectories, rows: IndexArray, frames: Frames) -> Mask:
     """Which vehicles but the ego are recorded at single frames, shape (instant, vehicle)."""
     valid = run.scenario.vehicles.valid[rows]
     valid[:, Role.EGO] = False
@@ -128,7 +126,7 @@ def target_may_be(case: Case, *, bicycle: bool) -> Mask:
 
 
 def steady_speed_at(
-    run: Trajectories, rows: Index, slot: Index, frames: Frames, limit: float
+    run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames, limit: float
 ) -> F32:
     """Speed of vehicles to the left at single frames, all arrays of shape (instant,) [m/s].
 
@@ -157,7 +155,7 @@ def steady_speed_at(
 
 
 def _noise(
-    run: Trajectories, rows: Index, slot: Index, frames: Frames, around: int
+    run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames, around: int
 ) -> NDArray[np.float64]:
     """Standard deviation of the noise of a lateral position, from frames around it [m]."""
     frame = frames[:, None] + np.arange(-around, around + 1)

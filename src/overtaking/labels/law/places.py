@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import as_f32
 from overtaking.labels.instants import METRES, at, slot_of
 from overtaking.labels.law.frames import ENDLESS, Span, ends_in, manoeuvre
 from overtaking.labels.law.opposite import on_the_other_side, time_back_error

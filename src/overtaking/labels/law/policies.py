@@ -8,18 +8,15 @@ from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.core.checks import check_name
-from overtaking.core.elementary import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.reader import load, read_section
 from overtaking.labels.law.rule import Pack
 from overtaking.labels.law.texts import words_of
 from overtaking.model.batch import Batch
 from overtaking.model.labels import Case, Findings, Severity, Verdict
-
-U8 = NDArray[np.uint8]
 
 _FILE, _TOLERANCES = "policies.toml", "tolerances.toml"
 

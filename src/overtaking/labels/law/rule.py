@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
-from overtaking.labels.instants import U8
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Belief, Case, Check, Findings, Severity, Verdict
 from overtaking.world import constants

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, as_f32
-from overtaking.labels.instants import I32, at, seconds_of
+from overtaking.core.arrays import F32, I32
+from overtaking.core.elementary import as_f32
+from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law.errors import STOPPING, STOPPING_UNLIT
 from overtaking.labels.law.frames import (
     Span,

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask, as_f32
+from overtaking.core.arrays import F32, U8, IndexArray, Mask
+from overtaking.core.elementary import as_f32
 from overtaking.knowledge import number
-from overtaking.labels.instants import U8, Index, at
+from overtaking.labels.instants import at
 from overtaking.labels.law.errors import OF_SPEED, standard_error
 from overtaking.labels.law.frames import (
     ENDLESS,
@@ -223,7 +224,7 @@ def _above_minimum(case: Case) -> Check:
     return found if road_known else perhaps(found)
 
 
-def _is_held_up(case: Case, rows: Index, frames: Index) -> Mask:
+def _is_held_up(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     """Whether at single frames traffic is congested, or a slow leader has to be followed."""
     crawl = float(known("law.minimum.congestion_speed"))
     crawling = num_slow(case, rows, frames, below=crawl, reach=_ANYWHERE)

@@ -5,8 +5,9 @@ from functools import partial
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, maximum
-from overtaking.labels.instants import Index, at, seconds_of, slot_of, spread_over
+from overtaking.core.arrays import F32, IndexArray, Mask
+from overtaking.core.elementary import maximum
+from overtaking.labels.instants import at, seconds_of, slot_of, spread_over
 from overtaking.labels.law.distances import slow_lane_room
 from overtaking.labels.law.errors import DUE, KEEPING_RIGHT, of_both, standard_error
 from overtaking.labels.law.frames import driving_end, frames_of, instant, passed, stretches
@@ -44,7 +45,7 @@ def _nobody_overtakes(case: Case) -> Check:
     )
 
 
-def _arrival(case: Case, others: Others, left: Mask, rows: Index) -> F32:
+def _arrival(case: Case, others: Others, left: Mask, rows: IndexArray) -> F32:
     """Time until the first on the left is beside the ego at constant speeds [s], at most 60."""
     longest = known("law.others.longest_arrival")
     own = case.signals.speed[rows, case.events.attempt[rows], None]

@@ -10,16 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from overtaking.analysis.reproduction.run import Comparison
 from overtaking.analysis.validation.figures import Figure as Measured
 from overtaking.analysis.validation.run import Validation
+from overtaking.core.arrays import F64
 from overtaking.knowledge.paper import ALL
 from overtaking.show import palette
 from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
-
-F64 = NDArray[np.float64]
 
 _ROW, _HEAD = 0.3, 0.62  # Height of a ridge, and of title and axis of a panel [inch].
 _TOP, _LEFT, _RIGHT = 0.62, 1.02, 0.42  # Legend above, labels left, percentiles right [inch].

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, PercentFormatter
-from numpy.typing import NDArray
 
 from overtaking.analysis.stats.columns import Feature
 from overtaking.analysis.stats.distributions import Box, Histogram, Points
 from overtaking.analysis.stats.sample import Sample
 from overtaking.analysis.stats.survival import Survival
 from overtaking.analysis.stats.table import Style, Table, write
+from overtaking.core.arrays import F64
 from overtaking.show import palette
 from overtaking.show.plots.style import (
     CLASS_HATCHES,
@@ -145,8 +145,6 @@ def add_class_legend(figure: Figure, classes: Sequence[str]) -> None:
         columnspacing=1.4,
     )
 
-
-F64 = NDArray[np.float64]
 
 MAX_OUTLIERS = 400
 """Outliers of one box that are drawn; of more, evenly spaced ones."""

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from overtaking.analysis.stats.associations import ALPHA, Associations
 from overtaking.analysis.stats.columns import BY_NAME
 from overtaking.analysis.stats.distributions import Histogram, Points
-from overtaking.analysis.stats.sample import Mask, Sample
+from overtaking.analysis.stats.sample import Sample
+from overtaking.core.arrays import F64, Mask
 from overtaking.show import palette
 from overtaking.show.plots.style import (
     is_narrow,
@@ -24,8 +24,6 @@ from overtaking.show.plots.style import (
     words,
     write_cells,
 )
-
-F64 = NDArray[np.float64]
 
 DETAILS = (("SE", "SP"), ("DSEP", "SE"))
 """The two pairs that the paper looks at closely, as (across, up)."""

@@ -3,12 +3,12 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from overtaking.analysis.stats.diagrams import diagram
 from overtaking.analysis.whatif.fan import TOO_FEW, Fan
 from overtaking.analysis.whatif.scenes import class_of
 from overtaking.analysis.whatif.twin import Twin
+from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.labels.label import label
 from overtaking.model.labels import OvertakeClass
@@ -23,8 +23,6 @@ from overtaking.show import palette
 from overtaking.show.futures import fan_title
 from overtaking.show.plots.overtake import draw_along
 from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
-
-F64 = NDArray[np.float64]
 
 _LOOKS = (
     {"color": palette.INK, "linewidth": 1.6, "linestyle": (0, (4, 1.5)), "zorder": 3},

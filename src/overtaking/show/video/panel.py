@@ -5,13 +5,14 @@ from functools import cache
 
 import numpy as np
 
+from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas, Drawing
 from overtaking.show.video.notes import Note
-from overtaking.show.video.scene import F64, FilmScene
+from overtaking.show.video.scene import FilmScene
 from overtaking.show.video.text import lettering, line, write_number
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.events import Events
 from overtaking.model.road import Road
@@ -18,8 +19,6 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Colour, Role, VehicleKind
 from overtaking.show.video.vehicles import Body
-
-F64 = NDArray[np.float64]
 
 RATE = 20
 """Frames of a film a second; films run in real time."""

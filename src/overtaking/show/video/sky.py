@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import U8
 from overtaking.core.philox import Draws
 from overtaking.knowledge import presets
 from overtaking.model.trajectory import Trajectories
@@ -17,8 +18,6 @@ from overtaking.show.video.road import Tone
 from overtaking.world.constants import known
 from overtaking.world.film import rain_rate
 from overtaking.world.visibility import fog_extinction, rain_extinction
-
-U8 = NDArray[np.uint8]
 
 _NIGHT, _DAY, _OVERCAST, _SUNSET = (
     (0.80, 0.88, 1.10),

@@ -2,7 +2,7 @@
 
 import math
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,14 @@ from overtaking.model.trajectory import Lights
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette, sky
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
-from overtaking.show.video.scene import F64, FilmScene
+from overtaking.show.video.scene import FilmScene
 from overtaking.show.video.sky import Light
 from overtaking.show.video.text import Picture, lettering
 from overtaking.show.video.vehicles import lamps, mark, painted
 from overtaking.show.video.view import SCENE_BOTTOM, SCENE_TOP, Camera
+
+if TYPE_CHECKING:
+    from overtaking.core.arrays import F64
 
 Bools = NDArray[np.bool_]
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from overtaking.core.elementary import F32
+    from overtaking.core.arrays import F32
     from overtaking.model.trajectory import Trajectories
     from overtaking.sim.beliefs import Beliefs
 

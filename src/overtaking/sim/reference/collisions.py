@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum, sincos
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import clamp, maximum, minimum, sincos
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.state import Fields, State

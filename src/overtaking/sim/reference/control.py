@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, clamp, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import clamp, maximum, minimum
 from overtaking.model.trajectory import Stage
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.neighbours import Neighbours

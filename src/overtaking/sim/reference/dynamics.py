@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, clamp, maximum, minimum, sincos
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import clamp, maximum, minimum, sincos
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants
 

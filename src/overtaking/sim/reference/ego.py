@@ -6,7 +6,8 @@ tell.
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import maximum, minimum
 from overtaking.model.trajectory import DecisionKind, Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.gaps import intend

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, atan, clamp, exp, maximum, minimum, sincos
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import atan, clamp, exp, maximum, minimum, sincos
 from overtaking.core.philox import Stream, uniform, words
 from overtaking.sim.reference.state import (
     ANY_ACCEL,

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, clamp, exp, log, maximum, minimum
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import clamp, exp, log, maximum, minimum
 from overtaking.sim.reference.state import Fields
 from overtaking.world.constants import Constants
 

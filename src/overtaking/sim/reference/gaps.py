@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import exp, maximum, minimum
 from overtaking.model.decision import Decision
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role

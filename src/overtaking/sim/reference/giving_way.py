@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, clamp, maximum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import clamp, maximum
 from overtaking.sim.reference.neighbours import lane_borders
 from overtaking.sim.reference.oncoming import Encounters
 from overtaking.sim.reference.state import Fields, State

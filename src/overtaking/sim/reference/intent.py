@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import Mask, maximum
+from overtaking.core.arrays import Mask
+from overtaking.core.elementary import maximum
 from overtaking.model.trajectory import Stage
 from overtaking.sim.reference.mobil import change_of
 from overtaking.sim.reference.state import Fields, State, Who, pick

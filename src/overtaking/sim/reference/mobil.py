@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import maximum, minimum
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import follow, forced_braking, needed_braking
 from overtaking.sim.reference.neighbours import along, lane_borders

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from overtaking.core.elementary import Mask
+from overtaking.core.arrays import Mask
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Encounters
 from overtaking.sim.reference.perception import Beliefs

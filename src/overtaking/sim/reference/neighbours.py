@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
 from overtaking.world.parameters import Parameters

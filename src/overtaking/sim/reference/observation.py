@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import minimum
 from overtaking.model.observation import AROUND, MEETING, OWN, WIDTH, parted
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, exp, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import exp, maximum, minimum
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import (
     LEAST_REACH,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.model.actions import KINDS, Actions, Move
 from overtaking.model.trajectory import Stage
 from overtaking.model.vehicles import Role

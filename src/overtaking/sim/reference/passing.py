@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import maximum, minimum
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.state import (

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, clamp, exp, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import clamp, exp, maximum, minimum
 from overtaking.core.philox import Stream, uniform, words
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.environment import lane_value

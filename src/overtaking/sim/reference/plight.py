@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, maximum, minimum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import maximum, minimum
 from overtaking.model.trajectory import Stage
 from overtaking.sim.reference.following import follow, needed_braking
 from overtaking.sim.reference.intent import in_stage

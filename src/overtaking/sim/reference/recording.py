@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask, clamp
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import clamp
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     BEYOND_SLOW_EDGE,

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.core.elementary import F32, sincos
+from overtaking.core.arrays import F32
+from overtaking.core.elementary import sincos
 from overtaking.model.trajectory import Stage
 from overtaking.world.parameters import Parameters, VehicleParameters
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask, atan, clamp, maximum, minimum, sincos
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.elementary import atan, clamp, maximum, minimum, sincos
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import Constants

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.sim.reference.environment import at_limits
 from overtaking.sim.reference.observation import observe
 from overtaking.sim.reference.orders import Orders, orders_of

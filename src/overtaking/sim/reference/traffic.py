@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.model.trajectory import Stage
 from overtaking.sim.reference.neighbours import lane_borders, shows_change
 from overtaking.sim.reference.state import NOBODY, Fields, State, seen_from_each

@@ -11,9 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32, F64
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
@@ -46,7 +45,6 @@ HARDEST = 15.0
 
 _OUTLOOK = 40.0  # Before the road ends by this much the simulation does [m].
 
-F64 = NDArray[np.float64]
 Sign = Callable[[], None]
 """Called after every tick, as a sign of life."""
 

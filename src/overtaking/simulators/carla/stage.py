@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import Lane, Road, RoadMark
 from overtaking.model.scenario import Scenario
@@ -27,8 +27,6 @@ SPAWN_HEIGHTS = (0.3, 0.6, 1.2)
 
 _OFF_LANE = 0.5  # A waypoint farther than this from where our lane is, is of another road [m].
 _LOOK = 10.0  # Distance of the points at which the road is looked at [m].
-
-F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
 from overtaking.sim.reference import collisions

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import F64
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
@@ -28,7 +29,6 @@ UNKNOWN = frozenset({"lamps", "wheel_angle", "yaw_rate", "impulse", "percepts"})
 RAW = ("front", "d", "speed", "drift", "accel", "angle", "signals")
 """Read of a vehicle in each frame; lateral axis towards the fast side, angle in degrees."""
 
-F64 = NDArray[np.float64]
 
 _RIGHT, _LEFT, _BRAKE = 1, 2, 8  # SUMO's VEH_SIGNAL_BLINKER_RIGHT, _BLINKER_LEFT, _BRAKELIGHT.
 _NORTH = 90.0  # SUMO counts angles clockwise from y; its x is our `s`.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role, VehicleKind

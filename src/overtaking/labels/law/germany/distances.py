@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from overtaking.core.elementary import F32, Mask
+from overtaking.core.arrays import F32, Mask
 from overtaking.labels.law.frames import (
     ENDLESS,
     after_cut_ins,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.labels.instants import seconds_of
 from overtaking.labels.law.errors import OF_SPEED
 from overtaking.labels.law.frames import ENDLESS, always, conduct, ends_in

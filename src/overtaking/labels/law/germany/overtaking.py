@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from overtaking.core.elementary import F32
+from overtaking.core.arrays import F32
 from overtaking.labels.instants import at, vehicle_at
 from overtaking.labels.law.alongside import (
     L1,

@@ -1,0 +1,110 @@
+"""Fields of batches declare their dtypes; nothing depends on what `NDArray` is at run time."""
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import overtaking
+import overtaking as ot
+from overtaking.core import arrays
+from overtaking.model.batch import Batch
+from overtaking.model.trajectory import BYTES_PER_STATE, STATE_TYPES
+from overtaking.model.values import along, declarations, within
+
+TEXTS = {"Comparison"}
+"""Batches with texts, whose dtype depends on their length; only this package makes them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Example(Batch):
+    """A batch with each form of annotation."""
+
+    speed: arrays.F32
+    lane: Annotated[arrays.U8, within(0, 3)]
+    preset: Annotated[arrays.I64 | None, along("simulation", 2)] = None
+    is_braking: arrays.Mask | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undeclared(Batch):
+    """A batch whose array states no dtype."""
+
+    speed: NDArray[np.float32]
+
+
+def batch_classes(cls: type = Batch) -> Iterator[type]:
+    for subclass in cls.__subclasses__():
+        if dataclasses.is_dataclass(subclass) and subclass.__module__.startswith("overtaking."):
+            yield subclass
+        yield from batch_classes(subclass)
+
+
+def import_every_module():
+    for module in pkgutil.walk_packages(overtaking.__path__, "overtaking."):
+        if not module.name.startswith(("overtaking.gym", "overtaking.__main__")):
+            importlib.import_module(module.name)
+
+
+@pytest.mark.parametrize(
+    ("field", "dtype", "is_optional", "axes"),
+    [
+        ("speed", np.float32, False, ("simulation",)),
+        ("lane", np.uint8, False, ("simulation",)),
+        ("preset", np.int64, True, ("simulation", 2)),
+        ("is_braking", np.bool_, True, ("simulation",)),
+        ("name", None, False, ("simulation",)),
+    ],
+)
+def test_a_field_declares_dtype_and_axes(field, dtype, is_optional, axes):
+    declared = declarations(Example)[field]
+    assert declared.dtype == (dtype and np.dtype(dtype))
+    assert (declared.is_optional, declared.axes) == (is_optional, axes)
+
+
+def test_every_array_type_declares_the_dtype_that_it_names():
+    for name in ("F64", "I16", "I32", "I64", "U8", "U32", "U64", "Mask", "IndexArray"):
+        alias = getattr(arrays, name)
+        (dtype,) = alias.__metadata__
+        assert alias.__origin__ == NDArray[dtype.type], name
+    assert arrays.F32.__metadata__ == (np.dtype(np.float32),)
+
+
+def test_an_array_without_a_dtype_is_refused():
+    with pytest.raises(TypeError, match=r"Undeclared\.speed: expected an array type of core"):
+        declarations(Undeclared)
+
+
+@pytest.mark.ci
+def test_every_array_of_every_batch_declares_its_dtype():
+    import_every_module()
+    classes = list(batch_classes())
+    assert len(classes) > 20
+    for cls in classes:
+        if cls.__name__ not in TEXTS:
+            assert list(declarations(cls)) == [field.name for field in dataclasses.fields(cls)]
+
+
+def test_recorded_states_have_the_dtypes_of_the_format():
+    assert {name: np.dtype(kind).str for name, kind in STATE_TYPES.items()} == {
+        **dict.fromkeys(("x", "y", "s", "d", "speed"), "<i4"),
+        **dict.fromkeys(("heading", "wheel_angle", "accel_lon", "accel_lat", "yaw_rate"), "<i2"),
+        "lane": "|u1",
+        "lights": "|u1",
+    }
+    assert BYTES_PER_STATE == 32
+
+
+def test_help_lists_the_fields_under_one_heading():
+    """Python 3.13 removes the indentation of docstrings, earlier versions keep it."""
+    lines = (inspect.getdoc(ot.Drivers) or "").splitlines()
+    assert "    time_gap: Net time gap wanted behind a leader [s]." in lines
+    assert lines.count("Attributes:") == 1
