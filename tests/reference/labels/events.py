@@ -32,6 +32,12 @@ def first(frames: Iterable[int], holds: Callable[[int], Any]) -> Frame:
     return next((frame for frame in frames if holds(frame)), None)
 
 
+def first_change(num_frames: int, holds: Callable[[int], Any]) -> Frame:
+    """The first frame in which something holds that did not hold in an earlier frame."""
+    before = first(range(num_frames), lambda t: not holds(t))
+    return None if before is None else first(range(before, num_frames), holds)
+
+
 def earlier(*frames: Frame) -> Frame:
     """The first of several events, None if none of them happened."""
     return min((frame for frame in frames if frame is not None), default=None)
@@ -46,8 +52,8 @@ class Drive:
         self.lane, self.lateral = one.lane[0], seen["lateral"]
         hit = one.run.collided_with[one.number]
         self.collision = first(range(one.frames), lambda t: hit[t] != NO_VEHICLE)
-        self.departure = first(range(one.frames), lambda t: self.lane[t] >= one.num_lanes)
-        self.spin = first(range(one.frames), self.is_across)
+        self.departure = first_change(one.frames, lambda t: self.lane[t] >= one.num_lanes)
+        self.spin = first_change(one.frames, self.is_across)
         accident = earlier(self.collision, self.departure, self.spin)
         self.end = one.frames if accident is None else accident
         self.partner = NO_VEHICLE if self.collision is None else hit[self.collision]

@@ -41,10 +41,10 @@ pub struct Limits<'a> {
 }
 
 impl Limits<'_> {
-    /// First frame in which a vehicle has spun.
+    /// First frame in which a vehicle has spun since the first frame.
     fn spin(&self, headings: &[i16]) -> Option<usize> {
         let direction = (self.direction + TURN / 2).rem_euclid(TURN) - TURN / 2;
-        first(headings, |heading| {
+        first_change(headings, |heading| {
             // Both lie within half a turn of zero, or little more, so the difference within one and a half.
             let turned = (i32::from(heading) - direction).abs();
             turned.min((turned - TURN).abs()) > self.spin_angle
@@ -59,6 +59,13 @@ fn first<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
     let begin = TOGETHER * row.chunks(TOGETHER).position(any)?;
     let step = row[begin..].iter().position(|&one| holds(one))?;
     Some(begin + step)
+}
+
+/// The first frame in which something holds after a frame in which it does not. A recording may begin with a vehicle
+/// beside the lanes; that vehicle has left nothing.
+fn first_change<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
+    let before = row.iter().position(|&one| !holds(one))?;
+    Some(before + first(&row[before..], holds)?)
 }
 
 /// One simulation.
@@ -102,7 +109,7 @@ impl<'a> Scene<'a> {
         let (lane, hit) = (seen.lane, recording.hit[simulation]);
         let collision = first(&hit[..recorded], |other| other != NO_VEHICLE);
         let beyond = limits.borders.len() - 1;
-        let departure = first(&lane[..recorded], |each| usize::from(each) >= beyond);
+        let departure = first_change(&lane[..recorded], |each| usize::from(each) >= beyond);
         let spin = limits.spin(&recording.heading[slots.start][..recorded]);
         let accident = [collision, departure, spin].into_iter().flatten().min();
         Self {

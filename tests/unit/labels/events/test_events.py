@@ -303,6 +303,28 @@ def test_leaving_the_road_from_the_fastest_lane_is_no_attempt():
     assert said(events) == (Outcome.NO_ATTEMPT, Detail.DEPARTED)
 
 
+def test_an_ego_that_begins_beside_the_lanes_has_not_left_them():
+    events = found(way((0, 3.2), (3, 1.0)), dataclasses.replace(AHEAD, lane=2))
+    assert events.road_departure[0] == NEVER
+    assert said(events) == (Outcome.NO_ATTEMPT, Detail.NONE)
+
+
+def test_an_ego_that_stays_beside_the_lanes_has_not_left_them():
+    events = found(way((0, 3.2), (3, 3.2)), dataclasses.replace(AHEAD, lane=2))
+    assert events.road_departure[0] == NEVER
+
+
+def test_an_ego_that_begins_beside_the_lanes_and_enters_them_can_leave_them_later():
+    events = found(way((0, 3.2), (3, 1.0), (8, 3.5)), dataclasses.replace(AHEAD, lane=2))
+    assert 60 < events.road_departure[0] < 200
+    assert said(events)[1] is Detail.DEPARTED
+
+
+def test_an_ego_whose_first_heading_is_across_the_road_has_not_spun():
+    events = turned(1, 1.0, at=0)
+    assert events.spin[0] == NEVER
+
+
 def turned(ego_lane, angle: float, at: int, road: Road = ROAD):
     """The same tracks, the ego turned to the left by an angle [rad] from a frame on."""
     one = case(Track(speed=28.0, lane=ego_lane), AHEAD, frames=FRAMES, road=road)
