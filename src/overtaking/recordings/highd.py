@@ -23,11 +23,11 @@ from overtaking.recordings.column_map import (
     column_map,
     files_of,
 )
+from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, by_ways, kept
 from overtaking.recordings.road import scaled
 from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_files import refused, refused_cell
-from overtaking.recordings.table_road import NO_LIMIT
 from overtaking.recordings.tables import tracks_of
 
 if TYPE_CHECKING:

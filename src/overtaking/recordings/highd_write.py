@@ -29,7 +29,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.folders import put_file
 from overtaking.model.trajectory import STEPS, Trajectories
 from overtaking.model.vehicles import VehicleKind
-from overtaking.recordings.table_road import NO_LIMIT
+from overtaking.recordings.limits import NO_LIMIT
 
 Places = NDArray[np.int64]
 """Places among the vehicles, `_NOBODY` for none; shape (vehicle, frame)."""

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from overtaking.model.course import Limit
+from overtaking.model.course import MAX_SPEED_LIMIT, Limit
+
+NO_LIMIT = MAX_SPEED_LIMIT
+"""Stands for a road without a speed limit [m/s]."""
 
 Stated = tuple[float, float, float]
 """Where a stretch begins [m], the limit along the road from there on, and against it [m/s]."""

@@ -1,21 +1,22 @@
 """Lanes of an OpenDRIVE road: their order, width and marks, wherever one of them is stated anew."""
 
-from collections.abc import Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 from overtaking.model.road import MAX_LANE_WIDTH, MAX_LANES, MIN_LANE_WIDTH, RoadMark
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_limits import kind_at, limit_at
 from overtaking.recordings.opendrive_shape import (
     TOLERANCE,
+    Banking,
     Cubic,
+    Profile,
+    Records,
     Unfit,
-    check_not_banked,
-    in_force,
     out_of_order,
-    profile,
     unfit,
 )
 from overtaking.recordings.xml import Element
@@ -40,30 +41,224 @@ MARKS = {
 """OpenDRIVE's road marks; any other is `OTHER`."""
 
 
-class Section(NamedTuple):
-    """A lane section, or a part of it.
+DRIVING = "driving"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneRecords:
+    """A lane of a lane section, with what the file states along it, by station of the road.
+
+    Attributes:
+        element: The `<lane>`.
+        lane_id: Its id.
+        kind: Its type.
+        widths: Its width [m].
+        marks: Its `<roadMark>` elements.
+        speeds: Its `<speed>` elements.
+    """
+
+    element: Element
+    lane_id: int
+    kind: str
+    widths: Profile
+    marks: Records
+    speeds: Records
+
+    @classmethod
+    def of(cls, element: Element, origin: float) -> Self:
+        """The records of a `<lane>` whose section begins at `origin` [m]."""
+        marks, speeds = (
+            Records.of(element.all(name), origin=origin, station="sOffset")
+            for name in ("roadMark", "speed")
+        )
+        return cls(
+            element=element,
+            lane_id=element.integer("id"),
+            kind=element.attribute("type", default=""),
+            widths=Profile.of(element.all("width"), origin=origin, station="sOffset"),
+            marks=marks,
+            speeds=speeds,
+        )
+
+    @property
+    def stations(self) -> Iterator[float]:
+        """Where something of the lane is stated anew [m]."""
+        yield from self.widths.starts
+        yield from self.marks.starts
+        yield from self.speeds.starts
+
+    def mark_at(self, station: float) -> RoadMark:
+        """The line on the outer side of the lane."""
+        entry = self.marks.at(station)
+        # Whatever a file invents is `OTHER`.
+        return (
+            RoadMark.NONE if entry is None else MARKS.get(entry.attribute("type"), RoadMark.OTHER)
+        )
+
+    def width_from(self, start: float, end: float) -> Cubic:
+        """The width between two stations, counted from the first [m].
+
+        Raises:
+            ImportFormatError: The file states no width there, or a negative one.
+        """
+        width = self.widths.at(start)
+        if width is None:
+            raise unfit(
+                self.element,
+                f"{self.lane_id} has no width",
+                "a <width> from sOffset = 0 on",
+                "<border>" if self.element.all("border") else "none",
+            )
+        least = min(width.extremes(end - start))
+        if least < -TOLERANCE:
+            wanted = "a width of at least 0"
+            raise width.element.error(f"of lane {self.lane_id}", wanted, f"{least:g} m")
+        return width
+
+    def has_width(self, start: float, end: float) -> bool:
+        """Whether the lane has a width somewhere between two stations, or states none."""
+        spans = self.widths.spans(start, end)
+        return not spans or any(
+            abs(width) > TOLERANCE for piece, length in spans for width in piece.extremes(length)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SideSection:
+    """What a lane section states of one side of a road.
 
     Attributes:
         element: The `<laneSection>`.
         start: Station where it begins [m].
-        end: Station where it ends [m].
-        origin: Station that its entries are counted from [m].
+        end: Station where the next one of this side begins [m].
+        lanes: The lanes of the side, from the reference line outward.
+        centre: The lane without width on the reference line, None where the file leaves it out.
     """
 
     element: Element
     start: float
     end: float
-    origin: float
+    lanes: tuple[LaneRecords, ...]
+    centre: LaneRecords | None
 
     @property
-    def length(self) -> float:
-        """Its length [m]."""
-        return self.end - self.start
+    def driving(self) -> list[LaneRecords]:
+        """The driving lanes that have a width somewhere, from the reference line outward."""
+        return [
+            lane
+            for lane in self.lanes
+            if lane.kind == DRIVING and lane.has_width(self.start, self.end)
+        ]
 
     @property
-    def ahead(self) -> float:
-        """Where it begins, as its entries are counted [m]."""
-        return self.start - self.origin
+    def stations(self) -> Iterator[float]:
+        """Where the section or something of its lanes begins [m]."""
+        yield self.start
+        for lane in self.lanes if self.centre is None else (*self.lanes, self.centre):
+            for station in lane.stations:
+                if station < self.end - TOLERANCE:
+                    yield station
+
+
+@dataclass(frozen=True, slots=True)
+class SideSections:
+    """The lane sections of one side of a road, in its order.
+
+    Attributes:
+        sections: The sections.
+        starts: Station at which each begins [m].
+    """
+
+    sections: tuple[SideSection, ...]
+    starts: tuple[float, ...]
+
+    @classmethod
+    def of(cls, road: Element, side: Side, length: float) -> Self:
+        """The sections of a side of a `<road>`.
+
+        Args:
+            road: The `<road>`.
+            side: "right" or "left" of the reference line.
+            length: Length of the road [m].
+
+        Raises:
+            ImportFormatError: There are none, they are out of order, or ids of lanes are missing.
+        """
+        lanes = road.required("lanes")
+        elements = lanes.all("laneSection")
+        starts = [element.number("s") for element in elements]
+        if not elements or abs(starts[0]) > TOLERANCE:
+            raise lanes.error(
+                "is incomplete", "a <laneSection> from s = 0 on", f"{len(elements)} sections"
+            )
+        for element, (start, after) in zip(elements[1:], pairwise(starts), strict=True):
+            if after < start:
+                raise out_of_order(element, "s")
+        if not length > TOLERANCE:
+            raise road.error("attribute length", "more than 0 m", f"{length:g} m")
+        of_side = [
+            (element, start)
+            for element, start in zip(elements, starts, strict=True)
+            if start < length - TOLERANCE and _states_side(element, side)
+        ]
+        ends = [*(start for _, start in of_side[1:]), length]
+        sections = tuple(
+            SideSection(
+                element=element,
+                start=start,
+                end=end,
+                lanes=_side_lanes(element, side, start),
+                centre=_centre_lane(element, start),
+            )
+            for (element, start), end in zip(of_side, ends, strict=False)
+            if end - start > TOLERANCE
+        )
+        return cls(sections, tuple(section.start for section in sections))
+
+    def at(self, station: float) -> SideSection | None:
+        """The section that holds at a station; None where the side has none."""
+        index = bisect_right(self.starts, station + TOLERANCE) - 1
+        return None if index < 0 else self.sections[index]
+
+    @property
+    def has_driving_lanes(self) -> bool:
+        """Whether the side has a driving lane anywhere."""
+        return any(section.driving for section in self.sections)
+
+
+def _states_side(section: Element, side: Side) -> bool:
+    """Whether a lane section says anything of a side: one with `singleSide` says it of one side."""
+    if section.attribute("singleSide", default="false").strip() not in ("true", "1"):
+        return True
+    group = section.optional(side)
+    return group is not None and bool(group.all("lane"))
+
+
+def _side_lanes(section: Element, side: Side, origin: float) -> tuple[LaneRecords, ...]:
+    """The lanes on one side of a section that begins at `origin` [m], outward.
+
+    Raises:
+        ImportFormatError: Their ids are not -1, -2, ... or 1, 2, ...
+    """
+    group = section.optional(side)
+    if group is None:
+        return ()
+    sign = -1 if side == "right" else 1
+    lanes = sorted(group.all("lane"), key=lambda lane: sign * lane.integer("id"))
+    for number, lane in enumerate(lanes, start=1):
+        if lane.integer("id") != sign * number:
+            raise lane.error(
+                "attribute id",
+                f"ids {sign}, {2 * sign}, ... without gaps in <{side}>",
+                lane.attribute("id"),
+            )
+    return tuple(LaneRecords.of(lane, origin) for lane in lanes)
+
+
+def _centre_lane(section: Element, origin: float) -> LaneRecords | None:
+    centre = section.optional("center")
+    lane = None if centre is None else centre.optional("lane")
+    return None if lane is None else LaneRecords.of(lane, origin)
 
 
 class Strip(NamedTuple):
@@ -82,63 +277,6 @@ class Strip(NamedTuple):
     width: float
     inner_mark: RoadMark
     outer_mark: RoadMark
-
-
-def lane_sections(road: Element, length: float) -> list[Section]:
-    """The lane sections of a road, in its order; ImportFormatError if there are none."""
-    lanes = road.required("lanes")
-    found = lanes.all("laneSection")
-    starts = [section.number("s") for section in found]
-    if not found or abs(starts[0]) > TOLERANCE:
-        raise lanes.error(
-            "is incomplete", "a <laneSection> from s = 0 on", f"{len(found)} sections"
-        )
-    for section, (start, after) in zip(found[1:], pairwise(starts), strict=True):
-        if after < start:
-            raise out_of_order(section, "s")
-    ends = [*starts[1:], length]
-    sections = [
-        Section(section, start, min(end, length), start)
-        for section, start, end in zip(found, starts, ends, strict=True)
-        if min(end, length) > start
-    ]
-    if not sections:  # The road ends before they begin.
-        raise road.error("attribute length", "more than 0 m", f"{length:g} m")
-    return sections
-
-
-def side_lanes(section: Element, side: Side) -> list[Element]:
-    """The lanes on one side, from the reference line outward.
-
-    Args:
-        section: The `<laneSection>`.
-        side: "right" or "left" of the reference line.
-
-    Raises:
-        ImportFormatError: Their ids are not -1, -2, ... or 1, 2, ...
-    """
-    group = section.optional(side)
-    if group is None:
-        return []
-    sign = -1 if side == "right" else 1
-    lanes = sorted(group.all("lane"), key=lambda lane: sign * lane.integer("id"))
-    for number, lane in enumerate(lanes, start=1):
-        if lane.integer("id") != sign * number:
-            raise lane.error(
-                "attribute id",
-                f"ids {sign}, {2 * sign}, ... without gaps in <{side}>",
-                lane.attribute("id"),
-            )
-    return lanes
-
-
-def centre_lane(section: Element) -> Element | None:
-    """The lane without width on the reference line, or None where the file leaves it out."""
-    centre = section.optional("center")
-    return centre.optional("lane") if centre is not None else None
-
-
-DRIVING = "driving"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -224,54 +362,43 @@ def cells(
     Raises:
         ImportFormatError: The file is damaged.
     """
-    offsets = profile(road.required("lanes").all("laneOffset"), origin=0.0)
-    found: list[Cell | Unfit] = []
-    for section in lane_sections(road, length):
-        driving, beyond = (_driving(section.element, one) for one in (side, OTHER_SIDE[side]))
-        for start, end in _between_entries(road, section):
-            here = section._replace(start=start, end=end)
-            try:
-                check_not_banked(road, start, end)
-                cell = _cell(here, side, kind=kind_at(road, start))
-                limit = against = speed_limit or limit_at(road, driving, start, here.ahead)
-                if cell.is_two_way and speed_limit is None:
-                    against = limit_at(road, beyond, start, here.ahead)
-                inner = _plus(cell.inner, _offset(offsets, start, side))
-                found.append(replace(cell, inner=inner, limit=limit, limit_against=against))
-            except Unfit as error:
-                found.append(error)
-    return found
+    offsets = Profile.of(road.required("lanes").all("laneOffset"))
+    types, banking = Records.of(road.all("type")), Banking.of(road)
+    near, far = (SideSections.of(road, each, length) for each in (side, OTHER_SIDE[side]))
+    stations = [*offsets.starts, *types.starts, *banking.stations]
+    for section in (*near.sections, *far.sections):
+        stations += section.stations
+    cells: list[Cell | Unfit] = []
+    for start, end in _between(stations, length):
+        here = _CrossSection(road, side, start, end, near.at(start), far.at(start))
+        try:
+            banking.check_flat(start, end)
+            cell = _cell(here, kind_at(types, start))
+            limit = against = speed_limit or limit_at(road, types, here.speeds, start)
+            if cell.is_two_way and speed_limit is None:
+                against = limit_at(road, types, here.speeds_beyond, start)
+            inner = _plus(cell.inner, _offset(offsets, start, side))
+            cells.append(replace(cell, inner=inner, limit=limit, limit_against=against))
+        except Unfit as error:
+            cells.append(error)
+    return cells
 
 
-def _between_entries(road: Element, section: Section) -> Iterator[tuple[float, float]]:
-    """The stretches of a section between all places where something of the road is stated anew."""
-    lateral = road.optional("lateralProfile")
-    entries = [*road.required("lanes").all("laneOffset"), *road.all("type")]
-    for name in ("superelevation", "crossfall"):
-        entries += lateral.all(name) if lateral is not None else []
-    stations = [entry.number("s") for entry in entries]
-    groups = (section.element.optional(side) for side in ("left", "center", "right"))
-    stations += [
-        section.start + entry.number("sOffset", default=0.0)
-        for group in groups
-        if group is not None
-        for lane in group.all("lane")
-        for name in ("width", "roadMark", "speed")
-        for entry in lane.all(name)
-    ]
-    cuts = [section.start]
+def _between(stations: Iterable[float], length: float) -> Iterator[tuple[float, float]]:
+    """The stretches of a road between stations [m]."""
+    cuts = [0.0]
     for station in sorted(stations):
-        if cuts[-1] + TOLERANCE < station < section.end - TOLERANCE:
+        if cuts[-1] + TOLERANCE < station < length - TOLERANCE:
             cuts.append(station)
-    return pairwise([*cuts, section.end])
+    return pairwise([*cuts, length])
 
 
-def _offset(offsets: Sequence[Cubic], start: float, side: Side) -> Cubic | None:
+def _offset(offsets: Profile, start: float, side: Side) -> Cubic | None:
     """The lane offset from a station on, outward positive; None where there is none."""
-    begun = [one for one in offsets if one.start <= start + TOLERANCE]
-    if not begun:
+    here = offsets.at(start)
+    if here is None:
         return None
-    sign, here = -1.0 if side == "right" else 1.0, begun[-1].starting(start)
+    sign = -1.0 if side == "right" else 1.0
     return replace(here, a=sign * here.a, b=sign * here.b, c=sign * here.c, d=sign * here.d)
 
 
@@ -282,155 +409,197 @@ def _plus(one: Cubic, other: Cubic | None) -> Cubic:
     return replace(one, a=one.a + other.a, b=one.b + other.b, c=one.c + other.c, d=one.d + other.d)
 
 
-def _cell(here: Section, side: Side, *, kind: str) -> Cell:
-    """The driving lanes of a part of a section and what lies beside them, without limits yet."""
-    lanes = side_lanes(here.element, side)
-    first, last = _driving_block(here, lanes, side)
-    inside = [_width(lane, here) for lane in lanes[:first]]
+class _CrossSection(NamedTuple):
+    """The lanes of a stretch of road, those of the chosen side and those beyond the centre line.
+
+    Attributes:
+        road: The `<road>`.
+        side: The chosen side.
+        start: Station where the stretch begins [m].
+        end: Station where it ends [m].
+        near: The lane section of the chosen side, None where it has none.
+        far: The same of the other side.
+    """
+
+    road: Element
+    side: Side
+    start: float
+    end: float
+    near: SideSection | None
+    far: SideSection | None
+
+    @property
+    def speeds(self) -> list[Records]:
+        """Speeds of the driving lanes of the chosen side."""
+        return self._speeds(self.near)
+
+    @property
+    def speeds_beyond(self) -> list[Records]:
+        """Speeds of the driving lanes of the other side."""
+        return self._speeds(self.far)
+
+    @property
+    def element(self) -> Element:
+        """Where the lanes are stated, for messages."""
+        section = self.near or self.far
+        return self.road if section is None else section.element
+
+    @property
+    def centre(self) -> RoadMark:
+        """The line on the reference line, from left to right."""
+        sections = [section for section in (self.near, self.far) if section is not None]
+        stated = [section for section in sections if section.centre is not None]
+        if not stated:
+            return RoadMark.NONE
+        # Of two sections that hold for one side each, the later one states the line anew.
+        latest = max(stated, key=lambda section: section.start)
+        assert latest.centre is not None
+        return latest.centre.mark_at(self.start)
+
+    def _speeds(self, section: SideSection | None) -> list[Records]:
+        lanes = () if section is None else section.lanes
+        return [lane.speeds for lane in lanes if lane.kind == DRIVING and self._has_width(lane)]
+
+    def _has_width(self, lane: LaneRecords) -> bool:
+        # A record that begins within the tolerance behind the start holds from the start on.
+        return lane.has_width(min(self.start + TOLERANCE, self.end), self.end)
+
+    def width(self, lane: LaneRecords) -> Cubic:
+        """The width of a lane along the stretch [m]."""
+        return lane.width_from(self.start, self.end)
+
+    def least_width(self, lane: LaneRecords) -> float:
+        """The least width of a lane along the stretch [m]."""
+        return min(self.width(lane).extremes(self.end - self.start))
+
+    def strips(self, side: Side) -> list["_MarkedLane"]:
+        """The lanes of a side that have a width, from the reference line outward.
+
+        A lane of no width is left out, and the lines on either side of it are one: the outermost
+        that is painted.
+        """
+        section = self.near if side == self.side else self.far
+        lanes = () if section is None else section.lanes
+        inner = self.centre.reversed if side == "right" else self.centre
+        strips: list[_MarkedLane] = []
+        for lane in lanes:
+            mark = lane.mark_at(self.start)
+            if self._has_width(lane):
+                strips.append(_MarkedLane(lane, inner, mark, mark))
+                inner = mark.reversed
+            elif mark is not RoadMark.NONE:
+                inner = mark.reversed
+                if strips:
+                    strips[-1] = strips[-1].bounded_by(mark, is_edge=lane.kind == DRIVING)
+        return strips
+
+
+class _MarkedLane(NamedTuple):
+    """A lane with the lines on either side, as seen from within it, before its width is checked.
+
+    Attributes:
+        lane: The lane.
+        inner_mark: Line towards the reference line.
+        outer_mark: Line away from it.
+        edge_mark: The same where no driving lane lies beyond. A driving lane that has tapered to
+            no width leaves its outer line there; the line of a lane of another type is not that of
+            the driving lanes.
+    """
+
+    lane: LaneRecords
+    inner_mark: RoadMark
+    outer_mark: RoadMark
+    edge_mark: RoadMark
+
+    def bounded_by(self, mark: RoadMark, *, is_edge: bool) -> Self:
+        """The lane with the outer line of a lane of no width beside it."""
+        return self._replace(outer_mark=mark, edge_mark=mark if is_edge else self.edge_mark)
+
+    def measured(self, width: float) -> Strip:
+        """The lane with its width [m]."""
+        return Strip(self.lane.lane_id, self.lane.kind, width, self.inner_mark, self.outer_mark)
+
+
+def _cell(here: _CrossSection, kind: str) -> Cell:
+    """The driving lanes of a stretch and what lies beside them, without limits yet."""
+    lanes = here.strips(here.side)
+    first, last = _driving_block(here, lanes)
+    inside = [here.width(marked.lane) for marked in lanes[:first]]
     inner = Cubic(element=here.element, start=here.start, a=0.0, b=0.0, c=0.0, d=0.0)
     for width in inside:
         inner = _plus(inner, width)
     strips = []
     for index in range(first, last + 1):
-        width = _constant(_width(lanes[index], here), here, lanes[index])
-        _check_driving(lanes[index], width)
-        strips.append(_strip(here, lanes, index, side)._replace(width=width))
-    across = not any(max(width.extremes(here.length)) > TOLERANCE for width in inside)
-    opposite = side_lanes(here.element, OTHER_SIDE[side])
-    outward = range(last + 1, len(lanes))
+        lane = lanes[index]
+        if index == last:
+            lane = lane._replace(outer_mark=lane.edge_mark)
+        width = _constant(here, lane.lane)
+        _check_driving(lane.lane, width)
+        strips.append(lane.measured(width))
+    across = not any(max(width.extremes(here.end - here.start)) > TOLERANCE for width in inside)
+    inward = here.strips(OTHER_SIDE[here.side]) if across else lanes[:first][::-1]
     return Cell(
         start=here.start,
         end=here.end,
         strips=tuple(strips),
         inner=inner,
-        inner_neighbour=(
-            _first_wide(here, opposite, range(len(opposite)), OTHER_SIDE[side])
-            if across
-            else _first_wide(here, lanes, range(first - 1, -1, -1), side)
-        ),
-        outer_neighbour=_first_wide(here, lanes, outward, side),
+        inner_neighbour=_first_wide(here, inward),
+        outer_neighbour=_first_wide(here, lanes[last + 1 :]),
         across=across,
         kind=kind,
     )
 
 
-def _strip(here: Section, lanes: Sequence[Element], index: int, side: Side) -> Strip:
-    """One lane with its least width."""
-    lane = lanes[index]
-    return Strip(
-        lane_id=lane.integer("id"),
-        kind=lane.attribute("type"),
-        width=min(_width(lane, here).extremes(here.length)),
-        inner_mark=_inner_mark(here, lanes, index, side),
-        outer_mark=_mark(lane, here.ahead),
-    )
-
-
-def _inner_mark(here: Section, lanes: Sequence[Element], index: int, side: Side) -> RoadMark:
-    """The line between a lane and the one inside it, as seen from the lane.
-
-    A lane's own element states the line on its outer side. The first word of a double line is the
-    inner one; of the centre line, the left one.
-    """
-    ahead = here.ahead
-    if index > 0:
-        return _mark(lanes[index - 1], ahead).reversed
-    centre = centre_lane(here.element)
-    mark = RoadMark.NONE if centre is None else _mark(centre, ahead)
-    return mark.reversed if side == "right" else mark
-
-
-def _mark(lane: Element, ahead: float) -> RoadMark:
-    """The outer mark of a lane some way after the beginning of its section [m]."""
-    entry = in_force(lane.all("roadMark"), ahead, "sOffset")
-    # Whatever a file invents is `OTHER`.
-    return RoadMark.NONE if entry is None else MARKS.get(entry.attribute("type"), RoadMark.OTHER)
-
-
-def _width(lane: Element, here: Section) -> Cubic:
-    """The width of a lane from the beginning of a stretch on [m]."""
-    name, entries = f"{lane.integer('id')}", lane.all("width")
-    if not entries or abs(entries[0].number("sOffset")) > TOLERANCE:
-        raise unfit(
-            lane,
-            f"{name} has no width",
-            "a <width> from sOffset = 0 on",
-            "<border>" if lane.all("border") else "none",
-        )
-    begun = [
-        piece
-        for piece in profile(entries, origin=here.origin, station="sOffset")
-        if piece.start <= here.start + TOLERANCE
-    ]
-    width = begun[-1].starting(here.start)
-    least = min(width.extremes(here.length))
-    if least < -TOLERANCE:
-        raise width.element.error(f"of lane {name}", "a width of at least 0", f"{least:g} m")
-    return width
-
-
-def _constant(width: Cubic, here: Section, lane: Element) -> float:
+def _constant(here: _CrossSection, lane: LaneRecords) -> float:
     """A width that stays the same [m]; ImportFormatError if it varies."""
-    for found in width.extremes(here.length):
-        if abs(found - width.a) > TOLERANCE:
-            where = f"of lane {lane.integer('id')} varies after s = {here.start:.1f} m"
-            raise unfit(width.element, where, f"a constant {width.a:.3f} m", f"{found:.3f} m")
+    width = here.width(lane)
+    for other in width.extremes(here.end - here.start):
+        if abs(other - width.a) > TOLERANCE:
+            where = f"of lane {lane.lane_id} varies after s = {here.start:.1f} m"
+            raise unfit(width.element, where, f"a constant {width.a:.3f} m", f"{other:.3f} m")
     return width.a
 
 
-def has_driving_lanes(road: Element, *, side: Side, length: float) -> bool:
-    """Whether there is a driving lane on one side of a road anywhere."""
-    return any(_driving(section.element, side) for section in lane_sections(road, length))
-
-
-def _driving(section: Element, side: Side) -> list[Element]:
-    """The driving lanes on one side, from the reference line outward."""
-    return [lane for lane in side_lanes(section, side) if lane.attribute("type") == DRIVING]
-
-
-def _first_wide(
-    here: Section, lanes: Sequence[Element], indices: range, side: Side
-) -> Strip | None:
-    """The first of some lanes with a width all along: files contain lanes of no width."""
-    for index in indices:
-        found = _strip(here, lanes, index, side)
-        if found.width > TOLERANCE:
-            return found
+def _first_wide(here: _CrossSection, lanes: Sequence[_MarkedLane]) -> Strip | None:
+    """The first of some lanes with a width all along."""
+    for marked in lanes:
+        width = here.least_width(marked.lane)
+        if width > TOLERANCE:
+            return marked.measured(width)
     return None
 
 
-def _driving_block(section: Section, lanes: Sequence[Element], side: Side) -> tuple[int, int]:
+def _driving_block(here: _CrossSection, lanes: Sequence[_MarkedLane]) -> tuple[int, int]:
     """First and last position of the driving lanes; ImportFormatError unless they are adjacent."""
-    block = [index for index, lane in enumerate(lanes) if lane.attribute("type") == DRIVING]
-    where = f"at s = {section.start:.1f} m"
+    block = [index for index, marked in enumerate(lanes) if marked.lane.kind == DRIVING]
+    where = f"at s = {here.start:.1f} m"
     if not 1 <= len(block) <= MAX_LANES:
-        raise unfit(
-            section.element,
-            f"{where}, {side} side",
-            f"1 to {MAX_LANES} driving lanes",
-            str(len(block)),
-        )
+        wanted = f"1 to {MAX_LANES} driving lanes"
+        raise unfit(here.element, f"{where}, {here.side} side", wanted, str(len(block)))
     if block[-1] - block[0] >= len(block):
-        between = next(lane for lane in lanes[block[0] :] if lane.attribute("type") != DRIVING)
+        inside = (marked.lane for marked in lanes[block[0] :])
+        between = next(lane for lane in inside if lane.kind != DRIVING)
         raise unfit(
-            between,
-            f"{between.attribute('id')} {where}",
+            between.element,
+            f"{between.lane_id} {where}",
             "driving lanes side by side",
-            f'"{shown(between.attribute("type"))}" between two of them',
+            f'"{shown(between.kind)}" between two of them',
         )
     return block[0], block[-1]
 
 
-def _check_driving(lane: Element, width: float) -> None:
-    """Refuse a driving lane that no road of ours can have."""
-    name = lane.attribute("id")
+def _check_driving(lane: LaneRecords, width: float) -> None:
+    """Refuse a driving lane that no road of the model can have."""
     if not MIN_LANE_WIDTH <= width <= MAX_LANE_WIDTH:
         raise unfit(
-            lane,
-            f"{name} has a width",
+            lane.element,
+            f"{lane.lane_id} has a width",
             f"{MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m",
             f"{width:.3f} m",
         )
-    direction = lane.attribute("direction", default="standard")
+    direction = lane.element.attribute("direction", default="standard")
     if direction != "standard":
-        raise unfit(lane, f"{name} has a direction", '"standard"', f'"{shown(direction)}"')
+        wanted = '"standard"'
+        raise unfit(
+            lane.element, f"{lane.lane_id} has a direction", wanted, f'"{shown(direction)}"'
+        )

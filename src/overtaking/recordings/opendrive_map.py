@@ -8,10 +8,10 @@ from overtaking.model.line import ReferenceLine
 from overtaking.model.road import Road
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive import roads_in
-from overtaking.recordings.opendrive_lanes import DRIVING, Side, lane_sections, side_lanes
+from overtaking.recordings.opendrive_lanes import Side, SideSections
 from overtaking.recordings.opendrive_plan import plan
-from overtaking.recordings.opendrive_route import Part, first_way, read_part
-from overtaking.recordings.opendrive_shape import profile, spans
+from overtaking.recordings.opendrive_route import Part, first_way, is_in_junction, read_part
+from overtaking.recordings.opendrive_shape import Profile
 from overtaking.recordings.xml import Element
 
 
@@ -83,7 +83,7 @@ def _mapped(path: Path, road: Element) -> MappedRoad:
     return MappedRoad(
         road_id=shown(road.attribute("id", default="")),
         name=shown(road.attribute("name", default="")),
-        in_junction=road.attribute("junction", default="-1") != "-1",
+        in_junction=is_in_junction(road),
         length=length if line is None else line.length,
         right=right,
         left=left,
@@ -98,15 +98,13 @@ def _mapped(path: Path, road: Element) -> MappedRoad:
 
 def _most_lanes(road: Element, side: Side, length: float) -> int:
     """The largest number of driving lanes that lie beside each other on a side."""
-    return max(
-        sum(lane.attribute("type") == DRIVING for lane in side_lanes(section.element, side))
-        for section in lane_sections(road, length)
-    )
+    sections = SideSections.of(road, side, length).sections
+    return max((len(section.driving) for section in sections), default=0)
 
 
 def _steepest(road: Element, length: float) -> float:
     """The largest slope of a road, up or down [1]."""
     heights = road.optional("elevationProfile")
-    pieces = () if heights is None else profile(heights.all("elevation"), origin=0.0)
-    slopes = [piece.slope.extremes(span) for piece, span in spans(pieces, length)]
-    return max((abs(slope) for found in slopes for slope in found), default=0.0)
+    profile = Profile.of([] if heights is None else heights.all("elevation"))
+    slopes = [piece.slope.extremes(span) for piece, span in profile.spans(0.0, length)]
+    return max((abs(slope) for ends in slopes for slope in ends), default=0.0)

@@ -1,7 +1,9 @@
 """The reference line of an OpenDRIVE road: lines, arcs, clothoids and parametric cubics."""
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +11,7 @@ from numpy.polynomial import Polynomial
 
 from overtaking.core.arrays import F64
 from overtaking.model.line import Piece, ReferenceLine, chord
-from overtaking.recordings.opendrive_shape import TOLERANCE, Cubic, unfit
+from overtaking.recordings.opendrive_shape import TOLERANCE, Cubic, geometries, unfit
 from overtaking.recordings.xml import Element
 
 MAX_GAP = 0.05
@@ -49,9 +51,7 @@ def pieces(road: Element) -> list[Piece]:
 
 def _chains(road: Element) -> list[tuple[list[Piece], float]]:
     """The pieces of each `<geometry>`, and its length as the file states it [m]."""
-    found = road.required("planView").all("geometry")
-    if not found:
-        raise road.error("has no geometry", "a <geometry> in <planView>", "none")
+    found = geometries(road)
     chains = [_pieces(geometry) for geometry in found]
     for before, after, geometry in zip(chains, chains[1:], found[1:], strict=False):
         check_joint(before[-1], after[0], geometry)
@@ -112,8 +112,13 @@ def _moved(
         inner: How far it is moved, by station, in order [m].
         element: The road, for messages.
     """
-    begins = [(one.start - station) / scale for one in inner]
-    for one, begin, stop in zip(inner, begins, [*begins[1:], math.inf], strict=True):
+    # Only those that begin before the end of the piece, and the last that begins before its start.
+    begin_of = attrgetter("start")
+    low = max(bisect_right(inner, station, key=begin_of) - 1, 0)
+    high = bisect_left(inner, station + piece.length * scale, key=begin_of)
+    near = inner[low : max(high, low + 1)]
+    begins = [(one.start - station) / scale for one in near]
+    for one, begin, stop in zip(near, begins, [*begins[1:], math.inf], strict=True):
         first, last = max(begin, 0.0), min(stop, piece.length)
         if last - first > TOLERANCE or (first == 0.0 and last == piece.length):
             left = one.starting(station + first * scale)
@@ -163,8 +168,6 @@ def _pieces(geometry: Element) -> list[Piece]:
         known = " or ".join(_SHAPES)
         raise unfit(geometry, "has no shape that is known", known, f"{len(shapes)} of them")
     length = geometry.number("length")
-    if not length > 0.0:
-        raise geometry.error("attribute length", "more than 0 m", f"{length:g} m")
     x, y, heading = (geometry.number(name) for name in ("x", "y", "hdg"))
     chain = _SHAPES[shapes[0].name](Piece(x, y, heading, length), shapes[0])
     sharpest = max(max(abs(one.curvature), abs(one.end_curvature)) for one in chain)

@@ -19,16 +19,16 @@ import numpy as np
 from overtaking.core.errors import ConfigError
 from overtaking.model.course import Course, Line
 from overtaking.model.line import Piece
-from overtaking.model.road import MAX_LENGTH, DrivingSide, Lane, Road
+from overtaking.model.road import MAX_LENGTH, DrivingSide, Lane, Road, RoadMark
 from overtaking.recordings.limits import highest_and_lower
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_lanes import (
     OTHER_SIDE,
     Cell,
     Side,
+    SideSections,
     Strip,
     cells,
-    has_driving_lanes,
 )
 from overtaking.recordings.opendrive_plan import (
     MAX_KINK,
@@ -42,7 +42,6 @@ from overtaking.recordings.opendrive_shape import (
     Alignment,
     Unfit,
     grade_of,
-    is_straight,
     straight_line,
     unfit,
 )
@@ -180,11 +179,15 @@ def _next_way(way: Way, road: Element) -> Way:
     return Way.of(road, along=link.attribute("contactPoint") == "start")
 
 
+def is_in_junction(road: Element) -> bool:
+    """Whether a road is a way across a junction; an empty attribute names no junction."""
+    return road.attribute("junction", default="").strip() not in ("", "-1")
+
+
 def _check_outside_junctions(road: Element) -> None:
-    junction = road.attribute("junction", default="-1")
-    if junction != "-1":
-        what, wanted = "belongs to a junction", "a road outside junctions"
-        raise unfit(road, what, wanted, f'junction "{shown(junction)}"')
+    if is_in_junction(road):
+        got = f'junction "{shown(road.attribute("junction"))}"'
+        raise unfit(road, "belongs to a junction", "a road outside junctions", got)
 
 
 def _route(path: Path, ways: Sequence[Way], speed_limit: float | None) -> Route:
@@ -305,8 +308,9 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
         for one in row
         for found in one.inner.extremes(one.end - one.start)
     )
-    if not moved and len(groups) == 1 and is_straight(way.element):
-        return _straight(way, first, edge)
+    straight = straight_line(way.element, way.length)
+    if straight is not None and not moved and len(groups) == 1:
+        return _straight(straight, way, first, edge)
     half = 0.5 * sum(strip.width for strip in cell.strips)
     line: list[Piece] = []
     grade: list[tuple[float, float]] = []
@@ -327,9 +331,8 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
     return Alignment(*line[0][:3], length=done, inner_edge=-half if moved else edge, course=course)
 
 
-def _straight(way: Way, row: Sequence[Cell], edge: float) -> Alignment:
+def _straight(line: Alignment, way: Way, row: Sequence[Cell], edge: float) -> Alignment:
     """A part of a straight reference line, from its end where the traffic runs against it."""
-    line = straight_line(way.element, way.length)
     ends = (min(cell.start for cell in row), max(cell.end for cell in row))
     start, length = ends[0 if way.along else 1], ends[1] - ends[0]
     x = line.x + start * math.cos(line.heading)
@@ -407,7 +410,13 @@ def _course(
     """What changes along a road; None if nothing does."""
     rises = any(slope != 0.0 for _, slope in grade)
     table = [one for k, one in enumerate(grade) if rises and (k == 0 or one[0] > grade[k - 1][0])]
-    marks = [(*ends, cell.strips[0].inner_mark) for *ends, cell in stretches if cell.is_two_way]
+    marks: list[tuple[float, float, RoadMark]] = []
+    for start, stop, cell in stretches:
+        mark = cell.strips[0].inner_mark
+        if cell.is_two_way and marks and marks[-1][2] is mark and marks[-1][1] == start:
+            marks[-1] = (marks[-1][0], stop, mark)
+        elif cell.is_two_way:
+            marks.append((start, stop, mark))
     lines = tuple(
         Line(start=start, stop=min(stop, length), mark=mark)
         for start, stop, mark in marks
@@ -440,6 +449,6 @@ def _default_side(road: Element, driving_side: DrivingSide, length: float) -> Si
     """The side whose lanes run along the reference line, unless only the other has any."""
     along: Side = "right" if driving_side is DrivingSide.RIGHT else "left"
     against: Side = OTHER_SIDE[along]
-    has_along = has_driving_lanes(road, side=along, length=length)
-    has_against = has_driving_lanes(road, side=against, length=length)
+    has_along = SideSections.of(road, along, length).has_driving_lanes
+    has_against = SideSections.of(road, against, length).has_driving_lanes
     return along if has_along or not has_against else against

@@ -1,9 +1,11 @@
 """The shape of an OpenDRIVE road: its reference line and grade, and what must be constant."""
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from operator import itemgetter
 from typing import Self
 
 import numpy as np
@@ -16,6 +18,8 @@ TOLERANCE = 0.005
 """Half of the centimetre to which lane centres must be right [m]."""
 MAX_CURVATURE = 1.0e-9
 """A smaller curvature moves the end of 3 km of road by less than `TOLERANCE` [1/m]."""
+MIN_GEOMETRY_LENGTH = 0.001
+"""A shorter geometry is skipped: it moves nothing by `TOLERANCE`, and its heading is noise [m]."""
 MAX_GRADE = 0.01
 """Slope that still counts as flat: its share of gravity is below 0.1 m/s^2 [1]."""
 MAX_STEP = 0.01
@@ -70,68 +74,71 @@ class Alignment:
     course: Course | None = None
 
 
-def is_straight(road: Element) -> bool:
-    """Whether no piece of the reference line bends."""
-    return not any(
-        child.name in _SHAPES and not _is_line(child)
-        for piece in road.required("planView").all("geometry")
-        for child in piece.children
-    )
+def geometries(road: Element) -> list[Element]:
+    """The `<geometry>` elements of a road, without those of no length.
+
+    Raises:
+        ImportFormatError: No geometry is left, or one has a negative length.
+    """
+    elements = road.required("planView").all("geometry")
+    for geometry in elements:
+        if geometry.number("length") < 0.0:
+            length = geometry.attribute("length")
+            raise geometry.error("attribute length", "0 m or more", f"{length} m")
+    # Some exporters close each course with a geometry of length 0 whose heading means nothing.
+    geometries = [
+        geometry for geometry in elements if geometry.number("length") > MIN_GEOMETRY_LENGTH
+    ]
+    if not geometries:
+        raise road.error(
+            "has no geometry", "a <geometry> with a length in <planView>", str(len(elements))
+        )
+    return geometries
 
 
-def _is_line(shape: Element) -> bool:
-    names = _CURVATURES.get(shape.name)
-    if names is None:
-        return shape.name == "line"
-    return all(abs(shape.number(name)) <= MAX_CURVATURE for name in names)
+def straight_line(road: Element, length: float) -> Alignment | None:
+    """The reference line of a road as one straight line, None where it is no such line.
 
+    Args:
+        road: The `<road>`.
+        length: Length of the road [m].
 
-def straight_line(road: Element, length: float) -> Alignment:
-    """The reference line of a road; ImportFormatError where it is not one straight line."""
-    pieces = road.required("planView").all("geometry")
-    if not pieces:
-        raise road.error("has no geometry", "a <geometry> in <planView>", "none")
+    Raises:
+        ImportFormatError: As for `geometries`.
+    """
+    pieces = geometries(road)
     first = pieces[0]
     heading = math.remainder(first.number("hdg"), math.tau)
     line = Alignment(x=first.number("x"), y=first.number("y"), heading=heading, length=length)
     covered = 0.0
     for piece in pieces:
-        _check_straight(piece)
-        covered = _check_joint(piece, line, covered)
-    if abs(covered - length) > 2.0 * TOLERANCE:
-        raise pieces[-1].error(
-            "does not end with the road", f"an end at s = {length:.3f} m", f"{covered:.3f} m"
-        )
-    return line
+        if not (_is_line(piece) and _continues(piece, line, covered)):
+            return None
+        covered = piece.number("s") + piece.number("length")
+    return line if abs(covered - length) <= 2.0 * TOLERANCE else None
 
 
-def _check_straight(piece: Element) -> None:
-    """Refuse a piece of the reference line that bends."""
-    found = [child for child in piece.children if child.name in _SHAPES]
-    shape = found[0].name if len(found) == 1 else f"{len(found)} shapes"
-    if len(found) != 1 or not _is_line(found[0]):
-        raise unfit(piece, f"is curved at s = {piece.number('s'):.1f} m", "a straight line", shape)
+def _is_line(piece: Element) -> bool:
+    """Whether a `<geometry>` does not bend."""
+    shapes = [child for child in piece.children if child.name in _SHAPES]
+    if len(shapes) != 1:
+        return False
+    names = _CURVATURES.get(shapes[0].name)
+    if names is None:
+        return shapes[0].name == "line"
+    return all(abs(shapes[0].number(name)) <= MAX_CURVATURE for name in names)
 
 
-def _check_joint(piece: Element, line: Alignment, covered: float) -> float:
-    """Refuse a piece that does not go on along the line; the station of its end [m]."""
-    start, length, heading = piece.number("s"), piece.number("length"), piece.number("hdg")
+def _continues(piece: Element, line: Alignment, covered: float) -> bool:
+    """Whether a straight piece lies on a line and begins where the piece before it ends."""
+    start, length = piece.number("s"), piece.number("length")
     east, north = piece.number("x") - line.x, piece.number("y") - line.y
     cosine, sine = math.cos(line.heading), math.sin(line.heading)
-    turn = heading - line.heading
+    turn = piece.number("hdg") - line.heading
     ahead, left = east * cosine + north * sine, north * cosine - east * sine
-    bent = max(abs(left), abs(left + length * math.sin(turn)))
-    if length < 0.0 or abs(start - covered) > TOLERANCE or abs(ahead - start) > TOLERANCE:
-        raise piece.error(
-            "does not join",
-            f"a start at s = {covered:.3f} m on the reference line",
-            f"s = {start:.3f} m, {ahead:.3f} m along the line",
-        )
-    if bent > TOLERANCE or math.cos(turn) < 0.0:
-        raise unfit(
-            piece, f"bends at s = {start:.1f} m", "a straight line", f"{bent:.3f} m beside it"
-        )
-    return start + length
+    aside = max(abs(left), abs(left + length * math.sin(turn)))
+    apart = max(abs(start - covered), abs(ahead - start))
+    return max(aside, apart) <= TOLERANCE and math.cos(turn) > 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,49 +191,89 @@ def _roots(constant: float, linear: float, square: float, length: float) -> list
     return [root for root in found if 0.0 < root < length]
 
 
-def profile(entries: Sequence[Element], *, origin: float, station: str = "s") -> tuple[Cubic, ...]:
-    """The pieces of a profile, in the order of the road.
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """A value along the road, by polynomials each of which holds until the next one begins.
 
-    Args:
-        entries: The elements that state them.
-        origin: What their stations are counted from [m].
-        station: Attribute with the station: `s` or `sOffset`.
-
-    Raises:
-        ImportFormatError: They are not in ascending order.
+    Attributes:
+        pieces: The polynomials, in the order of the road.
+        starts: Station at which each begins [m].
     """
-    pieces = tuple(Cubic.of(entry, origin + entry.number(station)) for entry in entries)
-    for before, after in pairwise(pieces):
-        if after.start < before.start:
-            raise out_of_order(after.element, station)
-    return pieces
+
+    pieces: tuple[Cubic, ...]
+    starts: tuple[float, ...]
+
+    @classmethod
+    def of(cls, entries: Sequence[Element], *, origin: float = 0.0, station: str = "s") -> Self:
+        """The profile that some elements state.
+
+        Args:
+            entries: The elements.
+            origin: What their stations are counted from [m].
+            station: Attribute with the station: `s` or `sOffset`.
+
+        Raises:
+            ImportFormatError: The stations do not ascend.
+        """
+        pieces = tuple(Cubic.of(entry, origin + entry.number(station)) for entry in entries)
+        for before, after in pairwise(pieces):
+            if after.start < before.start:
+                raise out_of_order(after.element, station)
+        return cls(pieces, tuple(piece.start for piece in pieces))
+
+    def at(self, station: float) -> Cubic | None:
+        """The polynomial that holds at a station, counted from there; None before the first."""
+        index = bisect_right(self.starts, station + TOLERANCE) - 1
+        return None if index < 0 else self.pieces[index].starting(station)
+
+    def value(self, station: float) -> float:
+        """The value at a station; before the first polynomial, that polynomial continued."""
+        index = max(bisect_right(self.starts, station) - 1, 0)
+        return self.pieces[index].value(station - self.starts[index])
+
+    def spans(self, start: float, end: float) -> list[tuple[Cubic, float]]:
+        """The polynomials between two stations, each with the length over which it holds [m]."""
+        first = max(bisect_right(self.starts, start) - 1, 0)
+        last = bisect_left(self.starts, end)
+        stops = [*self.starts[first + 1 : last], end]
+        spans: list[tuple[Cubic, float]] = []
+        for piece, stop in zip(self.pieces[first:last], stops, strict=False):
+            begin = max(piece.start, start)
+            if stop > begin:
+                spans.append((piece.starting(begin), stop - begin))
+        return spans
+
+
+@dataclass(frozen=True, slots=True)
+class Records:
+    """Elements of one kind, each of which holds until the next one begins.
+
+    Attributes:
+        elements: The elements, in the order of their stations.
+        starts: Station of each, 0 where it is missing [m].
+    """
+
+    elements: tuple[Element, ...]
+    starts: tuple[float, ...]
+
+    @classmethod
+    def of(cls, entries: Sequence[Element], *, origin: float = 0.0, station: str = "s") -> Self:
+        """The records of some elements, whose stations are counted from `origin` [m]."""
+        ordered = sorted(
+            ((origin + entry.number(station, default=0.0), entry) for entry in entries),
+            key=itemgetter(0),
+        )
+        return cls(tuple(entry for _, entry in ordered), tuple(start for start, _ in ordered))
+
+    def at(self, station: float) -> Element | None:
+        """The element that holds at a station; None before the first."""
+        index = bisect_right(self.starts, station + TOLERANCE) - 1
+        return None if index < 0 else self.elements[index]
 
 
 def out_of_order(element: Element, station: str) -> Exception:
     """The error for an entry that starts before the one that stands above it."""
     return element.error(f"attribute {station}", "ascending values", element.attribute(station))
-
-
-def in_force(entries: Sequence[Element], station: float, name: str = "s") -> Element | None:
-    """The last of some entries that begin at a station or before it; None if none does.
-
-    Args:
-        entries: The elements, in the order of the road.
-        station: The station [m].
-        name: Attribute with the station of each, 0 where it is missing.
-    """
-    begun = [one for one in entries if one.number(name, default=0.0) <= station + TOLERANCE]
-    return begun[-1] if begun else None
-
-
-def spans(pieces: Sequence[Cubic], end: float) -> list[tuple[Cubic, float]]:
-    """Each piece with the length over which it holds, until the next one or `end` [m]."""
-    ends = [*(min(piece.start, end) for piece in pieces[1:]), end]
-    return [
-        (piece, until - piece.start)
-        for piece, until in zip(pieces, ends, strict=False)  # No pieces: one end is left.
-        if until > piece.start
-    ]
 
 
 def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:
@@ -236,22 +283,21 @@ def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:
         ImportFormatError: The surface has a step.
     """
     elevation = road.optional("elevationProfile")
-    heights = profile(elevation.all("elevation") if elevation is not None else [], origin=0.0)
-    found = spans(heights, length)
-    for (before, span), (after, _) in pairwise(found):
+    heights = Profile.of(elevation.all("elevation") if elevation is not None else [])
+    spans = heights.spans(0.0, length)
+    for (before, span), (after, _) in pairwise(spans):
         _check_small(after, "steps", abs(after.a - before.value(span)), MAX_STEP)
-    if all(abs(one) <= MAX_GRADE for piece, span in found for one in piece.slope.extremes(span)):
+    if all(
+        abs(slope) <= MAX_GRADE for piece, span in spans for slope in piece.slope.extremes(span)
+    ):
         return ()
-
-    def height(s: float) -> float:
-        piece = next((one for one in reversed(heights) if one.start <= s), heights[0])
-        return piece.value(s - piece.start)
 
     stations = np.linspace(0.0, length, max(2, math.ceil(length / _SLOPE_WINDOW) + 1)).tolist()
     slopes = []
     for s in stations:
         low, high = max(0.0, s - 0.5 * _SLOPE_WINDOW), min(length, s + 0.5 * _SLOPE_WINDOW)
-        slopes.append(round((height(high) - height(low)) / (high - low), _DIGITS))
+        rise = heights.value(high) - heights.value(low)
+        slopes.append(round(rise / (high - low), _DIGITS))
     # Where a slope is that of its neighbours, nothing changes there.
     kept = [
         k
@@ -261,20 +307,49 @@ def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:
     return tuple((stations[k], slopes[k]) for k in kept)
 
 
-def check_not_banked(road: Element, start: float, end: float) -> None:
-    """Refuse a surface that leans more than it must to drain, or is bent, between two stations."""
-    lateral = road.optional("lateralProfile")
-    if lateral is None:
-        return
-    for name in ("superelevation", "crossfall"):
-        for piece, span in spans(profile(lateral.all(name), origin=0.0), end):
-            if piece.start + span > start:
-                here = piece.starting(max(piece.start, start))
-                lean = max(map(abs, here.extremes(piece.start + span - here.start)))
+@dataclass(frozen=True, slots=True)
+class Banking:
+    """The lateral profile of a road.
+
+    Attributes:
+        rolls: Superelevation and crossfall [rad].
+        shape: A `<shape>` that bends the surface, None where there is none.
+    """
+
+    rolls: tuple[Profile, ...] = ()
+    shape: Element | None = None
+
+    @classmethod
+    def of(cls, road: Element) -> Self:
+        """The banking that a `<road>` states."""
+        lateral = road.optional("lateralProfile")
+        if lateral is None:
+            return cls()
+        bent = (
+            shape
+            for shape in lateral.all("shape")
+            if any(shape.number(name) != 0.0 for name in "abcd")
+        )
+        rolls = tuple(Profile.of(lateral.all(name)) for name in ("superelevation", "crossfall"))
+        return cls(rolls, next(bent, None))
+
+    @property
+    def stations(self) -> list[float]:
+        """Where the roll is stated anew [m]."""
+        return [station for roll in self.rolls for station in roll.starts]
+
+    def check_flat(self, start: float, end: float) -> None:
+        """Refuse a surface that leans more than it must to drain, or bends, between two stations.
+
+        Raises:
+            ImportFormatError: The surface is such a one.
+        """
+        for roll in self.rolls:
+            for piece, length in roll.spans(start, end):
+                lean = max(map(abs, piece.extremes(length)))
                 _check_small(piece, "is banked", lean, MAX_BANKING)
-    for shape in lateral.all("shape"):
-        if any(shape.number(name) != 0.0 for name in "abcd"):
-            raise unfit(shape, "bends the surface", "a flat road", "a lateral shape")
+        if self.shape is not None:
+            raise unfit(self.shape, "bends the surface", "a flat road", "a lateral shape")
 
 
 def _check_small(piece: Cubic, what: str, size: float, most: float) -> None:

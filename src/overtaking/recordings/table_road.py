@@ -18,7 +18,6 @@ from overtaking.model.course import Course
 from overtaking.model.line import Piece, ReferenceLine
 from overtaking.model.road import (
     MAX_LANES,
-    MAX_SPEED_LIMIT,
     MIN_LANE_WIDTH,
     DrivingSide,
     Lane,
@@ -26,6 +25,7 @@ from overtaking.model.road import (
     RoadMark,
 )
 from overtaking.recordings.fitting import is_straight
+from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.table_files import refused
 from overtaking.recordings.table_line import line_of_traffic
 
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from overtaking.recordings.column_map import ColumnMap
     from overtaking.recordings.rows import Rows
 
-
-NO_LIMIT = MAX_SPEED_LIMIT
-"""Stands for a road without a speed limit [m/s]."""
 
 WIDTHS = np.arange(2.75, 4.26, 0.01)
 """Widths of lanes that are looked for [m]."""

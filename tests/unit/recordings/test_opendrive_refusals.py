@@ -12,9 +12,9 @@ from .opendrive_text import FLAT, LEFT, LINE, ONE_LANE, document, lane, road, se
 
 BENT = (
     '<geometry s="0" x="0" y="0" hdg="0" length="250"><line/></geometry>'
-    '<geometry s="250" x="250" y="0" hdg="0.001" length="250"><line/></geometry>'
+    '<geometry s="250" x="250" y="0" hdg="0.3" length="250"><line/></geometry>'
 )
-GAP = BENT.replace('x="250"', 'x="251"').replace("0.001", "0")
+GAP = BENT.replace('x="250"', 'x="251"').replace("0.3", "0")
 BACK = (
     '<geometry s="0" x="0" y="0" hdg="0" length="250"><line/></geometry>'
     f'<geometry s="250" x="250" y="0" hdg="{math.pi}" length="250"><line/></geometry>'
@@ -45,7 +45,7 @@ SLOWER = '<speed max="20"/>'
         (
             road(plan=LINE.replace("<line/>", "")),
             "geometry",
-            "is curved at s = 0.0 m: expected a straight line, got 0 shapes",
+            "has no shape that is known: expected line or arc or spiral or paramPoly3, got 0 ",
         ),
         (
             road(plan=LINE.replace("<line/>", '<paramPoly3 aU="0"/>')),
@@ -62,13 +62,13 @@ SLOWER = '<speed max="20"/>'
             "road",
             "expected bends of at least 10 m radius, got 5.00 m",
         ),
-        (road(plan=BENT), "geometry", "bends at s = 250.0 m"),
-        (road(plan=BACK), "geometry", "bends at s = 250.0 m"),
-        (road(plan=GAP), "geometry", "does not join: expected a start at s = 250.000 m"),
+        (road(plan=BENT), "geometry", "does not join: expected at most 0.05 m and 0.01 rad"),
+        (road(plan=BACK), "geometry", "does not join: expected at most 0.05 m and 0.01 rad"),
+        (road(plan=GAP), "geometry", "does not join: expected at most 0.05 m and 0.01 rad"),
         (
             road(plan=SHORT),
-            "geometry",
-            "does not end with the road: expected an end at s = 500.000 m, got 400",
+            "road",
+            "does not end with its line: expected a line of 500 m, got 400 m",
         ),
         (
             road(plan=LINE.replace("0.5", "NaN")),
@@ -148,11 +148,6 @@ SLOWER = '<speed max="20"/>'
             road(sections=section(right=[lane(-1, attributes='direction="reversed"')])),
             "lane",
             '-1 has a direction: expected "standard", got "reversed"',
-        ),
-        (
-            road(kind='<type s="0" type="motorway"><speed max="no limit"/></type>'),
-            "speed",
-            'attribute max: expected a number, got "no limit"',
         ),
         (
             road(kind='<type s="0" type="motorway"><speed max="-5"/></type>'),
