@@ -1,14 +1,18 @@
 """The connections of clients, and the one to close when there are too many."""
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 MAX_CONNECTIONS = 64
 
-IDLE_TIME = 300.0
-"""A client silent for this long may be closed for a new one [s]."""
+NUM_CALLS_OF_CLIENT = 4
+"""The genuine client makes this many calls when it connects; fewer are no sign of a client."""
+
+MIN_SILENCE = 1.0
+"""A genuine client is closed for a new one only after so much silence [s]."""
 
 
 class CrowdedError(Exception):
@@ -21,21 +25,29 @@ class Connection:
 
     Attributes:
         writer: Stream for the answers.
-        name: Address of the client.
-        heard: Time of its last call, or of its beginning [s].
-        has_called: Whether it ever made a call.
+        host: Address of the client's machine.
+        port: Port of the client.
+        last_call_time: Time of its last call, or of its beginning [s].
+        num_calls: Calls that it has made.
         told: Logged messages about its calls without effect.
     """
 
     writer: asyncio.StreamWriter
-    name: str
-    heard: float
-    has_called: bool = False
+    host: str
+    port: int
+    last_call_time: float
+    num_calls: int = 0
     told: set[str] = field(default_factory=set)
 
-    def hear(self) -> None:
+    @property
+    def name(self) -> str:
+        """Address of the client."""
+        return f"{self.host}:{self.port}"
+
+    def note_call(self) -> None:
         """Note that it has made a call."""
-        self.heard, self.has_called = asyncio.get_running_loop().time(), True
+        self.last_call_time = asyncio.get_running_loop().time()
+        self.num_calls += 1
 
 
 class Connections:
@@ -43,7 +55,9 @@ class Connections:
 
     Silence alone ends none: the genuine client connects before its first call and may only listen
     to sensors for hours afterwards, without a sign of life. So silent ones give way only where a
-    new one finds no room: first those that never made a call, the longest silent first.
+    new one finds no room. The machine with the most connections gives way; of its connections
+    those with the fewest calls, where these are fewer than a genuine client makes; of these the
+    one that is silent for the longest time.
 
     Args:
         log: Told when one gives way.
@@ -59,13 +73,13 @@ class Connections:
         """Take in a new connection, for as long as the context lasts.
 
         Raises:
-            CrowdedError: There is no room, and no client has been silent long enough to be closed.
+            CrowdedError: There is no room, and all clients are making calls.
         """
         now = asyncio.get_running_loop().time()
         if len(self._open) >= MAX_CONNECTIONS:
-            self._make_room(now)
+            self._close_most_silent(now)
         host, port, *_ = writer.get_extra_info("peername") or ("?", 0)
-        connection = Connection(writer, f"{host}:{port}", now)
+        connection = Connection(writer, host, port, now)
         self._open.append(connection)
         try:
             yield connection
@@ -73,19 +87,22 @@ class Connections:
             if connection in self._open:
                 self._open.remove(connection)
 
-    def _make_room(self, now: float) -> None:
-        """End the longest silent connection."""
-        idle = [one for one in self._open if now - one.heard > IDLE_TIME]
-        candidates = [one for one in self._open if not one.has_called] or idle
-        if not candidates:
+    def _close_most_silent(self, now: float) -> None:
+        """Close the connection that has to give way."""
+        ((host, _),) = Counter(connection.host for connection in self._open).most_common(1)
+        silent = min(
+            (connection for connection in self._open if connection.host == host),
+            key=lambda one: (min(one.num_calls, NUM_CALLS_OF_CLIENT), one.last_call_time),
+        )
+        silence = now - silent.last_call_time
+        if silent.num_calls >= NUM_CALLS_OF_CLIENT and silence < MIN_SILENCE:
             raise CrowdedError(
                 f"{MAX_CONNECTIONS} clients are connected and all made calls within the last"
-                f" {IDLE_TIME:g} s; end one of them"
+                f" {MIN_SILENCE:g} s; end one of them"
             )
-        longest = min(candidates, key=lambda one: one.heard)
         self._log(
-            f"client {longest.name} was closed to make room: of {MAX_CONNECTIONS} clients it was"
-            f" silent for the longest time, {now - longest.heard:.0f} s"
+            f"client {silent.name} was closed to make room: of {MAX_CONNECTIONS} connections it"
+            f" has made the fewest calls or was silent for the longest time ({silence:.0f} s)"
         )
-        self._open.remove(longest)
-        longest.writer.transport.abort()
+        self._open.remove(silent)
+        silent.writer.transport.abort()

@@ -91,8 +91,8 @@ CALLS: dict[str, Call] = {}
 COMMANDS: dict[int, Call] = {}
 """The calls that a batch may contain as well, by their number there."""
 
-SLOW = frozenset(("copy_opendrive_to_file",))
-"""Calls that may take seconds and share no state with others; they run in a thread."""
+SLOW = frozenset(("cast_ray", "copy_opendrive_to_file", "project_point"))
+"""Calls that may take long and change no state of others; they run in a thread."""
 
 LACKING_VOID = frozenset(
     (

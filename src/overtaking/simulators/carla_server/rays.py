@@ -35,7 +35,10 @@ def cast(world: World, start: Vector, end: Vector) -> list[Hit]:
         end: Where it ends [m].
     """
     found: list[tuple[float, int]] = []
-    for vehicle in world.vehicles:
+    # A thread runs this; actors come and go meanwhile, so it works on a copy of the list.
+    for vehicle in list(world.actors.values()):
+        if not isinstance(vehicle, Vehicle):
+            continue
         share = _entered(vehicle, start, end)
         if share is not None:
             found.append((share, vehicle.tag))

@@ -18,6 +18,12 @@ from overtaking.simulators.carla_server.streams import SETTLING_TIME, Streams
 from overtaking.simulators.carla_server.wire import Budget, Decoder, ProtocolError, encode
 from overtaking.simulators.carla_server.world import World
 
+MESSAGE_TIMEOUT = 30.0
+"""Longest time from the first byte of a message to its last [s]."""
+
+ANSWER_TIMEOUT = 60.0
+"""Longest time that a client may leave an answer of more than a few kilobytes unread [s]."""
+
 SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""
 
@@ -63,7 +69,7 @@ class Server:
 
     def __post_init__(self) -> None:
         """Start without connections."""
-        self.connections = Connections(self.log)
+        self.connections = Connections(self._complain)
 
     async def serve_calls(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer the calls of one connection until it ends or sends what no client sends.
@@ -76,17 +82,17 @@ class Server:
         try:
             _at_once(writer)
             with self.connections.enter(writer) as connection:
-                while data := await reader.read(_READ_BYTES):
-                    for message in decoder.feed(data):
-                        connection.hear()
-                        writer.write(await self._answer(session, connection, message))
-                        await writer.drain()
-                    if len(data) == _READ_BYTES:
-                        await asyncio.sleep(0)  # Other connections get their turn.
+                await self._answer_calls(reader, connection, session, decoder)
         except CrowdedError as error:
             self._complain(f"a client was turned away: {error}")
         except ProtocolError as error:
             self._complain(f"a connection was dropped: it sent {error}")
+        except TimeoutError:
+            self._complain(
+                f"a connection was dropped: within {MESSAGE_TIMEOUT:g} s it did not complete a"
+                f" message, or within {ANSWER_TIMEOUT:g} s it did not read an answer"
+            )
+            writer.transport.abort()
         except ConnectionError:
             pass
         finally:
@@ -95,12 +101,38 @@ class Server:
                 self.managers.pop(port, None)
             writer.close()
 
+    async def _answer_calls(
+        self,
+        reader: asyncio.StreamReader,
+        connection: Connection,
+        session: Session,
+        decoder: Decoder,
+    ) -> None:
+        """Answer calls until the client closes the connection.
+
+        Raises:
+            TimeoutError: The client did not complete a message, or did not read an answer.
+        """
+        deadline: float | None = None  # Of a message of which a part has arrived.
+        while data := await _read(reader, deadline):
+            for message in decoder.feed(data):
+                deadline = None
+                connection.note_call()
+                connection.writer.write(await self._answer(session, connection, message))
+                async with asyncio.timeout(ANSWER_TIMEOUT):
+                    await connection.writer.drain()
+            if deadline is None and not decoder.is_empty:
+                deadline = asyncio.get_running_loop().time() + MESSAGE_TIMEOUT
+            if len(data) == _READ_BYTES:
+                await asyncio.sleep(0)  # Other connections get their turn.
+
     async def _answer(self, session: Session, connection: Connection, message: Any) -> bytes:
         """The answer to one message."""
         number, is_async, name, parameters = _opened(message)
         self._last_call = asyncio.get_running_loop().time()
-        if name == "tick_cue":
+        if _is_tick(name, parameters):
             await self.world.streams.settle()
+            await self.world.pictures.wait()
         wanted = CALLS.get(name)
         if wanted is None:
             answer = protocol.refuse_unknown(name)
@@ -175,6 +207,17 @@ class Server:
             told = waiting
 
 
+async def _read(reader: asyncio.StreamReader, deadline: float | None) -> bytes:
+    """The next bytes of a connection; TimeoutError at the deadline."""
+    async with asyncio.timeout_at(deadline):
+        return await reader.read(_READ_BYTES)
+
+
+def _is_tick(name: str, parameters: list[Any]) -> bool:
+    """Whether a call simulates a tick; the last parameter of a batch says so."""
+    return name == "tick_cue" or (name == "apply_batch" and parameters[-1:] == [True])
+
+
 def _opened(message: Any) -> tuple[int, bool, str, list[Any]]:
     """Number of a call, whether the client throws its answer away, its name and arguments."""
     match message:
@@ -227,7 +270,10 @@ async def serve(
     streams.port = pushes.sockets[0].getsockname()[1]
     async with answering, pushes:
         ready(port, streams.port)
-        await asyncio.gather(server.run_free(), server.watch())
+        try:
+            await asyncio.gather(server.run_free(), server.watch())
+        finally:
+            server.world.pictures.close()
 
 
 async def _listen(

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import random
 import struct
 from collections.abc import Callable
 
@@ -37,8 +38,9 @@ class Streams:
         """Begin without streams."""
         self._log = log
         self._listeners: dict[int, set[asyncio.StreamWriter]] = {}
-        self._next = self._open = 0
-        self._told = False
+        self._next = 0
+        self._unnamed: dict[asyncio.StreamWriter, None] = {}
+        self._told = self._is_crowded = False
         self._announced: set[int] = set()
         self._arrival = asyncio.Event()
         self.port = 0
@@ -111,19 +113,39 @@ class Streams:
             self._told = True
             self._log(f"somebody asked for stream {stream}, which never was; said once")
 
+    def _make_room(self) -> None:
+        """Close a connection where there are too many.
+
+        First the oldest that has not named its stream. Otherwise one of the stream with the most
+        listeners, by chance: whoever opens many connections closes its own.
+        """
+        num_listeners = sum(map(len, self._listeners.values()))
+        if num_listeners + len(self._unnamed) < MAX_LISTENERS:
+            return
+        if self._unnamed:
+            closed = next(iter(self._unnamed))
+            del self._unnamed[closed]
+        else:
+            listeners = max(self._listeners.values(), key=len)
+            closed = random.choice(list(listeners))
+            listeners.discard(closed)
+        if not self._is_crowded:
+            self._is_crowded = True
+            self._log(f"there are {MAX_LISTENERS} listeners: from now on each new one ends another")
+        closed.transport.abort()
+
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve one connection: it names its stream and then only listens."""
         stream = -1
-        self._open += 1
+        self._make_room()
+        self._unnamed[writer] = None
         try:
-            if self._open > MAX_LISTENERS:
-                self._log(f"a listener was turned away: there are {MAX_LISTENERS} already")
-                return
             head = await asyncio.wait_for(reader.readexactly(_LENGTH.size), HANDSHAKE_TIME)
             (stream,) = _LENGTH.unpack(head)
             if stream not in self._listeners:
                 self._tell_of_unknown(stream)
                 return
+            del self._unnamed[writer]
             self._listeners[stream].add(writer)
             self._announced.discard(stream)
             self._arrival.set()
@@ -133,6 +155,6 @@ class Streams:
         except (asyncio.IncompleteReadError, TimeoutError, ConnectionError):
             pass
         finally:
-            self._open -= 1
+            self._unnamed.pop(writer, None)
             self._listeners.get(stream, set()).discard(writer)
             writer.close()

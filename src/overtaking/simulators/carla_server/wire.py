@@ -64,6 +64,11 @@ class Decoder:
         self._scanner = msgpack.Unpacker(read_size=1 << 14, max_buffer_size=2 * MAX_MESSAGE_BYTES)
         self._num_decoded = 0
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no part of a message waits for the rest."""
+        return not self._buffer
+
     def feed(self, data: bytes) -> list[Any]:
         """All messages that `data` completes, in order.
 

@@ -21,10 +21,10 @@ from overtaking.simulators.carla_server.actors import (
 )
 from overtaking.simulators.carla_server.arguments import Description, Settings, Transform, Vector
 from overtaking.simulators.carla_server.bodies import Nature, body_of
-from overtaking.simulators.carla_server.camera import RoadScene
 from overtaking.simulators.carla_server.fleet import Fleet
 from overtaking.simulators.carla_server.maps import Atlas
 from overtaking.simulators.carla_server.motion import Touch
+from overtaking.simulators.carla_server.pictures import PictureThread, Shot
 from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import SensorType
 from overtaking.simulators.carla_server.streams import Streams
@@ -52,6 +52,7 @@ class World:
         """Begin the first episode."""
         self.atlas, self.map, self._seed = atlas, atlas.first, seed
         self.streams = streams
+        self.pictures = PictureThread(streams.send)
         self.world_stream = streams.open()
         self.settings = Settings()
         self.episode = 0
@@ -96,7 +97,6 @@ class World:
         self.fleet = Fleet(self.map.ground, self.weather, Nature(self._seed))
         self.actors: dict[int, Actor] = {}
         self._next_id = _FIRST_ID
-        self._scene: RoadScene | None = None
         above = Transform(Vector(0.0, 0.0, 50.0), UPRIGHT)
         self.spectator = self._enter(
             Actor(
@@ -295,17 +295,21 @@ class World:
             self.streams.send(sensor.stream, head + body)
 
     def _take_pictures(self) -> None:
-        """Draw for every camera with a listener."""
+        """Let the thread draw for every camera that has a listener and is not late."""
         if self.settings.no_rendering:
             return
-        for camera in list(self.actors.values()):
+        shots: list[Shot] = []
+        for camera in self.actors.values():
             if not isinstance(camera, Camera) or camera.stream is None:
                 continue
             if self.time < camera.due - 1e-6 or not self.streams.is_heard(camera.stream):
                 continue
+            if self.pictures.is_drawing(camera.stream):
+                continue  # In real time the camera leaves this picture out.
             camera.due = self.time + camera.interval
-            self._scene = self._scene or RoadScene(self.map)
-            pose, size = world_pose(camera, self.actors), (camera.width, camera.height)
-            pixels = self._scene.draw(pose, size, camera.fov_deg, self.vehicles, self.weather)
-            body = snapshot.image(*size, camera.fov_deg, pixels.tobytes())
-            self._send(camera, SensorType.CAMERA, body)
+            pose = world_pose(camera, self.actors)
+            header = snapshot.header(SensorType.CAMERA, self.frame, self.time, pose)
+            size = (camera.width, camera.height)
+            shots.append(Shot(camera.stream, header, pose, size, camera.fov_deg))
+        if shots:
+            self.pictures.draw(shots, self.map, self.vehicles, self.weather)

@@ -1,4 +1,4 @@
-"""Listeners that do not read."""
+"""Listeners that do not read, and too many of them."""
 
 from __future__ import annotations
 
@@ -47,3 +47,39 @@ def test_listeners_together_hold_no_more_than_the_limit(monkeypatch: pytest.Monk
 
     asyncio.run(pile_up())
     assert log == [f"a listener of stream {stream} does not read; let go"] * count
+
+
+def test_connections_that_name_no_stream_and_crowds_lock_no_listener_out(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(module, "MAX_LISTENERS", 20)
+    streams = Streams(lambda _: None)
+    crowded, lonely = streams.open(), streams.open()
+    writers: list[asyncio.StreamWriter] = []
+
+    async def listen(port: int, request: bytes) -> asyncio.StreamReader:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writers.append(writer)
+        writer.write(request)
+        return reader
+
+    async def connect() -> None:
+        join_crowd = struct.pack("<I", crowded)
+        async with (
+            await asyncio.start_server(streams.serve, "127.0.0.1", 0) as server,
+            asyncio.timeout(60.0),
+        ):
+            port = server.sockets[0].getsockname()[1]
+            for request in [b""] * 50 + [join_crowd] * 50:
+                await listen(port, request)
+            reader = await listen(port, struct.pack("<I", lonely))
+            while not streams.is_heard(lonely):
+                await asyncio.sleep(0.01)
+            for _ in range(50):
+                await listen(port, join_crowd)
+            streams.send(lonely, b"picture")
+            assert await reader.readexactly(11) == struct.pack("<I", 7) + b"picture"
+            for writer in writers:
+                writer.close()
+
+    asyncio.run(connect())
