@@ -108,7 +108,7 @@ class Breach:
         margin: How far beyond the border of the law, negative, in the unit of the rule.
         first: First frame of the breach.
         last: Last frame of the breach.
-        severity: By Articles 145 and 146.
+        severity: By the law of the rule.
         belief: Whether the driver could know.
         remedies: Each of them alone would have kept the rule; none where nothing would.
     """

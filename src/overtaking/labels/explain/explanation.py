@@ -14,7 +14,8 @@ from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule, Text
 from overtaking.labels.signals import target_signals
 from overtaking.model.labels import Belief, Case, Severity, Verdict
 
-_REMEDIES = REMEDIES | GERMAN
+ALL_REMEDIES = REMEDIES | GERMAN
+"""The remedies of both laws, by the check of a rule."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +86,7 @@ def explain(
         doubts=tuple(_doubt(one, rule, policies, pack) for rule in by_verdict[Verdict.UNDECIDABLE]),
         kept=tuple(by_verdict[Verdict.LEGAL]),
         inapplicable=tuple(by_verdict[Verdict.NOT_APPLICABLE]),
-        thoughts=thoughts(case),
+        thoughts=thoughts(case, pack),
     )
 
 
@@ -110,7 +111,7 @@ def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -
         last=last,
         severity=Severity(int(findings.severity[at])),
         belief=Belief(int(findings.belief[at])),
-        remedies=remedies_of(rule.code, facts, _REMEDIES),
+        remedies=remedies_of(rule, facts, ALL_REMEDIES),
     )
 
 

@@ -7,16 +7,11 @@ from overtaking.core.elementary import as_f32
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy, sole
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
+from overtaking.labels.law.errors import back_frame, oncoming_margins
 from overtaking.labels.law.frames import after_cut_ins
-from overtaking.labels.law.opposite import (
-    coming,
-    gap_to_return,
-    on_the_other_side,
-    room_and_time,
-)
-from overtaking.labels.law.others import others_at
+from overtaking.labels.law.opposite import gap_to_return, on_the_other_side, room_and_time
+from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.speeds import speed_limits
-from overtaking.model.events import NEVER
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.constants import known
@@ -86,11 +81,8 @@ def no_obstruction(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def oncoming(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L24: more distance to the oncoming vehicle, which is to say, back earlier."""
-    events = facts.case.events
-    back = np.where(events.return_end != NEVER, events.return_end, events.back)
-    others = others_at(facts.case, back)
-    meets = (others.valid & others.oncoming & (others.lead < 0))[0]
-    slot = int(np.where(meets, others.gap[0], np.inf).argmin())
+    others = others_at(facts.case, back_frame(facts.case))
+    slot = int(oncoming_margins(facts.case, others)[0].argmin())
     gap = float(others.gap[0, slot])
     return sole(Quantity.GAP_ONCOMING, gap, gap - facts.margin, facts.first, slot)
 
@@ -115,7 +107,8 @@ def slow_vehicle(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L28: farther behind the vehicle ahead."""
     frames = facts.beside(Around.LEADER)
     gap, _ = _gaps(facts, Around.LEADER, frames)
-    worst = int(gap.argmin())
+    # Frames above 40 km/h do not count, however small their gap.
+    worst = int(np.abs(gap - known("law.slow.distance") - facts.margin).argmin())
     return more_distance(facts, Around.LEADER, frames[worst], facts.margin)
 
 

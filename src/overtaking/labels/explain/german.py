@@ -8,10 +8,39 @@ import numpy as np
 
 from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import Quantity, sole
-from overtaking.labels.explain.remedies import REMEDIES, apart, at_limit
+from overtaking.labels.explain.remedies import (
+    REMEDIES,
+    at_limit,
+    elsewhere,
+    more_lateral_distance,
+    pass_on_the_left,
+    see_oncoming_traffic,
+)
 from overtaking.labels.law.frames import after_cut_ins
-from overtaking.labels.law.germany.distances import room_for_another, way_of
-from overtaking.labels.law.germany.driving import limits
+from overtaking.labels.law.germany.distances import (
+    A1,
+    A2,
+    A3,
+    A4,
+    courts_distance,
+    fined_distance,
+    room_for_another,
+    truck_distance,
+)
+from overtaking.labels.law.germany.driving import B1, V2, V3, limits
+from overtaking.labels.law.germany.opposite import O9, O16, O17
+from overtaking.labels.law.germany.overtaking import (
+    O1,
+    O2,
+    O5,
+    O6,
+    O7,
+    O10,
+    O12,
+    bicycle_distance,
+    motor_vehicle_distance,
+)
+from overtaking.labels.law.lamps import L19
 from overtaking.model.signals import Around
 from overtaking.world.constants import known
 
@@ -20,6 +49,9 @@ if TYPE_CHECKING:
 
     from overtaking.core.arrays import F32
     from overtaking.labels.explain.breach import BreachFacts, Remedy
+    from overtaking.labels.explain.remedies import Find
+    from overtaking.labels.law import Check
+    from overtaking.model.labels import Case
 
 
 def _ahead(asked: Callable[[F32], F32]) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
@@ -53,42 +85,47 @@ def _faster(facts: BreachFacts) -> tuple[Remedy, ...]:
     return facts.speed(facts.first, speed - np.float32(facts.margin))
 
 
+def _clear_air(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """O5: as much sight as trucks need to overtake."""
+    needed = known("law_de.pass.truck_sight")
+    return sole(Quantity.SIGHT, float(needed) + facts.margin, needed, facts.first)
+
+
+def _fined_gap(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """A2: a gap that is not fined, in the frame that lacks most of it."""
+    frames = facts.beside(Around.LEADER)
+    seen = facts.case.signals
+    gaps_ahead, speed = seen.gap[0, Around.LEADER, frames], seen.speed[0, frames]
+    lacking = fined_distance(speed) - gaps_ahead
+    worst = int(lacking.argmax())
+    return gaps.more_distance(facts, Around.LEADER, frames[worst], -lacking[worst])
+
+
 def _behind(neighbour: Around) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
     """O6 and O12: more distance to the one behind."""
     return lambda facts: gaps.more_distance(facts, neighbour, facts.first, facts.margin)
 
 
-GERMAN: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
-    "A1": _ahead(lambda speed: way_of(speed, "law_de.distance.courts")),
-    "A3": _ahead(lambda speed: np.full_like(speed, known("law_de.distance.trucks"))),
-    "A4": _ahead(room_for_another),
-    "O2": _faster,
-    "O3": REMEDIES["L24"],
-    "O4": REMEDIES["L7"],
-    "O5": lambda facts: sole(
-        Quantity.SIGHT,
-        float(known("law_de.pass.truck_sight")) + facts.margin,
-        known("law_de.pass.truck_sight"),
-        facts.first,
-    ),
-    "O6": _behind(Around.LEFT_FOLLOWER),
-    "O7": lambda facts: apart(facts, "law_de.side.motor"),
-    "O8": REMEDIES["L18"],
-    "O9": REMEDIES["L29"],
-    "O10": lambda facts: apart(facts, "law_de.side.bicycle"),
-    "O11": REMEDIES["L9"],
-    "O12": _behind(Around.FOLLOWER),
-    "O13": REMEDIES["L22"],
-    "O14": REMEDIES["L25"],
-    "O15": REMEDIES["L26"],
-    "O16": REMEDIES["L15"],
-    "O17": REMEDIES["L17"],
-    "V1": REMEDIES["L14"],
-    "V1s": REMEDIES["L14s"],
-    "V2": _at_limit,
-    "V3": _slower,
-    "F1": REMEDIES["L21"],
-    "B1": REMEDIES["L19"],
-    "S1": REMEDIES["L2"],
+GERMAN: dict[Callable[[Case], Check], Find] = {
+    rule.check: find
+    for rule, find in (
+        (A1, _ahead(courts_distance)),
+        (A2, _fined_gap),
+        (A3, _ahead(truck_distance)),
+        (A4, _ahead(room_for_another)),
+        (O1, pass_on_the_left),
+        (O2, _faster),
+        (O5, _clear_air),
+        (O6, _behind(Around.LEFT_FOLLOWER)),
+        (O7, more_lateral_distance(motor_vehicle_distance)),
+        (O9, elsewhere),
+        (O10, more_lateral_distance(bicycle_distance)),
+        (O12, _behind(Around.FOLLOWER)),
+        (O16, see_oncoming_traffic),
+        (O17, elsewhere),
+        (V2, _at_limit),
+        (V3, _slower),
+        (B1, REMEDIES[L19.check]),
+    )
 }
-"""By the code of the rule; A2 and O1 have their margin, and no remedy."""
+"""By the check of a rule; the other German rules share a check with Portuguese ones."""

@@ -1,56 +1,116 @@
-"""Margins frame by frame, of the rules that look at every frame."""
+"""Margins, frame by frame, of the rules that look at every frame."""
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F64
+from overtaking.core.arrays import F32, F64
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import Labelled
-from overtaking.labels.law.alongside import alongside
+from overtaking.labels.law import PORTUGAL, Check, Pack
+from overtaking.labels.law.alongside import (
+    L10,
+    LateralDistance,
+    alongside,
+    motor_vehicle_distance,
+)
 from overtaking.labels.law.distances import margin_of_gap, stop_distance, sure_decel
 from overtaking.labels.law.frames import Span, after_cut_ins, conduct, settled
-from overtaking.labels.law.speeds import rounded, speed_limits
+from overtaking.labels.law.gaps import L3
+from overtaking.labels.law.germany import distances, driving, overtaking
+from overtaking.labels.law.sight import L14, L14s
+from overtaking.labels.law.speeds import L12, Limits, rounded, speed_limits
 from overtaking.model.labels import Case, Verdict
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.constants import known
 
 
-def margins(labelled: Labelled) -> dict[str, F64]:
+def margins(labelled: Labelled, pack: Pack = PORTUGAL) -> dict[str, F64]:
     """Margins of one simulation frame by frame; the least of them is the margin of the finding.
 
     Args:
         labelled: A batch of one simulation with its findings.
+        pack: The rules that the findings are of.
 
     Returns:
-        By code of rule, those that decided this simulation: L3, L10, L12, L14 and L14s. Shape
-        (time,), in the unit of the rule, negative in a breach, NaN where the rule does not look.
-        Other rules look at single instants, or at how long something lasts.
+        By code of rule, those that decided this simulation and have a margin in every frame: speed
+        limits, distances to the leader and to the side, stopping within sight. Shape (time,), in
+        the unit of the rule, negative in a breach, NaN where the rule does not look. Other rules
+        look at single instants, or at durations.
     """
     case, findings = case_of(labelled), labelled.findings
     verdicts = dict(zip(findings.rules, findings.verdict[0].tolist(), strict=True))
     return {
-        code: of
-        for code, of in _all(case).items()
-        if verdicts[code] in (Verdict.LEGAL, Verdict.ILLEGAL)
+        rule.code: _MARGINS[rule.check](case)
+        for rule in pack.rules
+        if rule.check in _MARGINS and verdicts[rule.code] in (Verdict.LEGAL, Verdict.ILLEGAL)
     }
 
 
-def _all(case: Case) -> dict[str, F64]:
-    seen, span, beside, neighbour = case.signals, conduct(case), alongside(case), Around.LEADER
-    side = np.full(seen.num_frames, np.nan)
-    side[beside.frames] = beside.lateral_gap - known("law.side.motor")
-    stop = stop_distance(seen.speed, seen.friction)
+def _safe_distance(case: Case) -> F64:
+    seen, neighbour = case.signals, Around.LEADER
     gap, closing = seen.gap[:, neighbour], seen.closing_speed[:, neighbour]
-    follow = margin_of_gap(gap, seen.speed, closing, sure_decel(seen.friction))
-    counts = (seen.vehicle[0, neighbour] != NO_VEHICLE) & ~after_cut_ins(case)[0]
-    return {
-        "L3": np.where(counts, _within(settled(case), follow), np.nan),
-        "L10": side,
-        "L12": _within(span, rounded(speed_limits(case)[1]) - seen.speed),
-        "L14": _within(span, seen.sight_lit - stop),
-        "L14s": _within(span, seen.sight_unlit - stop),
-    }
+    margin = margin_of_gap(gap, seen.speed, closing, sure_decel(seen.friction))
+    return _behind_leader(case, margin)
+
+
+def _distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
+    """Margins of the gap to the leader, where the rule asks for a distance at each speed."""
+
+    def margins_of(case: Case) -> F64:
+        seen = case.signals
+        return _behind_leader(case, seen.gap[:, Around.LEADER] - required(seen.speed))
+
+    return margins_of
+
+
+def _behind_leader(case: Case, margin: F32) -> F64:
+    """Margins where there is a leader that did not cut in lately."""
+    has_leader = case.signals.vehicle[0, Around.LEADER] != NO_VEHICLE
+    counts = has_leader & ~after_cut_ins(case)[0]
+    return np.where(counts, _within(settled(case), margin), np.nan)
+
+
+def _lateral_distance(distance: LateralDistance) -> Callable[[Case], F64]:
+    """Margins of the distance between the sides of ego and target."""
+
+    def margins_of(case: Case) -> F64:
+        beside, margin = alongside(case), np.full(case.signals.num_frames, np.nan)
+        margin[beside.frames] = beside.lateral_gap - distance(case)
+        return margin
+
+    return margins_of
+
+
+def _speed_limit(limits: Limits) -> Callable[[Case], F64]:
+    """Margins of the speed limits of a law."""
+    return lambda case: _within(conduct(case), rounded(limits(case)[1]) - case.signals.speed)
+
+
+def _stop_within(sight: str) -> Callable[[Case], F64]:
+    """Margins of the sight of a name of `EgoSignals` over the stopping distance."""
+
+    def margins_of(case: Case) -> F64:
+        seen = case.signals
+        stop = stop_distance(seen.speed, seen.friction)
+        return _within(conduct(case), getattr(seen, sight) - stop)
+
+    return margins_of
+
+
+_MARGINS: dict[Callable[[Case], Check], Callable[[Case], F64]] = {
+    L3.check: _safe_distance,
+    L10.check: _lateral_distance(motor_vehicle_distance),
+    L12.check: _speed_limit(speed_limits),
+    L14.check: _stop_within("sight_lit"),
+    L14s.check: _stop_within("sight_unlit"),
+    distances.A1.check: _distance(distances.courts_distance),
+    overtaking.O7.check: _lateral_distance(overtaking.motor_vehicle_distance),
+    overtaking.O10.check: _lateral_distance(overtaking.bicycle_distance),
+    driving.V2.check: _speed_limit(driving.limits),
+}
+"""By the check of a rule, whose numbers the margins are made of."""
 
 
 def _within(span: Span, values: NDArray[np.floating]) -> F64:

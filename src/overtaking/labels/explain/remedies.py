@@ -4,19 +4,38 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from overtaking.core.arrays import F32, IndexArray
+from overtaking.core.arrays import F32, IndexArray, Mask
 from overtaking.core.elementary import as_f32
 from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
-from overtaking.labels.law.alongside import alongside, lane_index
+from overtaking.labels.law import Check, Rule
+from overtaking.labels.law.alongside import (
+    L1,
+    L10,
+    L11,
+    L22,
+    LateralDistance,
+    alongside,
+    bicycle_distance,
+    in_queue,
+    lane_index,
+    motor_vehicle_distance,
+)
 from overtaking.labels.law.distances import full_decel
-from overtaking.labels.law.lanes import left_widths
-from overtaking.labels.law.opposite import nearest_coming, over_its_edge
-from overtaking.labels.law.places import target_keeps_its_side
-from overtaking.labels.law.sight import passing_margin, passing_sight
-from overtaking.labels.law.speeds import speed_limits
+from overtaking.labels.law.gaps import L3, L4, L5, L8, L23, L24
+from overtaking.labels.law.lamps import L18, L19
+from overtaking.labels.law.lanes import L2, L16, L20, left_widths
+from overtaking.labels.law.opposite import L25, L26, L27, L28, nearest_coming, over_its_edge
+from overtaking.labels.law.places import L17, L29, target_keeps_its_side
+from overtaking.labels.law.sight import L14, L15, L14s, L15s, passing_margin, passing_sight
+from overtaking.labels.law.speeds import L12, L13, speed_limits
+from overtaking.labels.law.when import L6, L7, L9, L21
+from overtaking.model.labels import Case
 from overtaking.world.constants import known
 from overtaking.world.friction import stoppable_speed
+
+Find = Callable[[BreachFacts], tuple[Remedy, ...]]
+"""Finds the remedies of a breach."""
 
 _SAME = 1e-3
 """Margins that differ by less are one [m]."""
@@ -31,22 +50,51 @@ def pass_in_next_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
     entered = np.maximum(other, lane_index(facts.case.events.original_lane)[0])
     too_far = own - entered > 1
     lanes = np.where(too_far, own - entered, own - other)
-    worst = int(np.where(too_far, lanes - 1, 1 - lanes).argmax())
+    lacking = np.where(too_far, lanes - 1, 1 - lanes)
+    worst = int(np.where(_is_queue(facts, frames), 0, lacking).argmax())
     return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target)
 
 
-def apart(facts: BreachFacts, limit: str = "law.side.motor") -> tuple[Remedy]:
-    """L10: so much farther to the side."""
+def pass_on_the_left(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """O1: in a lane to the left of that of the target."""
     frames = _alongside(facts)
+    ego, target = (
+        lane_index(of.lane)[0, frames].astype(int) for of in (facts.case.signals, facts.case.target)
+    )
+    lanes = np.where(_is_queue(facts, frames), 1, ego - target)
+    worst = int(lanes.argmin())
+    return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target)
+
+
+def _is_queue(facts: BreachFacts, frames: IndexArray) -> Mask:
+    """Which frames are exempt because both drive in queues, shape (frame,)."""
+    return in_queue(facts.case, np.zeros_like(frames), frames)
+
+
+def more_lateral_distance(distance: LateralDistance) -> Find:
+    """L10, O7 and O10: so much farther to the side.
+
+    Args:
+        distance: What the check of the rule compares with.
+    """
+
+    def find(facts: BreachFacts) -> tuple[Remedy, ...]:
+        return _farther_aside(facts, distance)
+
+    return find
+
+
+def _farther_aside(facts: BreachFacts, distance: LateralDistance) -> tuple[Remedy]:
+    frames, needed = _alongside(facts), distance(facts.case)
     gaps = facts.case.target.lateral_gap[0, frames]
     nearest = int(gaps.argmin())
-    return sole(Quantity.LATERAL_GAP, gaps[nearest], known(limit), frames[nearest], facts.target)
+    return sole(Quantity.LATERAL_GAP, gaps[nearest], needed, frames[nearest], facts.target)
 
 
 def apart_from_bicycle(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L11: farther to the side, and no faster than at the start, whichever was broken."""
     frames, speed = _alongside(facts), facts.case.signals.speed[0]
-    ((room,),) = apart(facts, "law.side.bicycle")
+    ((room,),) = _farther_aside(facts, bicycle_distance)
     at_start = speed[facts.case.events.attempt[0]]
     ((slower,),) = facts.speed(frames[int(speed[frames].argmax())], at_start)
     lacking = ((room, room.by > 0), (slower, slower.by < 0))
@@ -88,12 +136,20 @@ def _stop(facts: BreachFacts, sight: F32) -> tuple[Remedy, ...]:
 
 def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L15 and L15s: more sight; a driver can only wait for it."""
-    needed = float(known("law.sight.least"))
     if facts.case.trajectories.road.is_two_way:
-        passing = float(passing_sight(facts.case)[0])
         clear = float(passing_margin(facts.case)[0])
-        needed = passing if abs(clear - facts.margin) < _SAME else needed
-    return sole(Quantity.SIGHT, needed + facts.margin, needed, facts.first)
+        if abs(clear - facts.margin) < _SAME:
+            return see_oncoming_traffic(facts)
+    return _more_sight(facts, known("law.sight.least"))
+
+
+def see_oncoming_traffic(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """O16: sight over all of the road that the overtake takes."""
+    return _more_sight(facts, passing_sight(facts.case)[0])
+
+
+def _more_sight(facts: BreachFacts, needed: np.float32) -> tuple[Remedy, ...]:
+    return sole(Quantity.SIGHT, float(needed) + facts.margin, needed, facts.first)
 
 
 def wider(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -101,6 +157,11 @@ def wider(facts: BreachFacts) -> tuple[Remedy, ...]:
     widths = left_widths(facts.case.trajectories.road)
     width = float(widths[min(int(facts.case.events.original_lane[0]), len(widths) - 1)])
     return sole(Quantity.WIDTH, width, width - facts.margin, facts.first)
+
+
+def return_in_time(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L9: back as soon as the rule asks."""
+    return _excess(facts, Quantity.TIME_OUT, float(known("law.return.within")))
 
 
 def slow_lanes(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -147,11 +208,16 @@ def off_the_line(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def elsewhere(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L17 and L29: so much before or behind the place, or the target on its side of the road."""
+    """L29, O9 and O17: so much before or behind the place."""
+    return sole(Quantity.PLACE, -facts.margin, 0.0)
+
+
+def elsewhere_or_alone(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L17: away from the place, or the target on its side of the road."""
     alone = target_keeps_its_side(facts.case)
     if alone.margin[0] < 0 and abs(float(alone.margin[0]) - facts.margin) < _SAME:
         return sole(Quantity.CLEARANCE, facts.margin, 0.0, facts.first, facts.target)
-    return sole(Quantity.PLACE, -facts.margin, 0.0)
+    return elsewhere(facts)
 
 
 def oncoming_drives_on(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -172,56 +238,60 @@ def let_them_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
     return sole(Quantity.ARRIVAL, least + facts.margin, least, facts.first)
 
 
-REMEDIES: dict[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = {
-    "L1": pass_in_next_lane,
-    "L2": off_the_line,
-    "L3": gaps.safe_distance,
-    "L4": gaps.room_ahead,
-    "L5": gaps.room_behind,
-    "L6": let_them_pass,
-    "L7": target_keeps_lane,
-    "L8": gaps.safe_return,
-    "L9": lambda facts: _excess(facts, Quantity.TIME_OUT, float(known("law.return.within"))),
-    "L10": apart,
-    "L11": apart_from_bicycle,
-    "L12": not_too_fast,
-    "L13": not_too_slow,
-    "L14": lambda facts: _stop(facts, facts.case.signals.sight_lit),
-    "L14s": lambda facts: _stop(facts, facts.case.signals.sight_unlit),
-    "L15": see_farther,
-    "L15s": see_farther,
-    "L16": wider,
-    "L17": elsewhere,
-    "L18": lambda facts: _excess(facts, Quantity.UNSIGNALLED, 0.0),
-    "L19": lambda facts: _excess(facts, Quantity.WRONG_LAMPS, 0.0),
-    "L20": slow_lanes,
-    "L21": next_slower_lane,
-    "L22": target_keeps_speed,
-    "L23": gaps.no_obstruction,
-    "L24": gaps.oncoming,
-    "L25": gaps.time_to_pass,
-    "L26": oncoming_drives_on,
-    "L27": gaps.to_return,
-    "L28": gaps.slow_vehicle,
-    "L29": elsewhere,
+REMEDIES: dict[Callable[[Case], Check], Find] = {
+    rule.check: find
+    for rule, find in (
+        (L1, pass_in_next_lane),
+        (L2, off_the_line),
+        (L3, gaps.safe_distance),
+        (L4, gaps.room_ahead),
+        (L5, gaps.room_behind),
+        (L6, let_them_pass),
+        (L7, target_keeps_lane),
+        (L8, gaps.safe_return),
+        (L9, return_in_time),
+        (L10, more_lateral_distance(motor_vehicle_distance)),
+        (L11, apart_from_bicycle),
+        (L12, not_too_fast),
+        (L13, not_too_slow),
+        (L14, lambda facts: _stop(facts, facts.case.signals.sight_lit)),
+        (L14s, lambda facts: _stop(facts, facts.case.signals.sight_unlit)),
+        (L15, see_farther),
+        (L15s, see_farther),
+        (L16, wider),
+        (L17, elsewhere_or_alone),
+        (L18, lambda facts: _excess(facts, Quantity.UNSIGNALLED, 0.0)),
+        (L19, lambda facts: _excess(facts, Quantity.WRONG_LAMPS, 0.0)),
+        (L20, slow_lanes),
+        (L21, next_slower_lane),
+        (L22, target_keeps_speed),
+        (L23, gaps.no_obstruction),
+        (L24, gaps.oncoming),
+        (L25, gaps.time_to_pass),
+        (L26, oncoming_drives_on),
+        (L27, gaps.to_return),
+        (L28, gaps.slow_vehicle),
+        (L29, elsewhere),
+    )
 }
-"""By the code of the rule; a rule of another pack that is not here has its margin and no remedy."""
+"""By the check of a rule, whose numbers a remedy reads: rules of other laws that share the check
+share the remedy."""
 
 
 def remedies_of(
-    code: str,
+    rule: Rule,
     facts: BreachFacts,
-    remedies: Mapping[str, Callable[[BreachFacts], tuple[Remedy, ...]]] = REMEDIES,
+    remedies: Mapping[Callable[[Case], Check], Find] = REMEDIES,
 ) -> tuple[Remedy, ...]:
-    """What would have kept a broken rule, everything else being as it was.
+    """Find what would have kept a broken rule, everything else being as it was.
 
     Args:
-        code: Of the rule.
+        rule: The rule.
         facts: Its breach.
-        remedies: By the code of the rule.
+        remedies: By the check of the rule.
 
     Returns:
-        Alternatives, the one that its margin measures first.
+        Alternatives, the one that its margin measures first; none for a check without a remedy.
     """
-    find = remedies.get(code)
+    find = remedies.get(rule.check)
     return () if find is None else find(facts)

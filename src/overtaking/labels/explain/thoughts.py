@@ -1,9 +1,11 @@
 """What the driver believed at each decision, held against the law."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from overtaking.labels.law import Check, Pack
 from overtaking.labels.law.beliefs import (
     FRONT,
     LEADER,
@@ -14,17 +16,18 @@ from overtaking.labels.law.beliefs import (
     margins_of,
 )
 from overtaking.labels.law.distances import margin_ahead, margin_behind, margin_of_gap
+from overtaking.labels.law.gaps import L3, L4, L5, L8
 from overtaking.model.labels import Belief, Case
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 
-_LAW: dict[tuple[DecisionKind, int], tuple[str, Margin]] = {
-    (DecisionKind.PULL_OUT, LEADER): ("L3", margin_of_gap),
-    (DecisionKind.PULL_OUT, FRONT): ("L4", margin_ahead),
-    (DecisionKind.PULL_OUT, REAR): ("L5", margin_behind),
-    (DecisionKind.RETURN, FRONT): ("L8", margin_of_gap),
-    (DecisionKind.RETURN, REAR): ("L8", margin_behind),
+_MARGINS: dict[tuple[DecisionKind, int], tuple[Callable[[Case], Check], Margin]] = {
+    (DecisionKind.PULL_OUT, LEADER): (L3.check, margin_of_gap),
+    (DecisionKind.PULL_OUT, FRONT): (L4.check, margin_ahead),
+    (DecisionKind.PULL_OUT, REAR): (L5.check, margin_behind),
+    (DecisionKind.RETURN, FRONT): (L8.check, margin_of_gap),
+    (DecisionKind.RETURN, REAR): (L8.check, margin_behind),
 }
-"""Which rule a driver should think of, and the margin that it looks at."""
+"""The check that asks about a neighbour at a decision, and the margin that it looks at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,26 +51,29 @@ class Thought:
     belief: Belief
 
 
-def thoughts(case: Case) -> tuple[Thought, ...]:
-    """What the law says of each vehicle that the ego of one simulation considered.
+def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
+    """Compare the law with what the driver believed of each vehicle at its decisions.
 
     Args:
         case: One simulation.
+        pack: The rules. A neighbour at a decision is left out if none of them asks about it.
 
     Returns:
-        In the order of decisions; none about an abort, of which the law says nothing, and none
-        where a recording has no percepts.
+        In the order of decisions; none about an abort, which no rule judges, and none where a
+        recording has no percepts.
     """
     percepts = case.trajectories.percepts
     if "percepts" in case.trajectories.unknown:
         return ()
-    found = []
+    found = list[Thought]()
     for row in np.flatnonzero(percepts.valid[0]).tolist():
         kind = DecisionKind(int(percepts.kind[0, row]))
         for whom in (LEADER, FRONT, REAR):
             there = percepts.vehicle[0, row, whom] != NO_VEHICLE
-            if there and (kind, whom) in _LAW:
-                found.append(_thought(case, row, whom, *_LAW[kind, whom]))
+            if there and (kind, whom) in _MARGINS:
+                check, margin = _MARGINS[kind, whom]
+                codes = [rule.code for rule in pack.deciding_rules if rule.check is check]
+                found += [_thought(case, row, whom, code, margin) for code in codes[:1]]
     return tuple(found)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from overtaking.core.arrays import F32, I32, IndexArray, Mask
 from overtaking.labels.instants import at, seconds_of
-from overtaking.labels.law.opposite import coming, on_the_other_side
-from overtaking.labels.law.others import others_at
+from overtaking.labels.law.opposite import on_the_other_side
+from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.sight import shown_sight, unseen_speed
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case

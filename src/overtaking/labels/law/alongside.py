@@ -1,5 +1,6 @@
 """Rules about ego and target side by side: L1, L10, L11, L22."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,15 +137,31 @@ L1 = Rule(
 )
 
 
+LateralDistance = Callable[[Case], np.float32]
+"""The smallest lawful distance between the sides of ego and target on the road of a batch [m]."""
+
+
+def motor_vehicle_distance(case: Case) -> np.float32:
+    """Distance to the side of a motor vehicle [m]."""
+    del case
+    return known("law.side.motor")
+
+
+def bicycle_distance(case: Case) -> np.float32:
+    """Distance to the side of a bicycle [m]."""
+    del case
+    return known("law.side.bicycle")
+
+
 def _apart_from_motor(case: Case) -> Check:
-    """Alongside a motor vehicle, the bodies are at least 0.8 m apart."""
-    return apart(case, known("law.side.motor"), bicycle=False)
+    """Alongside a motor vehicle the bodies keep their distance."""
+    return apart(case, motor_vehicle_distance, bicycle=False)
 
 
-def apart(case: Case, distance: np.float32, *, bicycle: bool) -> Check:
-    """Alongside a target that is a bicycle, or is none, the bodies are so far apart [m]."""
+def apart(case: Case, distance: LateralDistance, *, bicycle: bool) -> Check:
+    """Check the distance to a target that is a bicycle, or to one that is not."""
     found = alongside(case)
-    margin = found.lateral_gap - distance
+    margin = found.lateral_gap - distance(case)
     return found.check(case, margin, target_may_be(case, bicycle=bicycle))
 
 
@@ -172,7 +189,7 @@ L10 = Rule(
 
 def _apart_from_bicycle(case: Case) -> Check:
     """Alongside a bicycle, the bodies are 1.5 m apart and the ego no faster than at the start."""
-    found, speed, limit = alongside(case), case.signals.speed, known("law.side.bicycle")
+    found, speed, limit = alongside(case), case.signals.speed, bicycle_distance(case)
     start = np.maximum(at(speed, case.events.attempt), _LEAST_SPEED)[found.rows]
     room = (found.lateral_gap - limit) / limit
     slower = (start - speed[found.rows, found.frames]) / start
@@ -181,7 +198,7 @@ def _apart_from_bicycle(case: Case) -> Check:
 
 def _bicycle_error(case: Case, found: Check, errors: Errors) -> F32:
     """Error of the share of room or of speed, whichever decides [1]."""
-    over, limit = alongside(case), known("law.side.bicycle")
+    over, limit = alongside(case), bicycle_distance(case)
     room = np.full(len(found.margin), ENDLESS)
     np.minimum.at(room, over.rows, (over.lateral_gap - limit) / limit)
     start = np.maximum(at(case.signals.speed, case.events.attempt), _LEAST_SPEED)

@@ -8,11 +8,12 @@ frame that decides.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from overtaking.core.arrays import F32, I32, IndexArray
-from overtaking.core.elementary import as_f32
+from overtaking.core.elementary import as_f32, maximum
 from overtaking.labels.instants import METRES, at, seconds_of, vehicle_at
 from overtaking.labels.law.distances import (
     beside,
@@ -35,7 +36,7 @@ from overtaking.labels.law.frames import (
     settled,
     stretches,
 )
-from overtaking.labels.law.others import others_at
+from overtaking.labels.law.others import Others, coming, others_at
 from overtaking.labels.law.rule import Errors, Spread
 from overtaking.labels.signals import encounter
 from overtaking.model.events import NEVER
@@ -223,19 +224,39 @@ def _braking(case: Case, found: Check, errors: Errors) -> F32:
     return standard_error(moved, *of_both(errors))
 
 
+def back_frame(case: Case) -> I32:
+    """When the ego is back in its lane, overtaken or given up; shape (simulation,)."""
+    events = case.events
+    return np.where(events.return_end != NEVER, events.return_end, events.back)
+
+
+def oncoming_margins(case: Case, others: Others, speed_error: F32 | None = None) -> F32:
+    """Margin of the gap to each oncoming vehicle as the ego is back.
+
+    Args:
+        case: The batch.
+        others: All vehicles at `back_frame`.
+        speed_error: Added to the ego's speed, a number or shape (simulation,) [m/s].
+
+    Returns:
+        Shape (simulation, vehicle), `ENDLESS` for those that do not come [m].
+    """
+    speed = at(case.signals.speed, back_frame(case))[:, None]
+    speed = speed if speed_error is None else speed + speed_error
+    for_both = known("law.oncoming.time") * (others.speed + speed)
+    for_it_alone = known("law.oncoming.encroachment") * others.speed
+    needed = maximum(for_both, for_it_alone)
+    return np.where(coming(others), others.gap - needed, ENDLESS)
+
+
 def _meeting(case: Case, found: Check, errors: Errors) -> F32:
     """Of the gap to the oncoming vehicle that lacks most, when the ego is back."""
     del found
-    events = case.events
-    back = np.where(events.return_end != NEVER, events.return_end, events.back)
-    others, speed = others_at(case, back), at(case.signals.speed, back)[:, None]
-    meets = others.valid & others.oncoming & (others.lead < 0)
-    both, alone = known("law.oncoming.time"), known("law.oncoming.encroachment")
+    others = others_at(case, back_frame(case))
 
     def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
-        its_speed = others.speed + its_faster
-        needed = np.maximum(both * (its_speed + speed + faster), alone * its_speed)
-        return np.where(meets, others.gap + its - own - needed, ENDLESS).min(axis=1)
+        seen = replace(others, gap=others.gap + its - own, speed=others.speed + its_faster)
+        return oncoming_margins(case, seen, faster).min(axis=1)
 
     return _finite(standard_error(moved, *of_both(errors)))
 

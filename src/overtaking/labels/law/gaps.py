@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from overtaking.core.elementary import maximum, minimum
+from overtaking.core.elementary import minimum
 from overtaking.labels.instants import at
 from overtaking.labels.law.beliefs import FRONT, LEADER, REAR, belief, going_back, pull_out
 from overtaking.labels.law.distances import (
@@ -19,6 +19,8 @@ from overtaking.labels.law.errors import (
     FOLLOWING,
     MEETING,
     RETURNING,
+    back_frame,
+    oncoming_margins,
 )
 from overtaking.labels.law.frames import (
     ENDLESS,
@@ -28,12 +30,11 @@ from overtaking.labels.law.frames import (
     settled,
     stretches,
 )
-from overtaking.labels.law.others import others_at
+from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.rule import Check, Grade, Rule, inapplicable
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
-from overtaking.world.constants import known
 
 
 def _follows_safely(case: Case) -> Check:
@@ -167,15 +168,10 @@ def _back_before_oncoming(case: Case) -> Check:
     """When the ego is back, the first oncoming vehicle is 1 s of both speeds and 2 s away."""
     if not case.trajectories.road.is_two_way:
         return inapplicable(case.signals.num_simulations)
-    events = case.events
-    back = np.where(events.return_end != NEVER, events.return_end, events.back)
-    others = others_at(case, back)
-    meets = others.valid & others.oncoming & (others.lead < 0)
-    both = known("law.oncoming.time") * (others.speed + at(case.signals.speed, back)[:, None])
-    alone = known("law.oncoming.encroachment") * others.speed
-    margin = np.where(meets, others.gap - maximum(both, alone), ENDLESS).min(axis=1)
-    was_out = events.line_crossed != NEVER
-    return instant(back, margin, was_out & meets.any(axis=1))
+    back, others = back_frame(case), others_at(case, back_frame(case))
+    margin = oncoming_margins(case, others).min(axis=1)
+    was_out = case.events.line_crossed != NEVER
+    return instant(back, margin, was_out & coming(others).any(axis=1))
 
 
 L24 = Rule(

@@ -19,7 +19,7 @@ from overtaking.labels.law.frames import (
     instant,
     manoeuvre,
 )
-from overtaking.labels.law.others import Others, others_at
+from overtaking.labels.law.others import Others, coming, others_at
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, inapplicable
 from overtaking.labels.signals import encounter
 from overtaking.model.events import NEVER
@@ -48,11 +48,6 @@ def on_the_other_side(case: Case) -> Span:
     rows = np.flatnonzero(span.exists)
     first, last, _ = ends_in(span, rows, case.signals.left_reach[rows] > line)
     return Span(start=np.where(first == NEVER, last + 1, first).astype(np.int32), stop=last)
-
-
-def coming(others: Others) -> Mask:
-    """Which of others come towards the ego from ahead, shape (instant, vehicle)."""
-    return others.valid & others.oncoming & (others.lead < 0)
 
 
 def predicted_gaps(case: Case, others: Others) -> F32:

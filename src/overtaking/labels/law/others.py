@@ -75,6 +75,11 @@ def others_at(case: Case, frame: I32, rows: IndexArray | None = None) -> Others:
     )
 
 
+def coming(others: Others) -> Mask:
+    """Which of others come towards the ego from ahead, shape (instant, vehicle)."""
+    return others.valid & others.oncoming & (others.lead < 0)
+
+
 def num_slow(case: Case, rows: IndexArray, frames: Frames, *, below: float, reach: float) -> I32:
     """Number of others slower than `below` [m/s] and nearer than `reach` [m] at single frames.
 

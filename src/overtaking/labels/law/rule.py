@@ -279,6 +279,13 @@ class Pack:
         """The codes of the rules, in order."""
         return tuple(rule.code for rule in self.rules)
 
+    @property
+    def deciding_rules(self) -> tuple[Rule, ...]:
+        """The rules that can be decided, as far as their texts were read."""
+        if self.trusts_hearsay:
+            return self.rules
+        return tuple(rule for rule in self.rules if rule.text is Text.READ)
+
     def rule(self, code: str) -> Rule:
         """The rule of a code.
 
@@ -299,10 +306,9 @@ def check(pack: Pack, case: Case, errors: Errors | None = None) -> Findings:
     Returns:
         Arrays of shape (simulation, rule).
     """
+    deciding = frozenset(rule.code for rule in pack.deciding_rules)
     found = [
-        judge(rule, case, errors)
-        if pack.trusts_hearsay or rule.text is Text.READ
-        else _undecided(rule.check(case))
+        judge(rule, case, errors) if rule.code in deciding else _undecided(rule.check(case))
         for rule in pack.rules
     ]
     columns = {

@@ -111,7 +111,7 @@ def leader(gap: float, true_gap: float, **changes) -> Believed:
     ],
 )
 def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
-    (thought,) = thoughts(crossing(beliefs=(believed,)))
+    (thought,) = thoughts(crossing(beliefs=(believed,)), PORTUGAL)
     assert (thought.whom, thought.code, thought.belief) == (LEADER, "L3", belief)
     # At equal speeds a second of way is asked for: 30 m.
     assert thought.margin == pytest.approx(believed.true_gap - 30.0, abs=1e-3)
@@ -132,7 +132,7 @@ def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
 )
 def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
     one = crossing(Track(s=40.0, lane=1), beliefs=(leader(FAR, NEAR, kind=kind, whom=whom),))
-    (thought,) = thoughts(one)
+    (thought,) = thoughts(one, PORTUGAL)
     assert (thought.whom, thought.code, thought.belief) == (whom, code, Belief.MISTAKEN)
 
 
@@ -149,7 +149,7 @@ def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
 def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
     seen = leader(FAR, FAR, kind=kind, whom=whom, closing_speed=10.0, true_closing_speed=10.0)
     one = crossing(Track(s=40.0, lane=1), beliefs=(seen,))
-    (thought,) = thoughts(one)
+    (thought,) = thoughts(one, PORTUGAL)
     b = min(8.0, 0.9 * float(one.signals.friction[0, 50]) * 9.81)
     needed = rear + (rear * rear - lead * lead) / (2.0 * b)
     assert thought.margin == pytest.approx(FAR - needed, abs=0.01)
@@ -157,8 +157,8 @@ def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
 
 def test_of_an_abort_and_without_percepts_the_law_says_nothing():
     believed = (leader(FAR, NEAR, kind=DecisionKind.ABORT),)
-    assert thoughts(crossing(beliefs=believed)) == ()
-    assert thoughts(crossing(beliefs=(leader(FAR, NEAR),), unknown=("percepts",))) == ()
+    assert thoughts(crossing(beliefs=believed), PORTUGAL) == ()
+    assert thoughts(crossing(beliefs=(leader(FAR, NEAR),), unknown=("percepts",)), PORTUGAL) == ()
 
 
 def test_another_pack_and_policy_are_explained_too(labelled):

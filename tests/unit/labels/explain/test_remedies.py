@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from tests.support import german_fixtures, law_fixtures
 from tests.support.cases import Track, case, ramp, two_way_road, with_events
-from tests.support.law_fixtures import FIXTURES
 from tests.support.overtakes import (
     BESIDE,
     CROSSED,
@@ -20,11 +20,13 @@ from tests.support.overtakes import (
     overtake,
     passing,
 )
+from tests.support.worlds import wide_road
 
 from overtaking.labels.events import case_of
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy
-from overtaking.labels.explain.remedies import REMEDIES, remedies_of
-from overtaking.labels.law import PORTUGAL, judge
+from overtaking.labels.explain.explanation import ALL_REMEDIES
+from overtaking.labels.explain.remedies import remedies_of
+from overtaking.labels.law import GERMANY, PORTUGAL, judge
 from overtaking.model.course import Course
 from overtaking.model.labels import Verdict
 from overtaking.model.signals import Around
@@ -34,7 +36,8 @@ if TYPE_CHECKING:
     from overtaking.labels.law import Check
     from overtaking.model.labels import Case
 
-RULES = {rule.code: rule for rule in PORTUGAL.rules}
+RULES = {rule.code: rule for rule in (*PORTUGAL.rules, *GERMANY.rules)}
+FIXTURES = (*law_fixtures.FIXTURES, *german_fixtures.FIXTURES)
 BREACHES = [
     pytest.param(code, make, id=f"{code} {what}")
     for code, verdict, what, make in FIXTURES
@@ -59,7 +62,8 @@ def remedies(code: str, one: Case) -> tuple[Remedy, ...]:
     check = found(code, one)
     assert check.verdict[0] == Verdict.ILLEGAL
     margin, first, last = float(check.margin[0]), int(check.first[0]), int(check.last[0])
-    return remedies_of(code, BreachFacts(case=one, margin=margin, first=first, last=last))
+    facts = BreachFacts(case=one, margin=margin, first=first, last=last)
+    return remedies_of(RULES[code], facts, ALL_REMEDIES)
 
 
 def put_in(one: Case, change: Change, by: float) -> Case:
@@ -76,6 +80,10 @@ def put_in(one: Case, change: Change, by: float) -> Case:
         name, slot, steps = "d", vehicle, steps if is_left else -steps
     elif change.quantity is Quantity.TARGET_ACCEL:
         name, slot = "accel_lon", vehicle
+    elif change.quantity is Quantity.GAP_ONCOMING:
+        name, slot = "s", vehicle
+    elif change.quantity is Quantity.ONCOMING_BRAKING:
+        name, slot, steps = "accel_lon", vehicle, -steps
     elif change.quantity is not Quantity.SPEED:
         assert change.quantity in (Quantity.LANE, Quantity.LANES_LEFT)
         name, steps = "lane", round(by)
@@ -104,7 +112,7 @@ def test_every_breach_has_a_remedy_and_the_first_is_as_large_as_the_margin(code,
         assert change.frame is None or 0 <= change.frame < one.signals.num_frames
         assert change.vehicle is None or change.vehicle != NO_VEHICLE
     first = found_remedies[0]
-    if first[0].quantity in IN_UNIT_OF_THE_MARGIN and code != "L23":
+    if first[0].quantity in IN_UNIT_OF_THE_MARGIN and RULES[code].unit == first[0].unit:
         largest = max(change.by for change in first)
         assert largest == pytest.approx(-found(code, one).margin[0], rel=1e-5)
 
@@ -118,6 +126,86 @@ def test_what_is_needed_is_enough_and_nine_tenths_of_it_are_not(code):
             assert found(code, all_put_in(one, remedy, 0.9)).verdict[0] == Verdict.ILLEGAL
 
 
+RECORDED = {
+    *GAPS,
+    Quantity.GAP_ONCOMING,
+    Quantity.LANE,
+    Quantity.LANES_LEFT,
+    Quantity.LATERAL_GAP,
+    Quantity.ONCOMING_BRAKING,
+    Quantity.SPEED,
+    Quantity.TARGET_ACCEL,
+}
+"""What `put_in` can write into a recording."""
+
+
+@pytest.mark.parametrize(("code", "make"), BREACHES)
+def test_a_remedy_put_into_the_recording_keeps_the_rule_of_either_law(code, make):
+    one = make()
+    for remedy in remedies(code, one):
+        # `put_in` changes the speed in all frames, and so the speed at the start, the limit of L11.
+        is_relative = code == "L11" and remedy[-1].quantity is Quantity.SPEED
+        if all(change.quantity in RECORDED for change in remedy) and not is_relative:
+            changed = all_put_in(one, remedy, 1.001)
+            assert found(code, changed).verdict[0] != Verdict.ILLEGAL
+
+
+@pytest.mark.parametrize(
+    ("code", "needed"),
+    [
+        *[("L7", 0.2), ("L9", 8.0), ("L10", 0.8), ("L13", 50 / 3.6), ("L15", 50.0), ("L18", 0.0)],
+        *[("L19", 0.0), ("L20", 1.0), ("L22", 0.3), ("L28", 50.0)],
+        *[("A3", 50.0), ("B1", 0.0), ("O4", 0.2), ("O5", 50.0), ("O7", 1.0), ("O8", 0.0)],
+        *[("O11", 8.0), ("O13", 0.3), ("V3", 50 / 3.6)],
+    ],
+)
+def test_what_is_needed_is_the_number_of_the_rule(code, needed):
+    makers = [make for of, verdict, _, make in FIXTURES if of == code and verdict == 1]
+    assert makers
+    for make in makers:
+        one = make()
+        if one.trajectories.road.is_two_way and code == "L15":
+            continue  # There the sight may be that of the whole overtake.
+        assert remedies(code, one)[0][0].needed == pytest.approx(needed, rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "needed"), [("town", 1.5), ("other", 2.0), ("motorway", 2.0)])
+def test_the_distance_beside_a_bicycle_is_that_of_the_kind_of_road(kind, needed):
+    road = dataclasses.replace(wide_road(), kind=kind)
+    one = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
+    ((change,),) = remedies("O10", one)
+    assert change.needed == needed
+    assert change.by == pytest.approx(-found("O10", one).margin[0], rel=1e-5)
+    assert found("O10", all_put_in(one, (change,), 1.001)).verdict[0] == Verdict.LEGAL
+
+
+def test_of_two_oncoming_vehicles_the_faster_one_may_ask_for_more():
+    # 100 m to one at 10 m/s are enough; 110 m to one at 60 m/s are not: 2 s of its way.
+    slow = Track(s=100.0 + 4.4, speed=10.0, lane=1, oncoming=True)
+    fast = Track(s=110.0 + 4.4, speed=60.0, lane=1, oncoming=True)
+    one = case(
+        Track(), Track(s=-30.0), slow, fast, road=two_way_road(), frames=50, events=CROSSED | {
+            "attempt": 0, "line_crossed": 0, "overlap_end": 0, "return_end": 0},
+    )  # fmt: skip
+    ((change,),) = remedies("L24", one)
+    assert (change.vehicle, change.needed) == (3, pytest.approx(120.0, abs=0.01))
+
+
+def test_a_slow_truck_is_asked_for_50_m_however_near_it_was_when_it_was_faster():
+    # It nears the leader only while it drives at 45 km/h, which is too fast for the rule.
+    speed, leader_speed = np.full(90, 10.0), np.full(90, 10.1)
+    speed[30:60], leader_speed[45:60] = 12.5, 16.0
+    one = case(
+        Track(kind="T", speed=speed),
+        Track(s=31.2, speed=leader_speed),
+        road=two_way_road(), frames=90, events={},
+    )  # fmt: skip
+    gap = one.signals.gap[0, Around.LEADER]
+    assert gap[30:60].min() < gap[np.r_[:30, 60:90]].min()
+    ((change,),) = remedies("L28", one)
+    assert change.needed == pytest.approx(50.0, abs=0.01)
+
+
 @pytest.mark.parametrize("code", ["L20", "L21", "L22", "L23"])
 def test_what_is_needed_is_enough_where_there_are_whole_lanes_or_shared_limits(code):
     makers = [make for of, verdict, _, make in FIXTURES if of == code and verdict == 1]
@@ -127,10 +215,11 @@ def test_what_is_needed_is_enough_where_there_are_whole_lanes_or_shared_limits(c
             assert kept in (Verdict.LEGAL, Verdict.NOT_APPLICABLE)
 
 
-def test_every_rule_of_the_pack_has_a_remedy_and_an_unknown_one_has_none():
-    assert set(REMEDIES) == {rule.code for rule in PORTUGAL.rules}
+def test_every_rule_has_a_remedy_and_a_rule_with_a_check_of_its_own_has_none():
+    assert all(rule.check in ALL_REMEDIES for rule in RULES.values())
     facts = BreachFacts(case=overtake(), margin=-1.0, first=0, last=0)
-    assert remedies_of("another country's", facts) == ()
+    stricter = dataclasses.replace(RULES["L10"], check=lambda case: RULES["L10"].check(case))
+    assert remedies_of(stricter, facts, ALL_REMEDIES) == ()
 
 
 def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():

@@ -49,10 +49,20 @@ def _error(seconds: str) -> Spread:
     return Spread(formula="sqrt(2 sp^2 + (time)^2 sv^2)", of=of)
 
 
+def courts_distance(speed: F32) -> F32:
+    """Distance to the leader that courts ask for [m]."""
+    return way_of(speed, "law_de.distance.courts")
+
+
+def fined_distance(speed: F32) -> F32:
+    """Distance to the leader below which a driver is fined [m]."""
+    return way_of(speed, "law_de.distance.fined")
+
+
 def _courts(case: Case) -> Check:
-    """The gap is the way of 1.5 s or more."""
+    """The gap is as large as courts ask for."""
     gap, counts = _gap(case)
-    margin = gap - way_of(case.signals.speed, "law_de.distance.courts")
+    margin = gap - courts_distance(case.signals.speed)
     return always(np.where(counts, margin, ENDLESS), settled(case))
 
 
@@ -81,7 +91,7 @@ def _fined(case: Case) -> Check:
     speed, span = case.signals.speed, settled(case)
     fast = counts & (speed > known("law_de.distance.fined_above"))
     fast &= span.mask(np.arange(len(speed)), speed.shape[1])
-    near = fast & (gap < way_of(speed, "law_de.distance.fined"))
+    near = fast & (gap < fined_distance(speed))
     run = _length_of_runs(near).astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )
@@ -117,7 +127,12 @@ A2 = Rule(
 )
 
 
-def _truck_distance(case: Case) -> Check:
+def truck_distance(speed: F32) -> F32:
+    """Distance to the leader that trucks keep, the same at each speed [m]."""
+    return np.full_like(speed, known("law_de.distance.trucks"))
+
+
+def _trucks_keep_distance(case: Case) -> Check:
     """On a motorway a truck above 50 km/h is 50 m or more behind."""
     trucks, road = ego_may_be(case, VehicleKind.T), case.trajectories.road
     motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
@@ -125,7 +140,7 @@ def _truck_distance(case: Case) -> Check:
         return inapplicable(case.signals.num_simulations)
     gap, counts = _gap(case)
     counts = counts & (case.signals.speed > known("law_de.distance.trucks_above"))
-    margin = gap - known("law_de.distance.trucks")
+    margin = gap - truck_distance(case.signals.speed)
     return always(np.where(counts & trucks[:, None], margin, ENDLESS), settled(case))
 
 
@@ -150,7 +165,7 @@ A3 = Rule(
     source="de-stvo-2013",
     needs=frozenset(["kinds", "road_kind"]),
     without_attempt=True,
-    check=_truck_distance,
+    check=_trucks_keep_distance,
     spread=Spread(formula="sqrt(2) sp", of=_two_places),
 )
 
@@ -170,7 +185,7 @@ def _leaves_room(case: Case) -> Check:
 
 def room_for_another(speed: F32) -> F32:
     """A car with the distance that courts ask for behind and ahead of it [m]."""
-    way = way_of(np.float32(2.0) * speed, "law_de.distance.courts")
+    way = courts_distance(np.float32(2.0) * speed)
     return known("law_de.distance.entering_length") + way
 
 

@@ -187,6 +187,18 @@ O6 = Rule(
     fine="80 EUR, 1 point (BKat 22, Kraftfahrt-Bundesamt)",
 )
 
+
+def motor_vehicle_distance(case: Case) -> np.float32:
+    """Distance to the side of a motor vehicle [m]."""
+    del case
+    return known("law_de.side.motor")
+
+
+def _apart_from_motor(case: Case) -> Check:
+    """Alongside a motor vehicle the bodies keep their distance."""
+    return apart(case, motor_vehicle_distance, bicycle=False)
+
+
 O7 = replace(
     L10,
     id="de.stvo.5-4-2@2013",
@@ -197,7 +209,7 @@ O7 = replace(
     "sides >= 1 m, which is enough under normal conditions.",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
-    check=lambda case: apart(case, known("law_de.side.motor"), bicycle=False),
+    check=_apart_from_motor,
 )
 
 O8 = replace(
@@ -210,10 +222,19 @@ O8 = replace(
 )
 
 
+def bicycle_distance(case: Case) -> np.float32:
+    """Distance to the side of a bicycle: smaller in towns [m].
+
+    A road of unknown kind gets the larger distance; the rule is then undecidable anyway.
+    """
+    road, unknown = case.trajectories.road, case.trajectories.unknown
+    in_town = road.kind == "town" and "road_kind" not in unknown
+    return known("law_de.side.bicycle_town" if in_town else "law_de.side.bicycle")
+
+
 def _apart_from_bicycle(case: Case) -> Check:
-    """Alongside a bicycle, the bodies are 2 m apart, in towns 1.5 m."""
-    town = case.trajectories.road.kind == "town" and "road_kind" not in case.trajectories.unknown
-    return apart(case, known(f"law_de.side.bicycle{'_town' if town else ''}"), bicycle=True)
+    """Alongside a bicycle the bodies keep their distance."""
+    return apart(case, bicycle_distance, bicycle=True)
 
 
 O10 = replace(
