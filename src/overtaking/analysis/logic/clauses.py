@@ -72,6 +72,16 @@ class Clause:
     heads: tuple[Atom, ...]
     body: tuple[Atom, ...]
 
+    @property
+    def asked(self) -> tuple[Atom, ...]:
+        """The atoms of the body that are not negated, nor within an aggregate."""
+        plain = [
+            literal.atom
+            for literal in self.tree.body
+            if kind(literal) == "Literal" and not literal.sign
+        ]
+        return tuple(_atoms_in(atom for atom in plain if kind(atom) == "SymbolicAtom"))
+
     def bindings(self, name: str, pattern: Pattern) -> Iterator[dict[str, str]]:
         """The variables that a pattern of its head gives a value to, for each head that fits."""
         for head in self.heads:
@@ -203,6 +213,66 @@ class Needed:
             f"#defined {name}/{len(BY_NAME[name].arguments)}.\n" for name in self.demand.patterns
         )
         return _PREAMBLE + defined + "\n".join(clause.text for clause in self.clauses) + "\n"
+
+
+@cache
+def possible_constants() -> dict[tuple[str, int, int], frozenset[str]]:
+    """The constants that each argument of a predicate may be, in facts and in conclusions.
+
+    A conclusion takes constants from the heads of the rules that queries may use, and through
+    their variables from the atoms that a rule asks for. Iterated until nothing is added.
+
+    Returns:
+        By name and number of arguments of the predicate and place of the argument; without
+        arguments that are numbers.
+    """
+    found = _constants_of_facts()
+    rules = [(head, clause.asked) for clause in knowledge() for head in clause.heads]
+    is_growing = True
+    while is_growing:
+        is_growing = False
+        for head, asked in rules:
+            for place, argument in enumerate(head.arguments):
+                key = (*head.signature, place)
+                new = _constants_of(argument, asked, found) - found.get(key, frozenset())
+                if key in found and new:
+                    is_growing, found[key] = True, found[key] | new
+    return found
+
+
+def _constants_of_facts() -> dict[tuple[str, int, int], frozenset[str]]:
+    """The same by facts alone: nothing for the predicates that only programs conclude."""
+    found = {
+        (*signature, place): frozenset[str]()
+        for signature, types in declared().items()
+        for place, of in enumerate(types)
+        if of.names
+    }
+    for fact in words.FACTS:
+        for place, (label, of) in enumerate(fact.arguments):
+            if of.names:
+                found[*fact.signature, place] = fact.constants(label)
+    return found
+
+
+atexit.register(possible_constants.cache_clear)
+
+
+def _constants_of(
+    argument: str | None,
+    asked: Iterable[Atom],
+    found: dict[tuple[str, int, int], frozenset[str]],
+) -> frozenset[str]:
+    """The constants that an argument of a head may be, given what its body asks for."""
+    if not _is_variable(argument):
+        return frozenset() if argument is None else frozenset([argument])
+    values = [
+        found[key]
+        for atom in asked
+        for place, one in enumerate(atom.arguments)
+        if one == argument and (key := (*atom.signature, place)) in found
+    ]
+    return frozenset.intersection(*values) if values else frozenset()
 
 
 def needed(rules: Iterable[Clause], goals: Iterable[tuple[str, Pattern]]) -> Needed:

@@ -12,7 +12,7 @@ import numpy as np
 from overtaking.analysis.logic.clauses import needed, program
 from overtaking.analysis.logic.facts import group_text
 from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
-from overtaking.analysis.logic.vocabulary import MAX_FRAME, RULE, VERDICT
+from overtaking.analysis.logic.vocabulary import CODES, MAX_FRAME, RULE, VERDICT
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.events import NEVER
 
@@ -21,12 +21,6 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.logic.clauses import Needed
     from overtaking.analysis.logic.source import Group
-
-CODES = (
-    *("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L17", "L18", "L20", "L21"),
-    *("L24", "L25", "L26", "L28", "L29"),
-)
-"""The Portuguese rules that are written as a logic program too."""
 
 CODES_DE = (
     *("A1", "A2", "A3", "A4", "O1", "O2", "O3", "O6", "O8", "O9", "O11", "O12", "O14", "O15"),
@@ -112,6 +106,5 @@ def judged(reasoner: Reasoner, group: Group, pack: str = "pt") -> Verdicts:
 
 def title_of(rule: str) -> str:
     """Article and title of a rule by its name in the program."""
-    code = PORTUGAL.codes[RULE.names.index(rule)]
-    one = next(each for each in PORTUGAL.rules if each.code == code)
+    one = PORTUGAL.rule(CODES[RULE.names.index(rule)])
     return f"{one.code}, {one.title} ({one.law})"

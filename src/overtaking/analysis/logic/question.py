@@ -8,12 +8,13 @@ from __future__ import annotations
 import difflib
 import re
 from dataclasses import dataclass
+from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.logic import clauses as programs
 from overtaking.analysis.logic.bounds import overflows, range_of, ranges_of
 from overtaking.analysis.logic.clauses import kind, reasoner, within
-from overtaking.analysis.logic.vocabulary import LARGEST, PREDICATES, Type
+from overtaking.analysis.logic.vocabulary import LARGEST, PREDICATES, Predicate, Type
 from overtaking.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ _TEXT = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 _DIRECTIVE = re.compile(r"#\s*(\w*)")
 _NUMBER = re.compile(r"\d+")
 _PLACE = re.compile(r":(\d+):(\d+)(?:-[\d:]+)?: error: (.*)", re.DOTALL)
+_NOT_EQUAL, _EQUAL = 4, 5  # clingo.ast.ComparisonOperator
 _SUMS = (1, 2)  # clingo.ast.AggregateFunction.Sum and SumPlus
 _MOST_SUMMED = 2000
 """A sum over every frame of this much stays within 32 bits."""
@@ -176,31 +178,95 @@ def _checked_types(tree: Any) -> dict[str, Type]:
             two types.
     """
     types, where = dict[str, Type](), dict[str, str]()
+    constants = dict[str, frozenset[str]]()
     for function in _functions(tree.body):
         signature = function.name, len(function.arguments)
-        found = PREDICATES.get(signature)
-        if found is None:
-            raise _unknown(*signature, function.location.begin.column)
-        for argument, (label, of) in zip(function.arguments, found.arguments, strict=True):
-            if kind(argument) == "SymbolicTerm":
-                _check_constant(argument.symbol, label, of, found.head)
+        found = _predicate_of(function)
+        for place, (label, of) in enumerate(found.arguments):
+            argument = function.arguments[place]
+            possible = programs.possible_constants().get((*signature, place), frozenset())
+            if kind(argument) != "Variable":
+                _check_constants(argument, of, possible, f"{label} in {found.head}")
             if kind(argument) != "Variable" or argument.name == "_":
                 continue
             name = argument.name
+            constants[name] = constants.get(name, possible) & possible
             if types.setdefault(name, of) != of:
                 old = types[name].name
                 got = f"{name}, a {old} in {where[name]}, and a {of.name} in {found.head}"
                 raise refused(got, "each variable to be one kind of thing")
             where.setdefault(name, found.head)
+    compared = [pair for pair in _compared_terms(tree.body) if pair[0] in types]
+    for name, term in compared:
+        _check_constants(term, types[name], constants[name], f"{name} in {where[name]}")
     return types
 
 
-def _check_constant(symbol: Any, label: str, of: Type, head: str) -> None:
-    if of.names and str(symbol) not in of.names:
-        raise refused(str(symbol), f"{label} in {head} to be one of {', '.join(of.names)}")
-    is_number = symbol.type == reasoner().SymbolType.Number or str(symbol) == "ego"
-    if not of.names and not is_number:
-        raise refused(str(symbol), f"{label} in {head} to be a number, {of.about}")
+def _predicate_of(function: Any) -> Predicate:
+    """The predicate of an atom of a question."""
+    signature = function.name, len(function.arguments)
+    if signature not in PREDICATES:
+        raise _unknown(*signature, function.location.begin.column)
+    return PREDICATES[signature]
+
+
+def _alternatives(term: Any) -> Iterator[Any]:
+    """The terms of a pool such as (l1;l2), or the one term."""
+    if kind(term) == "Pool":
+        for part in term.arguments:
+            yield from _alternatives(part)
+    else:
+        yield term
+
+
+def _compared_terms(trees: Any) -> Iterator[tuple[str, Any]]:
+    """The variables that are compared by = or !=, each with the other side."""
+    for tree in within(trees):
+        if kind(tree) == "Comparison" and len(tree.guards) == 1:
+            (guard,) = tree.guards
+            sides = (tree.term, guard.term) if guard.comparison in (_NOT_EQUAL, _EQUAL) else ()
+            for side, other in permutations(sides, 2):
+                if kind(side) == "Variable":
+                    yield side.name, other
+
+
+def _check_constants(term: Any, of: Type, possible: frozenset[str], place: str) -> None:
+    """`_check_constant` of each alternative of a pool, or of the one term."""
+    for one in _alternatives(term):
+        _check_constant(one, of, possible, place)
+
+
+def _check_constant(term: Any, of: Type, possible: frozenset[str], place: str) -> None:
+    """Refuse a constant that an argument never is.
+
+    Args:
+        term: The argument, or what its variable is compared with; variables and arithmetic with
+            variables pass.
+        of: Its type.
+        possible: The constants that it may be.
+        place: Where it stands, for the message.
+    """
+    if any(kind(part) == "Variable" for part in within([term])):
+        return
+    if of.names:
+        if str(term) not in possible:
+            ordered = _nearest_first(str(term), [one for one in of.names if one in possible])
+            raise refused(str(term), f"{place} to be one of {', '.join(ordered)}")
+        return
+    if str(term) == "ego":
+        return
+    is_symbol = kind(term) == "SymbolicTerm" and term.symbol.type != reasoner().SymbolType.Number
+    if is_symbol or kind(term) == "Function":
+        raise refused(str(term), f"{place} to be a number, {of.about}")
+    low, high = range_of(term, {})
+    if high < of.low or low > of.high:
+        raise refused(str(term), f"{place} to be {of.low} to {of.high}, {of.about}")
+
+
+def _nearest_first(got: str, names: list[str]) -> list[str]:
+    """The names, those that resemble what was asked for first."""
+    near = difflib.get_close_matches(got.lower(), names, n=3, cutoff=0.5)
+    return [*near, *(name for name in names if name not in near)]
 
 
 def _unknown(name: str, arity: int, column: int) -> ConfigError:

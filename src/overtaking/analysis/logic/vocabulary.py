@@ -7,11 +7,12 @@ with the name of each fact, which measures it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from overtaking.knowledge.reader import load
-from overtaking.labels.law import GERMANY, POLICIES, PORTUGAL
+from overtaking.labels.law import POLICIES
 from overtaking.model.course import PlaceKind
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass, Verdict
@@ -20,6 +21,9 @@ from overtaking.model.scenario import MAX_VEHICLES
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import UNKNOWNS
 from overtaking.model.vehicles import VehicleKind
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 INT_BITS = 32
 """Width of clingo's integers; sums and products beyond it wrap silently."""
@@ -59,6 +63,12 @@ EVENTS = (
 """Attributes of `model.events.Events` that become facts; `first` and `last` always happen."""
 
 SIDES = ("right", "left")
+CODES = (
+    *("L1", "L2", "L3", "L5", "L8", "L9", "L12", "L13", "L16", "L17", "L18", "L20", "L21"),
+    *("L24", "L25", "L26", "L28", "L29"),
+)
+"""The Portuguese rules that are written as a logic program too."""
+
 MAX_FRAME = 1_000_000
 MAX_MM = 500_000_000
 MAX_SPEED = 200_000
@@ -85,7 +95,7 @@ POLICY = _constants("policy", "which rules count", *(one.name for one in POLICIE
 CLASS = _constants("class", "class of a simulation", *(one.title for one in OvertakeClass))
 OUTCOME = _constants("outcome", "how it ended, legality aside", *(one.name for one in Outcome))
 UNKNOWN = _constants("unknown", "what a recording does not tell", *UNKNOWNS)
-RULE = _constants("rule", "rule of law", *PORTUGAL.codes, *GERMANY.codes)
+RULE = _constants("rule", "rule of law", *CODES)
 VERDICT = _constants("verdict", "what a rule says", *(one.name for one in Verdict))
 
 Signature = tuple[str, int]
@@ -99,16 +109,22 @@ class Predicate:
         name: Its name.
         about: What it says of its arguments.
         arguments: Name and type of each argument.
+        never: By the name of an argument, the constants of its type that it never is.
     """
 
     name: str
     about: str
     arguments: tuple[tuple[str, Type], ...]
+    never: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def signature(self) -> Signature:
         """Name and number of arguments."""
         return self.name, len(self.arguments)
+
+    def constants(self, label: str) -> frozenset[str]:
+        """The constants that an argument may be as a fact; none for numbers."""
+        return frozenset(dict(self.arguments)[label].names) - {*self.never.get(label, ())}
 
     @property
     def head(self) -> str:
@@ -138,6 +154,7 @@ def _declared(group: str) -> tuple[Predicate, ...]:
             name,
             one["about"],
             tuple((label, TYPES[of]) for label, of in one["arguments"].items()),
+            {label: tuple(names) for label, names in one.get("never", {}).items()},
         )
         for name, one in load(Path(__file__).with_suffix(".toml"))[group].items()
     )

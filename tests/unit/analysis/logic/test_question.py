@@ -1,0 +1,93 @@
+"""Queries name only constants that an answer can have."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from overtaking.analysis.logic.clauses import possible_constants
+from overtaking.analysis.logic.export import PROGRAMS
+from overtaking.analysis.logic.question import question
+from overtaking.analysis.logic.vocabulary import CODES, PREDICATES
+from overtaking.core.errors import ConfigError
+from overtaking.labels.law import GERMANY, PORTUGAL
+
+NAMES = {code.lower() for code in CODES}
+
+
+@pytest.mark.parametrize("code", [*PORTUGAL.codes, *GERMANY.codes])
+@pytest.mark.parametrize("predicate", ["legal", "illegal", "applies", "not_applicable"])
+def test_a_query_may_name_the_rules_that_a_loaded_program_concludes(predicate, code):
+    query = f"{predicate}(S,{code.lower()})"
+    if code in CODES:
+        question(query)
+    else:
+        with pytest.raises(ConfigError, match=f"one of .*got {code.lower()};"):
+            question(query)
+
+
+def test_the_rules_that_exist_are_listed_with_the_nearest_first():
+    with pytest.raises(ConfigError) as refused:
+        question("illegal(S,l4)")
+    (listed,) = re.findall(r"one of (.*), got", str(refused.value))
+    names = listed.split(", ")
+    assert set(names) == NAMES
+    assert names[0] == "l24"
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "illegal(S,R), R = l4",
+        "illegal(S,R), l4 != R",
+        "illegal(S,(l3;l4))",
+        "illegal(S,l4())",
+        "not illegal(S,l4), night(S)",
+        "simulation(S), 1 < #count{ R : illegal(S,R), R = o10 }",
+        "doubt(S,l3)",
+        "undecidable(S,l1)",
+        "neighbour(S,target,V,F,G)",
+        "forced_braking(S,leader,F,B)",
+        "verdict(S,l3,broken)",
+        "class(S,serious,success_l)",
+        "event(S,E,F), E = starts",
+        "speed(S,40,F,V)",
+        "rain(S,101)",
+        "rain(S,-1)",
+        "rain(S,P), P = 100 + 1",
+    ],
+)
+def test_a_query_that_can_have_no_answer_is_refused(query):
+    with pytest.raises(ConfigError, match=" to be "):
+        question(query)
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "illegal(S,R), R != l3",
+        "illegal(S,(l3;l5))",
+        "doubt(S,l12)",
+        "undecidable(S,l13)",
+        "forced_braking(S,left_follower,F,B)",
+        "spacing(S,target,F,G,C,L)",
+        "lane(S,V,-1,F,G)",
+        "vehicle(S,1+1,K,_,_), K = t",
+    ],
+)
+def test_a_query_that_can_have_an_answer_is_taken(query):
+    question(query)
+
+
+def test_a_query_may_name_each_rule_of_the_head_of_the_program():
+    text = (PROGRAMS / "law.lp").read_text(encoding="utf-8")
+    (rules,) = re.findall(r"^rule\((.*)\)\.$", text, re.MULTILINE)
+    assert set(rules.split(";")) == NAMES == possible_constants()["rule", 1, 0]
+
+
+def test_every_argument_with_a_closed_set_can_be_something():
+    for (name, arity), predicate in PREDICATES.items():
+        for place, (_, of) in enumerate(predicate.arguments):
+            if of.names:
+                assert possible_constants()[name, arity, place], (name, place)
