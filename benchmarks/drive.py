@@ -49,11 +49,11 @@ def steps(scenario: ot.Scenario, hold: int) -> int:
     """Drive a batch to its end with a constant action."""
     batch = stepper(parameters(scenario), "accel_lane", is_true=False)
     constant = np.zeros((scenario.num_simulations, MOST_PARTS), np.int32)
-    _, runs = batch.begin()
+    _, runs, _ = batch.begin()
     count = 0
     while runs.any():
         count += hold * int(runs.sum())
-        _, runs = batch.step(constant, hold)
+        _, runs, _ = batch.step(constant, hold)
     return count
 
 

@@ -189,7 +189,6 @@ def _environments(profile: str, seed: int) -> VecNormalize:
         hold=HOLD,
         reward=soon_back,
         scaled=True,
-        labels=False,
     )
     return VecNormalize(VecMonitor(Guarded(envs)), norm_obs=False)
 

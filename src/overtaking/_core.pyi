@@ -395,13 +395,17 @@ class Stepper:
             ValueError: An array has another length, or the kind or SIMD level is unknown.
         """
 
-    def begin(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """What is observed at first, (simulation, field), and which simulations run."""
+    def begin(self) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
+        """Observations at the start, (simulation, field); which simulations run; zeros."""
 
     def step(
         self, values: NDArray[np.int32], decisions: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """What is observed after some decisions with the same orders, (simulation, part).
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
+        """Carry out the same orders, (simulation, part), for some decisions.
+
+        Returns:
+            Observations, those of a simulation that ended within the step at its end; which
+            simulations run; how many decisions of the step each carried out.
 
         Raises:
             ValueError: The orders have another length.
@@ -409,7 +413,7 @@ class Stepper:
 
     def renew(
         self, rows: NDArray[np.int64], batch: Mapping[str, Any]
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
         """What is observed at first in new simulations, which begin in rows of others.
 
         Args:

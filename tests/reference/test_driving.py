@@ -82,20 +82,22 @@ def test_both_engines_observe_the_same_bits(kind, profile, is_true):
     pair = [
         stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
     ]
-    (table, runs), (expected, still) = (one.begin() for one in pair)
+    (table, runs, _), (expected, still, _) = (one.begin() for one in pair)
     at, now = 0, np.zeros((10, MOST_PARTS), np.int32)
     while still.any():
         np.testing.assert_array_equal(runs, still)
         np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
         hold = 1 + at % 3
         now = np.ascontiguousarray(values[:, at])
-        (table, runs), (expected, still) = (one.step(now, hold) for one in pair)
+        stepped, reference_stepped = (one.step(now, hold) for one in pair)
+        np.testing.assert_array_equal(stepped.num_decisions, reference_stepped.num_decisions)
+        (table, runs, _), (expected, still, _) = stepped, reference_stepped
         at += hold
     assert at > 100
     assert not runs.any()
     assert table.any()
     np.testing.assert_array_equal(table, expected, err_msg="those that have ended last")
-    (table, _), (expected, _) = (one.step(now, 1) for one in pair)
+    (table, *_), (expected, *_) = (one.step(now, 1) for one in pair)
     assert not table.any()
     assert not expected.any()
 
@@ -105,7 +107,7 @@ def test_the_numbers_of_an_observation_have_their_names():
     assert _core.around_fields() == list(AROUND)
     assert _core.meeting_fields() == list(MEETING)
     given = parameters(scenes(3))
-    table, runs = stepper(given, "accel_lane", is_true=True).begin()
+    table, runs, _ = stepper(given, "accel_lane", is_true=True).begin()
     assert table.shape == (3, WIDTH)
     assert len(OWN) + len(ROLES) * len(AROUND) + len(MEETING) == WIDTH
     assert runs.all()

@@ -42,14 +42,14 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
     pair_of = [
         stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
     ]
-    (table, runs), (expected, still) = (one.begin() for one in pair_of)
+    (table, runs, _), (expected, still, _) = (one.begin() for one in pair_of)
     at, met = 0, 0
     while still.any():
         np.testing.assert_array_equal(runs, still)
         np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
         met += int(parted(table)[1][:, ROLES.index("behind_oncoming"), 0].sum())
         now = np.ascontiguousarray(values[:, at])
-        (table, runs), (expected, still) = (one.step(now, 1) for one in pair_of)
+        (table, runs, _), (expected, still, _) = (one.step(now, 1) for one in pair_of)
         at += 1
     assert at > 100
     assert met > 20
@@ -184,7 +184,7 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     world = scenario(pair(), road=road(), horizon=14.0)
     given = parameters(world)
     steps = stepper(given, "decision", is_true=True)
-    table, runs = steps.begin()
+    table, runs, _ = steps.begin()
     moves = []
     while runs.any():
         of_meeting = dict(zip(MEETING, parted(table)[2][0], strict=True))
@@ -193,7 +193,7 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
         moves.append(int(move))
         values = np.zeros((1, MOST_PARTS), np.int32)
         values[0, 0] = move
-        table, runs = steps.step(values, 1)
+        table, runs, _ = steps.step(values, 1)
         if move is Move.ABORT:
             break
     assert Move.ABORT in moves

@@ -26,7 +26,7 @@ PROFILE = "pinto2023-physical"
 def vec_env(count: int = 4, **settings: Any):
     from overtaking.gym.stable_baselines import StableBaselinesVecEnv
 
-    given = {"observe": "truth", "hold": 10, "labels": False, "overrides": SHORT}
+    given = {"observe": "truth", "hold": 10, "overrides": SHORT}
     return StableBaselinesVecEnv(PROFILE, count, seed=3, **(given | settings))
 
 

@@ -58,9 +58,20 @@ pub struct Fresh {
 /// What it observes then, in every simulation or in the new ones.
 pub struct Answer {
     /// Numbers of the simulations that run, or ran until now; zeros of the others, (simulation, `WIDTH`).
+    ///
+    /// A simulation that ends while an order holds is observed at its end, not at the end of the order.
     pub table: Vec<f32>,
     /// Whether each simulation runs.
     pub runs: Vec<bool>,
+    /// How many decisions of the request each simulation has carried out.
+    pub num_decisions: Vec<u32>,
+}
+
+/// The entries of one simulation in an `Answer`.
+struct AnswerRow<'o> {
+    table: &'o mut [f32],
+    runs: &'o mut bool,
+    num_decisions: &'o mut u32,
 }
 
 /// Who talks to a batch: orders, observations, and what both mean.
@@ -175,13 +186,17 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
             decisions: 1,
         });
         let (inputs, every) = (self.inputs, 0..self.places.len());
-        let answer = self.look(0, every.len(), &|row| row, &|share, minds| {
-            let told = share.step;
-            for _ in 1..decisions {
-                share.act(inputs, script.as_ref(), minds, told);
-                share.look(minds, None);
+        let answer = self.look(0, every.len(), &|row| row, &|share, minds, rows| {
+            let first_step = share.step;
+            for decision in 1..=decisions {
+                share.act(inputs, script.as_ref(), minds, first_step);
+                let writes = if decision < decisions {
+                    Writes::Ended
+                } else {
+                    Writes::All
+                };
+                share.look(minds, rows, first_step, writes);
             }
-            share.act(inputs, script.as_ref(), minds, told);
         });
         self.tidy();
         answer
@@ -206,7 +221,9 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
             self.begin(fresh, rows, seats);
         }
         let place = |row: usize| places[row].unwrap_or(0);
-        self.look(old, rows.len(), &place, &|_, _| ())
+        self.look(old, rows.len(), &place, &|share, minds, rows| {
+            share.look(minds, rows, share.step, Writes::All);
+        })
     }
 
     /// Begin the simulations of a share.
@@ -242,20 +259,31 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
         });
     }
 
-    /// Let shares work, from one of them on, and write down what their egos observe then.
+    /// Let shares work, from one of them on; they write what their egos observe.
     fn look(
         &mut self,
         from: usize,
         length: usize,
         place: &dyn Fn(usize) -> usize,
-        work: &(dyn Fn(&mut Share<'a, S, N>, &mut Minds<S, N>) + Sync),
+        work: &(dyn Fn(&mut Share<'a, S, N>, &mut Minds<S, N>, &mut ShareRows<'_, '_>) + Sync),
     ) -> Answer {
         let mut answer = Answer {
             table: vec![0.0; length * WIDTH],
             runs: vec![false; length],
+            num_decisions: vec![0; length],
         };
         let table = answer.table.chunks_exact_mut(WIDTH);
-        let mut rows: Vec<_> = table.zip(&mut answer.runs).map(Some).collect();
+        let mut rows: Vec<_> = table
+            .zip(&mut answer.runs)
+            .zip(&mut answer.num_decisions)
+            .map(|((table, runs), num_decisions)| {
+                Some(AnswerRow {
+                    table,
+                    runs,
+                    num_decisions,
+                })
+            })
+            .collect();
         let (owners, source) = (&self.owners, self.meaning.1);
         let mut portions: Vec<_> = self.shares[from..]
             .iter_mut()
@@ -273,8 +301,12 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
         portions.par_iter_mut().for_each(|(share, rows)| {
             let thread = rayon::current_thread_index().map_or(0, |thread| thread + 1);
             let mut minds = minds[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            work(share, &mut minds);
-            share.look(&mut minds, Some((source, places, rows)));
+            let mut rows = ShareRows {
+                source,
+                places,
+                rows,
+            };
+            work(share, &mut minds, &mut rows);
         });
         drop(portions);
         answer
@@ -323,12 +355,23 @@ impl<S: Simd> Kept<S> {
     }
 }
 
-/// Where what a share observes goes: what, the place of each simulation in it, and a row for each place.
-type Rows<'r, 'o> = (
-    Source,
-    &'r [usize],
-    &'r mut Vec<Option<(&'o mut [f32], &'o mut bool)>>,
-);
+/// Where a share writes what its egos observe.
+struct ShareRows<'r, 'o> {
+    source: Source,
+    /// Place in the share of the simulation in each row of the batch.
+    places: &'r [usize],
+    /// The entries of each place; none for a row that another share has taken over.
+    rows: &'r mut [Option<AnswerRow<'o>>],
+}
+
+/// Which simulations a look writes down.
+#[derive(Clone, Copy, PartialEq)]
+enum Writes {
+    /// Only those that have ended at this decision.
+    Ended,
+    /// Those, and all that go on.
+    All,
+}
 
 /// Blocks that one thread advances together.
 struct Share<'a, S: Simd, const N: usize> {
@@ -392,7 +435,15 @@ impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
     }
 
     /// Let everybody look around, everybody but the ego decide, and write down what the egos observe.
-    fn look(&mut self, minds: &mut Minds<S, N>, mut rows: Option<Rows<'_, '_>>) {
+    ///
+    /// `first_step` is the step at which the request began.
+    fn look(
+        &mut self,
+        minds: &mut Minds<S, N>,
+        rows: &mut ShareRows<'_, '_>,
+        first_step: u32,
+        writes: Writes,
+    ) {
         self.kept.clear();
         for block in &mut self.blocks {
             let Block {
@@ -403,19 +454,32 @@ impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
                 ..
             } = &mut **block;
             perceive(state, world, minds, self.step, true);
-            if let Some((source, places, rows)) = &mut rows {
+            let step = self.step as f32;
+            let runs = |lane: usize| step <= state.end_step[lane];
+            // A lane that ended at an earlier decision of this request keeps moving until the request
+            // is over, as vectors have no free lanes; its row already holds what it observed at its end.
+            let ended_before = |lane: usize| step - SUBSTEPS as f32 > state.end_step[lane];
+            let is_written = |lane: usize| {
+                recorder.is_busy(lane)
+                    && !ended_before(lane)
+                    && (writes == Writes::All || !runs(lane))
+            };
+            if (0..LANES).any(is_written) {
                 let mind = minds.of_ego();
                 let decision = (self.step / SUBSTEPS) as usize;
-                let table: Table<S> =
-                    outlined!(world.simd, observe(state, world, mind, *source, decision));
-                for lane in (0..LANES).filter(|lane| recorder.is_busy(*lane)) {
-                    let Some((row, runs)) = &mut rows[places[simulations[lane]]] else {
+                let table: Table<S> = outlined!(
+                    world.simd,
+                    observe(state, world, mind, rows.source, decision)
+                );
+                for lane in (0..LANES).filter(|lane| is_written(*lane)) {
+                    let Some(row) = &mut rows.rows[rows.places[simulations[lane]]] else {
                         continue;
                     };
-                    for (to, from) in row.iter_mut().zip(&table) {
+                    for (to, from) in row.table.iter_mut().zip(&table) {
                         *to = from[lane];
                     }
-                    **runs = self.step as f32 <= state.end_step[lane];
+                    *row.runs = runs(lane);
+                    *row.num_decisions = (self.step - first_step) / SUBSTEPS;
                 }
             }
             drive_others(state, world, minds, self.step);

@@ -115,8 +115,13 @@ struct Line {
     thread: JoinHandle<()>,
 }
 
-/// What the egos observe, (simulation, field), and which simulations run.
-type Observed<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<bool>>);
+/// What the egos observe, (simulation, field), which simulations run, and how many decisions of the
+/// request each has carried out.
+type Observed<'py> = (
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<u32>>,
+);
 
 #[pymethods]
 impl Stepper {
@@ -225,7 +230,11 @@ impl Stepper {
         let answer = answer.ok_or_else(|| PyValueError::new_err("the simulation has ended"))?;
         let table = Array2::from_shape_vec((rows, WIDTH), answer.table)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;
-        Ok((table.into_pyarray(py), answer.runs.to_pyarray(py)))
+        Ok((
+            table.into_pyarray(py),
+            answer.runs.to_pyarray(py),
+            answer.num_decisions.into_pyarray(py),
+        ))
     }
 }
 

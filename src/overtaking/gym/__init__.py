@@ -1,13 +1,12 @@
 """Environments of Gymnasium in which a policy drives the ego; needs the extra [gym].
 
     import gymnasium
-    import overtaking.gym
 
-    env = gymnasium.make("overtaking/motorway-v0", observe="human")
-    envs = gymnasium.make_vec("overtaking/motorway-v0", num_envs=64, observe="human")
+    env = gymnasium.make("overtaking.gym:overtaking/motorway-v0")
+    envs = gymnasium.make_vec("overtaking.gym:overtaking/motorway-v0", num_envs=64)
 
-Importing this module registers an environment for each profile of the package. It is not imported
-by the rest of the package.
+Importing this module registers an environment for each profile of the package. Gymnasium imports
+the module that stands before the colon of an id, so no further import is needed.
 """
 
 from overtaking.core.errors import MissingExtraError
@@ -17,6 +16,7 @@ try:
 except ImportError as error:
     raise MissingExtraError.lacking("gym", what="gymnasium", where="overtaking.gym") from error
 
+from overtaking.gym.environments import OvertakingEnv, OvertakingVectorEnv
 from overtaking.gym.rewards import (
     REWARDS,
     Events,
@@ -25,9 +25,7 @@ from overtaking.gym.rewards import (
     progress,
     progress_legal,
 )
-from overtaking.gym.single import OvertakingEnv
 from overtaking.gym.spaces import COLUMNS, Column, flat
-from overtaking.gym.vector import OvertakingVectorEnv
 from overtaking.scenarios import profile_names
 
 __all__ = [
@@ -47,7 +45,7 @@ __all__ = [
 for _name in profile_names():
     gymnasium.register(
         f"overtaking/{_name}-v0",
-        entry_point="overtaking.gym.single:OvertakingEnv",
-        vector_entry_point="overtaking.gym.vector:OvertakingVectorEnv",
+        entry_point="overtaking.gym.environments:make_env",
+        vector_entry_point="overtaking.gym.environments:OvertakingVectorEnv",
         kwargs={"profile": _name},
     )

@@ -10,7 +10,6 @@ from overtaking.core.arrays import F64, Mask
 from overtaking.core.elementary import as_f32
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law.distances import lawful_gap
-from overtaking.model.trajectory import Stage
 from overtaking.sim.observation import Seen
 from overtaking.world.constants import known
 
@@ -23,23 +22,25 @@ BREACH_COST: Final = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Events:
-    """What came of a step, each of shape (simulation,).
+    """What happened in a step, each of shape (simulation,).
 
     Attributes:
-        seconds: Length of the step, of all simulations [s].
+        seconds: Length of the step [s]; where the episode ended within it, the time until then.
         terminated: The ego has had an accident, or its overtake is over.
-        truncated: The horizon, or the deadline without an attempt.
-        crashed: The ego has hit another, or left the road.
-        judged: Whether `legal` is known: at the end, where environments label.
+        truncated: The episode has reached the horizon, or the deadline without an attempt.
+        crashed: The ego has hit another vehicle, or left the road.
+        judged: Whether `legal` and `completed` are known: at the end, where environments label.
         legal: Whether the whole simulation is legal under the policy `default`.
+        completed: Whether the label of the whole simulation says that the overtake was completed.
     """
 
-    seconds: float
+    seconds: F64
     terminated: Mask
     truncated: Mask
     crashed: Mask
     judged: Mask
     legal: Mask
+    completed: Mask
 
 
 Reward = Callable[[Seen, F64, Seen, Events], F64]
@@ -76,17 +77,9 @@ def progress_legal(before: Seen, action: F64, after: Seen, events: Events) -> F6
         events: What came of it.
 
     Raises:
-        ConfigError: A simulation has ended and nobody has judged it.
+        ConfigError: A simulation has ended and has no label.
     """
-    ended = events.terminated | events.truncated
-    if (ended & ~events.judged).any():
-        raise ConfigError.of(
-            what="labels",
-            where="progress_legal",
-            expected="environments that judge each simulation at its end",
-            got=False,
-            next_step="make them with labels=True",
-        )
+    _check_judged(events, "progress_legal")
     speed, closing, gap = after.of("speed"), after.of("closing", "lead"), after.of("gap", "lead")
     lawful = lawful_gap(speed, closing, as_f32(known("law.safe_distance.decel_limit")))
     lacking = np.clip(1.0 - gap / np.maximum(lawful, 1.0), 0.0, 1.0)
@@ -98,18 +91,40 @@ def progress_legal(before: Seen, action: F64, after: Seen, events: Events) -> F6
 def overtake_once(before: Seen, action: F64, after: Seen, events: Events) -> F64:
     """1 at the end of a completed overtake, -1 at an accident, shape (simulation,).
 
+    The label of the whole simulation decides whether the overtake was completed. The stage of the
+    ego cannot: after a second pull-out it belongs to another target than the label.
+
     Args:
         before: What was observed.
         action: What was answered, shape (simulation, part).
         after: What is observed now.
         events: What came of it.
+
+    Raises:
+        ConfigError: A simulation has ended and has no label.
     """
-    del before, action
-    done = events.terminated & (after.of("stage") == Stage.DONE)
-    return done.astype(np.float64) - events.crashed
+    del before, action, after
+    _check_judged(events, "overtake_once")
+    return np.where(events.completed, 1.0, -events.crashed.astype(np.float64))
+
+
+def _check_judged(events: Events, reward: str) -> None:
+    """Refuse simulations that have ended without a label."""
+    ended = events.terminated | events.truncated
+    if (ended & ~events.judged).any():
+        raise ConfigError.of(
+            what="labels",
+            where=reward,
+            expected="environments that label each simulation at its end",
+            got=False,
+            next_step="make them with labels=True",
+        )
 
 
 REWARDS: Final[dict[str, Reward]] = {
-    one.__name__: one for one in (progress, progress_legal, overtake_once)
+    reward.__name__: reward for reward in (progress, progress_legal, overtake_once)
 }
 """Rewards by name."""
+
+NEED_LABELS: Final[tuple[Reward, ...]] = (progress_legal, overtake_once)
+"""Rewards that need the label of each simulation."""

@@ -21,7 +21,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from overtaking.api.choices import Profile
 from overtaking.core.arrays import F32
 from overtaking.core.errors import ConfigError
-from overtaking.gym.vector import Info, OvertakingVectorEnv
+from overtaking.gym.environments import Info, OvertakingVectorEnv
 
 
 class StableBaselinesVecEnv(VecEnv):
@@ -40,36 +40,41 @@ class StableBaselinesVecEnv(VecEnv):
         """Make the environments."""
         mode = AutoresetMode.SAME_STEP
         self.batch = OvertakingVectorEnv(profile, num_envs, autoreset_mode=mode, **settings)
-        self._first_seed, self._waiting = seed, np.zeros(0)
+        self._first_seed, self._actions = seed, np.zeros(0)
         super().__init__(
             num_envs, self.batch.single_observation_space, self.batch.single_action_space
         )
 
     def reset(self) -> F32:
         """Begin new episodes in all environments."""
-        seed = next((one for one in self._seeds if one is not None), self._first_seed)
+        seed = next((seed for seed in self._seeds if seed is not None), self._first_seed)
         self._first_seed = None
         self._reset_seeds()
         return self.batch.reset(seed=seed)[0]
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the actions of the next step."""
-        self._waiting = actions
+        self._actions = actions
 
     def step_wait(self) -> tuple[F32, NDArray[np.float32], NDArray[np.bool_], list[Info]]:
-        """Carry them out; who has ended begins anew, with the last observation in `info`."""
-        seen, reward, terminated, truncated, info = self.batch.step(self._waiting)
+        """Carry out the actions of `step_async`; where an episode ends, the next one begins.
+
+        Returns:
+            Observations, rewards, which episodes have ended, and for those what `info` says of the
+            end, with the last observation.
+        """
+        observations, reward, terminated, truncated, info = self.batch.step(self._actions)
         infos: list[Info] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(terminated | truncated):
             final: Info = info["final_info"]
-            told = {name: final[name][row] for name in final if not name.startswith("_")}
-            told["terminal_observation"] = info["final_obs"][row]
-            told["TimeLimit.truncated"] = bool(truncated[row])
-            infos[row] = told
-        return seen, reward.astype(np.float32), terminated | truncated, infos
+            infos[row] = {name: final[name][row] for name in final if not name.startswith("_")} | {
+                "terminal_observation": info["final_obs"][row],
+                "TimeLimit.truncated": bool(truncated[row]),
+            }
+        return observations, reward.astype(np.float32), terminated | truncated, infos
 
     def close(self) -> None:
-        """Let go of the simulations."""
+        """Free the simulations."""
         self.batch.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:

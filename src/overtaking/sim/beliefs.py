@@ -56,11 +56,11 @@ def _told(
     steps = stepper(parameters(scenario), kind, is_true=is_true, simulator=simulator)
     nothing = np.zeros((scenario.num_simulations, MOST_PARTS), np.int32)
     tables: list[F32] = []
-    table, runs = steps.begin()
+    table, runs, _ = steps.begin()
     while runs.any():
         tables.append(np.where(runs[:, None], table, np.float32(np.nan)))
         orders = nothing if actions is None else _orders(actions, len(tables) - 1)
-        table, runs = steps.step(orders, 1)
+        table, runs, _ = steps.step(orders, 1)
     own, around, _ = parted(np.stack(tables))
     return own, around
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32, F64, Mask
+from overtaking.core.arrays import F64, Mask
 from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError, PolicyError
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions, Part
@@ -21,6 +21,7 @@ from overtaking.model.trajectory import Trajectories
 from overtaking.sim.branch import Run
 from overtaking.sim.controls import CONTROLS, Control
 from overtaking.sim.observation import Observation, Policy
+from overtaking.sim.reference.stepper import SteppedObservation
 from overtaking.sim.sensor import Sensing, Sensor
 from overtaking.sim.stepping import stepper
 from overtaking.world.clock import DECISIONS_PER_SECOND, SUBSTEPS
@@ -148,7 +149,7 @@ def _asked(
         reset(scenario)
     steps = stepper(given, control.kind, is_true=is_true, simulator=simulator)
     eyes = _Eyes(scenario, given, sensor if isinstance(sensor, Sensor) else None)
-    seen, decision = eyes.look(*steps.begin(), 0), 0
+    seen, decision = eyes.look(steps.begin(), 0), 0
     while seen.active.any():
         answer, beyond = limited(_answer(driver.policy, seen, control), control.parts)
         clipped += beyond
@@ -156,14 +157,14 @@ def _asked(
             values = rounded(answer, seen.active, KINDS[control.kind])
             yield decision, np.broadcast_to(values, (hold, *values.shape))
             decision += hold
-            seen = eyes.look(*steps.step(values, hold), decision)
+            seen = eyes.look(steps.step(values, hold), decision)
             continue
         track = control.plan(answer, seen)
         for _ in range(hold):
             values = rounded(track(seen), seen.active, KINDS[control.kind])
             yield decision, values[None]
             decision += 1
-            seen = eyes.look(*steps.step(values, 1), decision)
+            seen = eyes.look(steps.step(values, 1), decision)
 
 
 class _Eyes:
@@ -173,7 +174,8 @@ class _Eyes:
         self._scenario, self._driver = scenario, given.of_vehicles.of(0)
         self._sensing = Sensing(sensor, scenario, given) if sensor else None
 
-    def look(self, table: F32, active: Mask, decision: int) -> Observation:
+    def look(self, stepped: SteppedObservation, decision: int) -> Observation:
+        table, active = stepped.table, stepped.runs
         table[~active] = 0.0
         own, around, meeting = parted(table)
         if self._sensing:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.arrays import F32, Mask
 from overtaking.sim.engine import road_values
+from overtaking.sim.reference.stepper import SteppedObservation
 from overtaking.sim.reference.stepper import Stepper as ReferenceStepper
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.parameters import Parameters
@@ -16,15 +16,15 @@ from overtaking.world.parameters import Parameters
 class Stepper(Protocol):
     """A batch that waits at every decision for orders; both engines give the same bits.
 
-    A simulation that ends is observed once more, after the step in which it has ended.
+    A simulation that ends is observed once more: at its end, also if an order holds for longer.
     """
 
-    def begin(self) -> tuple[F32, Mask]:
-        """What is observed at first: numbers of shape (simulation, `WIDTH`), and who runs."""
+    def begin(self) -> SteppedObservation:
+        """The observations at the start."""
         ...
 
-    def step(self, values: NDArray[np.int32], decisions: int) -> tuple[F32, Mask]:
-        """What is observed after some decisions with the same orders.
+    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
+        """Carry out the same orders for some decisions.
 
         Args:
             values: Steps of each number of the action, shape (simulation, `MOST_PARTS`).
@@ -74,22 +74,25 @@ class Renewable:
         """Stand before the first decision."""
         self._batch = _core.Stepper(_values(given), kind, is_true, chosen_level(level))
 
-    def begin(self) -> tuple[F32, Mask]:
+    def begin(self) -> SteppedObservation:
         """As `Stepper.begin`."""
-        return self._batch.begin()
+        return SteppedObservation(*self._batch.begin())
 
-    def step(self, values: NDArray[np.int32], decisions: int) -> tuple[F32, Mask]:
+    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
         """As `Stepper.step`."""
-        return self._batch.step(values, decisions)
+        return SteppedObservation(*self._batch.step(values, decisions))
 
-    def renew(self, rows: NDArray[np.int64], given: Parameters) -> tuple[F32, Mask]:
-        """What is observed at first in new simulations.
+    def renew(self, rows: NDArray[np.int64], given: Parameters) -> SteppedObservation:
+        """Begin new simulations in some rows.
 
         Args:
             rows: The rows in which they begin, each once.
             given: Their parameters: on the same road, with the same seed and number of slots.
+
+        Returns:
+            The observations at their start, shape (row, `WIDTH`).
         """
-        return self._batch.renew(rows, _values(given))
+        return SteppedObservation(*self._batch.renew(rows, _values(given)))
 
 
 def _values(given: Parameters) -> dict[str, Any]:

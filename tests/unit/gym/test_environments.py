@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import copy
+import itertools
+import pickle
+import subprocess
+import sys
+
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import RecordVideo
 
 import overtaking as ot
 import overtaking.gym as envs
@@ -14,11 +21,12 @@ from overtaking.core.errors import ConfigError
 from overtaking.model.events import Outcome
 from overtaking.model.observation import WIDTH
 from overtaking.model.trajectory import Stage
+from overtaking.show.video.film import Film
 from overtaking.sim.controls import CONTROLS
 
 SHORT = {"time.horizon_s": 8.0, "time.attempt_deadline_s": 6.0}
 PROFILE = "pinto2023-physical"
-QUICK = {"observe": "human", "hold": 4, "labels": False, "overrides": SHORT}
+QUICK = {"hold": 4, "overrides": SHORT}
 
 
 def made(count: int = 6, **settings) -> envs.OvertakingVectorEnv:
@@ -35,22 +43,27 @@ def wish(numbers: np.ndarray) -> np.ndarray:
 def episodes(env: envs.OvertakingVectorEnv, steps: int, seed: int = 5) -> list[dict]:
     """The endings of some steps, with the number of the simulation."""
     seen, _ = env.reset(seed=seed)
-    found = []
+    endings = []
     for _ in range(steps):
         seen, _, terminated, truncated, info = env.step(wish(seen))
         for row in np.flatnonzero(terminated | truncated):
-            names = [name for name in info if not name.startswith("_")]
-            found.append({name: info[name][row].item() for name in names} | {"row": int(row)})
-    return found
+            names = [name for name in info if not name.startswith("_") and info[f"_{name}"][row]]
+            endings.append({name: info[name][row].item() for name in names} | {"row": int(row)})
+    return endings
 
 
 @pytest.mark.filterwarnings("ignore:.*symmetric and normalized")  # Our actions have units.
 @pytest.mark.parametrize("action", CONTROLS)
 def test_gymnasium_accepts_it(action):
     env = gymnasium.make(
-        f"overtaking/{PROFILE}-v0", observe="truth", action=action, hold=10, overrides=SHORT
+        f"overtaking/{PROFILE}-v0",
+        observe="truth",
+        action=action,
+        hold=10,
+        overrides=SHORT,
+        render_mode="rgb_array",
     )
-    check_env(env.unwrapped, skip_render_check=True)
+    check_env(env.unwrapped, skip_close_check=True)
 
 
 def test_every_profile_is_an_environment():
@@ -96,8 +109,7 @@ def test_what_is_seen_is_what_drive_shows():
             shown.setdefault(int(index[row]), []).append(seen[row])
         seen, _, terminated, truncated, info = env.step(wish(seen))
         if waiting.any():
-            assert env._rows
-            index = env._rows.index.copy()
+            index = info["index"].copy()
         waiting = terminated | truncated
     late = [number for number, rows in shown.items() if number >= 8 and len(rows) > 10]
     assert late
@@ -224,6 +236,9 @@ def test_an_end_is_an_accident_an_overtake_or_the_clock():
         {"reward": "money"},
         {"first": -1},
         {"count": 0},
+        {"render_mode": "human"},
+        {"autoreset_mode": "LATER"},
+        {"reward": "overtake_once"},  # Without labels.
     ],
 )
 def test_an_argument_that_cannot_be_used_is_refused(wrong):
@@ -266,3 +281,182 @@ def test_every_column_has_name_unit_and_bounds():
         assert one.unit
         assert one.least < one.most
         assert one.scale > 0.0
+
+
+def test_an_id_with_its_module_imports_by_itself():
+    program = "import gymnasium; gymnasium.make_vec('overtaking.gym:overtaking/motorway-v0', 2)"
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_an_autoreset_mode_is_named_as_in_gymnasium(mode):
+    for spelling in (mode, mode.name, mode.value):
+        assert made(autoreset_mode=spelling).autoreset_mode == mode
+
+
+def test_an_option_of_reset_chooses_the_simulations():
+    env = made(3)
+    _, info = env.reset(seed=5, options={"index": [7, 100, 2]})
+    np.testing.assert_array_equal(info["index"], [7, 100, 2])
+    chosen, _ = env.reset(options={"index": [1, 0, 2]})
+    _, info = env.reset()
+    np.testing.assert_array_equal(info["index"], [0, 1, 2])  # The sequence has not moved.
+    first, _ = env.reset(seed=5)
+    np.testing.assert_array_equal(chosen, first[[1, 0, 2]])
+    mask = np.array([False, True, False])
+    _, info = env.reset(options={"reset_mask": mask, "index": 40})
+    np.testing.assert_array_equal(info["index"], [0, 40, 2])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"no_such_option": 1},
+        {"index": -1},
+        {"index": 1.5},
+        {"index": [1, 2]},
+        {"index": "seven"},
+        {"reset_mask": [True, False]},
+    ],
+)
+def test_options_of_reset_that_cannot_be_used_are_refused_by_name(options):
+    with pytest.raises(ConfigError, match=next(iter(options))):
+        made().reset(seed=1, options=options)
+    if "reset_mask" not in options:
+        with pytest.raises(ConfigError, match=next(iter(options))):
+            single_env().reset(seed=1, options=options)
+
+
+def single_env(**settings) -> envs.OvertakingEnv:
+    return envs.OvertakingEnv(PROFILE, **(QUICK | settings))
+
+
+def test_every_reset_names_the_simulation():
+    env = single_env()
+    assert env.reset(seed=5)[1]["index"] == 0
+    assert env.reset()[1]["index"] == 1
+    assert env.reset(options={"index": 70})[1]["index"] == 70
+    for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
+        begun = set()
+        for *_, info in stepped(mode):
+            begun |= set(info["index"].tolist())
+        assert {0, 1, 2, 3, 4} < begun
+
+
+@pytest.mark.parametrize("labels", [False, True])
+def test_info_has_the_same_keys_at_reset_and_at_every_step(labels):
+    env = made(3, labels=labels)
+    seen, info = env.reset(seed=5)
+    names = set(info)
+    assert "index" in names
+    assert ("outcome" in names) == labels
+    for _ in range(60):
+        seen, *_, info = env.step(wish(seen))
+        assert set(info) == names
+
+
+@pytest.mark.parametrize("action", ["decision", "accel_lane", "trajectory"])
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_as_the_original(action, duplicate):
+    env = made(5, action=action, autoreset_mode="NEXT_STEP", reward="progress")
+    env.action_space.seed(3)
+    env.reset(seed=5)
+    actions = [env.action_space.sample() for _ in range(90)]
+    endings = 0
+    for action_of_step in actions[:50]:
+        _, _, terminated, truncated, _ = env.step(action_of_step)
+        endings += int((terminated | truncated).sum())
+    assert endings > 0  # Episodes of the copy have different ages.
+    twin = duplicate(env)
+    for action_of_step in actions[50:]:
+        expected, observed = env.step(action_of_step), twin.step(action_of_step)
+        for value, twin_value in zip(expected[:4], observed[:4], strict=True):
+            np.testing.assert_array_equal(value, twin_value)
+        np.testing.assert_array_equal(expected[4]["index"], observed[4]["index"])
+
+
+def test_a_copy_of_a_single_environment_goes_on_as_the_original():
+    env = single_env(action="decision")
+    env.reset(seed=5)
+    for _ in range(5):
+        env.step(int(ot.Move.PULL_OUT))
+    twin = copy.deepcopy(env)
+    np.testing.assert_array_equal(env.step(0)[0], twin.step(0)[0])
+
+
+def test_a_step_in_which_an_episode_ends_is_as_long_as_the_episode():
+    """The last step of an episode of 8 s is 2 s long, whatever the action would hold for."""
+    env = made(4, hold=60, reward=step_length, action="decision")
+    env.reset(seed=5)
+    lengths = np.array([env.step(np.zeros(4, int))[1] for _ in range(3)])
+    np.testing.assert_allclose(lengths[:2], 3.0)
+    assert (lengths[2] <= 2.05 + 1e-9).all()  # The last decision is the one at 8 s.
+    assert (lengths[2] > 0.0).all()
+
+
+def step_length(before, action, after, events) -> np.ndarray:
+    return events.seconds
+
+
+def test_the_last_observation_is_that_of_the_end():
+    """An episode that ends within a step is observed as if it had been asked at every decision."""
+    last_observations = []
+    for hold in (1, 20):
+        env = made(4, hold=hold, action="decision", autoreset_mode="DISABLED")
+        env.reset(seed=5)
+        last = {}
+        while len(last) < 4:
+            seen, _, terminated, truncated, _ = env.step(np.zeros(4, int))
+            ended = terminated | truncated
+            last |= {row: seen[row] for row in np.flatnonzero(ended) if row not in last}
+            env._has_ended[:] = False  # Go on with those that have not ended.
+        last_observations.append(np.array([last[row] for row in range(4)]))
+    np.testing.assert_array_equal(*last_observations)
+
+
+def picture(env: envs.OvertakingEnv) -> np.ndarray:
+    image = env.render()
+    assert image is not None
+    return image
+
+
+def test_a_picture_shows_the_present_state():
+    env = single_env(render_mode="rgb_array", action="decision")
+    env.reset(seed=5)
+    pictures = [picture(env)]
+    for _ in range(3):
+        env.step(0)
+        pictures.append(picture(env))
+    assert all(image.shape == (400, 1280, 3) for image in pictures)
+    assert all(image.dtype == np.uint8 for image in pictures)
+    assert all((a != b).any() for a, b in itertools.pairwise(pictures))
+    assert single_env().render() is None
+
+
+@pytest.mark.ci
+def test_a_picture_is_that_of_the_film():
+    """What `overtaking video` draws of the whole simulation, at the same time; labels aside."""
+    scenes = ot.sample(PROFILE, 1, seed=5, overrides=SHORT)
+    trajectories = ot.drive(scenes, lambda _: np.zeros((1, 1)), observe="human", action="decision")
+    film = Film(trajectories, title="Simulation 0")
+    env = single_env(render_mode="rgb_array", action="decision", hold=20)
+    env.reset(seed=5)
+    for _ in range(3):
+        env.step(0)
+    road = np.s_[40:284, :1000]  # The rest has curves over the time so far.
+    expected = film.draw(3 * 20).rgb()[road]
+    np.testing.assert_array_equal(picture(env)[road], expected)
+
+
+@pytest.mark.ci
+def test_gymnasium_records_a_film(tmp_path):
+    pytest.importorskip("moviepy", reason="Gymnasium writes films with moviepy")
+    env = gymnasium.make(
+        f"overtaking.gym:overtaking/{PROFILE}-v0", render_mode="rgb_array", **QUICK
+    )
+    env = RecordVideo(env, str(tmp_path / "films"))
+    env.reset(seed=5)
+    for _ in range(5):
+        env.step(np.zeros(2, np.float32))
+    env.close()
+    assert [path.suffix for path in (tmp_path / "films").iterdir()] == [".mp4"]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+import overtaking as ot
 import overtaking.gym as envs
 from overtaking.core.errors import ConfigError
 from overtaking.gym.rewards import BREACH_COST, CRASH_COST
+from overtaking.model.events import Outcome
 from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
 from overtaking.model.trajectory import Stage
 from overtaking.sim.observation import Seen
@@ -41,8 +45,8 @@ def seen(**numbers) -> Seen:
 
 def events(**changes) -> envs.Events:
     none = np.zeros(2, bool)
-    names = ("terminated", "truncated", "crashed", "judged", "legal")
-    return envs.Events(seconds=0.5, **(dict.fromkeys(names, none) | changes))
+    names = ("terminated", "truncated", "crashed", "judged", "legal", "completed")
+    return envs.Events(seconds=np.full(2, 0.5), **(dict.fromkeys(names, none) | changes))
 
 
 def test_progress_is_time_lost():
@@ -70,11 +74,81 @@ def test_a_breach_costs_at_the_end():
         envs.progress_legal(seen(), ACTION, after, events(truncated=ended))
 
 
-def test_an_overtake_counts_once():
-    done = events(terminated=np.array([True, True]), crashed=np.array([False, True]))
+def test_an_overtake_counts_where_the_label_says_that_it_was_completed():
+    ended = np.ones(2, bool)
+    completed, crashed = np.array([True, False]), np.array([False, True])
+    outcome = events(terminated=ended, judged=ended, completed=completed, crashed=crashed)
     after = seen(stage=[Stage.DONE, Stage.CRASHED])
-    np.testing.assert_array_equal(envs.overtake_once(seen(), ACTION, after, done), [1.0, -1.0])
+    np.testing.assert_array_equal(envs.overtake_once(seen(), ACTION, after, outcome), [1.0, -1.0])
     assert (envs.overtake_once(seen(), ACTION, after, events()) == 0.0).all()
+    with pytest.raises(ConfigError, match="labels=True"):
+        envs.overtake_once(seen(), ACTION, after, events(terminated=ended))
+
+
+def test_a_step_costs_its_own_length():
+    """An episode that ended after 0.2 s of a step is charged for 0.2 s."""
+    outcome = events()
+    outcome = dataclasses.replace(outcome, seconds=np.array([0.5, 0.2]))
+    lost = envs.progress(seen(), ACTION, seen(position=[9.0, 3.0]), outcome)
+    np.testing.assert_allclose(lost, [-0.2, -0.1], atol=1e-6)
+
+
+def test_progress_of_an_environment_follows_from_its_observations():
+    """Time of the step less the time that its distance takes at the wished speed."""
+    env = made(8, reward="progress", action="decision", hold=10, overrides=None)
+    index = [column.name for column in envs.COLUMNS].index("position")
+    before, _ = env.reset(seed=2)
+    assert env._episodes
+    wished_speed = env._episodes.observation.driver.desired_speed.astype(float)
+    losses = []
+    for _ in range(10):
+        after, reward, terminated, *_ = env.step(np.full(8, ot.Move.KEEP))
+        assert not terminated.any()
+        lost = np.maximum(0.5 - (after[:, index] - before[:, index]) / wished_speed, 0.0)
+        np.testing.assert_allclose(reward, -lost, atol=1e-4)
+        losses.append(lost)
+        before = after
+    assert 0.01 < np.mean(losses) < 0.4
+
+
+def pull_out_near_a_leader(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
+    """Pull out behind a leader that is slower, and return 30 steps later."""
+    table = dict(zip([column.name for column in envs.COLUMNS], observations.T, strict=True))
+    is_held_up = (table["lead.closing"] > 1.0) & (table["lead.gap"] < 60.0)
+    move = np.where(is_held_up, ot.Move.PULL_OUT, ot.Move.KEEP)
+    return np.where(clock % 40 > 30, ot.Move.RETURN, move)
+
+
+def pull_out_and_return_in_turns(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
+    return np.where(clock % 24 < 12, ot.Move.PULL_OUT, ot.Move.RETURN)
+
+
+def give_up_often(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
+    return np.choose(clock // 5 % 3, [ot.Move.PULL_OUT, ot.Move.ABORT, ot.Move.RETURN])
+
+
+def stay_out(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
+    return np.full(len(clock), ot.Move.PULL_OUT)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(
+    "driver", [pull_out_near_a_leader, pull_out_and_return_in_turns, give_up_often, stay_out]
+)
+def test_overtake_once_and_the_label_agree(driver):
+    """Where a second overtake has another target, too: 250 simulations of each driver."""
+    env = made(50, hold=10, action="decision", reward="overtake_once", labels=True, overrides=None)
+    observations, _ = env.reset(seed=3)
+    clock, completed, rewarded = np.zeros(50, int), list[bool](), list[bool]()
+    while len(completed) < 250:
+        observations, reward, terminated, truncated, info = env.step(driver(observations, clock))
+        ended = terminated | truncated
+        clock = np.where(ended, 0, clock + 1)
+        completed += (info["outcome"][ended] == Outcome.COMPLETED).tolist()
+        rewarded += (reward[ended] == 1.0).tolist()
+    assert rewarded == completed
+    if driver is not stay_out:
+        assert any(completed)
 
 
 @pytest.mark.parametrize("name", envs.REWARDS)

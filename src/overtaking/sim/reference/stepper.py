@@ -1,15 +1,33 @@
 """A batch that waits at every decision for what another driver orders."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, Mask
+from overtaking.model.observation import WIDTH
 from overtaking.sim.reference.environment import at_limits
 from overtaking.sim.reference.observation import observe
 from overtaking.sim.reference.orders import Orders, orders_of
 from overtaking.sim.reference.run import act, advance, perceive
 from overtaking.sim.reference.state import initial_state
 from overtaking.world.parameters import SUBSTEPS, Parameters
+
+
+class SteppedObservation(NamedTuple):
+    """What the egos of a batch observe after a step.
+
+    Attributes:
+        table: Numbers of each ego, shape (simulation, `WIDTH`). A simulation that ended within the
+            step is observed at its end; one that ended before has zeros.
+        runs: Whether a simulation goes on, shape (simulation,).
+        num_decisions: Decisions of this step that a simulation carried out, shape (simulation,).
+    """
+
+    table: F32
+    runs: Mask
+    num_decisions: NDArray[np.uint32]
 
 
 class Stepper:
@@ -30,33 +48,38 @@ class Stepper:
         self._state, self._step = initial_state(given), 0
         self._ran = np.ones(given.index.shape, np.bool_)
 
-    def begin(self) -> tuple[F32, Mask]:
-        """What is observed at first: numbers of shape (simulation, `WIDTH`), and who runs."""
-        return self._look()
+    def begin(self) -> SteppedObservation:
+        """The observations at the start."""
+        table, runs = self._observe()
+        return SteppedObservation(table, runs, np.zeros(runs.shape, np.uint32))
 
-    def step(self, values: NDArray[np.int32], decisions: int) -> tuple[F32, Mask]:
-        """What is observed after some decisions with the same orders.
+    def step(self, values: NDArray[np.int32], decisions: int) -> SteppedObservation:
+        """Carry out the same orders for some decisions.
 
         Args:
             values: Steps of each number of the action, shape (simulation, `MOST_PARTS`).
             decisions: How many, one at least.
         """
         orders = None if self._kind is None else orders_of(self._kind, values)
-        for _ in range(decisions - 1):
+        num_decisions = np.zeros(self._ran.shape, np.uint32)
+        table = np.zeros((len(self._ran), WIDTH), np.float32)
+        for _ in range(decisions):
             self._act(orders)
-            self._perceive()
-        self._act(orders)
-        return self._look()
+            num_decisions += self._ran
+            observed, is_running = self._observe()
+            # A simulation that has ended keeps the observation of its last decision.
+            table = np.where(self._ran[:, None], observed, table)
+            self._ran = is_running
+        return SteppedObservation(table, self._ran, num_decisions)
 
-    def _look(self) -> tuple[F32, Mask]:
-        runs = np.float32(self._step) <= self._state.end_step
+    def _observe(self) -> tuple[F32, Mask]:
+        """Numbers of all egos, also of simulations that have ended, and which simulations run."""
+        is_running = np.float32(self._step) <= self._state.end_step
         self._perceive()
         state, given, p = self._state, self._given, self._here
         decision = self._step // SUBSTEPS
         table = observe(state, given, p, self._q, self._moment, decision, is_true=self._is_true)
-        told = np.where(self._ran[:, None], table, np.float32(0.0))
-        self._ran = runs
-        return told, runs
+        return table, is_running
 
     def _perceive(self) -> None:
         state, given, q = self._state, self._given, self._q

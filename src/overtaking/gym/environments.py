@@ -1,0 +1,507 @@
+"""Environments of Gymnasium in which a policy drives the ego.
+
+All environments of an `OvertakingVectorEnv` run in one batch of the compiled engine. An
+`OvertakingEnv` is a batch of one.
+"""
+
+import operator
+from collections.abc import Iterable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import Env
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from overtaking import scenarios
+from overtaking.api.choices import Profile, road_of
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.checks import check_name
+from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.gym.episodes import EpisodeBatch, EpisodeSettings, EpisodeVerdicts, ScenarioSupply
+from overtaking.gym.rewards import NEED_LABELS, REWARDS, Events, Reward
+from overtaking.gym.spaces import action_space, answers, bounded, observation_space
+from overtaking.model.road import Road
+from overtaking.model.trajectory import Stage
+from overtaking.sim.controls import CONTROLS
+from overtaking.sim.driving import MOST_HELD, OBSERVED
+from overtaking.world.clock import DECISIONS_PER_SECOND
+
+MAX_ENVS = 1_000_000
+MAX_INDEX = 2**62
+
+RENDER_MODES = ("rgb_array",)
+
+Info = dict[str, Any]
+EnvStep = tuple[F32, NDArray[np.float64], Mask, Mask, Info]
+
+
+class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
+    """Environments in each of which a policy drives the ego, all in one batch.
+
+    Episode k of environment i is simulation first + i + k n of the seed given to `reset`, with n
+    environments. An episode terminates at an accident of the ego or when its overtake is over, and
+    is truncated at the horizon, or at the deadline without an attempt.
+
+    `info` has the same keys at every reset and step, each with a mask of the same name after an
+    underscore: `index`, the number of the simulation; `stage`, the `Stage` of the ego; `clipped`,
+    how many actions of the episode were outside their limits. With `labels` also, where an episode
+    has just ended: `outcome`, an `Outcome`; `legal`, whether the simulation is legal under the
+    policy `default`; `broken`, how many rules of that policy it breaks.
+
+    Args:
+        profile: What to sample, as in `overtaking.sample`.
+        num_envs: Number of environments.
+        observe: `human` for what the model's driver perceives, or `truth`.
+        action: What actions are, as in `overtaking.drive`.
+        hold: Decisions for which an action holds, 20 a second.
+        reward: A function, or a name in `REWARDS`; None for 0.
+        labels: Whether each simulation is labelled at its end. Labels cost more than all steps of
+            an episode; some rewards need them.
+        scaled: Whether observations are divided by the scales of `COLUMNS`.
+        first: Number of the first simulation: training and evaluation should not share any.
+        overrides: Dotted keys of the specification with other values.
+        road: A road instead of the profile's.
+        autoreset_mode: What happens after the end of an episode: a member of Gymnasium's
+            `AutoresetMode`, or its name, such as `SAME_STEP`.
+        render_mode: `rgb_array` for pictures like those of `overtaking video`; None for none.
+
+    Raises:
+        ConfigError: An argument cannot be used.
+        MissingExtraError: Pictures are wanted, and the extra `video` is not installed.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
+
+    def __init__(
+        self,
+        profile: Profile,
+        num_envs: int = 1,
+        *,
+        observe: str = "human",
+        action: str = "accel_lane",
+        hold: int = 1,
+        reward: str | Reward | None = None,
+        labels: bool = False,
+        scaled: bool = False,
+        first: int = 0,
+        overrides: Mapping[str, Any] | None = None,
+        road: str | Path | Road | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+    ) -> None:
+        """Check the arguments; `reset` draws the first scenarios."""
+        check_name(observe, OBSERVED, what="observe", where="gym")
+        check_name(action, CONTROLS, what="action", where="gym")
+        _check_range("num_envs", num_envs, 1, MAX_ENVS)
+        _check_range("hold", hold, 1, MOST_HELD)
+        _check_range("first", first, 0, MAX_INDEX)
+        self._reward = _find_reward(reward, labels=labels)
+        _check_render_mode(render_mode)
+        spec = scenarios.spec(profile, overrides)
+        self._supply = ScenarioSupply(
+            spec, road_of(road or spec.road), num_envs=num_envs, first=first
+        )
+        self._settings = EpisodeSettings(
+            num_envs=num_envs, action=action, hold=hold, observes_truth=observe == "truth"
+        )
+        self._with_labels, self._scaled = labels, scaled
+        self._episodes: EpisodeBatch | None = None
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.autoreset_mode = _parse_autoreset_mode(autoreset_mode)
+        self.metadata = {
+            "autoreset_mode": self.autoreset_mode,
+            "render_modes": list(RENDER_MODES),
+            "render_fps": _frames_per_second(hold),
+        }
+        self.single_observation_space = observation_space(scaled=scaled)
+        self.single_action_space = action_space(action)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._has_ended = np.zeros(num_envs, np.bool_)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[F32, Info]:
+        """Begin new episodes.
+
+        Args:
+            seed: Seed of the scenarios; with None the episodes that follow those before, or a seed
+                from the system at first.
+            options: `reset_mask`, the environments to reset, shape (env,); all if left out.
+                `index`, the numbers of the simulations to begin, one for each environment that is
+                reset; the next ones of the sequence if left out.
+
+        Raises:
+            ConfigError: An option is unknown or cannot be used, or a seed is given for some
+                environments only.
+        """
+        options = options or {}
+        _check_option_names(options, ("reset_mask", "index"))
+        mask = self._check_mask(options.get("reset_mask"), seed)
+        rows = np.flatnonzero(mask)
+        scenario_index = None
+        if "index" in options:
+            scenario_index = _check_index(options["index"], len(rows))
+        if seed is not None or self._episodes is None:
+            super().reset(seed=seed)
+            self._supply.restart(int(self.np_random.integers(2**63)) if seed is None else seed)
+            refs = (
+                self._supply.take(rows)
+                if scenario_index is None
+                else self._supply.draw(scenario_index)
+            )
+            self._episodes = EpisodeBatch(self._supply, self._settings, refs)
+        else:
+            self._episodes.restart(rows, scenario_index)
+        self._has_ended[mask] = False
+        return self._observe(self._episodes), self._describe(self._episodes, None, None)
+
+    def step(self, actions: NDArray[Any]) -> EnvStep:
+        """Carry out an action in every environment.
+
+        Args:
+            actions: Shape (env, part), or (env,) of `Move`.
+
+        Returns:
+            Observations, rewards, which episodes have terminated, which were truncated, and `info`.
+
+        Raises:
+            ConfigError: `reset` was not called before, or the actions have another shape, or in the
+                mode DISABLED an environment whose episode has ended was not reset.
+        """
+        episodes, was_over = self._check_all_running(), self._has_ended.copy()
+        action, is_clipped = answers(actions, self._settings.action, self.num_envs)
+        before = episodes.observation
+        episodes.num_clipped += is_clipped & episodes.is_running
+        episodes.step(action)
+        has_crashed = episodes.has_crashed & ~was_over
+        is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
+        terminated = (has_crashed | is_done) & ~was_over
+        truncated = ~episodes.is_running & ~terminated & ~was_over
+        ended = terminated | truncated
+        verdicts = None
+        if self._with_labels and ended.any():
+            verdicts = episodes.judge(np.flatnonzero(ended))
+        events = self._events(terminated, truncated, has_crashed, verdicts)
+        reward = np.zeros(self.num_envs)
+        if self._reward is not None:
+            after = episodes.observation
+            reward = np.where(was_over, 0.0, self._reward(before, action, after, events))
+        info = self._describe(episodes, ended, verdicts)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
+            info = self._restart_in_same_step(episodes, ended, info)
+            ended = np.zeros_like(ended)
+        elif self.autoreset_mode == AutoresetMode.NEXT_STEP and was_over.any():
+            episodes.restart(np.flatnonzero(was_over), None)
+            info |= self._describe_episodes(episodes)
+        self._has_ended = ended
+        return self._observe(episodes), reward, terminated, truncated, info
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Draw the present state of each environment, as `overtaking video` draws it.
+
+        Returns:
+            A picture of shape (height, width, 3) for each environment; None if the environments
+            were made without a render mode.
+
+        Raises:
+            ConfigError: `reset` was not called before.
+        """
+        if self.render_mode is None:
+            return None
+        episodes = self._check_started("render")
+        return tuple(draw_episode(episodes, row) for row in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the simulations."""
+        del kwargs
+        self._episodes = None
+
+    def _check_started(self, where: str) -> EpisodeBatch:
+        if self._episodes is None:
+            raise ConfigError.of(
+                what="episodes",
+                where=where,
+                expected="one in every environment",
+                got="none",
+                next_step="call reset first",
+            )
+        return self._episodes
+
+    def _check_all_running(self) -> EpisodeBatch:
+        """The episodes, all of which may take a step."""
+        episodes = self._check_started("step")
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._has_ended.any():
+            raise ConfigError.of(
+                what="episodes",
+                where="step",
+                expected="one in every environment",
+                got=f"{int(self._has_ended.sum())} that have ended",
+                next_step='call reset, with options={"reset_mask": mask} for some of them',
+            )
+        return episodes
+
+    def _check_mask(self, reset_mask: Any, seed: int | None) -> Mask:
+        """The environments to reset, as an array of flags."""
+        if reset_mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        mask = np.asarray(reset_mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            expected = f"true or false for each of {self.num_envs} environments, one true at least"
+            raise _option_error("reset_mask", expected, f"{mask.dtype} of shape {mask.shape}")
+        if (seed is not None or self._episodes is None) and not mask.all():
+            raise _option_error("reset_mask", "all environments at first, and with a seed", "some")
+        return mask
+
+    def _events(
+        self, terminated: Mask, truncated: Mask, has_crashed: Mask, verdicts: EpisodeVerdicts | None
+    ) -> Events:
+        assert self._episodes is not None
+        ended = terminated | truncated
+        legal, completed = np.zeros((2, self.num_envs), np.bool_)
+        if verdicts is not None:
+            legal[ended], completed[ended] = verdicts.legal, verdicts.is_completed
+        return Events(
+            seconds=self._episodes.num_step_decisions / float(DECISIONS_PER_SECOND),
+            terminated=terminated,
+            truncated=truncated,
+            crashed=has_crashed,
+            judged=ended & self._with_labels,
+            legal=legal,
+            completed=completed,
+        )
+
+    def _observe(self, episodes: EpisodeBatch) -> F32:
+        return bounded(episodes.observations, scaled=self._scaled)
+
+    def _describe_episodes(self, episodes: EpisodeBatch) -> Info:
+        """The part of `info` that every episode has at all times."""
+        values: dict[str, NDArray[Any]] = {
+            "index": episodes.scenario_index.copy(),
+            "stage": episodes.stage.astype(np.uint8),
+            "clipped": episodes.num_clipped.copy(),
+        }
+        return values | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in values}
+
+    def _describe(
+        self, episodes: EpisodeBatch, ended: Mask | None, verdicts: EpisodeVerdicts | None
+    ) -> Info:
+        """`info` before the next episodes begin in place of those that have ended."""
+        info = self._describe_episodes(episodes)
+        if self._with_labels:
+            for name, dtype in (("outcome", np.uint8), ("legal", np.bool_), ("broken", np.uint8)):
+                info[name], info[f"_{name}"] = (
+                    np.zeros(self.num_envs, dtype),
+                    np.zeros_like(self._has_ended),
+                )
+                if verdicts is not None and ended is not None:
+                    info[name][ended], info[f"_{name}"][ended] = getattr(verdicts, name), True
+        return info
+
+    def _restart_in_same_step(self, episodes: EpisodeBatch, ended: Mask, info: Info) -> Info:
+        """Begin episodes where others have ended; `info` keeps the end of those."""
+        rows = np.flatnonzero(ended)
+        last_observations = np.empty(self.num_envs, object)
+        for row, observation in zip(rows, self._observe(episodes)[ended], strict=True):
+            last_observations[row] = observation
+        final_info = {
+            name: values & ended if name.startswith("_") else values
+            for name, values in info.items()
+        }
+        episodes.restart(rows, None)
+        return {
+            "final_obs": last_observations,
+            "_final_obs": ended.copy(),
+            "final_info": final_info,
+            "_final_info": ended.copy(),
+            **self._describe(episodes, None, None),
+        }
+
+
+class OvertakingEnv(Env[F32, Any]):
+    """An environment in which a policy drives the ego.
+
+    Arguments, episodes and `info` are those of `OvertakingVectorEnv`. The engine computes sixteen
+    environments at a time, so for training take the vector environment.
+
+    Args:
+        profile: What to sample, as in `overtaking.sample`.
+        **settings: The other arguments of `OvertakingVectorEnv`.
+
+    Raises:
+        ConfigError: An argument cannot be used.
+        MissingExtraError: Pictures are wanted, and the extra `video` is not installed.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
+
+    def __init__(self, profile: Profile, **settings: Any) -> None:
+        """Check the arguments; `reset` draws the first scenario."""
+        self._batch = OvertakingVectorEnv(
+            profile, 1, autoreset_mode=AutoresetMode.DISABLED, **settings
+        )
+        self.metadata = {
+            name: value
+            for name, value in self._batch.metadata.items()
+            if name.startswith("render_")
+        }
+        self.render_mode = self._batch.render_mode
+        self.observation_space = self._batch.single_observation_space
+        self.action_space = self._batch.single_action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[F32, Info]:
+        """Begin a new episode.
+
+        Args:
+            seed: Seed of the scenarios; with None the episode that follows, or a seed from the
+                system at first.
+            options: `index`, the number of the simulation to begin; the next one of the sequence if
+                left out.
+
+        Raises:
+            ConfigError: An option is unknown or cannot be used.
+        """
+        super().reset(seed=seed)
+        _check_option_names(options or {}, ("index",))
+        observations, info = self._batch.reset(seed=seed, options=options)
+        return observations[0], _info_of_single(info)
+
+    def step(self, action: NDArray[Any] | int) -> tuple[F32, float, bool, bool, Info]:
+        """Carry out an action.
+
+        Raises:
+            ConfigError: There is no episode, or it has ended, or the action has another shape.
+        """
+        observations, reward, terminated, truncated, info = self._batch.step(
+            np.asarray(action)[None]
+        )
+        return (
+            observations[0],
+            float(reward[0]),
+            bool(terminated[0]),
+            bool(truncated[0]),
+            _info_of_single(info),
+        )
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Draw the present state, as `overtaking video` draws it.
+
+        Returns:
+            A picture of shape (height, width, 3); None if the environment was made without a render
+            mode.
+
+        Raises:
+            ConfigError: `reset` was not called before.
+        """
+        pictures = self._batch.render()
+        return None if pictures is None else pictures[0]
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self._batch.close()
+
+
+def make_env(**settings: Any) -> OvertakingEnv:
+    """An `OvertakingEnv`, as `gymnasium.make` makes it.
+
+    Gymnasium reads the render modes of a class before it makes an environment, and where `human` is
+    not among them it opens a window of its own, which needs pygame. A function has no render modes,
+    so the environment itself refuses `human`.
+    """
+    return OvertakingEnv(**settings)
+
+
+def draw_episode(episodes: EpisodeBatch, row: int) -> NDArray[np.uint8]:
+    """The present state of an episode as a picture, shape (height, width, 3)."""
+    from overtaking.show.video.film import Film
+
+    title = f"Simulation {episodes.scenario_index[row]}"
+    film = Film(episodes.record(row), title=title)
+    return film.draw(film.num_frames - 1).rgb()
+
+
+def _info_of_single(info: Info) -> Info:
+    """The values of the only environment; those that its mask excludes are left out."""
+    return {
+        name: values[0].item()
+        for name, values in info.items()
+        if not name.startswith("_") and info[f"_{name}"][0]
+    }
+
+
+def _find_reward(reward: str | Reward | None, *, labels: bool) -> Reward | None:
+    if isinstance(reward, str):
+        check_name(reward, REWARDS, what="reward", where="gym")
+        reward = REWARDS[reward]
+    if reward is not None and reward in NEED_LABELS and not labels:
+        raise ConfigError.of(
+            what="labels",
+            where="gym",
+            expected=f"True for the reward {reward.__name__}",
+            got=labels,
+            next_step="set labels=True",
+        )
+    return reward
+
+
+def _check_render_mode(render_mode: str | None) -> None:
+    if render_mode is None:
+        return
+    if render_mode not in RENDER_MODES:
+        raise ConfigError.of(
+            what="render_mode",
+            where="gym",
+            expected=f"{' or '.join(RENDER_MODES)}, or None",
+            got=render_mode,
+            next_step="show the pictures of rgb_array with a tool of your own",
+        )
+    if find_spec("PIL") is None:
+        raise MissingExtraError.lacking("video", what="Pillow", where="render_mode='rgb_array'")
+
+
+def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
+    """A mode by its name, such as `NEXT_STEP`, or by Gymnasium's value, such as `NextStep`."""
+    for known in AutoresetMode:
+        if mode in (known, known.name, known.value):
+            return known
+    names = [known.name for known in AutoresetMode]
+    raise ConfigError.not_among("autoreset_mode", "gym", names, mode)
+
+
+def _frames_per_second(hold: int) -> int:
+    """Pictures a second that show real time; Gymnasium's writers of films take whole numbers."""
+    return max(1, round(float(DECISIONS_PER_SECOND) / hold))
+
+
+def _check_range(name: str, value: object, low: int, high: int) -> None:
+    if not (isinstance(value, int) and low <= value <= high):
+        raise ConfigError.out_of_range(name, "gym", low, high, value)
+
+
+def _check_option_names(options: Mapping[str, Any], known: Iterable[str]) -> None:
+    for name in options:
+        check_name(name, known, what="option", where="reset")
+
+
+def _check_index(index: Any, num_rows: int) -> NDArray[np.uint64]:
+    """Numbers of simulations, one for each environment that is reset."""
+    try:
+        numbers = [operator.index(number) for number in np.atleast_1d(np.asarray(index))]
+    except TypeError:
+        numbers = []
+    if len(numbers) != num_rows or not all(0 <= number <= MAX_INDEX for number in numbers):
+        noun = "whole number" if num_rows == 1 else "whole numbers"
+        raise _option_error("index", f"{num_rows} {noun} of 0 to 2^62", index)
+    return np.array(numbers, np.uint64)
+
+
+def _option_error(what: str, expected: str, got: object) -> ConfigError:
+    return ConfigError.of(
+        what=what, where="reset", expected=expected, got=got, next_step="correct the options"
+    )
