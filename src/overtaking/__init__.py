@@ -67,8 +67,6 @@ used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors th
 
 from importlib import import_module as _import_module
 
-import overtaking._moved  # pyright: ignore[reportUnusedImport]  # noqa: F401
-
 _HOMES = {
     "Balance": "overtaking.data.balance",
     "Change": "overtaking.model.changes",
