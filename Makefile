@@ -1,5 +1,6 @@
-# Everything a developer does. Needs Python 3.11 or newer, a Rust toolchain and package registries.
-# Nothing is installed outside .venv, target and the caches of pip and cargo.
+# Everything a developer does. Needs Python 3.11 or newer and package registries. Rust is installed
+# into .rust where the machine has none. Nothing is installed outside .venv, .rust, target and the
+# caches of pip and cargo.
 
 PYTHON ?= python3
 VENV   := .venv
@@ -45,7 +46,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 # Bytecode is written when a module is first imported, most of it never.
 INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile --require-hashes
 # Cargo counts its own processes: those of `make` would leave it one.
-CARGO   := MAKEFLAGS= cargo
+CARGO   := MAKEFLAGS= setup/with_rust.sh cargo
 CRATES := $(shell find crates -type f)
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes \
            --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
@@ -117,7 +118,7 @@ check-python: $(VENV)/.dev
 
 # With the profile and the feature of the engine, so that build scripts and macros are there.
 check-rust: $(VENV)/.engine
-	cargo fmt --all --check
+	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets --locked --features pyo3/extension-module \
 	  -- -D warnings
 
@@ -157,7 +158,7 @@ rl: build $(RL)/.rl  ## Make .venv-rl, with what drivers are trained with
 format: dev  ## Format all code, and fix what the linter can fix
 	$(BIN)/ruff check --fix-only --quiet .
 	$(BIN)/ruff format .
-	cargo fmt --all
+	$(CARGO) fmt --all
 
 site: $(VENV)/.build  ## Build the documentation as a site, target/docs/site; fails if a link leads nowhere
 	$(BIN)/python docs/site.py
@@ -178,21 +179,20 @@ clean:  ## Remove what was built, except the caches of pip and cargo and the dat
 
 # Each stamp is touched last, so an interrupted step is done again.
 $(VENV)/.python: requirements/pip.txt
-	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
-	  "$(PYTHON) is Python %d.%d, overtaking needs 3.11 or newer: make PYTHON=python3.11" % v[:2])'
-	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || \
+	  { python=$$(setup/find_python.sh "$(PYTHON)") && "$$python" -m venv --clear $(VENV); }
 	@$(INSTALL) --quiet -r $<
 	@touch $@
 
 $(QC)/.qc: requirements/qc.txt | $(VENV)/.python
-	@$(PYTHON) -m venv $(QC)
+	@$(BIN)/python -m venv $(QC)
 	@echo "installing the packages of $< into $(QC)"
 	@$(QC)/bin/python -m pip install --disable-pip-version-check --no-compile --require-hashes -r $<
 	@touch $@
 
 # The same editable package: its engine fits every Python.
 $(RL)/.rl: requirements/rl.txt | $(VENV)/.python
-	@$(PYTHON) -m venv $(RL)
+	@$(BIN)/python -m venv $(RL)
 	@echo "installing the packages of $< into $(RL)"
 	@$(RL)/bin/python -m pip install --disable-pip-version-check --no-compile --require-hashes -r $<
 	@cp -r $(VENV)/lib/python3.*/site-packages/overtaking* $(RL)/lib/python3.*/site-packages/
@@ -205,8 +205,6 @@ $(VENV)/.demo $(VENV)/.dev: $(VENV)/.%: requirements/%.txt | $(VENV)/.python
 
 $(VENV)/.engine: $(CRATES) Cargo.toml Cargo.lock $(if $(filter all $(LEVELS),$(BUILT)),,more-levels) \
     | $(VENV)/.python
-	@command -v cargo >/dev/null || { \
-	  echo "cargo is not on PATH, overtaking needs Rust 1.89 or newer: install it with rustup" >&2; exit 1; }
 	@echo "building the engine"
 	@$(CARGO) build --release --locked --package overtaking-py --features pyo3/extension-module
 	@echo $(LEVELS) > $@
@@ -217,6 +215,6 @@ more-levels:
 # Maturin, which pip starts, finds the engine built. Only the compiled module has to be built again
 # when Rust code changes.
 $(VENV)/.build: $(VENV)/.engine pyproject.toml | $(VENV)/.$(PACKAGES)
-	@PATH="$(CURDIR)/$(BIN):$$PATH" MAKEFLAGS= \
+	@PATH="$(CURDIR)/$(BIN):$$PATH" MAKEFLAGS= setup/with_rust.sh \
 	  $(BIN)/python -m pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
