@@ -41,6 +41,13 @@ Vehicles = Annotated[
 Lanelet = Annotated[
     int | None, options.option("--lanelet ID", "With commonroad: a lanelet of the road to use.")
 ]
+DrivingSide = Annotated[
+    str | None,
+    options.option(
+        "--driving-side left|right",
+        "With commonroad: side of the road that traffic keeps to.  [default: the file's]",
+    ),
+]
 Direction = Annotated[
     int | None, options.option("--direction 1|2", "With highd: only the upper or the lower lanes.")
 ]
@@ -81,6 +88,8 @@ _WORDS = {
     "oncoming": "oncoming vehicles",
     "oncoming_left_out": "oncoming vehicles left out",
     "other_roads": "other roads, for --lanelet",
+    "driving_side": "side of traffic",
+    "vehicles_left_out": "vehicles left out",
     "neighbours_with_a_slot": "share of neighbours kept",
     "lanes_from": "lanes from",
     "lane_fit": "fit of the lanes",
@@ -106,6 +115,7 @@ def import_recording(
     attempts_only: AttemptsOnly = None,
     vehicles: Vehicles = None,
     lanelet: Lanelet = None,
+    driving_side: DrivingSide = None,
     direction: Direction = None,
     columns: Columns = None,
     only: Only = None,
@@ -137,6 +147,7 @@ def import_recording(
         attempts_only=attempts_only or None,
         vehicles=vehicles,
         lanelet=lanelet,
+        driving_side=driving_side,
         direction=direction,
         road=arguments.road(map_file, road),
     )

@@ -1,23 +1,34 @@
 """CommonRoad scenarios (XML, versions 2018b and 2020a) as recordings.
 
-Goals, predictions, signals and static obstacles of a scenario are not read. Traffic is
-taken to keep to the right.
+Goals, predictions, signals and static obstacles of a scenario are not read. In left-hand traffic
+the scenario is read as its mirror image, in which traffic keeps to the right, and the result is
+mirrored back.
 """
 
+import re
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64
-from overtaking.model.road import Road
+from overtaking.core.errors import ConfigError
+from overtaking.model.road import DrivingSide, Road
 from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
-from overtaking.recordings.commonroad_obstacles import QUANTITIES, Obstacle, is_dynamic, obstacle
+from overtaking.recordings.commonroad_obstacles import (
+    QUANTITIES,
+    LeftOut,
+    Obstacle,
+    is_dynamic,
+    read_obstacle,
+)
 from overtaking.recordings.commonroad_road import Network, Stretch, chosen_road, posted_limit
+from overtaking.recordings.commonroad_side import side_of_traffic
+from overtaking.recordings.countries import speed_unit
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
@@ -42,18 +53,30 @@ _TRUCKS = ("truck", "bus")
 _MOTORWAYS = ("highway", "interstate")
 _MAX_STEP_S = 1.0
 _FAR = 1.0e6  # World coordinates beyond this are shifted: millimetres in int32 end at 2147 km.
+_READ = frozenset(
+    {"lanelet", "dynamicObstacle", "obstacle", "trafficSign", "scenarioTags", "location"}
+)
+_COUNTRY = re.compile("(?:C-)?([A-Za-z]{3})_.*")  # At the beginning of a benchmark's id.
+_MAX_NAMED = 5  # Obstacles that are left out and named.
 _UNREAD = frozenset(
     {"occupancySet", "signalSeries", "initialSignalState", "planningProblem", "cycle", "stopLine"}
 )
 
 
-def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recording:
+def read_commonroad(
+    path: Path | str,
+    *,
+    lanelet_id: int | None = None,
+    driving_side: Literal["right", "left"] | None = None,
+) -> Recording:
     """The traffic on one road of a CommonRoad scenario.
 
     Args:
         path: The XML file.
         lanelet_id: A lanelet of the road; by default the road with most recorded states is taken,
             where those of a road with a single lane count for a tenth.
+        driving_side: Side of the road that traffic keeps to. By default oncoming lanelets show it,
+            and where there are none the country in the scenario's id.
 
     Returns:
         The recording, with what was left out and how far the road is from the real one in its
@@ -62,14 +85,22 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
     Raises:
         ImportFormatError: The file is no such scenario, or its road cannot be represented; the
             message names line and element.
-        ConfigError: There is no such lanelet.
+        ConfigError: There is no such lanelet or side.
     """
+    if driving_side is not None and driving_side not in ("right", "left"):
+        sides = ("right", "left")
+        raise ConfigError.not_among("driving_side", "read_commonroad", sides, repr(driving_side))
     source = Path(path)
     document = _Document()
     for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD):
         document.add(element)
     document.check(source.name)
     document.move_near()
+    side, source_of_side = side_of_traffic(document.lanelets.values(), document.country)
+    if driving_side is not None:
+        side, source_of_side = DrivingSide(driving_side), "option"
+    if side is DrivingSide.LEFT:
+        document.mirror()
     x, y = (
         np.concatenate([one.states[:, k] for one in document.obstacles.values()]) for k in (0, 1)
     )
@@ -80,12 +111,28 @@ def read_commonroad(path: Path | str, *, lanelet_id: int | None = None) -> Recor
         limits=document.limits,
         rows={one.number: row for row in slices(document.lanelets) for one in row},
     )
-    return _recording(document, chosen_road(network, lanelet_id, x, y))
+    recording = _recording(document, chosen_road(network, lanelet_id, x, y))
+    if side is DrivingSide.LEFT:
+        recording = _mirrored(recording)
+    origin_x, origin_y = document.shift.tolist()
+    return replace(
+        recording,
+        road=replace(recording.road, origin_x=origin_x, origin_y=origin_y),
+        notes=recording.notes | {"driving_side": f"{side.value}, by the {source_of_side}"},
+    )
+
+
+def _mirrored(recording: Recording) -> Recording:
+    """A recording in a world where left and right are swapped."""
+    tracks = recording.tracks
+    names = ("y", "d", "heading", "accel_lat", "yaw_rate", "wheel_angle")
+    changes: dict[str, Any] = {name: -getattr(tracks, name) for name in names}
+    return replace(recording, road=recording.road.mirrored(), tracks=replace(tracks, **changes))
 
 
 def _is_read(name: str, attributes: Mapping[str, str]) -> bool:
     del attributes
-    return name in ("lanelet", "dynamicObstacle", "obstacle", "trafficSign", "scenarioTags")
+    return name in _READ
 
 
 @dataclass(slots=True)
@@ -99,7 +146,9 @@ class _Document:
         obstacles: The vehicles, by id.
         limits: Speed limits that signs post, by the id of the sign [m/s].
         tags: Tags of the scenario.
+        country: Code of ISO 3166-1 of its country, None if it is not known.
         left_out: Number of obstacles without a recorded path, by type.
+        unreadable: Vehicles among them whose states are not exact, with the reasons.
         shift: What was taken off world coordinates [m].
     """
 
@@ -109,7 +158,9 @@ class _Document:
     obstacles: dict[int, Obstacle] = field(default_factory=dict[int, Obstacle])
     limits: dict[int, float] = field(default_factory=dict[int, float])
     tags: frozenset[str] = frozenset()
+    country: str | None = None
     left_out: Counter[str] = field(default_factory=Counter[str])
+    unreadable: list[str] = field(default_factory=list[str])
     shift: F64 = field(default_factory=lambda: np.zeros(2))
 
     @property
@@ -122,26 +173,43 @@ class _Document:
         if element.name == "commonRoad":
             self._begin(element)
         elif element.name == "lanelet":
-            one = lanelet(element)
+            one = lanelet(element, speed_unit(self.country))
             self._once(element, one.number, self.lanelets)
             self.lanelets[one.number] = one
             element.children.clear()  # Only its place is still needed: points take much memory.
         elif element.name == "trafficSign":
-            limit = posted_limit(element)
+            limit = posted_limit(element, speed_unit(self.country))
             if limit is not None:
                 self.limits[element.integer("id")] = limit
         elif element.name == "scenarioTags":
             self.tags = frozenset(child.name for child in element.children)
+        elif element.name == "location":
+            country = element.optional("country")
+            self.country = country.text if country is not None and country.text else self.country
         elif is_dynamic(element):
             self._obstacle(element)
 
     def check(self, file: str) -> None:
         """Refuse a scenario without a road or without traffic."""
-        for what, found in (("lanelets", self.lanelets), ("vehicles with a path", self.obstacles)):
-            if not found:
-                raise refused(
-                    file, "scenario", what, "none", "choose a scenario with recorded traffic"
-                )
+        for what, items in (("lanelets", self.lanelets), ("vehicles with a path", self.obstacles)):
+            if not items:
+                got = "none" if what == "lanelets" else self.described_left_out or "none"
+                next_step = "choose a scenario with recorded traffic"
+                raise refused(file, "scenario", what, got, next_step)
+
+    @property
+    def described_left_out(self) -> str | None:
+        """Vehicles that are left out with the reasons, None if there are none."""
+        more = len(self.unreadable) - _MAX_NAMED
+        named = "; ".join(self.unreadable[:_MAX_NAMED])
+        return f"{named}; and {more} more" if more > 0 else named or None
+
+    def mirror(self) -> None:
+        """Swap left and right."""
+        self.lanelets = {number: one.mirrored() for number, one in self.lanelets.items()}
+        mirrored = [QUANTITIES.index(name) for name in ("y", "orientation", "yawRate")]
+        for vehicle in self.obstacles.values():
+            vehicle.states[:, mirrored] *= -1.0
 
     def move_near(self) -> None:
         """Bring lanelets and vehicles near the origin, by whole kilometres, if they are far."""
@@ -171,14 +239,18 @@ class _Document:
                 f"{step:g}",
             )
         self.name = shown(root.attribute("benchmarkID"), length=80)
+        match = _COUNTRY.fullmatch(self.name)
+        self.country = None if match is None else match[1]
 
     def _obstacle(self, element: Element) -> None:
-        one = obstacle(element)
-        if one is None:
-            self.left_out[shown(element.required("type").text)] += 1
+        vehicle = read_obstacle(element)
+        if isinstance(vehicle, LeftOut):
+            self.left_out[shown(vehicle.kind)] += 1
+            if vehicle.reason is not None:
+                self.unreadable.append(f"obstacle {vehicle.number}: {vehicle.reason}")
             return
-        self._once(element, one.number, self.obstacles)
-        self.obstacles[one.number] = one
+        self._once(element, vehicle.number, self.obstacles)
+        self.obstacles[vehicle.number] = vehicle
 
     def _once(self, element: Element, number: int, known: Collection[int]) -> None:
         if number in known:
@@ -228,6 +300,7 @@ def _recording(document: _Document, road: Stretch) -> Recording:
             "states": ways.tracks.num_rows,
             "states_off_the_road": len(columns) - int(there.sum()),
             "obstacles_left_out": dict(sorted(document.left_out.items())),
+            "vehicles_left_out": document.described_left_out,
             "world_shift_m": document.shift.tolist(),
             "derived": derived,
         },

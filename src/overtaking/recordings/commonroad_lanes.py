@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64
 from overtaking.model.road import MIN_LANE_WIDTH, RoadMark
+from overtaking.recordings.countries import limit_in_mps
+from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.xml import Element
 
 MAX_POINTS = 20_000
@@ -68,6 +70,7 @@ class Lanelet:
         left_neighbour: Id of the lanelet on its left with the same direction, or None.
         right_neighbour: The same on its right.
         oncoming_left: Id of the lanelet on its left with the other direction, or None.
+        oncoming_right: The same on its right.
         before: Ids of the lanelets that lead into it.
         after: Ids of those that it leads into.
         types: Its types.
@@ -87,6 +90,7 @@ class Lanelet:
     left_neighbour: int | None
     right_neighbour: int | None
     oncoming_left: int | None
+    oncoming_right: int | None
     before: tuple[int, ...]
     after: tuple[int, ...]
     types: tuple[str, ...]
@@ -103,6 +107,21 @@ class Lanelet:
         """The lanelet in a world whose origin lies at `shift` [m]."""
         return replace(self, left=self.left - shift, right=self.right - shift)
 
+    def mirrored(self) -> Self:
+        """The lanelet in a world where left and right are swapped."""
+        mirror = np.array([1.0, -1.0])
+        return replace(
+            self,
+            left=self.right * mirror,
+            right=self.left * mirror,
+            left_mark=self.right_mark,
+            right_mark=self.left_mark,
+            left_neighbour=self.right_neighbour,
+            right_neighbour=self.left_neighbour,
+            oncoming_left=self.oncoming_right,
+            oncoming_right=self.oncoming_left,
+        )
+
     @property
     def box(self) -> tuple[F64, F64]:
         """The smallest and the largest x and y of its borders [m]."""
@@ -114,8 +133,12 @@ Slice = tuple[Lanelet, ...]
 """Lanelets beside each other with the same direction and kind, from right to left."""
 
 
-def lanelet(element: Element) -> Lanelet:
+def lanelet(element: Element, unit: str = "km/h") -> Lanelet:
     """A lanelet from its element.
+
+    Args:
+        element: The `<lanelet>`.
+        unit: The unit on the speed signs of its country.
 
     Raises:
         ImportFormatError: Something is missing or no number; the message names line and element.
@@ -136,13 +159,33 @@ def lanelet(element: Element) -> Lanelet:
         left_neighbour=_beside(element, "adjacentLeft", "same"),
         right_neighbour=_beside(element, "adjacentRight", "same"),
         oncoming_left=_beside(element, "adjacentLeft", "opposite"),
+        oncoming_right=_beside(element, "adjacentRight", "opposite"),
         before=tuple(one.integer("ref") for one in element.all("predecessor")),
         after=tuple(one.integer("ref") for one in element.all("successor")),
         types=types,
         kind=_kind(element, types),
         signs=tuple(one.integer("ref") for one in element.all("trafficSignRef")),
-        speed_limit=stated.value() if stated else None,
+        speed_limit=None if stated is None else stated_limit(stated, unit),
     )
+
+
+def stated_limit(element: Element, unit: str) -> float | None:
+    """A speed limit that an element states [m/s], None where it states that none is known.
+
+    Args:
+        element: The element. The format wants m/s; a value that no limit in m/s has is the number
+            on the sign.
+        unit: The unit on the speed signs of the country.
+
+    Raises:
+        ImportFormatError: The text of the element is no number.
+    """
+    if element.text.lower() in ("inf", "infinity"):
+        return NO_LIMIT
+    limit = limit_in_mps(element.value(), unit)
+    if limit > NO_LIMIT:
+        raise element.error("is no speed limit", f"at most {NO_LIMIT:g} m/s", f"{limit:g} m/s")
+    return limit if limit > 0.0 else None
 
 
 def _kind(element: Element, types: tuple[str, ...]) -> str:

@@ -1,11 +1,12 @@
 """CommonRoad's dynamic obstacles: the recorded vehicles of a scene."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64
+from overtaking.recordings.messages import shown
 from overtaking.recordings.xml import Element
 
 VEHICLES = frozenset(
@@ -50,24 +51,42 @@ def is_dynamic(element: Element) -> bool:
     return role is not None and role.text == "dynamic"
 
 
-def obstacle(element: Element) -> Obstacle | None:
-    """A vehicle from its element; None for what is no vehicle or has no recorded path.
+class LeftOut(NamedTuple):
+    """An obstacle that is no vehicle with a recorded path.
+
+    Attributes:
+        number: Its id.
+        kind: Its type.
+        reason: Why it is left out, None for what is no vehicle or has no trajectory.
+    """
+
+    number: int
+    kind: str
+    reason: str | None
+
+
+def read_obstacle(element: Element) -> Obstacle | LeftOut:
+    """A vehicle from its element, or what is left out of the scene.
+
+    An interval in place of a speed, direction or acceleration counts as not stated. An area in
+    place of a position, a time that is an interval, or a shape without sides leaves the obstacle
+    out.
 
     Raises:
-        ImportFormatError: Something is missing, no number, too large or twice; the message names
-            line and element.
+        ImportFormatError: Something is missing, no number, too large or out of order; the message
+            names line and element.
     """
-    kind = element.required("type").text
+    number, kind = element.integer("id"), element.required("type").text
     path = element.optional("trajectory")
     if kind not in VEHICLES or path is None:
-        return None
-    number = element.integer("id")
+        return LeftOut(number, kind, None)
     element.belongs_to(f"obstacle {number}")
-    rows = [element.required("initialState"), *path.all("state")]
-    length, width = _size(element.required("shape"))
-    times = np.array([_time(row) for row in rows])
-    _check_times(rows, times)
-    states = np.array([[_quantity(row, name) for name in QUANTITIES] for row in rows])
+    try:
+        length, width = _size(element.optional("shape"))
+        rows, times = _states(element.required("initialState"), path)
+        states = np.array([[_quantity(row, name) for name in QUANTITIES] for row in rows])
+    except _Uncertain as uncertain:
+        return LeftOut(number, kind, f"{uncertain}")
     return Obstacle(
         number=number,
         kind=kind,
@@ -78,21 +97,48 @@ def obstacle(element: Element) -> Obstacle | None:
     )
 
 
-def _size(shape: Element) -> tuple[float, float]:
-    """Length and width of a shape."""
-    circle, rectangle = shape.optional("circle"), shape.optional("rectangle")
-    if rectangle is not None:
-        sides = [rectangle.required(name) for name in ("length", "width")]
-        length, width = (side.value() for side in sides)
-    elif circle is not None:
-        length = width = 2.0 * circle.required("radius").value()
-    else:
-        raise shape.error(
-            "is not known",
-            "a rectangle or a circle",
-            shape.children[0].name if shape.children else "nothing",
-            "give the obstacle a rectangle",
+class _Uncertain(Exception):
+    """A part of an obstacle that the format allows and a recorded vehicle does not have."""
+
+
+def _states(initial: Element, path: Element) -> tuple[list[Element], list[int]]:
+    """The states of a vehicle and their time steps, each step once and none missing.
+
+    Some writers repeat the initial state as the first state of the trajectory.
+    """
+    rows = [initial]
+    times = [_time(initial)]
+    for row in path.all("state"):
+        time = _time(row)
+        if time == times[-1] and (len(rows) == 1 or _point(row) == _point(rows[-1])):
+            continue
+        if time != times[-1] + 1:
+            raise row.error(
+                "does not follow the state before it", f"time step {times[-1] + 1}", f"{time}"
+            )
+        rows.append(row)
+        times.append(time)
+    return rows, times
+
+
+def _size(shape: Element | None) -> tuple[float, float]:
+    """Length and width of a shape [m]."""
+    if shape is None or len(shape.children) != 1:
+        parts = "no" if shape is None or not shape.children else "several"
+        raise _Uncertain(f"{parts} shape")
+    form = shape.children[0]
+    if form.name == "rectangle":
+        length, width = (form.required(name).value() for name in ("length", "width"))
+    elif form.name == "circle":
+        length = width = 2.0 * form.required("radius").value()
+    elif form.name == "polygon":
+        points = np.array(
+            [[point.required(axis).value() for axis in ("x", "y")] for point in form.all("point")]
         )
+        # The polygon is given in the axes of the vehicle.
+        length, width = map(float, np.ptp(points.reshape(-1, 2), axis=0)) if len(points) else (0, 0)
+    else:
+        raise _Uncertain(f"a shape that is not known: {shown(form.name)}")
     if not 0.1 <= min(length, width) <= max(length, width) <= _MAX_SIZE:
         raise shape.error(
             "has no size of a vehicle", f"0.1 to {_MAX_SIZE:g} m", f"{length:g} by {width:g} m"
@@ -100,41 +146,39 @@ def _size(shape: Element) -> tuple[float, float]:
     return length, width
 
 
-def _exact(element: Element) -> float:
-    """The value of a quantity that may also be given as an interval, which is refused."""
-    return element.required("exact").value()
-
-
 def _time(state: Element) -> int:
-    given = state.required("time")
-    value = _exact(given)
+    stated = state.required("time")
+    exact = stated.optional("exact")
+    if exact is None:
+        raise _Uncertain(f"line {stated.line}: an interval of time")
+    value = exact.value()
     if not (0.0 <= value <= _MAX_TIME and value == int(value)):
-        raise given.error("is no time step", f"a whole number from 0 to {_MAX_TIME}", f"{value:g}")
+        raise stated.error("is no time step", f"a whole number from 0 to {_MAX_TIME}", f"{value:g}")
     return int(value)
 
 
-def _check_times(rows: list[Element], times: NDArray[np.int64]) -> None:
-    """Refuse steps that are missing, twice or out of order."""
-    wrong = np.flatnonzero(np.diff(times) != 1)
-    if len(wrong):
-        place = int(wrong[0]) + 1
-        raise rows[place].error(
-            "does not follow the state before it",
-            f"time step {times[place - 1] + 1}",
-            str(times[place]),
-        )
+def _point(state: Element) -> tuple[float, float]:
+    """The position of a state [m]."""
+    position = state.required("position")
+    point = position.optional("point")
+    if point is None:
+        form = position.children[0].name if position.children else "nothing"
+        raise _Uncertain(f"line {position.line}: a position that is an area: {shown(form)}")
+    x, y = (point.required(axis).value() for axis in ("x", "y"))
+    return x, y
 
 
 def _quantity(state: Element, name: str) -> float:
-    """One of `QUANTITIES`, NaN if it is not given."""
+    """One of `QUANTITIES`, NaN if it is not stated or stated as an interval."""
     if name in ("x", "y"):
-        return state.required("position").required("point").required(name).value()
-    given = state.optional(name)
-    if given is None:
+        return _point(state)[QUANTITIES.index(name)]
+    stated = state.optional(name)
+    exact = None if stated is None else stated.optional("exact")
+    if stated is None or exact is None:
         return float("nan")
-    value = _exact(given)
+    value = exact.value()
     if abs(value) > _LIMITS[name]:
-        raise given.error(
+        raise stated.error(
             "is not that of a vehicle", f"a size of at most {_LIMITS[name]:g}", f"{value:g}"
         )
     return value

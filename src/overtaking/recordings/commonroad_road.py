@@ -20,16 +20,15 @@ from overtaking.recordings.commonroad_lanes import (
     Strip,
     borders,
     contains,
+    stated_limit,
     strips,
 )
+from overtaking.recordings.countries import from_sign, is_speed_sign, number_on_sign
 from overtaking.recordings.fitting import is_straight
 from overtaking.recordings.limits import Stated, highest_and_lower
 from overtaking.recordings.messages import refused
 from overtaking.recordings.road import RoadShape, RoadShapeError, shape_of
 from overtaking.recordings.xml import Element
-
-SPEED_SIGNS = frozenset({"274", "R2-1"})
-"""Signs that post a speed limit: CommonRoad's own and Germany's, and that of the USA."""
 
 UNKNOWN_LIMIT = 100.0
 """Stands where no limit is known [m/s]; no vehicle reaches it."""
@@ -205,20 +204,30 @@ def _limit_of(one: Lanelet, posted: Mapping[int, float]) -> float | None:
     """The limit that a lanelet states or that its signs post [m/s]."""
     if one.speed_limit is not None:
         return one.speed_limit
-    return next((posted[number] for number in one.signs if number in posted), None)
+    return min((posted[number] for number in one.signs if number in posted), default=None)
 
 
-def posted_limit(sign: Element) -> float | None:
-    """The speed limit that a traffic sign posts, None if it posts none [m/s].
+def posted_limit(sign: Element, unit: str) -> float | None:
+    """The lowest speed limit that a traffic sign posts, None if it posts none [m/s].
+
+    Args:
+        sign: The `<trafficSign>`.
+        unit: The unit on the speed signs of its country.
 
     Raises:
         ImportFormatError: The sign has no id, or its limit is no number.
     """
-    for one in sign.all("trafficSignElement"):
-        values = one.all("additionalValue")
-        if one.required("trafficSignID").text in SPEED_SIGNS and values:
-            return values[0].value()
-    return None
+    limits: list[float | None] = []
+    for element in sign.all("trafficSignElement"):
+        code = element.required("trafficSignID").text
+        if is_speed_sign(code):
+            values = element.all("additionalValue")
+            number = number_on_sign(code)
+            if values:
+                limits.append(stated_limit(values[0], unit))
+            elif number is not None:
+                limits.append(from_sign(number, unit))
+    return min((limit for limit in limits if limit is not None), default=None)
 
 
 def _beside_right(

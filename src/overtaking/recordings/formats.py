@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _OF_ALL = frozenset({"attempts_only", "vehicles", "smooth"})
 FORMATS: dict[str, frozenset[str]] = {
-    "commonroad": _OF_ALL | {"lanelet"},
+    "commonroad": _OF_ALL | {"lanelet", "driving_side"},
     "exid": _OF_ALL | {"road", "only"},
     "highd": _OF_ALL | {"direction"},
     "ngsim": _OF_ALL | {"road", "only"},
@@ -51,8 +51,9 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
         file_format: One of `FORMATS`.
         path: The file; of exiD and highD its `_tracks.csv`.
         options: Options of that format by name: `attempts_only`, `vehicles` (of a simulation),
-            `lanelet` (an id), `direction` (1 or 2), `road` (a `Road`), `columns` (a map), `only`
-            (values that columns must have), `smooth` (whether tracks are smoothed).
+            `lanelet` (an id), `driving_side` ("right" or "left"), `direction` (1 or 2), `road` (a
+            `Road`), `columns` (a map), `only` (values that columns must have), `smooth` (whether
+            tracks are smoothed).
 
     Raises:
         ConfigError: There is no such format, or an option is not for it.
@@ -120,7 +121,9 @@ def _recording(file_format: str, source: Path, options: Mapping[str, Any]) -> Re
     if file_format == "commonroad":
         from overtaking.recordings.commonroad import read_commonroad
 
-        return read_commonroad(source, lanelet_id=options.get("lanelet"))
+        return read_commonroad(
+            source, lanelet_id=options.get("lanelet"), driving_side=options.get("driving_side")
+        )
     if file_format == "highd":
         from overtaking.recordings.highd import read_highd
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.roads import general_limit
 from overtaking.model.course import MAX_SPEED_LIMIT
+from overtaking.recordings.countries import MPS_PER_MPH
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_shape import Records, unfit
@@ -12,12 +13,11 @@ from overtaking.recordings.xml import Element
 
 UNKNOWN = "unknown"  # OpenDRIVE's word for a road without a type.
 
-_MPS_PER_MPH = 0.44704  # Exact: 1609.344 m in 3600 s, international yard and pound agreement, 1959.
 _IN_MPS: dict[str, Callable[[float], float]] = {
     "m/s": float,
     "km/h": mps_from_kmh,
     "kmh": mps_from_kmh,
-    "mph": lambda value: value * _MPS_PER_MPH,
+    "mph": lambda value: value * MPS_PER_MPH,
 }
 """From each of OpenDRIVE's units of speed, and from a spelling that files have."""
 

@@ -33,6 +33,7 @@ ANY_LANELET = Lanelet(
     left_neighbour=None,
     right_neighbour=None,
     oncoming_left=None,
+    oncoming_right=None,
     before=(),
     after=(),
     types=(),
