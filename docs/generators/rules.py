@@ -69,7 +69,11 @@ def _pack(country: str, pack: Pack, numbers: str) -> tuple[str, ...]:
         ("rule", "title", "law", "text", *names), [_line(rule, pack) for rule in pack.rules]
     )
     return (
-        section(country, f"Edition: {pack.edition}.\n", overview),
+        section(
+            country,
+            f"Edition: {pack.edition}.\n\nSeverity: {pack.severities}.\n",
+            overview,
+        ),
         section(f"The rules of {country}", *map(_rule, pack.rules)),
         section(f"Numbers of {country}: `{numbers}`", NUMBERS, numbers_of(numbers)),
     )

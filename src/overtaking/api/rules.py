@@ -49,7 +49,17 @@ from overtaking.labels.law.frames import (
     settled,
 )
 from overtaking.labels.law.policies import POLICIES, STORED
-from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Spread, decided, judge
+from overtaking.labels.law.rule import (
+    Check,
+    Errors,
+    Grade,
+    Pack,
+    Rule,
+    Spread,
+    adopt,
+    decided,
+    judge,
+)
 from overtaking.labels.law.speeds import CLASSES, ROAD_KINDS, keeps_limit, limits_of
 from overtaking.labels.signals import encounter
 from overtaking.model.events import NEVER
@@ -77,6 +87,7 @@ __all__ = [
     "Text",
     "Tolerance",
     "Verdict",
+    "adopt",
     "alongside",
     "always",
     "always_at",

@@ -30,7 +30,7 @@ class Belief(IntEnum):
 
 
 class Severity(IntEnum):
-    """Severity of a breach (Portuguese Highway Code, Articles 145 and 146)."""
+    """Severity of a breach, by the law of its rule."""
 
     NONE = 0
     LIGHT = 1

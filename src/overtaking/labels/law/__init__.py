@@ -11,7 +11,18 @@ from overtaking.labels.law.policies import (
     policy,
 )
 from overtaking.labels.law.portugal import PORTUGAL
-from overtaking.labels.law.rule import Check, Errors, Grade, Pack, Rule, Text, check, judge, lacking
+from overtaking.labels.law.rule import (
+    Check,
+    Errors,
+    Grade,
+    Pack,
+    Rule,
+    Text,
+    adopt,
+    check,
+    judge,
+    lacking,
+)
 
 PACKS = {pack.name: pack for pack in (PORTUGAL, GERMANY)}
 """The packs of this package, by name."""
@@ -30,6 +41,7 @@ __all__ = [
     "Rule",
     "Text",
     "Tolerance",
+    "adopt",
     "check",
     "judge",
     "lacking",

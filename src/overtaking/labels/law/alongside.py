@@ -9,6 +9,7 @@ from overtaking.core.arrays import F32, U8, IndexArray, Mask
 from overtaking.labels.instants import across_at, at, slot_of, vehicle_at
 from overtaking.labels.law.errors import lane_error
 from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
+from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import num_slow, target_may_be
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
 from overtaking.labels.signals import beside_target
@@ -84,6 +85,19 @@ def _on_the_left(case: Case) -> Check:
     return found.check(case, margin)
 
 
+NOT_IN_QUEUES = (
+    f"Not where at least {bare('law.queue.vehicles')} others within {amount('law.queue.reach')} "
+    f"are slower than {amount('law.queue.speed', unit='km/h')} and the ego is at most "
+    f"{amount('law.queue.faster', unit='km/h')} faster than the target."
+)
+"""The exception of queues, for the predicates of all laws."""
+
+TARGET_KEEPS_SPEED = (
+    f"While ego and target overlap: acceleration of the target <= {amount('law.overtaken.accel')}. "
+    "The duty is the target's; a breach never makes the ego's overtake illegal."
+)
+
+
 def in_queue(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     """Whether queues go on side by side at different speeds, which is no overtaking (42)."""
     below, reach = float(known("law.queue.speed")), float(known("law.queue.reach"))
@@ -123,10 +137,11 @@ L1 = Rule(
     title="Overtake on the left",
     gloss="Overtaking is done on the left, in the lane next to that of the overtaken vehicle. "
     "Parallel queues that move at different speeds do not overtake each other.",
-    predicate="While ego and target overlap: lane(ego) is left of lane(target), and at most one "
-    "lane left of it or of the lane from which the overtake began, for the target may make room. "
-    "Not where at least 3 others within 100 m are slower than 30 km/h and the ego is at most 20 "
-    "km/h faster than the target.",
+    predicate=(
+        "While ego and target overlap: lane(ego) is left of lane(target), and at most one lane "
+        "left of it or of the lane from which the overtake began, for the target may make room. "
+        + NOT_IN_QUEUES
+    ),
     unit="lanes",
     grade=Grade.BY_ROAD,
     check=_on_the_left,
@@ -177,8 +192,10 @@ L10 = Rule(
     law="Article 18(2)",
     title="Lateral distance",
     gloss="Keep a lateral distance to vehicles on the same carriageway that avoids accidents.",
-    predicate="While ego and target overlap, the target being no bicycle: distance between their "
-    "sides >= 0.8 m.",
+    predicate=(
+        "While ego and target overlap, the target being no bicycle: distance between their sides "
+        f">= {amount('law.side.motor')}."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["kinds"]),
@@ -213,17 +230,22 @@ L11 = Rule(
     code="L11",
     law="Articles 18(3) and 38(2)(e)",
     title="Overtaking a bicycle",
-    gloss="Motor vehicles keep at least 1.5 m to the side of bicycles, and slow down to overtake "
+    gloss=f"Motor vehicles keep at least {amount('law.side.bicycle')} to the side of bicycles, and "
+    "slow down to overtake "
     "them.",
-    predicate="While ego and target overlap, the target being a bicycle: distance between their "
-    "sides >= 1.5 m, and speed <= that at attempt. The margin is the smaller of the two, each as "
-    "a share of its limit.",
+    predicate=(
+        "While ego and target overlap, the target being a bicycle: distance between their sides >= "
+        f"{amount('law.side.bicycle')}, and speed <= that at attempt. The margin is the smaller of "
+        "the two, each as a share of its limit."
+    ),
     unit="1",
     grade=Grade.BY_ROAD,
     needs=frozenset(["kinds"]),
     check=_apart_from_bicycle,
     spread=Spread(
-        formula="sqrt(2) sp / 1.5 m where the room decides, else margin sv / v", of=_bicycle_error
+        formula=f"sqrt(2) sp / {amount('law.side.bicycle')} where the room decides, "
+        "else margin sv / v",
+        of=_bicycle_error,
     ),
 )
 
@@ -240,8 +262,7 @@ L22 = Rule(
     law="Article 39",
     title="Let others overtake",
     gloss="Who is overtaken gives way to the right as far as possible and does not accelerate.",
-    predicate="While ego and target overlap: acceleration of the target <= 0.3 m/s^2. The duty is"
-    " the target's; a breach never makes the ego's overtake illegal.",
+    predicate=TARGET_KEEPS_SPEED,
     unit="m/s^2",
     grade=Grade.BY_ROAD,
     of_ego=False,

@@ -36,6 +36,7 @@ from overtaking.labels.law.frames import (
     settled,
     stretches,
 )
+from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, coming, others_at
 from overtaking.labels.law.rule import Errors, Spread
 from overtaking.labels.signals import encounter
@@ -345,22 +346,32 @@ def _finite(error: F32) -> F32:
 
 
 _GAP = "sqrt(2 sp^2 + sv^2 ((t + v/b)^2 + (u/b)^2)), v behind and u ahead"
+_BRAKED = (
+    "sqrt(2 sp^2 + 2 ((u - v)/a)^2 sv^2) where braking at a = "
+    f"{amount('law.entry.braking')} decides"
+)
+_FREE = amount("law.return.free_time")
+_BOTH, _ALONE = amount("law.oncoming.time"), amount("law.oncoming.encroachment")
 FOLLOWING = Spread(
     formula=f"{_GAP}, in the frame of the smallest margin; where that is the last one in the lane, "
     "the square of sp (v - u) / (speed across the road) is added to the variance",
     of=_following,
 )
 ENTERING_AHEAD = Spread(
-    formula=f"{_GAP}, or sqrt(2 sp^2 + 2 (3 s)^2 sv^2) where the time to collision decides",
+    formula=f"{_GAP}, or sqrt(2 sp^2 + 2 ({amount('law.entry.ttc')})^2 sv^2) where the time to "
+    "collision decides",
     of=_entering(Around.LEFT_LEADER, margin_ahead),
 )
 ENTERING_BEHIND = Spread(
-    formula=f"{_GAP}, or sqrt(2 sp^2 + 2 ((u - v)/a)^2 sv^2) where braking at a = 2 m/s^2 decides",
+    formula=f"{_GAP}, or {_BRAKED}",
     of=_entering(Around.LEFT_FOLLOWER, margin_behind),
 )
-RETURNING = Spread(formula="as L5 behind and L3 ahead, whichever decides", of=_returning)
+RETURNING = Spread(
+    formula=f"behind: {_GAP}, or {_BRAKED}; ahead: the former; whichever decides", of=_returning
+)
 KEEPING_RIGHT = Spread(
-    formula="as L3 ahead and behind, or sqrt(2 sp^2 + 2 (10 s)^2 sv^2) where 10 s ahead decide",
+    formula=f"ahead and behind: {_GAP}, or sqrt(2 sp^2 + 2 ({_FREE})^2 sv^2) where {_FREE} ahead "
+    "decide",
     of=_keeping_right,
 )
 BRAKING = Spread(
@@ -369,7 +380,8 @@ BRAKING = Spread(
     of=_braking,
 )
 MEETING = Spread(
-    formula="sqrt(2 sp^2 + 2 (1 s)^2 sv^2), or sqrt(2 sp^2 + (2 s)^2 sv^2) where 2 s decide",
+    formula=f"sqrt(2 sp^2 + 2 ({_BOTH})^2 sv^2), or sqrt(2 sp^2 + ({_ALONE})^2 sv^2) where "
+    f"{_ALONE} decide",
     of=_meeting,
 )
 DUE = Spread(

@@ -30,11 +30,35 @@ from overtaking.labels.law.frames import (
     settled,
     stretches,
 )
+from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.rule import Check, Grade, Rule, inapplicable
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
+
+_REACTION_AND_DECEL = (
+    f"t = {amount('law.safe_distance.reaction_time')}, b = "
+    f"min({amount('law.safe_distance.decel_limit')}, {bare('friction.table.usable_share')} mu g)"
+)
+
+NO_HARD_BRAKING = (
+    f"In the {amount('law.obstruction.duration')} after each change of lane: closing speed^2 / (2 "
+    f"gap) of the vehicle behind the ego <= {amount('law.obstruction.braking')}."
+)
+
+BACK_BEFORE_ONCOMING = (
+    "On two-way roads, at return_end or back: gap to each oncoming vehicle >= "
+    f"{amount('law.oncoming.time')} (v + v_oncoming), and it reaches the place that the ego has "
+    f"left after {amount('law.oncoming.encroachment')} or more."
+)
+
+SAFE_RETURN = (
+    "At return_end: gap to the vehicle behind, the overtaken one or whoever came between, >= v t + "
+    f"v^2 / (2 b) - u^2 / (2 b), v behind and u ahead, {_REACTION_AND_DECEL}; the braking forced "
+    f"on it <= {amount('law.entry.braking')}; gap to the vehicle ahead by the same formula."
+)
+"""The predicate of `L8` for laws without a formula for the safe distance."""
 
 
 def _follows_safely(case: Case) -> Check:
@@ -50,9 +74,11 @@ L3 = Rule(
     title="Safe distance",
     gloss="Keep a distance to the vehicle ahead that avoids a collision if it stops or slows "
     "suddenly.",
-    predicate="At every frame: gap to the leader in the ego's lane >= v t + v^2 / (2 b) - "
-    "v_lead^2 / (2 b), t = 1 s, b = min(8 m/s^2, 0.9 mu g); not in the 3 s after the leader cut "
-    "in or the recording began.",
+    predicate=(
+        "At every frame: gap to the leader in the ego's lane >= v t + v^2 / (2 b) - v_lead^2 / (2 "
+        f"b), {_REACTION_AND_DECEL}; not in the {amount('law.safe_distance.recapture')} after the "
+        "leader cut in or the recording began."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
@@ -78,8 +104,10 @@ L4 = Rule(
     title="Room ahead in the lane entered",
     gloss="Do not begin to overtake unless sure of no danger of colliding with traffic in the "
     "same direction; the carriageway must be free over the length that is needed.",
-    predicate="At line_crossed: gap to the leader in the lane on the left >= safe distance (as "
-    "L3), and time to collision >= 3 s.",
+    predicate=(
+        "At line_crossed: gap to the leader in the lane on the left >= safe distance (as L3), and "
+        f"time to collision >= {amount('law.entry.ttc')}."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
@@ -103,8 +131,11 @@ L5 = Rule(
     law="Articles 35 and 38(2)(c)",
     title="Room behind in the lane entered",
     gloss="Change lane only where no danger to or obstruction of traffic results.",
-    predicate="At line_crossed: gap to the follower in the lane on the left >= its safe distance "
-    "(as L3), and the braking that is forced on it, closing speed^2 / (2 gap), <= 2 m/s^2.",
+    predicate=(
+        "At line_crossed: gap to the follower in the lane on the left >= its safe distance (as "
+        "L3), and the braking that is forced on it, closing speed^2 / (2 gap), <= "
+        f"{amount('law.entry.braking')}."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
@@ -133,9 +164,11 @@ L8 = Rule(
     law="Article 38(2)(b)",
     title="Safe return",
     gloss="Overtake only if one can return to the right without danger to those who drive there.",
-    predicate="At return_end: gap to the vehicle behind, the overtaken one or whoever came "
-    "between, >= its safe distance (as L3); the braking forced on it <= 2 m/s^2; gap to the "
-    "vehicle ahead >= the ego's safe distance.",
+    predicate=(
+        "At return_end: gap to the vehicle behind, the overtaken one or whoever came between, >= "
+        "its safe distance (as L3); the braking forced on it <= "
+        f"{amount('law.entry.braking')}; gap to the vehicle ahead >= the ego's safe distance."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
@@ -155,8 +188,7 @@ L23 = Rule(
     law="Article 35",
     title="No obstruction",
     gloss="Change lane only where no danger to or obstruction of traffic results.",
-    predicate="In the 3 s after each change of lane: closing speed^2 / (2 gap) of the vehicle "
-    "behind the ego <= 2 m/s^2.",
+    predicate=NO_HARD_BRAKING,
     unit="m/s^2",
     grade=Grade.BY_ROAD,
     check=_no_hard_braking,
@@ -181,8 +213,7 @@ L24 = Rule(
     title="Oncoming traffic",
     gloss="Do not begin to overtake unless sure of no danger of colliding with traffic from the "
     "opposite direction.",
-    predicate="On two-way roads, at return_end or back: gap to each oncoming vehicle >= 1 s (v + "
-    "v_oncoming), and it reaches the place that the ego has left after 2 s or more.",
+    predicate=BACK_BEFORE_ONCOMING,
     unit="m",
     grade=Grade.BY_ROAD,
     check=_back_before_oncoming,

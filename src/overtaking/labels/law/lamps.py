@@ -14,6 +14,7 @@ from overtaking.labels.law.frames import (
     frames_of,
     limited,
 )
+from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import back_indicator, others_at, out_indicator
 from overtaking.labels.law.rule import Check, Grade, Rule, decided
 from overtaking.labels.law.sight import optical_range
@@ -28,6 +29,18 @@ from overtaking.world.constants import known
 HIGH = int(Lights.HIGH_BEAM)
 BEAMS = int(Lights.LOW_BEAM) | HIGH
 FOG = int(Lights.REAR_FOG)
+
+
+INDICATES = (
+    f"From {amount('law.signal.before')} before to {amount('law.signal.after')} after "
+    "line_crossed: left indicator on. The same with the right one around the first corner over the "
+    "line back. The margin is the time without it."
+)
+
+NO_DAZZLE = (
+    f"no high beam under {amount('law.lamps.high_beam_behind')} behind the leader or under "
+    f"{amount('law.lamps.high_beam_oncoming')} from an oncoming vehicle"
+)
 
 
 def _indicates(case: Case) -> Check:
@@ -76,8 +89,7 @@ L18 = Rule(
     title="Indicate",
     gloss="Signal a lane change and the start of an overtake with due anticipation, and "
     "throughout.",
-    predicate="From 2 s before to 1 s after line_crossed: left indicator on. The same with the "
-    "right one around the first corner over the line back. The margin is the time without it.",
+    predicate=INDICATES,
     unit="s",
     grade=Grade.LIGHT,
     needs=frozenset(["indicators"]),
@@ -126,10 +138,13 @@ L19 = Rule(
     law="Articles 60 and 61",
     title="Lamps",
     gloss="Low beam from dusk to dawn and wherever visibility asks for it; no high beam when "
-    "meeting or less than 100 m behind another; rear fog lamps when required and only then.",
-    predicate="At every frame: low or high beam at night and where the meteorological range is "
-    "below 100 m; rear fog lamps exactly there; no high beam under 100 m behind the leader or "
-    "under 200 m from an oncoming vehicle. The margin is the time in breach.",
+    f"meeting or less than {amount('law.lamps.high_beam_behind')} behind another; rear fog "
+    "lamps when required and only then.",
+    predicate=(
+        "At every frame: low or high beam at night and where the meteorological range is below "
+        f"{amount('law.lamps.sight')}; rear fog lamps exactly there; {NO_DAZZLE}. The margin is "
+        "the time in breach."
+    ),
     unit="s",
     grade=Grade.LIGHT,
     needs=frozenset(["lamps", "weather"]),

@@ -15,6 +15,7 @@ from overtaking.labels.law.frames import (
     limited,
     reduced,
 )
+from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
 from overtaking.model.events import NEVER
@@ -28,6 +29,14 @@ _CLOSED = frozenset(
     [RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN, RoadMark.CURB, RoadMark.GRASS]
 )
 """What must not be trodden on, as seen from the lane: of a mixed line the nearer one rules."""
+
+
+OFF_THE_LINE = (
+    f"At every frame: no corner of the ego is more than {amount('law.line.tolerance')} over a line "
+    "that is continuous for the lane it comes from, nor over a kerb or grass. Of the line between "
+    "the directions the stretch beside the ego's centre counts: who is beyond it when it becomes "
+    "continuous for the own direction breaks the rule."
+)
 
 
 def _off_the_line(case: Case) -> Check:
@@ -124,10 +133,7 @@ L2 = Rule(
     title="Continuous line",
     gloss="A continuous line must be neither trodden on nor crossed; of a continuous and a broken"
     " line side by side the one nearer to the driver rules.",
-    predicate="At every frame: no corner of the ego is more than 0.05 m over a line that is "
-    "continuous for the lane it comes from, nor over a kerb or grass. Of the line between the "
-    "directions the stretch beside the ego's centre counts: who is beyond it when it becomes "
-    "continuous for the own direction breaks the rule.",
+    predicate=OFF_THE_LINE,
     unit="m",
     grade=Grade.BY_BREACH,
     source="pt-signs-2019",
@@ -161,8 +167,10 @@ L16 = Rule(
     law="Articles 41(1)(g) and 38(2)(a)",
     title="Sufficient width",
     gloss="Do not overtake where the carriageway is not wide enough.",
-    predicate="At attempt: the lane on the left is a driving lane and at least 0.4 m wider than "
-    "the ego.",
+    predicate=(
+        "At attempt: the lane on the left is a driving lane and at least "
+        f"{amount('law.width.border', times=2.0)} wider than the ego."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     check=_wide_enough,
@@ -194,8 +202,10 @@ L20 = Rule(
     title="Lanes for trucks",
     gloss="On motorways with three or more lanes in one direction, goods vehicles over 3.5 t use "
     "only the two right-most.",
-    predicate="At every frame, the ego being a truck on such a motorway: its lane is one of the "
-    "two slowest.",
+    predicate=(
+        "At every frame, the ego being a truck on such a motorway: its lane is one of the "
+        f"{bare('law.trucks.lanes')} slowest."
+    ),
     unit="lanes",
     grade=Grade.LIGHT,
     needs=frozenset(["kinds", "road_kind"]),

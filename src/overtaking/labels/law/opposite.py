@@ -19,6 +19,7 @@ from overtaking.labels.law.frames import (
     instant,
     manoeuvre,
 )
+from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, coming, others_at
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, inapplicable
 from overtaking.labels.signals import encounter
@@ -32,6 +33,23 @@ from overtaking.world.constants import known
 
 _HALF = np.float32(0.5)
 _SLOW = np.float32(0.1)  # Who moves across more slowly is not back at a sure time [m/s].
+
+
+TIME_TO_PASS = (
+    "On two-way roads, as the line between the directions is crossed: gap to each oncoming vehicle "
+    "- way of the ego until it is back - v_oncoming (time on the other side) >= "
+    f"{amount('law.oncoming.time')} (v + v_oncoming), v as it is back, v_oncoming as the line is "
+    "crossed."
+)
+
+_CLEARANCE = amount("law.oncoming.time")
+
+NO_REACTION = (
+    "While a corner of the ego is beyond the line between the directions: the next oncoming "
+    f"vehicle, if it is met within {amount('law.oncoming.reach_time')}, brakes at "
+    f"{amount('law.obstruction.braking')} or less and keeps its lane. Leaving the lane counts as "
+    f"{amount('law.obstruction.braking')} too much."
+)
 
 
 @once
@@ -125,15 +143,14 @@ L25 = Rule(
     title="Time to pass",
     gloss="Do not begin to overtake unless sure of no danger of colliding with traffic that comes "
     "from the opposite direction.",
-    predicate="On two-way roads, as the line between the directions is crossed: gap to each "
-    "oncoming vehicle - way of the ego until it is back - v_oncoming (time on the other side) >= "
-    "1 s (v + v_oncoming), v as it is back, v_oncoming as the line is crossed.",
+    predicate=TIME_TO_PASS,
     unit="m",
     grade=Grade.BY_ROAD,
     check=_time_to_pass,
     spread=Spread(
-        formula="sqrt(2 sp^2 + (time on the other side + 1 s)^2 sv^2 + (1 s)^2 sv^2), and (v + "
-        "v_oncoming) sp / (speed across the road as it is back), added in squares",
+        formula=f"sqrt(2 sp^2 + (time on the other side + {_CLEARANCE})^2 sv^2 + "
+        f"({_CLEARANCE})^2 sv^2), and (v + v_oncoming) sp / (speed across the road as it is "
+        "back), added in squares",
         of=_time_error,
     ),
     two_way=True,
@@ -184,9 +201,7 @@ L26 = Rule(
     law="Article 35",
     title="No reaction of oncoming traffic",
     gloss="Overtake only where no danger to or obstruction of traffic results.",
-    predicate="While a corner of the ego is beyond the line between the directions: the next "
-    "oncoming vehicle, if it is met within 10 s, brakes at 2 m/s^2 or less and keeps its lane. "
-    "Leaving the lane counts as 2 m/s^2 too much.",
+    predicate=NO_REACTION,
     unit="m/s^2",
     grade=Grade.BY_ROAD,
     check=_nobody_evades,
@@ -256,10 +271,12 @@ L27 = Rule(
     title="A gap to return into",
     gloss="Do not begin to overtake unless one can return to the right without danger to those "
     "who drive there.",
-    predicate="On two-way roads, as the line between the directions is crossed: the gap ahead of "
-    "the foremost vehicle that the ego will pass, or of the target, if somebody drives less than "
-    "200 m ahead of it, >= length of the ego + safe distances (as L3) behind and ahead of it, at "
-    "the speed of the one ahead.",
+    predicate=(
+        "On two-way roads, as the line between the directions is crossed: the gap ahead of the "
+        "foremost vehicle that the ego will pass, or of the target, if a vehicle drives less than "
+        f"{amount('law.return.reach')} ahead of it, >= length of the ego + safe distances (as L3) "
+        "behind and ahead of it, at the speed of the one ahead."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
@@ -294,11 +311,13 @@ L28 = Rule(
     law="Article 40",
     title="Slow vehicles leave room",
     gloss="Outside localities, on roads with one lane in each direction, heavy and other vehicles "
-    "that drive slowly keep at least 50 m to the vehicle ahead, so that they can be overtaken; not "
-    "who is about to overtake.",
-    predicate="At every frame at 40 km/h or less, the ego being a truck that does not begin to "
-    "overtake, on a two-way road with one lane each way outside localities: gap to the leader in "
-    "its lane >= 50 m.",
+    f"that drive slowly keep at least {amount('law.slow.distance')} to the vehicle ahead, so that "
+    "they can be overtaken; not who is about to overtake.",
+    predicate=(
+        f"At every frame at {amount('law.slow.speed')} or less, the ego being a truck that does "
+        "not begin to overtake, on a two-way road with one lane each way outside localities: gap "
+        f"to the leader in its lane >= {amount('law.slow.distance')}."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["kinds", "road_kind"]),

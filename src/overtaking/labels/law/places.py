@@ -8,6 +8,7 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.core.elementary import as_f32
 from overtaking.labels.instants import METRES, at, slot_of
 from overtaking.labels.law.frames import ENDLESS, Span, ends_in, manoeuvre
+from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.opposite import on_the_other_side, time_back_error
 from overtaking.labels.law.others import ego_may_be, target_may_be
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
@@ -33,6 +34,9 @@ _WAIVED = (PlaceKind.CREST, PlaceKind.LEVEL_CROSSING, PlaceKind.JUNCTION, PlaceK
 """Article 41(3): with two lanes in the same direction, if the other side is not used."""
 
 _OF_41 = (*_WAIVED, PlaceKind.PEDESTRIAN_CROSSING, PlaceKind.NARROW)
+
+
+WHILE_OVERTAKING = "From line_crossed until the target is passed and the ego back on its side"
 
 
 @once
@@ -184,9 +188,11 @@ L17 = Rule(
     " that overtakes a third. Crests, bends, junctions, level crossings and third vehicles do not "
     "count where there are two or more lanes in the same direction and the opposite side is not "
     "used.",
-    predicate="From line_crossed until the target is passed and the ego back on its side: the "
-    "ego's front is in no such place of the road, nor 50 m or less before a crossing or junction. "
-    "On two-way roads, at attempt: the target's body is not over the line between the directions.",
+    predicate=(
+        f"{WHILE_OVERTAKING}: the ego's front is in no such place of the road, nor "
+        f"{amount('law.places.before')} or less before a crossing or junction. On two-way roads, "
+        "at attempt: the target's body is not over the line between the directions."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["road_kind"]),
@@ -225,8 +231,10 @@ L29 = Rule(
     title="Signs against overtaking",
     gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
     "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
-    predicate="From line_crossed until the target is passed and the ego back on its side: the "
-    "ego's front is not in a stretch with a sign for it and its target.",
+    predicate=(
+        f"{WHILE_OVERTAKING}: the ego's front is not in a stretch with a sign for it and its "
+        "target."
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     source="pt-signs-2019",

@@ -24,5 +24,6 @@ PORTUGAL = Pack(
     version="pt-2@2013",
     rules=with_texts("pt", _RULES),
     edition=edition("pt"),
+    severities="Articles 145 and 146 of the Highway Code",
     two_way_version="+opposite-1",
 )

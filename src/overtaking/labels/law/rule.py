@@ -32,11 +32,11 @@ class Text(StrEnum):
 
 
 class Grade(Enum):
-    """How severity follows from a breach (in Portugal Articles 145 and 146)."""
+    """How severity follows from a breach; `Pack.severities` says by which provisions."""
 
-    BY_ROAD = "very serious on a motorway (146), serious elsewhere (145)"
+    BY_ROAD = "very serious on a motorway, serious elsewhere"
     LIGHT = "light"
-    SERIOUS = "serious (145)"
+    SERIOUS = "serious"
     BY_BREACH = "as the breach is, see the rule"
 
 
@@ -124,6 +124,70 @@ class Rule:
     fine: str = ""
     two_way: bool = False
     limit: Callable[[Case], F32] | None = None
+
+
+def adopt(
+    rule: Rule,
+    *,
+    id: str,  # noqa: A002 - The name of the field.
+    code: str,
+    law: str,
+    title: str,
+    gloss: str,
+    predicate: str,
+    grade: Grade,
+    source: str,
+    fine: str = "",
+    unit: str | None = None,
+    needs: frozenset[str] | None = None,
+    check: Callable[[Case], Check] | None = None,
+    spread: Spread | None = None,
+    limit: Callable[[Case], F32] | None = None,
+) -> Rule:
+    """Make a rule of another law that is measured as a rule is.
+
+    All that the law says is new: text, article, severity, fine and how the text is known. Of the
+    rule remain the check with its error and its limit, and what it needs.
+
+    Args:
+        rule: The rule that is measured so.
+        id: As in `Rule`, like all others down to `fine`.
+        code: A code of the other law.
+        law: Its article.
+        title: A few words.
+        gloss: What it asks.
+        predicate: What is checked, without codes and articles of the law of `rule`.
+        grade: How severe a breach is by the other law.
+        source: Id of the source of its text.
+        fine: What a breach costs by it.
+        unit: Of the margin, if it differs.
+        needs: Names of `UNKNOWNS`, if they differ.
+        check: The check, if the other law has numbers of its own. `spread` and `limit` are then
+            those that are given.
+        spread: The error of the margin of `check`.
+        limit: As in `Rule`, of `check`.
+    """
+    is_measured_alike = check is None
+    return Rule(
+        id=id,
+        code=code,
+        law=law,
+        title=title,
+        gloss=gloss,
+        predicate=predicate,
+        unit=rule.unit if unit is None else unit,
+        grade=grade,
+        source=source,
+        needs=rule.needs if needs is None else needs,
+        partly=rule.partly,
+        without_attempt=rule.without_attempt,
+        of_ego=rule.of_ego,
+        check=rule.check if check is None else check,
+        spread=rule.spread if is_measured_alike else spread,
+        fine=fine,
+        two_way=rule.two_way,
+        limit=rule.limit if is_measured_alike else limit,
+    )
 
 
 def decided(
@@ -264,6 +328,7 @@ class Pack:
         two_way_version: The same for roads with oncoming traffic, added to `version` there.
         rules: The rules, in the order of every table.
         edition: Of the law, with the day on which it was read.
+        severities: The provisions by which a breach is light, serious or very serious.
         trusts_hearsay: Whether a rule whose text was not read decides; else it is undecidable.
     """
 
@@ -271,6 +336,7 @@ class Pack:
     version: str
     rules: tuple[Rule, ...]
     edition: str = ""
+    severities: str = ""
     trusts_hearsay: bool = True
     two_way_version: str = ""
 

@@ -16,6 +16,7 @@ from overtaking.labels.law.frames import (
     never_negative,
     stretches,
 )
+from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
@@ -49,10 +50,18 @@ _STOP = (
     "Adapt speed to road, weather and traffic, so that the vehicle can be stopped in the free "
     "and visible space ahead."
 )
-_STOP_WITHIN = (
-    "At every frame: v t + v^2 / (2 0.9 mu g) <= {}, t = 1 s. A leader does not shorten the "
-    "visible space: its brake lamps announce what it meets, and L3 is the rule for it."
-)
+
+
+def _stops_within(sight: str) -> str:
+    """The predicate of a rule that asks to stop within a sight, for all laws."""
+    return (
+        f"At every frame: v t + v^2 / (2 {bare('friction.table.usable_share')} mu g) <= {sight}, "
+        f"t = {amount('law.sight.reaction_time')}."
+    )
+
+
+STOPS_FOR_LIT = _stops_within("the distance at which a lit vehicle is seen")
+STOPS_FOR_UNLIT = _stops_within("the distance at which an unlit obstacle is seen")
 
 L14 = Rule(
     id="pt.ce.24-1@2013",
@@ -60,7 +69,10 @@ L14 = Rule(
     law="Article 24(1)",
     title="Stop in the visible space",
     gloss=_STOP,
-    predicate=_STOP_WITHIN.format("the distance at which a lit vehicle is seen"),
+    predicate=(
+        f"{STOPS_FOR_LIT} A leader does not shorten the visible space: its brake lamps announce "
+        "what it meets, and L3 is the rule for it."
+    ),
     unit="m",
     grade=Grade.SERIOUS,
     needs=frozenset(["weather"]),
@@ -75,7 +87,10 @@ L14s = Rule(
     law="Article 24(1), strictly",
     title="Stop in the visible space, for the unlit",
     gloss=_STOP,
-    predicate=_STOP_WITHIN.format("the distance at which an unlit obstacle is seen"),
+    predicate=(
+        f"{STOPS_FOR_UNLIT} A leader does not shorten the visible space: its brake lamps announce "
+        "what it meets, and L3 is the rule for it."
+    ),
     unit="m",
     grade=Grade.SERIOUS,
     needs=frozenset(["weather", "lamps"]),
@@ -193,21 +208,35 @@ def sight_error(case: Case, found: Check, errors: Errors) -> F32:
     return np.where(decides, time_needed(case) * np.float32(errors.speed), np.float32(0.0))
 
 
+_TIME_LEFT = f"(time on the left + {amount('law.sight.oncoming_margin')})"
+
 _ONCOMING = Spread(
-    formula="(time on the left + 1 s) sv where oncoming traffic decides, else 0", of=sight_error
+    formula=f"{_TIME_LEFT} sv where oncoming traffic decides, else 0", of=sight_error
 )
 
 
 _SEE = (
-    "Do not overtake where visibility is insufficient, that is, where the carriageway cannot be"
-    " seen over 50 m; with oncoming traffic, where it is not clear over the length that is "
-    "needed."
+    "Do not overtake where visibility is insufficient, that is, where the carriageway cannot be "
+    f"seen over {amount('law.sight.least')}; with oncoming traffic, where it is not clear over the "
+    "length that is needed."
 )
-_SEE_UNTIL = (
-    "From attempt to overlap_end, or to the end: {}. Two-way roads, at line_crossed: air "
-    "and road give a sight of (v + limit) (time on the left + 1 s) or more, limit: the highest for "
+_ENOUGH_SIGHT = (
+    f"air and road give a sight of (v + limit) {_TIME_LEFT} or more, limit: the highest for "
     "oncoming traffic as far as they let one see."
 )
+
+SEES_ONCOMING = (
+    f"On two-way roads, at line_crossed, or at attempt if none is crossed: {_ENOUGH_SIGHT}"
+)
+
+
+def _sees_until_passed(sight: str) -> str:
+    """The predicate of a rule that asks for a sight until the target is passed."""
+    return (
+        f"From attempt to overlap_end, or to the end: {sight}. Two-way roads, at line_crossed: "
+        f"{_ENOUGH_SIGHT}"
+    )
+
 
 L15 = Rule(
     id="pt.ce.41-1-f@2013",
@@ -215,8 +244,9 @@ L15 = Rule(
     law="Articles 41(1)(f) and 19",
     title="Sufficient visibility",
     gloss=_SEE,
-    predicate=_SEE_UNTIL.format(
-        "the meteorological optical range and the sight that the road gives are 50 m or more"
+    predicate=_sees_until_passed(
+        "the meteorological optical range and the sight that the road gives are "
+        f"{amount('law.sight.least')} or more"
     ),
     unit="m",
     grade=Grade.BY_ROAD,
@@ -231,7 +261,9 @@ L15s = Rule(
     law="Articles 41(1)(f) and 19, strictly",
     title="Sufficient visibility, for the unlit",
     gloss=_SEE,
-    predicate=_SEE_UNTIL.format("an unlit obstacle is seen at 50 m or more"),
+    predicate=_sees_until_passed(
+        f"an unlit obstacle is seen at {amount('law.sight.least')} or more"
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather", "lamps"]),

@@ -18,6 +18,7 @@ from overtaking.labels.law.frames import (
     reduced,
     stretch,
 )
+from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import num_slow
 from overtaking.labels.law.rule import (
     Check,
@@ -119,6 +120,13 @@ def limit_table(file: str) -> F32:
     return np.array(rows, np.float32)
 
 
+WITHIN_LIMIT = (
+    "At every frame: speed <= min(limit posted where the ego's centre is, limit of the class on "
+    "this kind of road). No tolerance."
+)
+_MINIMUM = amount("law.minimum.speed")
+
+
 def _within_limit(case: Case) -> Check:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     found = keeps_limit(case, speed_limits(case))
@@ -194,10 +202,14 @@ L12 = Rule(
     law="Article 27",
     title="Speed limit",
     gloss="Keep to the limit that is posted and to the general limit of road and vehicle: on "
-    "motorways 120 km/h for light vehicles, 110 for vans, 90 for heavy goods vehicles.",
-    predicate="At every frame: speed <= min(limit posted where the ego's centre is, limit of the "
-    "class on this kind of road). No tolerance. Severe by excess: over 30 km/h serious, over 60 "
-    "very serious; heavy vehicles over 20 and 40.",
+    f"motorways {amount('law.limits.motorway.light')} for light vehicles, "
+    f"{bare('law.limits.motorway.van')} for vans, {bare('law.limits.motorway.heavy')} for heavy "
+    "goods vehicles.",
+    predicate=(
+        f"{WITHIN_LIMIT} Severe by excess: over {amount('law.excess.light_serious')} serious, over "
+        f"{bare('law.excess.light_very_serious')} very serious; heavy vehicles over "
+        f"{bare('law.excess.other_serious')} and {bare('law.excess.other_very_serious')}."
+    ),
     unit="m/s",
     grade=Grade.BY_BREACH,
     partly=frozenset(["speed_limit", "kinds", "road_kind"]),
@@ -249,10 +261,15 @@ L13 = Rule(
     code="L13",
     law="Article 27(6)",
     title="Lowest speed",
-    gloss="On motorways do not drive slower than 50 km/h.",
-    predicate="At every frame on a motorway: speed >= 50 km/h, unless at least 3 others are "
-    "slower than 10 km/h, or the leader in the ego's lane is slower than 50 km/h and no farther "
-    "ahead than 3 s at 50 km/h. Frames above 50 km/h count in congestion too.",
+    gloss=f"On motorways do not drive slower than {_MINIMUM}.",
+    predicate=(
+        f"At every frame on a motorway: speed >= {_MINIMUM}, unless at least "
+        f"{bare('law.minimum.congestion_vehicles')} others are slower than "
+        f"{amount('law.minimum.congestion_speed', unit='km/h')}, or the leader in the ego's lane "
+        f"is slower than {_MINIMUM} and no farther ahead than "
+        f"{amount('law.minimum.queue_time_gap')} at {_MINIMUM}. Frames above {_MINIMUM} count in "
+        "congestion too."
+    ),
     unit="m/s",
     grade=Grade.LIGHT,
     partly=frozenset(["road_kind"]),

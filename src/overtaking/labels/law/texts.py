@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from overtaking.knowledge.reader import load, read_section
+from overtaking.labels.law.numbers import filled
 from overtaking.labels.law.rule import Rule, Text
 
 _FILE = "law_rules.toml"
@@ -16,7 +17,7 @@ class Words:
     Attributes:
         text: How its wording is known.
         where: Where it was read.
-        border: As in `Rule`.
+        border: As in `Rule`, with places such as `{law.side.motor}` for numbers.
         policies: Names of the policies that require it, separated by blanks.
     """
 
@@ -52,7 +53,7 @@ def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
     """
     entries = words_of(pack)
     return tuple(
-        replace(rule, text=entry.text, where=entry.where, border=entry.border)
+        replace(rule, text=entry.text, where=entry.where, border=filled(entry.border))
         for rule in rules
         for entry in (entries[rule.code],)
     )

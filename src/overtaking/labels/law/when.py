@@ -11,12 +11,36 @@ from overtaking.labels.instants import at, seconds_of, slot_of, spread_over
 from overtaking.labels.law.distances import slow_lane_room
 from overtaking.labels.law.errors import DUE, KEEPING_RIGHT, of_both, standard_error
 from overtaking.labels.law.frames import driving_end, frames_of, instant, passed, stretches
+from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, others_at, out_indicator, steady_speed_at
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.world.constants import known
+
+TARGET_KEEPS_LANE = (
+    "At attempt: the target does not signal left, and moves left at no more than "
+    f"{amount('law.others.lateral_speed')}. A signal alone counts as a margin of "
+    f"-{amount('law.others.lateral_speed')}."
+)
+
+RETURNS_SOON = (
+    "From overlap_end on: the ego never stays out of its original lane for more than "
+    f"{amount('law.return.within')} on end in which the target is "
+    f"max({amount('law.return.time_gap')}, safe distance) or more behind it and the lane to the "
+    "right is free: room ahead and behind, and no vehicle reached within "
+    f"{amount('law.return.free_time')}."
+)
+
+ROOM_MARGIN = f"The margin is by how much, {amount('law.return.reach')} at most."
+
+KEEPS_RIGHT = (
+    "At first, the ego not being in the slowest lane: the lane to the right is taken, that is, "
+    "without the safe distances ahead and behind, or with a vehicle that is reached within "
+    f"{amount('law.return.free_time')}. {ROOM_MARGIN}"
+)
+"""The predicate of `L21` for laws without a formula for the safe distance."""
 
 
 def _nobody_overtakes(case: Case) -> Check:
@@ -81,8 +105,11 @@ L6 = Rule(
     title="Nobody overtakes already",
     gloss="Do not begin to overtake if a follower in the same lane or in the one on the left has "
     "begun to.",
-    predicate="At attempt: nobody behind in the lane on the left arrives beside the ego within 4 "
-    "s, and nobody within 100 m behind in its lane signals left or moves left at over 0.2 m/s.",
+    predicate=(
+        "At attempt: nobody behind in the lane on the left arrives beside the ego within "
+        f"{amount('law.others.arrival')}, and nobody within {amount('law.others.reach')} behind in "
+        f"its lane signals left or moves left at over {amount('law.others.lateral_speed')}."
+    ),
     unit="s",
     grade=Grade.BY_ROAD,
     partly=frozenset(["indicators"]),
@@ -117,8 +144,7 @@ L7 = Rule(
     title="The driver ahead does not pull out",
     gloss="Do not begin to overtake if the driver ahead has signalled to overtake a third vehicle"
     " or to avoid an obstacle.",
-    predicate="At attempt: the target does not signal left, and moves left at no more than 0.2 "
-    "m/s. A signal alone counts as a margin of -0.2 m/s.",
+    predicate=TARGET_KEEPS_LANE,
     unit="m/s",
     grade=Grade.BY_ROAD,
     partly=frozenset(["indicators"]),
@@ -142,10 +168,7 @@ L9 = Rule(
     law="Articles 38(4) and 13(3)",
     title="Duty to return",
     gloss="Return to the right as soon as the manoeuvre is done and this is safe.",
-    predicate="From overlap_end on: the ego never stays out of its original lane for more than 8 "
-    "s on end in which the target is max(2 s, safe distance) or more behind it and the lane to "
-    "the right is free: room ahead and behind, and no vehicle reached within 10 s. Not in the "
-    "lane of oncoming traffic, for which there is L24.",
+    predicate=(f"{RETURNS_SOON} Not in the lane of oncoming traffic, for which there is L24."),
     unit="s",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
@@ -169,8 +192,10 @@ L21 = Rule(
     title="Keep right",
     gloss="With two or more lanes in the same direction use the right-most; others only if there "
     "is no room in it, to overtake or to change direction.",
-    predicate="At first, the ego not being in the slowest lane: the lane to the right is taken, "
-    "that is, without the room that L9 asks for. The margin is by how much, 200 m at most.",
+    predicate=(
+        "At first, the ego not being in the slowest lane: the lane to the right is taken, that is, "
+        f"without the room that L9 asks for. {ROOM_MARGIN}"
+    ),
     unit="m",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),

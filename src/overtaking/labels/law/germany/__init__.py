@@ -36,5 +36,7 @@ GERMANY = Pack(
     version="de-2@2013",
     rules=with_texts("de", _RULES),
     edition=edition("de"),
+    severities="the catalogue of fines and points: light without a point, serious with one, very "
+    "serious with two",
     trusts_hearsay=False,
 )

@@ -10,6 +10,7 @@ from overtaking.labels.law.frames import (
     settled,
     stretch,
 )
+from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.places import distance_from, stretches_of
 from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
@@ -46,7 +47,7 @@ def _error(seconds: str) -> Spread:
         way = float(known(seconds)) * errors.speed
         return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position, way))
 
-    return Spread(formula="sqrt(2 sp^2 + (time)^2 sv^2)", of=of)
+    return Spread(formula=f"sqrt(2 sp^2 + ({amount(seconds)})^2 sv^2)", of=of)
 
 
 def courts_distance(speed: F32) -> F32:
@@ -73,9 +74,11 @@ A1 = Rule(
     title="Distance",
     gloss="Keep, as a rule, a distance behind which one can stop even if the vehicle ahead brakes "
     "suddenly.",
-    predicate="At every frame: gap to the leader in the ego's lane >= 1.5 s v, which is what "
-    "courts "
-    "ask for; not in the 3 s after the leader cut in or the recording began.",
+    predicate=(
+        "At every frame: gap to the leader in the ego's lane >= "
+        f"{amount('law_de.distance.courts')} v, which is what courts ask for; not in the "
+        f"{amount('law.safe_distance.recapture')} after the leader cut in or the recording began."
+    ),
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
@@ -115,9 +118,12 @@ A2 = Rule(
     law="§ 4(1) StVO; BKatV, annex, numbers 12.5 to 12.7",
     title="Distance, as it is fined",
     gloss=A1.gloss,
-    predicate="At every frame above 80 km/h: the gap has not been under five tenths of half the "
-    "speedometer, 0.9 s v, for more than 3 s on end, or than 140 m / v if that is less. Exceptions "
-    "as A1. The margin is the time that was left.",
+    predicate=(
+        f"At every frame above {amount('law_de.distance.fined_above')}: the gap has not been under "
+        f"five tenths of half the speedometer, {amount('law_de.distance.fined')} v, for more than "
+        f"{amount('law_de.distance.lasting')} on end, or than {amount('law_de.distance.way')} / v "
+        "if that is less. Exceptions as A1. The margin is the time that was left."
+    ),
     unit="s",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
@@ -155,11 +161,14 @@ A3 = Rule(
     code="A3",
     law="§ 4(3) StVO",
     title="Distance of trucks",
-    gloss="On motorways drivers of trucks above 3.5 t keep at least 50 m to the vehicle ahead when "
-    "faster than 50 km/h.",
-    predicate="At every frame on a motorway, the ego being a truck above 50 km/h: gap to the "
-    "leader "
-    ">= 50 m. Exceptions as A1.",
+    gloss="On motorways drivers of trucks above 3.5 t keep at least "
+    f"{amount('law_de.distance.trucks')} to the vehicle ahead when faster than "
+    f"{amount('law_de.distance.trucks_above')}.",
+    predicate=(
+        "At every frame on a motorway, the ego being a truck above "
+        f"{amount('law_de.distance.trucks_above')}: gap to the leader >= "
+        f"{amount('law_de.distance.trucks')}. Exceptions as A1."
+    ),
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
@@ -204,15 +213,21 @@ A4 = Rule(
     gloss="Outside built-up areas vehicles with a speed limit of their own keep so large a "
     "distance to the vehicle ahead that one that overtakes can move in. This does not hold for who "
     "moves out to overtake, on several lanes in one direction, and where overtaking is forbidden.",
-    predicate="At every frame on a two-way road with one lane each way outside built-up areas, "
-    "the ego being a truck that does not begin to overtake, not in a stretch of sign 276: gap to "
-    "the leader >= 4.5 m + 2 x 1.5 s v, a car with the distances of A1. Exceptions as A1.",
+    predicate=(
+        "At every frame on a two-way road with one lane each way outside built-up areas, the ego "
+        "being a truck that does not begin to overtake, not in a stretch of sign 276: gap to the "
+        f"leader >= {amount('law_de.distance.entering_length')} + 2 x "
+        f"{amount('law_de.distance.courts')} v, a car with the distances of A1. Exceptions as A1."
+    ),
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
     needs=frozenset(["kinds", "road_kind"]),
     without_attempt=True,
     check=_leaves_room,
-    spread=Spread(formula="sqrt(2 sp^2 + (3 s)^2 sv^2)", of=_room_error),
+    spread=Spread(
+        formula=f"sqrt(2 sp^2 + ({amount('law_de.distance.courts', times=2.0)})^2 sv^2)",
+        of=_room_error,
+    ),
     two_way=True,
 )

@@ -1,20 +1,20 @@
 """Driving in general: §§ 1 to 3, 7, 17 and 18, and signs 295 and 296."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from overtaking.core.arrays import F32
 from overtaking.labels.instants import seconds_of
 from overtaking.labels.law.errors import OF_SPEED
 from overtaking.labels.law.frames import ENDLESS, always, conduct, ends_in
-from overtaking.labels.law.gaps import L8, L23
-from overtaking.labels.law.lamps import BEAMS, FOG, HIGH, L19, dazzles
-from overtaking.labels.law.lanes import L2
-from overtaking.labels.law.rule import Check, Grade, Rule, decided
-from overtaking.labels.law.sight import L14, L14s, optical_range
+from overtaking.labels.law.gaps import L8, L23, NO_HARD_BRAKING, SAFE_RETURN
+from overtaking.labels.law.lamps import BEAMS, FOG, HIGH, L19, NO_DAZZLE, dazzles
+from overtaking.labels.law.lanes import L2, OFF_THE_LINE
+from overtaking.labels.law.numbers import amount, bare
+from overtaking.labels.law.rule import Check, Grade, Rule, adopt, decided
+from overtaking.labels.law.sight import L14, STOPS_FOR_LIT, STOPS_FOR_UNLIT, L14s, optical_range
 from overtaking.labels.law.speeds import (
     L12,
+    WITHIN_LIMIT,
     decisive_limit,
     keeps_limit,
     limit_spread,
@@ -22,60 +22,75 @@ from overtaking.labels.law.speeds import (
     limits_of,
     perhaps,
 )
-from overtaking.labels.law.when import L21
+from overtaking.labels.law.when import KEEPS_RIGHT, L21
 from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.vehicles import Role
 from overtaking.world.constants import known
 
 _STVO = "de-stvo-2013"
 
-G1 = replace(
+G1 = adopt(
     L23,
     id="de.stvo.1-2@2013",
     code="G1",
     law="§ 1(2) StVO",
     title="No danger, no avoidable obstruction",
+    predicate=NO_HARD_BRAKING,
     gloss="Behave so that nobody is harmed, endangered, or hindered more than is unavoidable.",
     grade=Grade.LIGHT,
     source=_STVO,
 )
 
-F1 = replace(
+F1 = adopt(
     L21,
     id="de.stvo.2-2@2013",
     code="F1",
     law="§ 2(2) and § 7(1) StVO",
+    title="Keep right",
+    predicate=KEEPS_RIGHT,
     gloss="Drive as far to the right as possible; on several lanes one may do otherwise where the "
     "traffic is dense enough.",
     grade=Grade.LIGHT,
     source=_STVO,
 )
 
-F2 = replace(
+F2 = adopt(
     L8,
     id="de.stvo.7-5@2013",
     code="F2",
     law="§ 7(5) StVO",
     title="Change of lane",
+    predicate=SAFE_RETURN,
     gloss="Change lane only if nobody is endangered.",
     grade=Grade.LIGHT,
     source=_STVO,
 )
 
-V1 = replace(
+_LEADER = (
+    "A leader does not shorten the visible space: its brake lamps announce what it meets, and A1 "
+    "is the rule for it."
+)
+
+V1 = adopt(
     L14,
     id="de.stvo.3-1-4@2013",
     code="V1",
     law="§ 3(1) sentence 4 StVO",
+    title="Stop in the visible space",
+    predicate=f"{STOPS_FOR_LIT} {_LEADER}",
+    grade=Grade.SERIOUS,
     gloss="Drive only so fast that one can stop within the way that one overlooks.",
     source=_STVO,
 )
 
-V1s = replace(
+V1s = adopt(
     L14s,
     id="de.stvo.3-1-4.unlit@2013",
     code="V1s",
     law="§ 3(1) sentence 4 StVO, strictly",
+    title="Stop in the visible space, for the unlit",
+    predicate=f"{STOPS_FOR_UNLIT} {_LEADER}",
+    grade=Grade.SERIOUS,
     gloss=V1.gloss,
     source=_STVO,
 )
@@ -96,16 +111,21 @@ def _within_limit(case: Case) -> Check:
     return found.replace(severity=np.where(broken, severity, np.uint8(Severity.NONE)))
 
 
-V2 = replace(
+V2 = adopt(
     L12,
     id="de.stvo.3-3@2013",
     code="V2",
     law="§ 3(3) and § 18(5) StVO; sign 274",
-    gloss="Keep to the limit that is posted and to the general one: in towns 50 km/h, elsewhere "
-    "100, "
-    "for trucks 60; on motorways none, for trucks 80.",
-    predicate="At every frame: speed <= min(limit posted where the ego's centre is, limit of the "
-    "class on this kind of road). No tolerance. Over 20 km/h serious, over 40 very serious.",
+    title="Speed limit",
+    grade=Grade.BY_BREACH,
+    gloss="Keep to the limit that is posted and to the general one: in towns "
+    f"{amount('law_de.limits.town.light')}, elsewhere {bare('law_de.limits.other.light')}, for "
+    f"trucks {bare('law_de.limits.other.heavy')}; on motorways none, for trucks "
+    f"{bare('law_de.limits.motorway.heavy')}.",
+    predicate=(
+        f"{WITHIN_LIMIT} Over {amount('law_de.excess.serious')} serious, over "
+        f"{bare('law_de.excess.very_serious')} very serious."
+    ),
     source=_STVO,
     check=_within_limit,
     spread=limit_spread(limits),
@@ -127,9 +147,12 @@ V3 = Rule(
     code="V3",
     law="§ 3(1) sentence 3 StVO",
     title="Slowly in fog",
-    gloss="Drive no faster than 50 km/h if one sees less than 50 m for fog, snow or rain.",
-    predicate="At every frame, the meteorological optical range being under 50 m: speed <= 50 "
-    "km/h.",
+    gloss=f"Drive no faster than {amount('law_de.fog.speed')} if one sees less than "
+    f"{amount('law_de.fog.sight')} for fog, snow or rain.",
+    predicate=(
+        "At every frame, the meteorological optical range being under "
+        f"{amount('law_de.fog.sight')}: speed <= {amount('law_de.fog.speed')}."
+    ),
     unit="m/s",
     grade=Grade.SERIOUS,
     source=_STVO,
@@ -156,27 +179,32 @@ def _right_lamps(case: Case) -> Check:
     return decided(span.exists, -seconds_of(case, count), first, last, longest=longest)
 
 
-B1 = replace(
+B1 = adopt(
     L19,
     id="de.stvo.17@2013",
     code="B1",
     law="§ 17(1) to (3) StVO",
+    title="Lamps",
+    grade=Grade.LIGHT,
     gloss="Low beam in the dark and where fog, snow or rain impair the sight considerably; no high "
-    "beam that dazzles; rear fog lamps only if fog leaves less than 50 m of sight.",
-    predicate="At every frame: low or high beam at night and where the meteorological range is "
-    "below "
-    "100 m; no rear fog lamps from 50 m on; no high beam under 100 m behind the leader or under "
-    "200 m "
-    "from an oncoming vehicle. The margin is the time in breach.",
+    "beam that dazzles; rear fog lamps only if fog leaves less than "
+    f"{amount('law_de.fog.sight')} of sight.",
+    predicate=(
+        "At every frame: low or high beam at night and where the meteorological range is below "
+        f"{amount('law_de.fog.impaired')}; no rear fog lamps from {amount('law_de.fog.sight')} on; "
+        f"{NO_DAZZLE}. The margin is the time in breach."
+    ),
     source=_STVO,
     check=_right_lamps,
 )
 
-S1 = replace(
+S1 = adopt(
     L2,
     id="de.stvo.295@2013",
     code="S1",
     law="§ 41(1) StVO, annex 2, signs 295 and 296",
+    title="Continuous line",
+    predicate=OFF_THE_LINE,
     gloss="A continuous line must not be driven over, not even in part; beside a broken one, the "
     "line of the own side rules.",
     grade=Grade.LIGHT,

@@ -1,20 +1,20 @@
 """The side of oncoming traffic and places where one does not overtake: §§ 5, 19, 26, and signs."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from overtaking.labels.law.frames import instant
-from overtaking.labels.law.opposite import L25, L26
+from overtaking.labels.law.numbers import amount
+from overtaking.labels.law.opposite import L25, L26, NO_REACTION, TIME_TO_PASS
 from overtaking.labels.law.others import ego_may_be, target_may_be
 from overtaking.labels.law.places import (
+    WHILE_OVERTAKING,
     away_from_each,
     immediately_before,
     of_two_wheels,
     place_spread,
 )
-from overtaking.labels.law.rule import Check, Grade, Rule, Spread, decided, inapplicable
-from overtaking.labels.law.sight import passing_margin, pull_out_frame, sight_error
+from overtaking.labels.law.rule import Check, Grade, Rule, Spread, adopt, decided, inapplicable
+from overtaking.labels.law.sight import SEES_ONCOMING, passing_margin, pull_out_frame, sight_error
 from overtaking.model.course import PlaceKind
 from overtaking.model.labels import Case
 from overtaking.model.trajectory import NO_VEHICLE
@@ -55,9 +55,10 @@ O9 = Rule(
     title="Signs",
     gloss="Sign 276 forbids motor vehicles to overtake motor vehicles with several tracks, sign "
     "277 those above 3.5 t.",
-    predicate="From line_crossed until the target is passed and the ego back on its side: the "
-    "ego's front is not in a stretch with a sign for it, the target being no bicycle and no "
-    "motorcycle.",
+    predicate=(
+        f"{WHILE_OVERTAKING}: the ego's front is not in a stretch with a sign for it, the target "
+        "being no bicycle and no motorcycle."
+    ),
     unit="m",
     grade=Grade.LIGHT,
     source=_STVO,
@@ -66,22 +67,26 @@ O9 = Rule(
     spread=place_spread(immediately_before),
 )
 
-O14 = replace(
+O14 = adopt(
     L25,
     id="de.stvo.5-2-1.pull-out@2013",
     code="O14",
     law=_SENTENCE,
+    title="Time to pass",
+    predicate=TIME_TO_PASS,
     gloss=_SEE,
     grade=Grade.SERIOUS,
     source=_STVO,
     fine=_FINE,
 )
 
-O15 = replace(
+O15 = adopt(
     L26,
     id="de.stvo.5-2-1.oncoming@2013",
     code="O15",
     law=_SENTENCE,
+    title="No reaction of oncoming traffic",
+    predicate=NO_REACTION,
     gloss=_SEE,
     grade=Grade.SERIOUS,
     source=_STVO,
@@ -102,15 +107,15 @@ O16 = Rule(
     law=_SENTENCE,
     title="Sight of the road ahead",
     gloss=_SEE,
-    predicate="On two-way roads, at line_crossed, or at attempt if none is crossed: air and road "
-    "give a sight of (v + limit) (time on the left + 1 s) or more, limit: the highest for oncoming "
-    "traffic as far as they let one see.",
+    predicate=SEES_ONCOMING,
     unit="m",
     grade=Grade.SERIOUS,
     source=_STVO,
     needs=frozenset(["weather"]),
     check=_oversees,
-    spread=Spread(formula="(time on the left + 1 s) sv", of=sight_error),
+    spread=Spread(
+        formula=f"(time on the left + {amount('law.sight.oncoming_margin')}) sv", of=sight_error
+    ),
     fine=_FINE,
     two_way=True,
 )
@@ -142,9 +147,11 @@ O17 = Rule(
     title="Crossings",
     gloss="Drivers do not overtake at crossings of pedestrians, and do not overtake motor vehicles "
     "at level crossings, from their sign on.",
-    predicate="From line_crossed until the target is passed and the ego back on its side: the "
-    "ego's front is not in a crossing of pedestrians or 50 m before it, nor, the target being no "
-    "bicycle, in a level crossing or 240 m before it.",
+    predicate=(
+        f"{WHILE_OVERTAKING}: the ego's front is not in a crossing of pedestrians or "
+        f"{amount('law.places.before')} before it, nor, the target being no bicycle, in a level "
+        f"crossing or {amount('law_de.pass.level_crossing')} before it."
+    ),
     unit="m",
     grade=Grade.LIGHT,
     source=_STVO,

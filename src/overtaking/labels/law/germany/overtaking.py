@@ -1,7 +1,6 @@
 """Overtaking, § 5: on which side, how fast, when not, how far aside, and back again."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +11,8 @@ from overtaking.labels.law.alongside import (
     L10,
     L11,
     L22,
+    NOT_IN_QUEUES,
+    TARGET_KEEPS_SPEED,
     alongside,
     apart,
     in_queue,
@@ -20,12 +21,13 @@ from overtaking.labels.law.alongside import (
 from overtaking.labels.law.distances import beside
 from overtaking.labels.law.errors import gap_error
 from overtaking.labels.law.frames import ENDLESS, instant
-from overtaking.labels.law.gaps import L24
-from overtaking.labels.law.lamps import L18
+from overtaking.labels.law.gaps import BACK_BEFORE_ONCOMING, L24
+from overtaking.labels.law.lamps import INDICATES, L18
+from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import ego_may_be
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
+from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, adopt
 from overtaking.labels.law.sight import optical_range
-from overtaking.labels.law.when import L7, L9
+from overtaking.labels.law.when import L7, L9, RETURNS_SOON, TARGET_KEEPS_LANE
 from overtaking.model.labels import Case
 from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE
@@ -45,20 +47,19 @@ def _on_the_left(case: Case) -> Check:
     return found.check(case, margin)
 
 
-O1 = replace(
+O1 = adopt(
     L1,
     id="de.stvo.5-1@2013",
     code="O1",
     law="§ 5(1) StVO; exceptions § 7(2) and (2a)",
+    title="Overtake on the left",
     gloss="Overtaking is done on the left. Where queues have formed one may be faster on the "
     "right.",
-    predicate="While ego and target overlap: lane(ego) is left of lane(target). Not where at "
-    "least 3 "
-    "others within 100 m are slower than 30 km/h and the ego is at most 20 km/h faster than the "
-    "target.",
+    predicate=(f"While ego and target overlap: lane(ego) is left of lane(target). {NOT_IN_QUEUES}"),
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
     check=_on_the_left,
+    spread=L1.spread,
     fine="100 EUR, 1 point (BKat 17, Kraftfahrt-Bundesamt)",
 )
 
@@ -84,7 +85,7 @@ O2 = Rule(
     law="§ 5(2) sentence 2 StVO",
     title="Substantially faster",
     gloss="Only those may overtake who are substantially faster than the overtaken.",
-    predicate="At overlap_begin: v - v_target >= 10 km/h.",
+    predicate=f"At overlap_begin: v - v_target >= {amount('law_de.pass.faster')}.",
     unit="m/s",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
@@ -93,11 +94,13 @@ O2 = Rule(
     fine="80 EUR, 1 point (BKat 18, Kraftfahrt-Bundesamt)",
 )
 
-O3 = replace(
+O3 = adopt(
     L24,
     id="de.stvo.5-2-1@2013",
     code="O3",
     law="§ 5(2) sentence 1 StVO",
+    title="Oncoming traffic",
+    predicate=BACK_BEFORE_ONCOMING,
     gloss="Only those may overtake who can see that they will not hinder oncoming traffic at any "
     "time.",
     grade=Grade.SERIOUS,
@@ -105,12 +108,13 @@ O3 = replace(
     fine="100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)",
 )
 
-O4 = replace(
+O4 = adopt(
     L7,
     id="de.stvo.5-3-1@2013",
     code="O4",
     law="§ 5(3) number 1 StVO",
     title="Clear situation",
+    predicate=TARGET_KEEPS_LANE,
     gloss="Do not overtake where the situation is unclear, such as behind somebody who moves out.",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
@@ -130,11 +134,12 @@ O5 = Rule(
     code="O5",
     law="§ 5(3a) StVO",
     title="No overtaking by trucks in fog",
-    gloss="Drivers of vehicles above 7.5 t do not overtake if they see less than 50 m for fog, "
-    "snow "
-    "or rain.",
-    predicate="At attempt, the ego being a truck: the meteorological optical range is 50 m or "
-    "more.",
+    gloss="Drivers of vehicles above 7.5 t do not overtake if they see less than "
+    f"{amount('law_de.pass.truck_sight')} for fog, snow or rain.",
+    predicate=(
+        "At attempt, the ego being a truck: the meteorological optical range is "
+        f"{amount('law_de.pass.truck_sight')} or more."
+    ),
     unit="m",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
@@ -164,7 +169,9 @@ def _not_endangered(place: Around, event: str) -> tuple[Callable[[Case], Check],
         del found
         return gap_error(case, place, getattr(case.events, event), _calm, errors)
 
-    return check, Spread(formula="sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = 2 m/s^2", of=error)
+    return check, Spread(
+        formula=f"sqrt(2 sp^2 + 2 (dv/a)^2 sv^2), a = {amount('law.entry.braking')}", of=error
+    )
 
 
 _OUT, _OUT_ERROR = _not_endangered(Around.LEFT_FOLLOWER, "line_crossed")
@@ -176,9 +183,10 @@ O6 = Rule(
     law="§ 5(4) sentence 1 StVO",
     title="Following traffic",
     gloss="Who moves out to overtake behaves so that following traffic is in no danger.",
-    predicate="At line_crossed: gap to the follower in the lane on the left >= closing speed^2 / "
-    "(2 x "
-    "2 m/s^2), so that it need not brake hard.",
+    predicate=(
+        "At line_crossed: gap to the follower in the lane on the left >= closing speed^2 / (2 x "
+        f"{amount('law.entry.braking')}), so that it need not brake hard."
+    ),
     unit="m",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
@@ -199,24 +207,31 @@ def _apart_from_motor(case: Case) -> Check:
     return apart(case, motor_vehicle_distance, bicycle=False)
 
 
-O7 = replace(
+O7 = adopt(
     L10,
     id="de.stvo.5-4-2@2013",
     code="O7",
     law="§ 5(4) sentence 2 StVO",
+    title="Lateral distance",
     gloss="Keep a sufficient distance to the side of others when overtaking.",
-    predicate="While ego and target overlap, the target being no bicycle: distance between their "
-    "sides >= 1 m, which is enough under normal conditions.",
+    predicate=(
+        "While ego and target overlap, the target being no bicycle: distance between their sides "
+        f">= {amount('law_de.side.motor')}, which is enough under normal conditions."
+    ),
     grade=Grade.LIGHT,
     source="de-stvo-2013",
     check=_apart_from_motor,
+    spread=L10.spread,
 )
 
-O8 = replace(
+O8 = adopt(
     L18,
     id="de.stvo.5-4a@2013",
     code="O8",
     law="§ 5(4a) StVO",
+    title="Indicate",
+    predicate=INDICATES,
+    grade=Grade.LIGHT,
     gloss="Announce moving out and moving back in time and clearly, with the indicators.",
     source="de-stvo-2013",
 )
@@ -237,16 +252,19 @@ def _apart_from_bicycle(case: Case) -> Check:
     return apart(case, bicycle_distance, bicycle=True)
 
 
-O10 = replace(
+O10 = adopt(
     L11,
     id="de.stvo.5-4-3@2013",
     code="O10",
     law="§ 5(4) sentence 3 StVO",
-    gloss="Motor vehicles keep at least 1.5 m to the side of those who walk or cycle, outside "
-    "built-up "
-    "areas 2 m.",
-    predicate="While ego and target overlap, the target being a bicycle: distance between their "
-    "sides >= 2 m, in towns 1.5 m.",
+    title="Overtaking a bicycle",
+    gloss=f"Motor vehicles keep at least {amount('law_de.side.bicycle_town')} to the side of those "
+    "who walk or cycle, outside built-up areas "
+    f"{amount('law_de.side.bicycle')}.",
+    predicate=(
+        "While ego and target overlap, the target being a bicycle: distance between their sides >= "
+        f"{amount('law_de.side.bicycle')}, in towns {amount('law_de.side.bicycle_town')}."
+    ),
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
@@ -255,11 +273,13 @@ O10 = replace(
     spread=L10.spread,
 )
 
-O11 = replace(
+O11 = adopt(
     L9,
     id="de.stvo.5-4-5@2013",
     code="O11",
     law="§ 5(4) sentence 5 StVO",
+    title="Duty to return",
+    predicate=f"{RETURNS_SOON} Not in the lane of oncoming traffic, for which there is O3.",
     gloss="Who overtakes moves back to the right as soon as possible.",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
@@ -271,9 +291,10 @@ O12 = Rule(
     law="§ 5(4) sentence 6 StVO",
     title="The overtaken is not hindered",
     gloss="Who overtakes does not hinder the overtaken.",
-    predicate="At return_end: gap to the vehicle behind >= closing speed^2 / (2 x 2 m/s^2), so "
-    "that it "
-    "need not brake hard.",
+    predicate=(
+        "At return_end: gap to the vehicle behind >= closing speed^2 / (2 x "
+        f"{amount('law.entry.braking')}), so that it need not brake hard."
+    ),
     unit="m",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
@@ -281,11 +302,13 @@ O12 = Rule(
     spread=_IN_ERROR,
 )
 
-O13 = replace(
+O13 = adopt(
     L22,
     id="de.stvo.5-6@2013",
     code="O13",
     law="§ 5(6) sentence 1 StVO",
+    title="Let others overtake",
+    predicate=TARGET_KEEPS_SPEED,
     gloss="Who is overtaken does not accelerate.",
     grade=Grade.LIGHT,
     source="de-stvo-2013",

@@ -1,0 +1,165 @@
+"""What a law says names its own articles and rules, and prints the numbers of its checks."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from tests.support import german_fixtures, law_fixtures
+
+from overtaking import api
+from overtaking.knowledge.reader import load
+from overtaking.labels.label import label
+from overtaking.labels.law import GERMANY, PORTUGAL, Grade, adopt, policies_for
+from overtaking.labels.law.numbers import amount, bare, filled
+from overtaking.labels.law.texts import words_of
+from overtaking.model.labels import Verdict
+from overtaking.show.description import describe
+from overtaking.show.paragraphs import paragraphs
+from overtaking.show.view.pack import pack as page_payload
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from overtaking.labels.label import Labelled
+    from overtaking.labels.law import Rule
+
+PACKS = {"pt": PORTUGAL, "de": GERMANY}
+FIXTURES = {"pt": law_fixtures.FIXTURES, "de": german_fixtures.FIXTURES}
+LAW_WORDS = {
+    "pt": r"Articles? \d|Código|Highway Code|Portug|\bC14[abc]?\b",
+    "de": r"§|StVO|BKat|Straßenverkehr|German",
+}
+"""What names the law of a pack, beside the codes of its rules."""
+
+
+def foreign_words(law: str) -> re.Pattern[str]:
+    """What no text of a law may contain: codes of rules and names of the other one."""
+    other = "de" if law == "pt" else "pt"
+    codes = sorted(PACKS[other].codes, key=len, reverse=True)
+    return re.compile(rf"\b(?:{'|'.join(codes)})\b|{LAW_WORDS[other]}")
+
+
+def texts_of(value: Any) -> Iterator[str]:
+    """All texts within plain values, names included."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for name, one in value.items():
+            yield name
+            yield from texts_of(one)
+    elif isinstance(value, (list, tuple)):
+        for one in value:
+            yield from texts_of(one)
+
+
+def texts_of_rule(rule: Rule) -> Iterator[str]:
+    """All texts of a rule."""
+    for field in fields(rule):
+        value = getattr(rule, field.name)
+        if isinstance(value, (str, Grade)):
+            yield str(value.value if isinstance(value, Grade) else value)
+    if rule.spread is not None:
+        yield rule.spread.formula
+
+
+def labelled_by(law: str, runs: Any) -> Labelled:
+    return label(runs, pack=PACKS[law], policies=policies_for(law))
+
+
+@pytest.mark.parametrize("law", PACKS)
+def test_no_text_of_a_rule_names_the_other_law(law):
+    foreign = foreign_words(law)
+    pack = PACKS[law]
+    assert not [text for text in (pack.edition, pack.severities) if foreign.search(text)]
+    for rule in pack.rules:
+        found = [text for text in texts_of_rule(rule) if foreign.search(text)]
+        assert found == [], rule.code
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("law", PACKS)
+def test_no_explanation_names_the_other_law(law):
+    foreign, pack, policies = foreign_words(law), PACKS[law], policies_for(law)
+    runs = api.simulate(api.sample("pinto2023-physical", 24, 5))
+    all_of = labelled_by(law, runs)
+    batches = [all_of.select(np.array([k])) for k in range(24)]
+    breaches = [make for _, verdict, _, make in FIXTURES[law] if verdict is Verdict.ILLEGAL]
+    batches += [labelled_by(law, make().trajectories) for make in breaches]
+    for number, one in enumerate(batches):
+        values = describe(one, number, pack=pack, policies=policies)
+        told = paragraphs(one, number, pack, policies)
+        # The letters of events on the time line look like codes of rules.
+        found = [text for text in texts_of([values, told]) if foreign.search(text)]
+        assert found == []
+        if law == "pt":
+            assert not foreign.search(json.dumps(page_payload(one, number), ensure_ascii=False))
+
+
+@pytest.mark.ci
+def test_beliefs_are_those_of_the_rules_of_the_law():
+    runs = api.simulate(api.sample("pinto2023-physical", 24, 5))
+    codes: dict[str, set[str]] = {}
+    for law, pack in PACKS.items():
+        all_of, policies = labelled_by(law, runs), policies_for(law)
+        codes[law] = {
+            neighbour["law"]["rule"]
+            for k in range(24)
+            for decision in describe(all_of.select(np.array([k])), k, pack=pack, policies=policies)[
+                "decisions"
+            ]
+            for neighbour in decision["neighbours"].values()
+            if neighbour is not None and neighbour["law"] is not None
+        }
+    # The German rule that is measured as L8 is one whose text was not read.
+    assert codes == {"pt": {"L3", "L4", "L5", "L8"}, "de": set()}
+
+
+def test_an_adopted_rule_takes_the_check_and_no_text():
+    rule = PORTUGAL.rule("L11")
+    own = adopt(
+        rule, id="xx.1@2020", code="X1", law="1", title="Own title", gloss="Own gloss.",
+        predicate="Own predicate.", grade=Grade.LIGHT, source="xx",
+    )  # fmt: skip
+    assert (own.check, own.spread, own.needs) == (rule.check, rule.spread, rule.needs)
+    assert not {*texts_of_rule(own)} & {rule.title, rule.gloss, rule.predicate, rule.border}
+    with_check = adopt(
+        rule, id="xx.2@2020", code="X2", law="2", title="t", gloss="g", predicate="p",
+        grade=Grade.LIGHT, source="xx", check=PORTUGAL.rule("L10").check,
+    )  # fmt: skip
+    assert with_check.spread is None
+
+
+@pytest.mark.parametrize(
+    ("code", "numbers"),
+    [
+        ("L10", ["law.side.motor"]),
+        ("L28", ["law.slow.speed", "law.slow.distance"]),
+        ("O10", ["law_de.side.bicycle", "law_de.side.bicycle_town"]),
+        ("V3", ["law_de.fog.sight", "law_de.fog.speed"]),
+        ("O17", ["law.places.before", "law_de.pass.level_crossing"]),
+    ],
+)
+def test_a_predicate_prints_the_numbers_of_its_check(code, numbers):
+    pack = PORTUGAL if code in PORTUGAL.codes else GERMANY
+    for path in numbers:
+        assert amount(path) in pack.rule(code).predicate
+
+
+@pytest.mark.parametrize("law", PACKS)
+def test_every_number_of_a_border_is_that_of_the_law(law):
+    for code, entry in words_of(law).items():
+        assert not re.search(r"\d", re.sub(r"\{.*?\}", "", entry.border)), code
+        assert PACKS[law].rule(code).border == filled(entry.border)
+
+
+def test_a_number_is_printed_in_the_unit_of_its_file_or_another():
+    assert load("law.toml")["queue"]["speed"]["unit"] == "m/s"
+    assert amount("law.queue.speed", unit="km/h") == "30 km/h"
+    assert amount("law.width.border", times=2.0) == "0.4 m"
+    assert bare("law.trucks.lanes") == "2"
+    assert filled("the {law_de.side.motor} to {nobody}") == "the 1 m to {nobody}"
