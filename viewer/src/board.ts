@@ -1,10 +1,11 @@
 // Everything that lies on the axis of time: stages, events, law and charts, with one cursor.
 
 import type { Gaps, LawRow, Run, Words } from "./bundle.ts";
+import { recordedFrame } from "./bundle.ts";
 import { chartRows, path } from "./charts.ts";
 import { h, svg, write } from "./dom.ts";
 import { fanRow } from "./fan.ts";
-import { signed } from "./numbers.ts";
+import { formatMargin } from "./numbers.ts";
 import { policyRow } from "./policies.ts";
 import { type Needs, plot, type Row, row, xOf } from "./row.ts";
 
@@ -91,7 +92,7 @@ export function isCounted(needs: Pick<Needs, "run" | "words" | "policy">, rule: 
 
 // Whether a rule is broken at a frame.
 export function isBroken(one: LawRow, frame: number): boolean {
-  const at = Math.floor(frame + 1e-6);
+  const at = recordedFrame(frame);
   if (!one.breach || at < one.breach[0] || at > one.breach[1]) return false;
   const margin = one.margins?.[at];
   return one.margins ? margin !== null && margin !== undefined && margin < 0 : true;
@@ -111,8 +112,10 @@ function lawRow(needs: Needs, one: LawRow): Row {
   const rule = words.rules[one.rule]!;
   const counts = isCounted(needs, one.rule);
   const state = !one.breach ? "near" : counts ? "broken" : "aside";
-  const mark = one.breach ? "✗" : "✓";
-  const value = h("span", { class: "value" });
+  const mark = !one.breach ? "✓" : counts ? "✗" : "(✗)";
+  // The mark and this margin are of the whole simulation, the other one is of the frame at the cursor.
+  const least = h("span", { class: "value least" }, `least ${formatMargin(one.margin, rule.unit)}`);
+  const value = h("span", { class: "value now" });
   const about = one.breach ? (counts ? "broken" : `broken, not counted by policy ${needs.policy}`) : "kept, near its limit";
   const label = h(
     "button",
@@ -125,14 +128,13 @@ function lawRow(needs: Needs, one: LawRow): Row {
     },
     h("b", {}, h("span", { "aria-hidden": true }, `${mark} `), `${one.rule} ${rule.title}`),
     h("span", { class: "unseen" }, `, ${rule.law}: ${about} `),
-    value,
+    h("span", { class: "margins" }, least, value),
   );
   const height = 40;
   const drawing = plot(needs, height, ...breachMarks(needs, one, height, state));
   return row(label, drawing, `strip law ${state}`, (frame) => {
-    const margin = one.margins?.[Math.round(frame)];
-    if (margin !== null && margin !== undefined) write(value, `${signed(margin, 1)} ${rule.unit}`);
-    else write(value, one.margins || !isBroken(one, frame) ? "–" : `${signed(one.margin, 1)} ${rule.unit}`);
+    const margin = one.margins?.[recordedFrame(frame)] ?? null;
+    write(value, `now ${margin !== null ? formatMargin(margin, rule.unit) : isBroken(one, frame) ? "broken" : "–"}`);
   });
 }
 
@@ -147,7 +149,7 @@ function breachMarks(needs: Needs, one: LawRow, height: number, state: string): 
     svg("rect", { width: 6, height: 6, class: "hatch-ground" }),
     svg("rect", { width: 2.2, height: 6, class: "hatch-line" }),
   );
-  const spans = brokenSpans(one).map(([first, last]) => {
+  const spans = breachSpans(one).map(([first, last]) => {
     const from = Math.min(x(first), needs.width - 4);
     const width = Math.max(x(last) - from, 4);
     return svg("rect", { x: from, y: 4, width, height: height - 8, rx: 3, class: "breach", fill: `url(#${id})` });
@@ -157,7 +159,7 @@ function breachMarks(needs: Needs, one: LawRow, height: number, state: string): 
 
 // First and last frame of each stretch in which a rule is broken; from the first to the last frame
 // of the breach, where no margin is known in between.
-export function brokenSpans(one: LawRow): [number, number][] {
+export function breachSpans(one: LawRow): [number, number][] {
   if (!one.breach || !one.margins) return one.breach ? [one.breach] : [];
   const spans: [number, number][] = [];
   for (let frame = one.breach[0]; frame <= one.breach[1]; frame++) {

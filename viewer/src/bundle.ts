@@ -36,6 +36,7 @@ export interface Row {
   night: boolean;
   outcome: string;
   duration_s: number;
+  num_frames: number;
 }
 
 // The same with a `Packed`, compressed.
@@ -80,6 +81,8 @@ export interface Packed {
   told: Told;
   road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[]; oncoming: (Oncoming & { width_mm: number }) | null; course: Course | null };
   vehicles: PackedVehicle[];
+  leader: Gaps; // Slots of the vehicles that gaps and times to collision are about, frame by frame.
+  follower: Gaps;
   gap_mm: Gaps;
   inverse_ttc: { ahead: Gaps; behind: Gaps }; // In steps of 1e-4 per second.
   sight_dm: number[] | null;
@@ -243,6 +246,10 @@ export function isOncoming(vehicle: Vehicle): boolean {
   return Math.cos(vehicle.angle[0]!) < 0;
 }
 
+export function symbolOf(run: Run, slot: number): string {
+  return run.vehicles.find((vehicle) => vehicle.slot === slot)?.symbol ?? "?";
+}
+
 // A column from its differences, in steps of `step`.
 export function column(differences: number[], step = 1, order = 1): number[] {
   const found = differences.slice();
@@ -290,6 +297,8 @@ export function unpack(packed: Packed): Run {
       accel: column(one.accel, 1e-3),
       lights: column(one.lights),
     })),
+    leader: sparse(packed.leader, 1),
+    follower: sparse(packed.follower, 1),
     gap: sparse(packed.gap_mm, 1e-3),
     ttc: { ahead: sparse(packed.inverse_ttc.ahead, 1e-4), behind: sparse(packed.inverse_ttc.behind, 1e-4) },
     sight: packed.sight_dm && column(packed.sight_dm, 0.1),
@@ -304,12 +313,28 @@ export async function open(entry: Entry): Promise<Run> {
   return unpack((await new Response(stream).json()) as Packed);
 }
 
-// Where the ego believes its neighbours to be at an instant; null where that is not known.
-export function ghostsAt(run: Run, seconds: number): Ghost[] | null {
+// The recorded frame that holds at a place between frames. A place that is whole but for its rounding is that frame.
+export function recordedFrame(frame: number): number {
+  return Math.floor(frame + 1e-6);
+}
+
+// The decision whose beliefs hold at a frame.
+function decisionAt(run: Run, every: EveryBelief, frame: number): number {
+  return Math.floor((recordedFrame(frame) * run.interval * 1000) / every.interval_ms + 1e-6);
+}
+
+function metresOf(column: Gaps, k: number): number | null {
+  const millimetres = column[k] ?? null;
+  return millimetres === null ? null : millimetres / 1000;
+}
+
+// Where the ego believes its neighbours to be at a frame; null where that is not known.
+export function ghostsAt(run: Run, frame: number): Ghost[] | null {
   const { every } = run;
   if (!every) return null;
-  const k = Math.floor((seconds * 1000) / every.interval_ms + 1e-6);
-  const metres = (column: Gaps): number | null => (column[k] == null ? null : column[k]! / 1000);
+  const k = decisionAt(run, every, frame);
+  const seconds = frame * run.interval;
+  const metres = (column: Gaps): number | null => metresOf(column, k);
   return every.roles.flatMap((role) => {
     const [s, d] = [metres(role.s_mm), metres(role.d_mm)];
     if (s === null || d === null) return [];
@@ -332,11 +357,23 @@ export function ghostsAt(run: Run, seconds: number): Ghost[] | null {
   });
 }
 
-// The gap to the vehicle ahead as the driver believes it; null if it sees none.
-export function believedAt(run: Run, frame: number): number | null {
-  const role = run.every?.roles.find((one) => one.role === "lead");
-  const gap = role?.gap_mm[Math.floor((Math.round(frame) * run.interval * 1000) / run.every!.interval_ms + 1e-6)];
-  return gap == null ? null : gap / 1000;
+// What the driver believes about one vehicle.
+export interface Belief {
+  gap: number | null; // [m]; null: the driver does not see the vehicle.
+  trueGap: number | null; // [m]
+  isBehind: boolean; // Both gaps are measured behind the ego.
+}
+
+// The belief about a vehicle at a frame, whatever role it has for the driver then; null where no belief is about it. Roles do
+// not name a vehicle: from the decision to pull out on, the driver's leader is the one in the lane it changes to.
+export function beliefAbout(run: Run, slot: number, frame: number): Belief | null {
+  const { every } = run;
+  if (!every) return null;
+  const k = decisionAt(run, every, frame);
+  const roles = every.roles.filter((role) => role.slot[k] === slot);
+  // A vehicle between two lanes has two roles, and is seen if it is seen in one of them.
+  const role = roles.find(({ seen }) => seen[k]) ?? roles[0];
+  return role ? { gap: metresOf(role.gap_mm, k), trueGap: metresOf(role.true_gap_mm, k), isBehind: role.role.endsWith("rear") } : null;
 }
 
 // Where a vehicle is at a frame that may lie between two recorded ones; null if it is not there.

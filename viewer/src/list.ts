@@ -2,6 +2,7 @@
 
 import type { Row, Words } from "./bundle.ts";
 import { busy, h, put, refill, write } from "./dom.ts";
+import { durationWords } from "./durations.ts";
 import { beginning, conditions, type Moment, print } from "./link.ts";
 import type { Overview } from "./overview.ts";
 import { type Listed, PAGE, type Source } from "./source.ts";
@@ -163,7 +164,7 @@ function row(entry: Row, words: Words, policy: string): HTMLElement {
 }
 
 function about(entry: Row): string {
-  return [entry.weather, `${entry.duration_s.toFixed(0)} s`].filter(Boolean).join(", ");
+  return [entry.weather, durationWords(entry)].filter(Boolean).join(", ");
 }
 
 export function thousands(count: number): string {

@@ -2,6 +2,7 @@
 
 import type { Row, Thumbnail, Words } from "./bundle.ts";
 import { busy, field, h, put, refill, svg, table, write } from "./dom.ts";
+import { durationWords, isShort } from "./durations.ts";
 import { bound, type Choice, conditions, type Facet, FACETS, noChoice, ORDERS } from "./link.ts";
 import { aim, beyond, thousands } from "./list.ts";
 import type { Answer, Listed, Source } from "./source.ts";
@@ -60,7 +61,7 @@ export function overview(source: Source, store: Store): Overview {
   const clear = h("button", { type: "button", id: "clear", click: () => choose(noChoice()) }, "Clear all");
   const count = h("p", { class: "found", role: "status" });
   const failure = h("p", { class: "failure", role: "alert" });
-  const body = h("tbody", {});
+  const body = h("tbody", { role: "rowgroup" });
   const pages = [-1, 1].map((way) => h("button", { type: "button", click: () => turn(way as 1 | -1) }, way < 0 ? "‹ before" : "next ›"));
   const sql = sqlFields(source, choose, (text) => write(failure, text));
   let listed: Listed | null = null;
@@ -69,7 +70,7 @@ export function overview(source: Source, store: Store): Overview {
     const first = listed && beyond(listed, store.state.choice.first, way);
     if (first !== null) store.change({ choice: { ...store.state.choice, first } });
   };
-  const head = ["", "class", "along the road, seen from the ego", "length", "weather", "broken rules", "outcome"];
+  const head = ["", "class", `along the road, ${FAR}\u00a0m ahead of and behind the ego`, "length", "weather", "broken rules (in brackets: not counted)", "outcome"];
   const element = h(
     "div",
     { class: "overview", hidden: true },
@@ -80,7 +81,8 @@ export function overview(source: Source, store: Store): Overview {
       h("div", { class: "list-head" }, h("h1", { tabindex: -1 }, source.title), count, h("label", { class: "field", for: "order" }, "Sort "), order, h("label", { class: "check", for: "falling" }, falling, " falling")),
       failure,
       trouble,
-      h("div", { class: "wide", tabindex: 0, role: "region", "aria-label": "Simulations" }, h("table", { class: "simulations" }, h("thead", {}, h("tr", {}, ...head.map((one) => (one ? h("th", { scope: "col" }, one) : h("th", { scope: "col" }, h("span", { class: "unseen" }, "number")))))), body)),
+      h("div", { class: "wide", tabindex: 0, role: "region", "aria-label": "Simulations" }, h("table", { class: "simulations", role: "table" }, h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, ...head.map((one) => h("th", { scope: "col", role: "columnheader" }, one || h("span", { class: "unseen" }, "number"))))), body)),
+      h("p", { class: "quiet brackets" }, "Rules in brackets are broken and not counted by the policy."),
       h("nav", { class: "pages", "aria-label": "Parts of the list" }, ...pages),
     ),
   );
@@ -229,17 +231,30 @@ function told(found: Answer): Node[] {
 }
 
 function tableRow(one: Row, words: Words, policy: string): HTMLElement {
+  // With roles, as rows are laid out as cards on a phone.
+  const cell = (name: string, ...content: (Node | string)[]): HTMLElement => h("td", { role: "cell", class: name }, ...content);
   return h(
     "tr",
-    {},
-    h("th", { scope: "row" }, h("a", { "data-sim": one.number, "aria-label": `Simulation ${one.number}` }, String(one.number))),
-    h("td", {}, chip(words, one.classes[policy]!)),
-    h("td", { class: "thumb", "data-thumb": one.number }),
-    h("td", { class: "figure" }, `${one.duration_s.toFixed(1)} s`),
-    h("td", {}, `${one.night ? "☾" : "☀"} ${one.weather ?? ""}`),
-    h("td", { class: "codes" }, one.broken.join(" ") || "–"),
-    h("td", {}, one.outcome),
+    { role: "row" },
+    h("th", { scope: "row", role: "rowheader" }, h("a", { "data-sim": one.number, "aria-label": `Simulation ${one.number}` }, String(one.number))),
+    cell("class", chip(words, one.classes[policy]!)),
+    h("td", { role: "cell", class: "thumb", "data-thumb": one.number }),
+    cell("figure", isShort(one.duration_s) ? h("small", { class: "short" }, durationWords(one)) : `${one.duration_s.toFixed(1)} s`),
+    cell("weather", `${one.night ? "☾" : "☀"} ${one.weather ?? ""}`),
+    cell("codes", ...ruleCodes(one.broken, words.policies[policy]!.required)),
+    cell("outcome", one.outcome),
   );
+}
+
+// The broken rules that the policy counts, then the others in brackets.
+function ruleCodes(broken: string[], required: string[]): (Node | string)[] {
+  const counted = broken.filter((code) => required.includes(code));
+  const others = broken.filter((code) => !required.includes(code));
+  const codes = [
+    ...counted.map((code) => h("span", { class: "counted-rule" }, code)),
+    ...others.map((code) => h("span", { class: "other-rule", title: "broken, not counted by the policy" }, `(${code})`)),
+  ];
+  return codes.length ? codes.flatMap((code) => [code, " "]) : ["–"];
 }
 
 // Time runs to the right, the road upwards; the ego is the line in the middle.

@@ -1,6 +1,6 @@
 // Two policies side by side: what each counts, over time and in words.
 
-import { brokenSpans, isBroken } from "./board.ts";
+import { breachSpans, isBroken } from "./board.ts";
 import { h, svg, write } from "./dom.ts";
 import { type Needs, plot, type Row, row, xOf } from "./row.ts";
 import type { Reader } from "./text.ts";
@@ -12,14 +12,14 @@ export function policyRow(needs: Needs, policy: string): Row {
   const { run, words } = needs;
   const x = xOf(needs);
   const counted = run.law.filter((one) => one.breach && words.policies[policy]!.required.includes(one.rule));
-  const spans = counted.flatMap((one) => brokenSpans(one).map(([first, last]) => {
+  const spans = counted.flatMap((one) => breachSpans(one).map(([first, last]) => {
     const from = Math.min(x(first), needs.width - 4);
     return svg("rect", { x: from, y: 5, width: Math.max(x(last) - from, 4), height: STRIP - 10, rx: 3, class: "counted" });
   }));
   const value = h("span", { class: "value" });
   const label = h("div", { class: "label" }, h("b", {}, `Policy ${policy}`), value);
   return row(label, plot(needs, STRIP, svg("line", { x1: 0, x2: needs.width, y1: STRIP / 2, y2: STRIP / 2, class: "limit" }), ...spans), "strip policy-row", (frame) => {
-    write(value, counted.filter((one) => isBroken(one, frame)).map((one) => `✗ ${one.rule}`).join(" ") || "✓");
+    write(value, counted.filter((one) => isBroken(one, frame)).map((one) => `✗ ${one.rule}`).join(" ") || (counted.length ? "none now" : "✓ none"));
   });
 }
 

@@ -1,6 +1,6 @@
 // The road from above, at one instant.
 
-import type { Overlay, Pose, Run, Vehicle, Words } from "./bundle.ts";
+import type { Ghost, Overlay, Pose, Run, Vehicle, Words } from "./bundle.ts";
 import { ghostsAt, pose } from "./bundle.ts";
 import { signsOf } from "./limits.ts";
 import { drawBeams, drawBranch, drawGhost, drawTags, drawVehicle, tell, tellVehicles, type View } from "./vehicles.ts";
@@ -14,10 +14,13 @@ const LEAST_STRIPE = 4; // [px]
 const LEAST_BAR = 30; // [px]
 const SCALE_ROOM = 34; // Above the scale bar [px].
 const LEAST_POSTS = 74; // Between two distances at the roadside [px].
+const POST_TEXT = 44; // [px]
 const SIGN = 11; // Radius of a sign [px].
 const POST_ROOM = 27; // For distances between the road and a sign [px].
 const CLEAR = 24 / 256; // What lies in fog stays a hint, as in films.
 const OWN_LENGTH = 5; // Of road around the ego that no fog hides [m].
+const GAP_TEXT = 56; // [px]
+const GAP_ASIDE = 22; // For the name of the ego or of the target [px].
 const BURST_LASTS = 0.9; // [s]
 
 export interface Look {
@@ -52,13 +55,19 @@ export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Ru
   drawAir(view, run, here[0]?.at, frame, here[0]?.vehicle.length ?? OWN_LENGTH);
   for (const one of branches) drawBranch(view, one.letter, one.here, here, words);
   tellVehicles(view, here, words, run.values.target, false);
-  const ghosts = ghostsAt(run, frame * run.interval);
-  if (look.ghosts) for (const one of ghosts ?? run.ghosts) drawGhost(view, one, words, here[0]?.at, ghosts !== null);
   drawGap(view, here, run.values.target);
   tellVehicles(view, here, words, run.values.target, true);
+  if (look.ghosts) for (const belief of ghostsAt(run, frame) ?? latestDecisions(run.ghosts, view.time)) drawGhost(view, belief, run, words);
   drawTags(view);
   drawBurst(view, run, here[0]?.at, words);
   drawScaleBar(view);
+}
+
+// The beliefs of recorded decisions, of each vehicle the latest.
+function latestDecisions(beliefs: Ghost[], time: number): Ghost[] {
+  const latest = new Map<number | null, Ghost>();
+  for (const belief of beliefs) if (belief.time_s <= time + 1e-9) latest.set(belief.vehicle, belief);
+  return [...latest.values()];
 }
 
 function there(run: Run, frame: number): { vehicle: Vehicle; at: Pose }[] {
@@ -179,7 +188,7 @@ function drawLine({ c, width, x, y, scale }: View, d: number, kind: string, isEd
 }
 
 // Distances along the road, every 50 m or more.
-function drawPosts({ c, width, height, x, y, scale, night }: View, edges: number[]): void {
+function drawPosts({ c, width, height, x, y, scale, night, tags }: View, edges: number[]): void {
   c.font = "11px system-ui, sans-serif";
   c.textAlign = "center";
   const low = Math.max(y(edges[0]!), y(edges[1]!));
@@ -188,7 +197,9 @@ function drawPosts({ c, width, height, x, y, scale, night }: View, edges: number
     c.fillStyle = night ? "#dfe4e8" : "#23291f";
     c.fillRect(x(s) - 1, low + 3, 2, 7);
     const isFree = low + SCALE_ROOM < height || x(s) > 40 + barOf(scale) * scale;
-    if (low + 24 < height && s >= 0 && isFree) c.fillText(`${s} m`, x(s), low + 22);
+    if (low + 24 >= height || s < 0 || !isFree) continue;
+    c.fillText(`${s} m`, x(s), low + 22);
+    tags.push({ left: x(s) - POST_TEXT / 2, wide: POST_TEXT, y: low + 22, draw: () => undefined }); // Names lie elsewhere.
   }
 }
 
@@ -298,7 +309,11 @@ function drawGap(view: View, here: { vehicle: Vehicle; at: Pose }[], target: num
   c.moveTo(x(from), row);
   c.lineTo(x(to), row);
   c.stroke();
-  tell(view, (x(from) + x(to)) / 2, [row + 4], [`${gap.toFixed(1)} m`], "#ffffff", "#20262ddd", true);
+  // Between the two where there is room for it, else above or below both.
+  const isRoomy = Math.abs(x(to) - x(from)) > GAP_TEXT;
+  const aside = Math.max(ego.vehicle.width, other.vehicle.width) * view.across + GAP_ASIDE;
+  const rows = isRoomy ? [row + 4] : [row - aside, row + aside];
+  tell(view, (x(from) + x(to)) / 2, rows, [`${gap.toFixed(1)} m`], "#ffffff", "#20262ddd", true);
 }
 
 // A collision of the ego, for a moment.

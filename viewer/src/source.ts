@@ -2,6 +2,7 @@
 
 import { open, unpack, type Bundle, type Entry, type EveryBelief, type Fan, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
 import { h } from "./dom.ts";
+import { isShort } from "./durations.ts";
 import { FACETS, parse, type Choice, type Facet } from "./link.ts";
 
 // A part of the list; counts by property and value are of what all other properties leave.
@@ -72,7 +73,7 @@ function embedded(bundle: Bundle): Source {
   return {
     ...bundle,
     total: simulations.length,
-    first: simulations[0]!.number,
+    first: mostInformative(simulations, bundle.policy).number,
     server: null,
     rows: async (choice, policy) => {
       const values = (one: Entry): Partial<Record<Facet, string[]>> => ({
@@ -97,6 +98,15 @@ function embedded(bundle: Bundle): Source {
     },
     open: (number) => open(simulations.find((one) => one.number === number) ?? simulations[0]!),
   };
+}
+
+// The simulation with which a page opens: the first whose attempt is recorded to its end, then any attempt, then any that is long
+// enough for one, then the longest.
+export function mostInformative<T extends Row>(rows: T[], policy: string): T {
+  const long = rows.filter((row) => !isShort(row.duration_s));
+  const attempts = long.filter((row) => row.classes[policy] !== "No_attempt");
+  const longest = rows.reduce((best, row) => (row.duration_s > best.duration_s ? row : best), rows[0]!);
+  return attempts.find((row) => row.classes[policy] !== "censored") ?? attempts[0] ?? long[0] ?? longest;
 }
 
 // A busy server refuses a request with status 429; the page asks again, at most this often.

@@ -1,5 +1,6 @@
 // The road from above, with what lies over it.
 
+import { isCounted } from "./board.ts";
 import { pose } from "./bundle.ts";
 import { h, write } from "./dom.ts";
 import { fanOverlay } from "./fan.ts";
@@ -20,7 +21,7 @@ export function stage(redraw: () => void): Stage {
   const alerts = h("ul", { class: "alerts", "aria-hidden": true });
   const sky = h("p", { class: "sky" });
   const futures = h("div", { class: "futures", hidden: true, "aria-hidden": true });
-  const element = h("figure", { class: "stage" }, h("div", { class: "over" }, canvas, sky, alerts), futures, beside);
+  const element = h("figure", { class: "stage" }, canvas, h("div", { class: "conditions" }, sky, alerts), futures, beside);
   let size: Size = { width: 0, height: 0 }; // To ask for it would lay the page out anew.
   let told = "";
   new ResizeObserver(([entry]) => {
@@ -63,8 +64,15 @@ function air({ run, frame }: Shown): string {
   return [run.air.text, ...seen, ...(ego ? courseOf(run, ego.s) : [])].join(" · ");
 }
 
+// Whether there is ever an alert: its room is kept then, so that the page does not jump.
+function isAnyCounted(reader: Reader): boolean {
+  return reader.run.law.some((row) => row.breach !== null && isCounted(reader, row.rule));
+}
+
 function tellAlerts(alerts: HTMLElement, reader: Reader, frame: number): void {
-  const text = brokenAt(reader, frame).filter((one) => one.counts).map((one) => `✗ ${one.text}`);
-  if (text.join() === [...alerts.children].map((one) => one.textContent).join()) return;
-  alerts.replaceChildren(...text.map((one) => h("li", {}, one)));
+  alerts.hidden = !isAnyCounted(reader);
+  const counted = brokenAt(reader, frame).filter((breach) => breach.counts);
+  const texts = counted.map((breach) => `✗ ${breach.rule} ${breach.margin}`);
+  if (texts.join() === [...alerts.children].map((alert) => alert.textContent).join()) return;
+  alerts.replaceChildren(...texts.map((text, k) => h("li", { title: counted[k]!.text }, text)));
 }

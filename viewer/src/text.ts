@@ -1,10 +1,11 @@
 // All that is told of a simulation as text: what `overtaking show` prints.
 
-import { isBroken, isCounted, lawOrder, stageAt } from "./board.ts";
-import type { Run, Words } from "./bundle.ts";
-import { believedAt, isOncoming, pose } from "./bundle.ts";
+import { breachSpans, isBroken, isCounted, lawOrder, stageAt } from "./board.ts";
+import type { Belief, Run, Vehicle, Words } from "./bundle.ts";
+import { beliefAbout, isOncoming, pose, recordedFrame, symbolOf } from "./bundle.ts";
 import { h, table } from "./dom.ts";
-import { plain, signed } from "./numbers.ts";
+import { shortnessNote } from "./durations.ts";
+import { formatMargin, plain, signed } from "./numbers.ts";
 
 const KMH = 3.6;
 const WIDEST = 3000; // [m]; a bend of a larger radius is not told.
@@ -29,18 +30,49 @@ export function now(reader: Reader, frame: number): string {
   if (ego) parts.push(`ego ${(ego.speed * KMH).toFixed(0)} km/h`);
   const target = run.vehicles.find((one) => one.slot === run.values.target);
   const other = target && pose(target, frame);
-  if (ego && target && other) parts.push(placeOf(run.vehicles[0]!.length, ego.s, other.s, target));
-  const gap = run.gap[Math.round(frame)];
-  const belief = run.every ? believedAt(run, frame) : undefined;
-  const told = belief === undefined ? "" : belief === null ? ", not seen" : `, believed ${plain(belief, 1)} m`;
-  if (gap !== null && gap !== undefined) parts.push(`${plain(gap, 1)} m to the next ahead${told}`);
+  if (ego && target && other) parts.push(placeOf(run.vehicles[0]!.length, ego.s, other.s, target) + beliefWords(beliefAbout(run, target.slot, frame)));
+  const [leader, gap] = [run.leader[recordedFrame(frame)] ?? null, run.gap[recordedFrame(frame)] ?? null];
+  if (leader !== null && gap !== null && leader !== target?.slot) {
+    parts.push(`next ahead in its lane ${symbolOf(run, leader)} ${plain(gap, 1)} m${beliefWords(beliefAbout(run, leader, frame))}`);
+  }
   if (ego) parts.push(...courseOf(run, ego.s), ...comingOf(run, ego.s, frame));
+  if (frame > run.frames - 1) parts.push(`this simulation ended at ${run.values.duration_s.toFixed(2)} s`);
   const events = run.values.events.flatMap((one, k) =>
     Math.abs(one.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}`] : [],
   );
-  const broken = brokenAt(reader, frame).map((one) => one.text);
-  const law = broken.length ? `Broken: ${broken.join("; ")}.` : "No rule is broken.";
-  return `${parts.join("; ")}. ${events.map((one) => `${one}. `).join("")}${law}`;
+  return `${parts.join("; ")}. ${events.map((one) => `${one}. `).join("")}${describeLaw(reader, frame)}`;
+}
+
+// Which rules are broken at a frame, and which are broken at other times of the simulation.
+export function describeLaw(reader: Reader, frame: number): string {
+  const { run, policy } = reader;
+  const brokenNow = brokenAt(reader, frame);
+  const otherBreaches = lawOrder(reader).filter((row) => row.breach && !brokenNow.some((one) => one.rule === row.rule));
+  const seconds = (at: number): string => `${(at * run.interval).toFixed(2)} s`;
+  const [earlier, later]: [string[], string[]] = [[], []];
+  for (const row of otherBreaches) {
+    const spans = breachSpans(row);
+    const past = spans.findLast(([, last]) => last < frame);
+    const next = spans.find(([first]) => first > frame);
+    const aside = isCounted(reader, row.rule) ? "" : ` (not counted by ${policy})`;
+    if (past) earlier.push(`${row.rule} until ${seconds(past[1])}${aside}`);
+    else if (next) later.push(`${row.rule} from ${seconds(next[0])}${aside}`);
+  }
+  const sentences = [
+    brokenNow.length ? `Broken now: ${brokenNow.map((one) => one.text).join("; ")}.` : "",
+    earlier.length ? `Broken before: ${earlier.join(", ")}.` : "",
+    later.length ? `Broken later: ${later.join(", ")}.` : "",
+  ].filter(Boolean);
+  if (!brokenNow.length && sentences.length) sentences.unshift("No rule is broken at this moment.");
+  if (sentences.length) return sentences.join(" ");
+  const undecidable = run.values.policies[policy]?.undecidable ?? [];
+  if (undecidable.length) return `No rule is known to be broken; undecidable: ${undecidable.join(", ")}.`;
+  return "No rule is broken in this simulation.";
+}
+
+function beliefWords(belief: Belief | null): string {
+  if (!belief) return "";
+  return belief.gap === null ? ", not seen" : `, believed ${plain(belief.gap, 1)} m`;
 }
 
 // Bends and slopes: the road is drawn straight and level.
@@ -59,10 +91,11 @@ function comingOf(run: Run, own: number, frame: number): string[] {
   const ahead = run.vehicles.filter(isOncoming).flatMap((vehicle) => {
     const at = pose(vehicle, frame);
     const gap = at && at.s - own - (vehicle.length + run.vehicles[0]!.length) / 2;
-    return gap !== null && gap > 0 ? [{ symbol: vehicle.symbol, gap }] : [];
+    return gap !== null && gap > 0 ? [{ vehicle, gap }] : [];
   });
   const next = ahead.toSorted((a, b) => a.gap - b.gap)[0];
-  return next ? [`oncoming ${next.symbol} ${next.gap.toFixed(0)} m ahead`] : [];
+  if (!next) return [];
+  return [`oncoming ${next.vehicle.symbol} ${next.gap.toFixed(0)} m ahead${beliefWords(beliefAbout(run, next.vehicle.slot, frame))}`];
 }
 
 function placeOf(length: number, own: number, other: number, target: Run["vehicles"][number]): string {
@@ -73,16 +106,16 @@ function placeOf(length: number, own: number, other: number, target: Run["vehicl
 }
 
 // The rules that are broken at a frame, those that count first.
-export function brokenAt(reader: Reader, frame: number): { rule: string; text: string; counts: boolean }[] {
+export function brokenAt(reader: Reader, frame: number): { rule: string; text: string; margin: string; counts: boolean }[] {
   const { words } = reader;
   return lawOrder(reader)
     .filter((one) => isBroken(one, frame))
     .map((one) => {
       const { title, unit } = words.rules[one.rule]!;
-      const margin = one.margins?.[Math.floor(frame + 1e-6)] ?? one.margin;
+      const margin = formatMargin(one.margins?.[recordedFrame(frame)] ?? one.margin, unit);
       const counts = isCounted(reader, one.rule);
       const aside = counts ? "" : ` (not counted by ${reader.policy})`;
-      return { rule: one.rule, counts, text: `${one.rule} ${title} ${signed(margin, 1)} ${unit}${aside}` };
+      return { rule: one.rule, counts, margin, text: `${one.rule} ${title} ${margin}${aside}` };
     });
 }
 
@@ -93,7 +126,7 @@ export function facts(reader: Reader): HTMLElement {
     ["Weather", told.weather],
     ["Road", told.road + (run.road.course ? ", drawn straight though it bends or rises" : "")],
     ["Outcome", told.outcome],
-    ["Recorded", `${values.duration_s.toFixed(2)} s, ${values.num_frames} frames; profile ${values.profile}, seed ${values.seed}`],
+    ["Recorded", `${values.duration_s.toFixed(2)} s, ${values.num_frames} frames${shortnessNote(values.duration_s)}; profile ${values.profile}, seed ${values.seed}`],
     ["Trace", values.trace_hash],
   ];
   if (told.unknown.length) pairs.push(["Unknown", told.unknown.join(", ")]);
@@ -210,7 +243,7 @@ export function ruleCard(reader: Reader, code: string): Node[] {
   const row = run.law.find((one) => one.rule === code);
   const head = `${code} ${rule.title}, ${rule.law}`;
   return [
-    h("p", {}, h("b", {}, head), told ? `: ${told.grade}` : `: kept, least margin ${signed(row?.margin ?? 0, 2)} ${rule.unit}`),
+    h("p", {}, h("b", {}, head), told ? `: ${told.grade}` : `: kept, least margin ${formatMargin(row?.margin ?? 0, rule.unit)}`),
     ...(told ? [h("p", {}, told.facts)] : []),
     h("blockquote", {}, row?.paragraph ?? rule.gloss),
     h("p", { class: "quiet" }, `Checked: ${rule.predicate}`),
@@ -263,10 +296,18 @@ export function numbers(reader: Reader, frame: number): HTMLElement {
     const at = pose(vehicle, frame);
     if (!at) return [];
     const ahead = vehicle.slot === 0 || !ego ? "" : signed(at.s - ego.s, 1);
-    return [[h("b", {}, vehicle.symbol, isOncoming(vehicle) ? " oncoming" : null), (at.speed * KMH).toFixed(1), signed(at.accel, 1), ahead, at.d.toFixed(2), lamps(at.lights)]];
+    const belief = run.every ? [believedGapCell(run, vehicle, frame)] : [];
+    return [[h("b", {}, vehicle.symbol, isOncoming(vehicle) ? " oncoming" : null), (at.speed * KMH).toFixed(1), signed(at.accel, 1), ahead, at.d.toFixed(2), ...belief, lamps(at.lights)]];
   });
-  const head = ["name", "km/h", "m/s²", "ahead m", "lateral m", "lamps"];
+  const head = ["name", "km/h", "m/s²", "ahead m", "lateral m", ...(run.every ? ["gap m, believed (true)"] : []), "lamps"];
   return table(`All vehicles at ${(frame * run.interval).toFixed(2)} s`, head, rows);
+}
+
+function believedGapCell(run: Run, vehicle: Vehicle, frame: number): string {
+  const belief = beliefAbout(run, vehicle.slot, frame);
+  if (!belief) return "";
+  const truth = belief.trueGap === null ? "" : ` (${plain(belief.trueGap, 1)})`;
+  return `${belief.gap === null ? "not seen" : plain(belief.gap, 1)}${truth}`;
 }
 
 const LAMPS: [number, string][] = [

@@ -1,7 +1,7 @@
 // Vehicles from above: bodies, lamps, marks, names, and where they were believed to be.
 
-import type { Ghost, Pose, Vehicle, Words } from "./bundle.ts";
-import { isOncoming } from "./bundle.ts";
+import type { Ghost, Pose, Run, Vehicle, Words } from "./bundle.ts";
+import { isOncoming, pose } from "./bundle.ts";
 import { plain } from "./numbers.ts";
 
 const LIGHTS = { left: 1, right: 2, brake: 4, low: 8, high: 16, fog: 32 };
@@ -219,9 +219,8 @@ export function drawBranch(view: View, letter: string, branch: Placed[], origina
   }
 }
 
-// Where somebody was believed to be at a decision, and for a while where it would be since. Where
-// beliefs are known all the time, gaps are written beside those ahead and behind in the lane only.
-export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | undefined, always: boolean): void {
+// A vehicle where it is believed to be. The belief of a recorded decision goes on for a while at the believed speed.
+export function drawGhost(view: View, ghost: Ghost, run: Run, words: Words): void {
   const { c, x, y, scale, across, time } = view;
   const age = time - ghost.time_s;
   if (age < -1e-9 || age > GHOST_LASTS) return;
@@ -240,14 +239,22 @@ export function drawGhost(view: View, ghost: Ghost, words: Words, own: Pose | un
   c.strokeStyle = "#ffffff";
   c.stroke();
   c.setLineDash([]);
-  if (always && (!own || Math.abs(ghost.d_m - own.d) > SAME_LANE)) return c.restore();
-  const text = ghost.gap_m === null ? "not seen" : `believed ${plain(ghost.gap_m, 0)} m`;
-  const truth = ghost.true_gap_m === null ? ", nobody there" : `, true ${plain(ghost.true_gap_m, 0)} m`;
+  const ego = pose(run.vehicles[0]!, time / run.interval);
   const rows = [y(ghost.d_m) + h / 2 + 18, y(ghost.d_m) - h / 2 - 9];
   // On the other side than the name of the vehicle.
-  if (own && ghost.d_m < own.d - SAME_LANE) rows.reverse();
-  tell(view, middle, rows, [text + truth], "#ffffff", words.road.glass);
+  if (ego && ghost.d_m < ego.d - SAME_LANE) rows.reverse();
+  if (middle > -w && middle < view.width + w) tell(view, middle, rows, beliefLabels(ghost, run), "#ffffff", words.road.glass);
   c.restore();
+}
+
+// What is written beside a belief, the longer text first: which vehicle it is about, and the gap as believed and in truth.
+export function beliefLabels(belief: Ghost, run: Run): string[] {
+  const symbol = run.vehicles.find((vehicle) => vehicle.slot === belief.vehicle)?.symbol;
+  const believed = belief.gap_m === null ? "not seen" : `believed ${plain(belief.gap_m, 0)} m`;
+  const named = symbol === undefined ? believed : `${symbol} ${believed}`;
+  const truth = belief.true_gap_m === null ? ", no vehicle there" : `, true ${plain(belief.true_gap_m, 0)} m`;
+  const decided = belief.decision ? ` at ${belief.time_s.toFixed(2)} s` : "";
+  return [named + truth + decided, named];
 }
 
 function hatch(c: CanvasRenderingContext2D, x: number, y: number, w: number, h: number): void {
@@ -265,7 +272,7 @@ function hatch(c: CanvasRenderingContext2D, x: number, y: number, w: number, h: 
 }
 
 // A text on its ground. The places of all are kept, so that none lies on another.
-interface Tag {
+export interface Tag {
   left: number;
   wide: number;
   y: number;

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { brokenSpans, isBroken } from "../src/board.ts";
+import { breachSpans, isBroken } from "../src/board.ts";
 import { column, pose, sparse, type Vehicle } from "../src/bundle.ts";
 import { scale } from "../src/charts.ts";
 import { limitsAlong, signsOf } from "../src/limits.ts";
@@ -88,11 +88,11 @@ test("what a link cannot mean is left out", () => {
 
 test("a rule is broken where its margin is negative", () => {
   const one = { rule: "L12", margin: -1, breach: [1, 5] as [number, number], margins: [9, -1, 2, -1, -2, -1, 3], paragraph: "" };
-  assert.deepEqual(brokenSpans(one), [[1, 1], [3, 5]]);
+  assert.deepEqual(breachSpans(one), [[1, 1], [3, 5]]);
   assert.equal(isBroken(one, 2), false);
   assert.equal(isBroken(one, 4), true);
-  assert.deepEqual(brokenSpans({ ...one, margins: null }), [[1, 5]]);
-  assert.deepEqual(brokenSpans({ ...one, breach: null }), []);
+  assert.deepEqual(breachSpans({ ...one, margins: null }), [[1, 5]]);
+  assert.deepEqual(breachSpans({ ...one, breach: null }), []);
 });
 
 test("a scale has round ends that hold all values", () => {

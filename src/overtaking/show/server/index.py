@@ -97,6 +97,7 @@ class Index:
         )
         self.outcome, self.detail = facet(*names.OUTCOMES), facet(*names.DETAILS)
         self.duration = np.zeros(count, np.float32)
+        self.num_frames = np.zeros(count, np.int32)
         self.broken = np.zeros((len(rules), count), np.bool_)
         self.margin = np.full((len(rules), count), np.nan, np.float32)
 
@@ -175,6 +176,7 @@ class Index:
             "night": _at(self.light, number) == "night",
             "outcome": told,
             "duration_s": round(float(self.duration[number]), 3),
+            "num_frames": int(self.num_frames[number]),
         }
 
     def _facets(self, policy: str) -> dict[str, Facet]:
@@ -227,7 +229,8 @@ class Index:
         rows = tables["simulations"]
         span = slice(first, first + rows.num_rows)
         interval = column_to_numpy(rows["frame_interval_ms"]) / _MS_PER_S
-        self.duration[span] = (column_to_numpy(rows["num_frames"]) - 1) * interval
+        self.num_frames[span] = column_to_numpy(rows["num_frames"])
+        self.duration[span] = (self.num_frames[span] - 1) * interval
         self._take_weather(span, rows, tables["weather"])
         self._take_labels(tables["labels"])
         self._take_findings(tables["findings"])

@@ -72,6 +72,8 @@ def pack(labelled: Labelled, number: int) -> Values:
         "vehicles": [
             _vehicle(run, int(slot)) for slot in np.flatnonzero(run.scenario.vehicles.valid[0])
         ],
+        "leader": _neighbour_slots(labelled, Around.LEADER),
+        "follower": _neighbour_slots(labelled, Around.FOLLOWER),
         "gap_mm": _gap(labelled),
         "inverse_ttc": _inverse_ttc(labelled),
         "sight_dm": _sight(labelled),
@@ -214,6 +216,24 @@ def _vehicle(run: Trajectories, slot: int) -> Values:
     }
 
 
+def _neighbour_slots(labelled: Labelled, role: Around) -> list[int | None]:
+    """Slot of the vehicle that has a role, frame by frame; None where no vehicle has it.
+
+    Gaps and times to collision are those of this vehicle. Beliefs about it are found by its slot:
+    another vehicle may have the same role in the driver's mind, whose leader is that of the lane
+    it changes to.
+    """
+    signals, frames = labelled.signals, int(labelled.trajectories.num_frames[0])
+    has_role = signals.has(role)[0, :frames]
+    return sparse(np.where(has_role, signals.vehicle[0, role, :frames].astype(float), np.nan), 1)
+
+
+def _margin_steps(margins: NDArray[np.floating]) -> list[int | None]:
+    """Margins in whole steps. A negative one stays negative, as its sign is the verdict."""
+    steps = np.rint(margins * _STEPS_PER_UNIT)
+    return sparse(np.where((margins < 0) & (steps == 0), -1.0, steps), 1)
+
+
 def _gap(labelled: Labelled) -> list[int | None]:
     """From the ego's bumper to that of the vehicle ahead in its lane."""
     seen, last = labelled.signals, int(labelled.trajectories.num_frames[0])
@@ -268,7 +288,7 @@ def _law(labelled: Labelled, values: Values) -> list[Values]:
                 "rule": rule.code,
                 "margin": round(margin, _PLACES),
                 "breach": span,
-                "margins": None if of is None else sparse(of[:frames], _STEPS_PER_UNIT),
+                "margins": None if of is None else _margin_steps(of[:frames]),
                 "paragraph": said[rule.code],
             }
         )

@@ -93,6 +93,7 @@ def _entry(values: dict[str, Any]) -> dict[str, Any]:
         "night": bool(said["weather"] and said["weather"]["night"]),
         "outcome": wording.outcome_words(said),
         "duration_s": said["duration_s"],
+        "num_frames": said["num_frames"],
         "data": packed(values),
     }
 
