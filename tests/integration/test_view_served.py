@@ -151,7 +151,7 @@ def test_sql_filters_the_list(browser: Browser, url: str, key: Any):
 
 def test_beliefs_are_there_at_every_moment(browser: Browser, url: str, key: Any):
     with at(browser, url, key, "#sim=3&t=1") as page:
-        expect(page.locator(".key.belief")).to_contain_text(re.compile(r"as believed \d"))
+        expect(page.locator(".key.belief")).to_contain_text(re.compile(r"1 believed \d"))
         picture = "document.getElementById('road').toDataURL()"
         shown = page.evaluate(picture)
         page.uncheck("#ghosts")

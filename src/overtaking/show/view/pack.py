@@ -50,7 +50,7 @@ _TTC_STEPS = 10_000
 """Of an inverse time to collision, per 1/s: 20 s are told to a tenth of a second."""
 
 _STEPS_PER_UNIT = 1000
-_PLACES = 3  # Decimals of a margin.
+_PLACES = 4  # Decimals of a margin, as in `show --json`: both are then rounded to the same text.
 _MM = 1000.0
 
 

@@ -1,8 +1,9 @@
-"""Where the ego believes others to be at every decision, on a road with two directions."""
+"""Where the ego believes others to be at every decision, and which vehicle each belief is about."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 from overtaking.recordings.roads import load_road
@@ -47,3 +48,29 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
             assert abs(place - runs.states.s[0, slot, frame]) <= 20
             compared += 1
     assert compared >= 4
+
+
+@pytest.mark.parametrize(
+    ("profile", "road"), [("pinto2023-physical", "town06"), ("rural", "rural")]
+)
+def test_each_belief_names_the_vehicle_at_its_true_gap(profile: str, road: str):
+    scenario = sample(spec(profile), load_road(road), 1, range(8))
+    batch = engine.simulate(scenario)
+    num_compared = 0
+    for simulation in range(8):
+        trajectories = batch.select(np.array([simulation]))
+        columns = every_ghost(trajectories, beliefs(trajectories.scenario))
+        s, length = trajectories.states.s[0], trajectories.scenario.vehicles.length[0]
+        for role in columns["roles"]:
+            direction = -1 if role["role"].endswith("rear") else 1
+            for decision, slot in enumerate(role["slot"]):
+                frame = round(
+                    decision * columns["interval_ms"] / trajectories.scenario.frame_interval_ms
+                )
+                if slot is None or frame >= trajectories.num_frames[0]:
+                    continue
+                distance = direction * (float(s[slot, frame]) - float(s[0, frame])) / 1000
+                gap = distance - (length[slot] + length[0]) / 2
+                assert abs(role["true_gap_mm"][decision] / 1000 - gap) < 0.01
+                num_compared += 1
+    assert num_compared > 1000
