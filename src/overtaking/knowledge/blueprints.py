@@ -1,4 +1,4 @@
-"""CARLA's vehicles: names, bounding boxes and the class whose physics each of them gets."""
+"""CARLA's vehicles and props: names, bounding boxes, and the physics of the vehicles."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,3 +30,23 @@ def blueprints() -> Mapping[str, Blueprint]:
     """The vehicles by id, in alphabetical order."""
     found = read_sections(Blueprint, "blueprints.toml").values()
     return MappingProxyType({one.blueprint: one for one in found})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PropBlueprint:
+    """One prop of CARLA's catalogue, such as a traffic cone.
+
+    Attributes:
+        blueprint: Its id, such as "static.prop.trafficcone01".
+        size: Length, width and height of its bounding box [m].
+    """
+
+    blueprint: str
+    size: tuple[float, float, float]
+
+
+@cache
+def props() -> Mapping[str, PropBlueprint]:
+    """The props by id, in alphabetical order."""
+    sections = read_sections(PropBlueprint, "props.toml").values()
+    return MappingProxyType({prop.blueprint: prop for prop in sections})

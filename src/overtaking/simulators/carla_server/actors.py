@@ -1,4 +1,4 @@
-"""The actors of an episode: vehicles, sensors and the spectator."""
+"""The actors of an episode: vehicles, props, triggers, sensors and the spectator."""
 
 import math
 from collections.abc import Mapping
@@ -15,7 +15,12 @@ from overtaking.simulators.carla_server.arguments import (
     Vector,
 )
 from overtaking.simulators.carla_server.bodies import Body
-from overtaking.simulators.carla_server.catalogue import MAX_FOV_DEG, MAX_PIXELS, MIN_FOV_DEG
+from overtaking.simulators.carla_server.catalogue import (
+    DYNAMIC_TAG,
+    MAX_FOV_DEG,
+    MAX_PIXELS,
+    MIN_FOV_DEG,
+)
 from overtaking.simulators.carla_server.motion import turned
 from overtaking.simulators.carla_server.protocol import Refused
 
@@ -49,6 +54,21 @@ class Actor:
     def attribute(self, name: str, default: str) -> str:
         """The value chosen for an attribute."""
         return next((a.value for a in self.description.attributes if a.name == name), default)
+
+    def number_attribute(self, name: str, default: str) -> float:
+        """The number chosen for an attribute.
+
+        Raises:
+            Refused: It is no finite number.
+        """
+        text = self.attribute(name, default)
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise Refused(f"{self.blueprint}: expected a number for {name}, got {text[:40]!r}")
+        return number
 
 
 @dataclass(slots=True, kw_only=True)
@@ -99,6 +119,61 @@ class Vehicle(Actor):
         return Vector(*(0.5 * self.body[name] for name in ("length", "width", "height")))
 
 
+_PROP_DENSITY = 30.0
+"""Mass of a prop over the volume of its bounding box [kg/m^3]; our choice: a refuse container of
+3.4 m^3 has 100 kg, a street barrier 14 kg."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Prop(Actor):
+    """A thing that stands on the ground.
+
+    Attributes:
+        size: Length, width and height [m].
+        tag: CARLA's semantic tag.
+        has_physics: Whether it moves when it is hit.
+    """
+
+    size: tuple[float, float, float]
+    tag: int = DYNAMIC_TAG
+    has_physics: bool = False
+
+    @property
+    def mass(self) -> float:
+        """Mass of a box of this size with the density of hollow things [kg]."""
+        return _PROP_DENSITY * math.prod(self.size) if self.has_physics else math.inf
+
+    @property
+    def extent(self) -> Vector:
+        """Half sizes of its bounding box [m]."""
+        return Vector(*(0.5 * side for side in self.size))
+
+
+_CM_PER_M = 100.0
+
+
+@dataclass(slots=True, kw_only=True)
+class FrictionTrigger(Actor):
+    """A box in which the friction under vehicles is another; `Refused` for impossible attributes.
+
+    Attributes:
+        friction: Its attribute `friction`.
+        extent: Half sizes of the box; its centre is the pose [m].
+    """
+
+    friction: float = 0.0
+    extent: Vector = ORIGIN
+
+    def __post_init__(self) -> None:
+        """Read the attributes; CARLA's extents are in centimetres."""
+        self.friction = self.number_attribute("friction", "3.5")
+        self.extent = Vector(
+            *(self.number_attribute(f"extent_{axis}", "1.0") / _CM_PER_M for axis in "xyz")
+        )
+        if self.friction < 0.0 or min(self.extent) <= 0.0:
+            raise Refused(f"{self.blueprint}: expected friction >= 0 and extents > 0")
+
+
 @dataclass(slots=True, kw_only=True)
 class Camera(Actor):
     """A camera; `Refused` if its attributes ask for pictures that cannot be.
@@ -118,16 +193,13 @@ class Camera(Actor):
 
     def __post_init__(self) -> None:
         """Read the attributes."""
-        try:
-            self.width = int(self.attribute("image_size_x", "800"))
-            self.height = int(self.attribute("image_size_y", "600"))
-            self.fov_deg = float(self.attribute("fov", "90"))
-            self.interval = float(self.attribute("sensor_tick", "0"))
-        except ValueError:
-            raise Refused("an attribute of the camera is no number") from None
+        self.width = int(self.number_attribute("image_size_x", "800"))
+        self.height = int(self.number_attribute("image_size_y", "600"))
+        self.fov_deg = self.number_attribute("fov", "90")
+        self.interval = self.number_attribute("sensor_tick", "0")
         if min(self.width, self.height) <= 0 or self.width * self.height > MAX_PIXELS:
             raise Refused(f"the picture has no pixels, or more than {MAX_PIXELS}")
-        if not MIN_FOV_DEG <= self.fov_deg <= MAX_FOV_DEG or not 0.0 <= self.interval < math.inf:
+        if not MIN_FOV_DEG <= self.fov_deg <= MAX_FOV_DEG or self.interval < 0.0:
             raise Refused("the field of view or the interval of the camera is out of range")
 
 
@@ -152,5 +224,7 @@ EMPTY_BOX: list[object] = [ORIGIN, ORIGIN, UPRIGHT, 0]
 
 def bounding_box(actor: Actor) -> list[object]:
     """The box of an actor as clients want it: centre, half sizes, rotation, id."""
-    extent = actor.extent if isinstance(actor, Vehicle) else ORIGIN
+    if isinstance(actor, FrictionTrigger):
+        return [ORIGIN, actor.extent, UPRIGHT, actor.actor_id]
+    extent = actor.extent if isinstance(actor, Vehicle | Prop) else ORIGIN
     return [Vector(0.0, 0.0, extent.z), extent, UPRIGHT, actor.actor_id]

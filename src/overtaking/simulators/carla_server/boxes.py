@@ -1,4 +1,4 @@
-"""Vehicles as boxes with windows and lamps, for pictures."""
+"""Vehicles as boxes with windows and lamps, and props as boxes, for pictures."""
 
 import math
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.vehicles import VehicleKind
-from overtaking.simulators.carla_server.actors import Vehicle
+from overtaking.simulators.carla_server.actors import Prop, Vehicle
 
 Points = NDArray[np.float64]
 Colour = tuple[float, float, float]
@@ -19,6 +19,7 @@ GLASS: Colour = (48.0, 58.0, 70.0)
 TYRE: Colour = (34.0, 36.0, 38.0)
 _RED: Colour = (235.0, 40.0, 40.0)
 _WHITE: Colour = (250.0, 245.0, 225.0)
+_PROP: Colour = (214.0, 122.0, 52.0)
 _AMBER: Colour = (250.0, 150.0, 30.0)
 _SHADES = {"top": 1.0, "front": 0.82, "rear": 0.74, "left": 0.62, "right": 0.68}
 _BONNET = 0.56  # Height of bonnet and boot over that of the body.
@@ -47,23 +48,24 @@ class Face(NamedTuple):
     glows: bool = False
 
 
-def faces(vehicle: Vehicle, eye: Points) -> Iterator[Face]:
-    """The pieces of a vehicle that face the eye.
+def faces(body: Vehicle | Prop, eye: Points) -> Iterator[Face]:
+    """The pieces of a vehicle or a prop that face the eye.
 
     Args:
-        vehicle: The vehicle.
-        eye: Where it is looked at from, in CARLA's frame [m].
+        body: The vehicle or prop.
+        eye: The point from which the picture is taken, in CARLA's frame [m].
     """
-    length, width, height = vehicle.extent
-    turned = _turned(vehicle)
-    seen_from = (eye - np.array(vehicle.pose.location)) @ turned
-    for box, colour in _parts(vehicle, length, width, 2.0 * height):
+    length, width, height = body.extent
+    turned = _turned(body)
+    seen_from = (eye - np.array(body.pose.location)) @ turned
+    for box, colour in _parts(body, length, width, 2.0 * height):
         for name, corners in _sides(box, seen_from):
             shade = _SHADES[name]
             paint = (shade * colour[0], shade * colour[1], shade * colour[2])
-            yield _placed(vehicle, turned, corners, paint)
-    for corners, colour in _lamps(vehicle, length, width, 2.0 * height, seen_from):
-        yield _placed(vehicle, turned, corners, colour)._replace(glows=True)
+            yield _placed(body, turned, corners, paint)
+    if isinstance(body, Vehicle):
+        for corners, colour in _lamps(body, length, width, 2.0 * height, seen_from):
+            yield _placed(body, turned, corners, colour)._replace(glows=True)
 
 
 Box = tuple[float, float, float, float, float, float]
@@ -71,9 +73,12 @@ Box = tuple[float, float, float, float, float, float]
 
 
 def _parts(
-    vehicle: Vehicle, length: float, width: float, height: float
+    vehicle: Vehicle | Prop, length: float, width: float, height: float
 ) -> Iterator[tuple[Box, Colour]]:
-    """The boxes that a vehicle is made of, and their colours."""
+    """The boxes that a vehicle is made of, and their colours; a prop is one box."""
+    if isinstance(vehicle, Prop):
+        yield (-length, length, -width, width, 0.0, height), _PROP
+        return
     kind, paint = int(vehicle.body["kind"]), _paint(vehicle)
     ground = 0.18
     if kind in (VehicleKind.MC, VehicleKind.B):
@@ -143,12 +148,12 @@ def _square(x: float, y: float, z: float, size: float) -> Points:
     return _flat((x, y - size, low), (x, y + size, low), (x, y + size, high))
 
 
-def _turned(vehicle: Vehicle) -> Points:
+def _turned(vehicle: Vehicle | Prop) -> Points:
     """From the vehicle's axes to the world's; pitch and roll are left out."""
     yaw = math.radians(vehicle.pose.rotation.yaw)
     cosine, sine = math.cos(yaw), math.sin(yaw)
     return np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
 
 
-def _placed(vehicle: Vehicle, turned: Points, corners: Points, colour: Colour) -> Face:
+def _placed(vehicle: Vehicle | Prop, turned: Points, corners: Points, colour: Colour) -> Face:
     return Face(corners @ turned.T + np.array(vehicle.pose.location), colour)

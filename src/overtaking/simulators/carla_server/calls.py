@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from overtaking.simulators.carla_server import commands, physics, rays
-from overtaking.simulators.carla_server.actors import EMPTY_BOX, bounding_box
+from overtaking.simulators.carla_server.actors import EMPTY_BOX, Prop, bounding_box
 from overtaking.simulators.carla_server.arguments import (
     Control,
     Description,
@@ -293,7 +293,11 @@ def set_actor_location(world: World, actor: Id, location: Vector) -> None:
 
 @call(command=14)
 def set_actor_simulate_physics(world: World, actor: Id, moves: Flag) -> None:
-    """Whether physics moves a vehicle."""
+    """Whether physics moves a vehicle or a prop."""
+    found = world.actor(actor)
+    if isinstance(found, Prop):
+        world.set_prop_physics(found, has_physics=moves)
+        return
     world.fleet[world.vehicle(actor).actor_id].moves = moves
 
 

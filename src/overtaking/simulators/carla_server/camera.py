@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking._core import Canvas, Drawing
-from overtaking.simulators.carla_server.actors import Vehicle
+from overtaking.simulators.carla_server.actors import Prop, Vehicle
 from overtaking.simulators.carla_server.arguments import Transform
 from overtaking.simulators.carla_server.boxes import Colour, Face, faces
 from overtaking.simulators.carla_server.maps import Lanes, Map
@@ -101,7 +101,7 @@ class RoadScene:
         pose: Transform,
         size: tuple[int, int],
         fov_deg: float,
-        vehicles: Iterable[Vehicle],
+        bodies: Iterable[Vehicle | Prop],
         weather: Sequence[float],
     ) -> Image:
         """A picture.
@@ -110,7 +110,7 @@ class RoadScene:
             pose: Of the camera, in CARLA's frame.
             size: Width and height [pixels].
             fov_deg: Horizontal field of view [degrees].
-            vehicles: The vehicles on the road.
+            bodies: The vehicles and props on the road.
             weather: The fourteen numbers of `carla.WeatherParameters`.
 
         Returns:
@@ -121,7 +121,7 @@ class RoadScene:
         asphalt = (1.0 - _RAIN_WETS * air.wet) * np.array(_ASPHALT)
         _flat(drawing, lens, air, self._asphalt, asphalt)
         _flat(drawing, lens, air, self._lines, np.array(_PAINT))
-        _vehicles(drawing, lens, air, vehicles)
+        _bodies(drawing, lens, air, bodies)
         stamp(drawing, size, NOTE)
         canvas = Canvas(*size, "#000000")
         canvas.draw(drawing)
@@ -224,13 +224,13 @@ def _named(colour: Points) -> str:
     return f"#{bytes(np.clip(colour, 0.0, 255.0).astype(np.uint8)).hex()}"
 
 
-def _vehicles(drawing: Drawing, lens: Lens, air: Air, vehicles: Iterable[Vehicle]) -> None:
-    """Draw vehicles, the farthest first."""
+def _bodies(drawing: Drawing, lens: Lens, air: Air, bodies: Iterable[Vehicle | Prop]) -> None:
+    """Draw vehicles and props, the farthest first."""
     eye = np.array(lens.position)
-    for vehicle in sorted(vehicles, key=lambda one: -math.dist(one.pose.location, lens.position)):
+    for body in sorted(bodies, key=lambda one: -math.dist(one.pose.location, lens.position)):
         seen: list[tuple[float, Face]] = [
             (float(np.linalg.norm(face.corners.mean(axis=0) - eye)), face)
-            for face in faces(vehicle, eye)
+            for face in faces(body, eye)
         ]
         for distance, face in sorted(seen, key=lambda pair: (pair[1].glows, -pair[0])):
             corners = project(lens, face.corners)

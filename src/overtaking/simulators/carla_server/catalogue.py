@@ -1,20 +1,24 @@
-"""The blueprints that clients may spawn: CARLA's vehicles, and the sensors that are offered."""
+"""The blueprints that clients may spawn: CARLA's vehicles and props, triggers, and sensors."""
 
 from functools import cache
 
 from overtaking.knowledge import colours
-from overtaking.knowledge.blueprints import Blueprint, blueprints
+from overtaking.knowledge.blueprints import Blueprint, blueprints, props
 
 COLLISION = "sensor.other.collision"
 LANE_INVASION = "sensor.other.lane_invasion"
 CAMERA = "sensor.camera.rgb"
 SPECTATOR = "spectator"
+FRICTION_TRIGGER = "static.trigger.friction"
 
 WALKER, WALKER_CONTROLLER = "walker.pedestrian.0001", "controller.ai.walker"
 """Scripts look for these before they ask for no walker at all; they are listed, never spawned."""
 
 SEMANTIC_TAGS = {"car": 14, "truck": 15, "bus": 16, "van": 14, "motorcycle": 18, "bicycle": 19}
 """CARLA's `CityObjectLabel` of each base type."""
+
+DYNAMIC_TAG = 21
+"""CARLA's `CityObjectLabel` of things that may stand elsewhere tomorrow."""
 
 MAX_PIXELS = 1920 * 1080
 MIN_FOV_DEG, MAX_FOV_DEG = 5.0, 170.0
@@ -35,22 +39,33 @@ def definitions() -> list[list[object]]:
 def catalogue() -> dict[str, list[list[object]]]:
     """The attributes of every blueprint as clients want them, by its id."""
     front = _attribute("role_name", _TEXT, "front")
-    return {name: _of_a_vehicle(one) for name, one in blueprints().items()} | {
-        WALKER: [
-            _attribute("role_name", _TEXT, "pedestrian"),
-            _attribute("generation", _INT, "2", may_change=False),
-        ],
-        WALKER_CONTROLLER: [_attribute("role_name", _TEXT, "default")],
-        COLLISION: [front],
-        LANE_INVASION: [front],
-        CAMERA: [
-            front,
-            _attribute("image_size_x", _INT, "800"),
-            _attribute("image_size_y", _INT, "600"),
-            _attribute("fov", _FLOAT, "90.0"),
-            _attribute("sensor_tick", _FLOAT, "0.0"),
-        ],
-    }
+    vehicles = {name: _of_a_vehicle(one) for name, one in blueprints().items()}
+    prop = [_attribute("role_name", _TEXT, "prop")]
+    return (
+        vehicles
+        | dict.fromkeys(props(), prop)
+        | {
+            WALKER: [
+                _attribute("role_name", _TEXT, "pedestrian"),
+                _attribute("generation", _INT, "2", may_change=False),
+            ],
+            WALKER_CONTROLLER: [_attribute("role_name", _TEXT, "default")],
+            FRICTION_TRIGGER: [
+                _attribute("role_name", _TEXT, "trigger"),
+                _attribute("friction", _FLOAT, "3.5"),
+                *(_attribute(name, _FLOAT, "1.0") for name in ("extent_x", "extent_y", "extent_z")),
+            ],
+            COLLISION: [front],
+            LANE_INVASION: [front],
+            CAMERA: [
+                front,
+                _attribute("image_size_x", _INT, "800"),
+                _attribute("image_size_y", _INT, "600"),
+                _attribute("fov", _FLOAT, "90.0"),
+                _attribute("sensor_tick", _FLOAT, "0.0"),
+            ],
+        }
+    )
 
 
 def _attribute(name: str, kind: int, *options: str, may_change: bool = True) -> list[object]:

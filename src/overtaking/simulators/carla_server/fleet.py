@@ -11,7 +11,8 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from types import MappingProxyType, SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from overtaking.simulators.carla_server.motion import (
     Driven,
     Ground,
     Motion,
+    Obstacle,
     Steering,
     Touch,
     overlap,
@@ -47,12 +49,18 @@ BACKWARDS_ACCEL = 2.0
 BACKWARDS_SPEED = 8.0
 """Fastest reverse [m/s]."""
 
+CLEARANCE = 0.2
+"""Vehicles drive over what is lower [m]; our choice."""
+
 _NEAR = 0.5  # Closer than this plus what they approach in a tick, two vehicles may touch [m].
 _HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
 _FOREVER = np.float32(1e9)
 _ZERO = np.float32(0.0)
 _NO_CONTROL = Control()
 _USUAL = Steering()
+_SLIDING_DECEL = 5.0  # Of a prop that slides on the road, friction 0.5 [m/s^2].
+_MIN_FRICTION_FACTOR = 0.01  # Without any friction the tyre model has no stiffness to divide by.
+_PUSHED = ("s", "d", "psi", "vx", "vy", "r")  # What a contact changes.
 _DRIVEN = ("vx", "vy", "r", "wheel", "a_lon", "a_lat", "mu_fast", "mu_slow")
 
 
@@ -96,6 +104,8 @@ class Fleet:
         """Start without vehicles."""
         self._ground, self._weather, self._nature = ground, tuple(weather), nature
         self._vehicles: dict[int, FleetVehicle] = {}
+        self._obstacles: dict[int, Obstacle] = {}
+        self._moved: dict[int, Motion] = {}
         self._decision = 0
         self._movers: dict[float, Mover] = {}
 
@@ -118,6 +128,19 @@ class Fleet:
         """Take a vehicle away."""
         del self._vehicles[vehicle]
         self._prepare()
+
+    def set_obstacle(self, actor: int, obstacle: Obstacle) -> None:
+        """Put an obstacle somewhere, for the first time or again."""
+        if obstacle.high - obstacle.low >= CLEARANCE:
+            self._obstacles[actor] = obstacle
+
+    def moved_obstacles(self) -> Mapping[int, Motion]:
+        """Obstacles that moved in the last tick."""
+        return self._moved
+
+    def remove_obstacle(self, actor: int) -> None:
+        """Take an obstacle away, if it is one that vehicles can hit."""
+        self._obstacles.pop(actor, None)
 
     def set_body(self, vehicle: int, body: Body, steering: Steering) -> None:
         """Change the numbers of a vehicle, and how far its wheels turn."""
@@ -197,40 +220,62 @@ class Fleet:
         return found
 
     def is_free(self, body: Body, motion: Motion, height: float) -> bool:
-        """Whether no vehicle is in the place of a new one at some height [m]."""
+        """Whether no vehicle or obstacle is in the place of a new vehicle at some height [m]."""
         return not any(
             abs(self[vehicle].height - height) < LEVELS_APART
             and overlap(body, motion, self[vehicle].body, at)
             for vehicle, at in self.motions().items()
+        ) and not any(
+            _is_level(body, height, obstacle)
+            and overlap(body, motion, _sides(obstacle), obstacle.motion)
+            for obstacle in self._obstacles.values()
         )
 
-    def advance(self, duration: float, controls: Mapping[int, Control]) -> list[Touch]:
+    def is_free_for(self, obstacle: Obstacle) -> bool:
+        """Whether no vehicle is in the place of a new obstacle."""
+        return obstacle.high - obstacle.low < CLEARANCE or not any(
+            _is_level(self[vehicle].body, self[vehicle].height, obstacle)
+            and overlap(_sides(obstacle), obstacle.motion, self[vehicle].body, at)
+            for vehicle, at in self.motions().items()
+        )
+
+    def advance(
+        self,
+        duration: float,
+        controls: Mapping[int, Control],
+        friction_factors: Mapping[int, float] = MappingProxyType({}),
+    ) -> list[Touch]:
         """Move every vehicle.
 
         Args:
             duration: Length of the tick [s].
             controls: Pedals and steering of each vehicle.
+            friction_factors: Factors, 0 to 1, on the friction under some vehicles.
 
         Returns:
             The contacts.
         """
+        self._moved = {}
         if not self._vehicles:
             return []
         count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
         mover = self._mover(duration, count)
         mover.weather(self._state, self._decision)
         self._decision += 1
+        self._set_friction(friction_factors)
         self._add_forces(duration)
         self._hold()
         wanted = self._wanted(controls)
         pairs = self._near_pairs(duration)
+        obstacles = self._near_obstacles(duration)
         touches: list[Touch] = []
-        if pairs:
+        if pairs or obstacles:
             for _ in range(count):
-                touches += self._collide(mover, wanted, pairs)
+                touches += self._collide(mover, wanted, pairs, obstacles)
         else:
             self._drive(mover, wanted, count)
         self._roll_back(duration, controls)
+        self._slide(duration)
         self._hold()
         for one in self._vehicles.values():
             one.force, one.torque = (0.0, 0.0), 0.0
@@ -284,6 +329,23 @@ class Fleet:
             gain = forward * duration / one.body["mass"]
             state.vx[one.row] = max(float(state.vx[one.row, 0]) + gain, 0.0)
             self.spin(vehicle, one.torque * duration)
+
+    def _set_friction(self, factors: Mapping[int, float]) -> None:
+        """Scale the friction under vehicles, and sort it by side.
+
+        The model of the weather computes `mu_fast` where `d` is larger. For a vehicle that drives
+        against the ground's direction that is the right side.
+        """
+        state = self._state
+        turned = np.cos(state.psi) < 0.0
+        state.mu_fast, state.mu_slow = (
+            np.where(turned, state.mu_slow, state.mu_fast),
+            np.where(turned, state.mu_fast, state.mu_slow),
+        )
+        for vehicle, factor in factors.items():
+            row = self[vehicle].row
+            for friction in (state.mu_fast, state.mu_slow):
+                friction[row] *= np.float32(max(factor, _MIN_FRICTION_FACTOR))
 
     def _hold(self) -> None:
         """Set the velocities that are kept; friction takes something of them in each tick."""
@@ -344,27 +406,137 @@ class Fleet:
             close &= np.abs(place - place.T) < reach + reach.T + closing + nearer
         return [(i, j) for i, j in np.argwhere(close).tolist() if i < j]
 
-    def _collide(self, mover: Mover, wanted: Controls, pairs: list[tuple[int, int]]) -> list[Touch]:
-        """One step with exchange of momentum; unlike in a simulation, vehicles drive on."""
-        state = self._state
+    def _near_obstacles(self, duration: float) -> list[tuple[int, int]]:
+        """Rows of vehicles and ids of the obstacles that they may touch before the next tick."""
+        if not self._obstacles:
+            return []
+        state, p = self._state, self._fields
+        speed = np.hypot(state.vx, state.vy)
+        reach = np.hypot(p.half_length, p.half_width) + duration * speed
+        reach += _NEAR + 0.5 * _HARDEST * duration * duration
+        values = list(self._obstacles.values())
+        places = np.array([(one.motion.s, one.motion.d) for one in values])
+        radii = np.array([0.5 * math.hypot(one.length, one.width) for one in values])
+        apart = np.hypot(state.s - places[:, 0], state.d - places[:, 1])
+        vehicles, ids = list(self._vehicles.values()), list(self._obstacles)
+        return [
+            (row, ids[k])
+            for row, k in np.argwhere(apart < reach + radii).tolist()
+            if _is_level(vehicles[row].body, vehicles[row].height, values[k])
+        ]
+
+    def _collide(
+        self,
+        mover: Mover,
+        wanted: Controls,
+        pairs: list[tuple[int, int]],
+        near_obstacles: list[tuple[int, int]],
+    ) -> list[Touch]:
+        """One step with exchange of momentum; unlike in a simulation, vehicles drive on.
+
+        Obstacles get rows behind those of the vehicles.
+        """
+        state, count = self._state, len(self._vehicles)
         before = (state.s.copy(), state.d.copy())
         self._drive(mover, wanted, 1)
-        state.contact_partner[:] = NOBODY
-        ids = list(self._vehicles)
-        was = {row: self._momentum(self[ids[row]]) for pair in pairs for row in pair}
+        obstacles = list(dict.fromkeys(obstacle for _, obstacle in near_obstacles))
+        row_of = {obstacle: row for row, obstacle in enumerate(obstacles, count)}
+        ids = [*self._vehicles, *obstacles]
+        pairs = [*pairs, *((row, row_of[obstacle]) for row, obstacle in near_obstacles)]
+        was = {row: self._momentum(self[ids[row]]) for pair in pairs for row in pair if row < count}
+        bodies = self._with_obstacles([self._obstacles[one] for one in obstacles])
+        places = (
+            np.concatenate([before[0], bodies.state.s[count:]]),
+            np.concatenate([before[1], bodies.state.d[count:]]),
+        )
         every = {pair: np.ones(1, np.bool_) for pair in pairs}
         with self._placed():
             c = mover.constants
-            collisions.collide(state, c, self._given.road, self._fields, every, before, 0, c.step)
-        state.crashed[:] = _ZERO
+            collisions.collide(
+                bodies.state, c, self._given.road, bodies.fields, every, places, 0, c.step
+            )
+            for name in _PUSHED:
+                getattr(state, name)[:] = getattr(bodies.state, name)[:count]
+        self._take_pushed(obstacles, bodies)
         touches: list[Touch] = []
         for row, (along, across) in was.items():
-            partner = int(state.contact_partner[row, 0])
+            partner = int(bodies.state.contact_partner[row, 0])
             if partner >= 0:
                 new = self._momentum(self[ids[row]])
                 gain = (new[0] - along, new[1] - across)
                 touches.append(Touch(ids[row], ids[partner], *gain))
         return touches
+
+    def _with_obstacles(self, obstacles: list[Obstacle]) -> "_Bodies":
+        """State and parameters of all vehicles and of some obstacles, for contacts."""
+        motions = [obstacle.motion for obstacle in obstacles]
+        speeds = [turned(one.along, one.across, -one.psi) for one in motions]
+        standing = {
+            "s": [one.s for one in motions],
+            "d": [one.d for one in motions],
+            "psi": [one.psi for one in motions],
+            "vx": [speed[0] for speed in speeds],
+            "vy": [speed[1] for speed in speeds],
+            "r": [one.yaw_rate for one in motions],
+        }
+        parameters = {
+            "half_length": [0.5 * one.length for one in obstacles],
+            "half_width": [0.5 * one.width for one in obstacles],
+            "direction": [1.0] * len(obstacles),
+            "inverse_mass": [1.0 / one.mass for one in obstacles],
+            "inverse_inertia": [1.0 / one.yaw_inertia for one in obstacles],
+        }
+
+        def column(source: object, name: str, values: dict[str, list[float]]) -> F32:
+            return np.concatenate([getattr(source, name), _column(values[name])])
+
+        rows = len(self._vehicles) + len(obstacles)
+        nothing = np.zeros((rows, 1), np.float32)
+        state = SimpleNamespace(
+            **{name: column(self._state, name, standing) for name in _PUSHED},
+            end_step=self._state.end_step,
+            stage=nothing.copy(),
+            crashed=nothing.copy(),
+            contact_partner=nothing + NOBODY,
+            contact_time=nothing.copy(),
+            contact_impulse=nothing.copy(),
+            contact_speed=nothing.copy(),
+        )
+        fields = SimpleNamespace(
+            **{name: column(self._fields, name, parameters) for name in parameters}
+        )
+        return _Bodies(state, fields)
+
+    def _take_pushed(self, obstacles: list[int], bodies: "_Bodies") -> None:
+        """Take over the motion of obstacles that are not fixed."""
+        for row, actor in enumerate(obstacles, len(self._vehicles)):
+            obstacle = self._obstacles[actor]
+            if math.isfinite(obstacle.mass):
+                s, d, psi, vx, vy, r = (
+                    float(getattr(bodies.state, name)[row, 0]) for name in _PUSHED
+                )
+                motion = Motion(s, d, psi, *turned(vx, vy, psi), r)
+                self._obstacles[actor] = dataclasses.replace(obstacle, motion=motion)
+
+    def _slide(self, duration: float) -> None:
+        """Move obstacles that were pushed; friction stops them, and their turning alike."""
+        for actor, obstacle in self._obstacles.items():
+            if not _is_moving(obstacle):
+                continue
+            motion = obstacle.motion
+            speed = math.hypot(motion.along, motion.across)
+            loss = _SLIDING_DECEL * duration
+            share = max(speed - loss, 0.0) / speed if speed else 0.0
+            mean = 0.5 * (1.0 + share) * duration
+            moved = self._moved[actor] = Motion(
+                motion.s + mean * motion.along,
+                motion.d + mean * motion.across,
+                motion.psi + mean * motion.yaw_rate,
+                share * motion.along,
+                share * motion.across,
+                share * motion.yaw_rate,
+            )
+            self._obstacles[actor] = dataclasses.replace(obstacle, motion=moved)
 
     def _momentum(self, one: FleetVehicle) -> tuple[float, float]:
         """Momentum of a vehicle in the ground's frame [N s]."""
@@ -393,6 +565,26 @@ class Fleet:
             state.d[row] -= np.float32(across)
             turn = -speed * math.tan(angle) / one.body["wheelbase"]
             state.psi[row] += np.float32(turn * duration)
+
+
+class _Bodies(NamedTuple):
+    """Vehicles and obstacles, in the form that contacts are found with."""
+
+    state: Any
+    fields: Any
+
+
+def _is_moving(obstacle: Obstacle) -> bool:
+    return any((obstacle.motion.along, obstacle.motion.across, obstacle.motion.yaw_rate))
+
+
+def _is_level(body: Body, height: float, obstacle: Obstacle) -> bool:
+    """Whether an obstacle is between the ground clearance and the roof of a vehicle."""
+    return obstacle.low < height + body["height"] and obstacle.high > height + CLEARANCE
+
+
+def _sides(obstacle: Obstacle) -> Mapping[str, float]:
+    return {"length": obstacle.length, "width": obstacle.width}
 
 
 def _column(values: Any) -> F32:

@@ -1,9 +1,10 @@
 """The maps of the headless server: roads of the package and OpenDRIVE files."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +28,6 @@ SPAWN_HEIGHT = 0.3
 
 LEARNED = "OpenDriveMap"
 """Name that `carla.Client.generate_opendrive_world` loads."""
-
-OUR_ROADS = tuple(name for name in ROAD_NAMES if not known_road(name).is_two_way)
-"""Roads that come with the package and are served: all traffic of the server goes one way."""
 
 _CARLA_NAMES = {"town06": ("Town06", "40")}
 """Name that scripts know a road by, and its id in CARLA's own file."""
@@ -117,7 +115,11 @@ class Map:
     def limit(self, pose: Transform) -> float:
         """The limit that is posted at a pose [m/s]."""
         road = self.ground.road
-        return float(road.limit_at(self.motion(pose).s)) if road.course else road.speed_limit
+        if not road.course:
+            return road.speed_limit
+        motion = self.motion(pose)
+        is_oncoming = road.is_two_way and math.cos(motion.psi) < 0.0
+        return float(road.limit_at(motion.s, -1 if is_oncoming else 1))
 
     def to_world(self, along: float, across: float) -> Vector:
         """A vector of the ground's frame in CARLA's."""
@@ -149,8 +151,8 @@ class Map:
         if self.is_flat:
             road = self.ground.road
             s, d = road.road_coordinates(x, -y)
-            half = 0.5 * max(lane.width for lane in road.lanes)
-            return bool(0.0 <= s <= road.length and np.min(np.abs(road.centres - d)) <= half)
+            borders = sorted(_lane_borders(road))
+            return bool(0.0 <= s <= road.length and borders[0] <= d <= borders[-1])
         found = self._sample(x, y, z)
         return found is not None and found[1] <= _ON_LANE
 
@@ -209,15 +211,16 @@ def known_map(name: str) -> Map:
         ConfigError: There is no such road.
     """
     key = name.lower()
-    if key not in OUR_ROADS:
-        raise _no_map(name, OUR_ROADS, "an OpenDRIVE file")
+    if key not in ROAD_NAMES:
+        raise _no_map(name, ROAD_NAMES, "an OpenDRIVE file")
     road = known_road(key)
     road = road.extended(max(road.length, ROAD_LENGTH))
     carla_name, road_id = _CARLA_NAMES.get(key, (key, "1"))
     return Map(
         carla_name,
         write_opendrive(road, road_id=road_id),
-        Ground(road, shelters=True),
+        # The model of shelter takes all traffic to drive in the direction of the road.
+        Ground(road, shelters=not road.is_two_way),
         _sampled(road),
     )
 
@@ -248,7 +251,7 @@ class Atlas:
 
     def names(self) -> list[str]:
         """Names of all maps."""
-        ours = {_CARLA_NAMES.get(name, (name,))[0] for name in OUR_ROADS}
+        ours = {_CARLA_NAMES.get(name, (name,))[0] for name in ROAD_NAMES}
         return sorted(ours | set(self._learned))
 
     def find(self, name: str) -> Map:
@@ -259,7 +262,7 @@ class Atlas:
         """
         if name in self._learned:
             return self._learned[name]
-        if name.lower() in OUR_ROADS:
+        if name.lower() in ROAD_NAMES:
             return known_map(name)
         raise _no_map(name, self.names(), f"--map {name}.xodr as well")
 
@@ -276,24 +279,55 @@ _SAMPLE = 10.0
 _NO_MARK, _SOLID, _BROKEN = 0, 1, 2
 
 
+def _lane_borders(road: Road) -> list[float]:
+    """`d` of the borders of all driving lanes, oncoming ones included, from the slow side [m]."""
+    borders = road.boundaries.tolist()
+    if road.is_two_way and (beyond := road.fast_side_neighbour) is not None:
+        borders.append(borders[-1] + road.side * beyond.width)
+    return borders
+
+
 def _sampled(road: Road) -> Lanes:
-    """Samples of the driving lanes of a straight road."""
+    """Samples of the driving lanes of a straight road with right-hand traffic, both directions."""
     stations = np.arange(0.5 * _SAMPLE, road.length, _SAMPLE)
-    every = len(stations)
-    s = np.tile(stations, road.num_lanes)
-    x, y = road.world(s, np.repeat(road.centres, every))
-    pairs = [(lane.left_mark.value, lane.right_mark.value) for lane in road.lanes]
-    marks = [[drawn_mark(left), drawn_mark(right)] for left, right in pairs]
-    return Lanes(
-        position=np.stack([x, -y, np.zeros_like(x)], axis=1),
-        yaw=np.full(len(s), -road.heading),
-        slope=np.zeros(len(s)),
-        width=np.repeat([lane.width for lane in road.lanes], every),
-        length=np.full(len(s), _SAMPLE),
-        marks=np.repeat(np.array(marks), every, axis=0),
-        station=s,
-        driving=np.ones(len(s), np.bool_),
-    )
+    borders = _lane_borders(road)
+    between = _between_marks(road, stations)
+    tables: list[dict[str, NDArray[Any]]] = []
+    for k, (start, end) in enumerate(itertools.pairwise(borders)):
+        is_oncoming = k == road.num_lanes
+        lane = road.fast_side_neighbour if is_oncoming else road.lanes[k]
+        assert lane is not None
+        # Stations grow in the direction of travel of the lane.
+        s = road.length - stations if is_oncoming else stations
+        x, y = road.world(s, np.full(len(s), 0.5 * (start + end)))
+        left, right = (
+            np.full(len(s), drawn_mark(mark.value)) for mark in (lane.left_mark, lane.right_mark)
+        )
+        if is_oncoming:  # Its marks are named as seen in the direction of the road.
+            left, right = between[::-1], left
+        elif k == road.num_lanes - 1:
+            left = between
+        tables.append(
+            {
+                "position": np.stack([x, -y, np.zeros_like(x)], axis=1),
+                "yaw": np.full(len(s), -road.heading - (math.pi if is_oncoming else 0.0)),
+                "slope": np.zeros(len(s)),
+                "width": np.full(len(s), lane.width),
+                "length": np.full(len(s), _SAMPLE),
+                "marks": np.stack([left, right], axis=1),
+                "station": stations,
+                "driving": np.ones(len(s), np.bool_),
+            }
+        )
+    columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    return Lanes(**columns)
+
+
+def _between_marks(road: Road, stations: NDArray[np.float64]) -> NDArray[np.int64]:
+    """How the line on the fast side of the driving lanes is drawn at each station."""
+    starts, marks = zip(*road.fast_edge_marks, strict=True)
+    drawn = np.array([drawn_mark(mark.value) for mark in marks])
+    return drawn[np.searchsorted(starts, stations, side="right") - 1]
 
 
 def drawn_mark(mark: str) -> int:

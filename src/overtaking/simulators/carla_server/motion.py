@@ -1,6 +1,7 @@
 """Poses, ground and wheel angles of vehicles, as values."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -8,7 +9,6 @@ import numpy as np
 
 from overtaking.model.road import Road
 from overtaking.sim.reference import collisions
-from overtaking.simulators.carla_server.bodies import Body
 
 LEVELS_APART = 3.0
 """A larger difference in height means another level, such as a bridge [m]."""
@@ -68,8 +68,32 @@ class Driven(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A box that stands on the ground.
+
+    Attributes:
+        length, width: Sides of the box [m].
+        low, high: Heights of its lower and upper side [m].
+        motion: Where it is and how it moves.
+        mass: Mass [kg]; infinite where it does not move when it is hit.
+    """
+
+    length: float
+    width: float
+    low: float
+    high: float
+    motion: Motion
+    mass: float = math.inf
+
+    @property
+    def yaw_inertia(self) -> float:
+        """Moment of inertia of a uniform box about the vertical [kg m^2]."""
+        return self.mass * (self.length**2 + self.width**2) / 12.0
+
+
+@dataclass(frozen=True, slots=True)
 class Touch:
-    """A vehicle was pushed by another.
+    """A vehicle was pushed by another, or by an obstacle.
 
     Attributes:
         own, other: Ids of the two.
@@ -88,8 +112,10 @@ def turned(x: float, y: float, angle: float) -> tuple[float, float]:
     return x * cosine - y * sine, x * sine + y * cosine
 
 
-def overlap(body: Body, motion: Motion, other: Body, at: Motion) -> bool:
-    """Whether two vehicles would stand in the same place."""
+def overlap(
+    body: Mapping[str, float], motion: Motion, other: Mapping[str, float], at: Motion
+) -> bool:
+    """Whether two boxes with a length and a width would stand in the same place."""
     reach = 0.5 * math.hypot(body["length"], body["width"])
     reach += 0.5 * math.hypot(other["length"], other["width"])
     if math.hypot(at.s - motion.s, at.d - motion.d) > reach:
@@ -99,8 +125,8 @@ def overlap(body: Body, motion: Motion, other: Body, at: Motion) -> bool:
     return bool(enter <= 0.0 <= leave)
 
 
-def _box(body: Body, motion: Motion) -> collisions.Box:
-    """A vehicle as the box that contacts are found with."""
+def _box(body: Mapping[str, float], motion: Motion) -> collisions.Box:
+    """The box in the form that contacts are found with."""
     as_f32: Any = np.float32
     return collisions.Box(
         s=as_f32(motion.s),

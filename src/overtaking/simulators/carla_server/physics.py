@@ -15,6 +15,9 @@ from overtaking.world.constants import constants
 WHEEL_RADIUS = 0.35
 """Radius of every wheel that the server reports [m]."""
 
+_TYRE_FRICTION = 3.5
+"""Friction of the tyres that CARLA's vehicles report outside triggers."""
+
 _CM_PER_M = 100.0
 _LIGHTEST, _HEAVIEST = 50.0, 100_000.0
 
@@ -109,6 +112,8 @@ def physics_control(world: World, vehicle: Vehicle) -> Physics:
     our bodies do not have, are made up so that a client that looks at them finds a car.
     """
     body, steering = vehicle.body, world.fleet[vehicle.actor_id].steering
+    trigger_friction = world.friction_of(vehicle)
+    friction = _TYRE_FRICTION if trigger_friction is None else trigger_friction
     return Physics(
         torque_curve=((0.0, 500.0), (1890.0, 500.0), (5729.0, 400.0)),
         max_rpm=5800.0,
@@ -125,7 +130,7 @@ def physics_control(world: World, vehicle: Vehicle) -> Physics:
         drag_coefficient=body["drag_area"] / _frontal_area(vehicle),
         center_of_mass=Vector(0.0, 0.0, 0.0),
         steering_curve=steering.curve,
-        wheels=tuple(_wheel(vehicle, k, math.degrees(steering.lock)) for k in range(4)),
+        wheels=tuple(_wheel(vehicle, k, math.degrees(steering.lock), friction) for k in range(4)),
         use_sweep_wheel_collision=True,
     )
 
@@ -193,7 +198,7 @@ def _frontal_area(vehicle: Vehicle) -> float:
     return vehicle.body["width"] * vehicle.body["height"]
 
 
-def _wheel(vehicle: Vehicle, k: int, lock_deg: float) -> Wheel:
+def _wheel(vehicle: Vehicle, k: int, lock_deg: float, friction: float) -> Wheel:
     """`carla.WheelPhysicsControl`: front left, front right, rear left, rear right."""
     body, pose = vehicle.body, vehicle.pose
     is_front = k < 2
@@ -203,7 +208,7 @@ def _wheel(vehicle: Vehicle, k: int, lock_deg: float) -> Wheel:
     at = (pose.location.x + x, pose.location.y + y, pose.location.z + WHEEL_RADIUS)
     place = Vector(*(_CM_PER_M * part for part in at))
     return Wheel(
-        tire_friction=3.5,
+        tire_friction=friction,
         damping_rate=0.25,
         max_steer_angle=lock_deg if is_front else 0.0,
         radius=_CM_PER_M * WHEEL_RADIUS,

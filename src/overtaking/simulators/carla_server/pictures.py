@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 from overtaking.simulators.carla_server import snapshot
-from overtaking.simulators.carla_server.actors import Vehicle
+from overtaking.simulators.carla_server.actors import Prop, Vehicle
 from overtaking.simulators.carla_server.arguments import Transform
 from overtaking.simulators.carla_server.camera import RoadScene
 from overtaking.simulators.carla_server.maps import Map
@@ -55,7 +55,7 @@ class PictureThread:
         self,
         shots: Sequence[Shot],
         road: Map,
-        vehicles: Iterable[Vehicle],
+        bodies: Iterable[Vehicle | Prop],
         weather: Sequence[float],
     ) -> None:
         """Draw the pictures of one moment; each is sent when it is finished.
@@ -63,10 +63,10 @@ class PictureThread:
         Args:
             shots: The pictures.
             road: The map.
-            vehicles: All vehicles; they are copied because they move on while the thread draws.
+            bodies: Vehicles and props; they are copied because they move while the thread draws.
             weather: The fourteen numbers of `carla.WeatherParameters`.
         """
-        copies = [copy.copy(vehicle) for vehicle in vehicles]
+        copies = [copy.copy(body) for body in bodies]
         loop = asyncio.get_running_loop()
         for shot in shots:
             drawing = loop.run_in_executor(
@@ -85,12 +85,12 @@ class PictureThread:
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def _message(
-        self, shot: Shot, road: Map, vehicles: Sequence[Vehicle], weather: Sequence[float]
+        self, shot: Shot, road: Map, bodies: Sequence[Vehicle | Prop], weather: Sequence[float]
     ) -> bytes:
         """The message with a picture; runs in the thread."""
         if self._scene is None or self._scene[0] is not road:
             self._scene = (road, RoadScene(road))
-        pixels = self._scene[1].draw(shot.pose, shot.size, shot.fov_deg, vehicles, weather)
+        pixels = self._scene[1].draw(shot.pose, shot.size, shot.fov_deg, bodies, weather)
         return shot.header + snapshot.image(*shot.size, shot.fov_deg, pixels.tobytes())
 
     def _finish(self, shot: Shot, done: asyncio.Future[bytes]) -> None:

@@ -1,10 +1,10 @@
-"""Intersections of rays with the ground and the boxes of vehicles."""
+"""Intersections of rays with the ground and the boxes of vehicles and props."""
 
 import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from overtaking.simulators.carla_server.actors import Vehicle
+from overtaking.simulators.carla_server.actors import Prop, Vehicle
 from overtaking.simulators.carla_server.arguments import Vector
 from overtaking.simulators.carla_server.maps import Map
 from overtaking.simulators.carla_server.motion import turned
@@ -36,12 +36,12 @@ def cast(world: World, start: Vector, end: Vector) -> list[Hit]:
     """
     found: list[tuple[float, int]] = []
     # A thread runs this; actors come and go meanwhile, so it works on a copy of the list.
-    for vehicle in list(world.actors.values()):
-        if not isinstance(vehicle, Vehicle):
+    for body in list(world.actors.values()):
+        if not isinstance(body, Vehicle | Prop):
             continue
-        share = _entered(vehicle, start, end)
+        share = _entered(body, start, end)
         if share is not None:
-            found.append((share, vehicle.tag))
+            found.append((share, body.tag))
     share = _ground(world.map, start, end)
     if share is not None:
         on_lane = world.map.is_lane(*_at(start, end, share))
@@ -62,8 +62,8 @@ def _at(start: Vector, end: Vector, share: float) -> Vector:
     return Vector(*(a + share * (b - a) for a, b in zip(start, end, strict=True)))
 
 
-def _entered(vehicle: Vehicle, start: Vector, end: Vector) -> float | None:
-    """Share of the way after which the box of a vehicle is entered; the slab method."""
+def _entered(vehicle: Vehicle | Prop, start: Vector, end: Vector) -> float | None:
+    """Share of the way after which the box of a body is entered; the slab method."""
     centre = vehicle.pose.location
     yaw = math.radians(vehicle.pose.rotation.yaw)
 

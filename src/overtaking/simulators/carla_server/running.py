@@ -32,7 +32,7 @@ def run_server(
     Args:
         port: For calls, 0 to 65535; streams get the next one. 0 lets the system choose both.
         host: Address to listen on; every program that can reach it can use the server.
-        maps: Each one of `maps.OUR_ROADS`, or an OpenDRIVE file, which clients load by
+        maps: Each one of `knowledge.roads.ROAD_NAMES`, or an OpenDRIVE file, which clients load by
             its name without the suffix. The first is loaded at the start.
         seed: Seed of gusts and puddles, 0 <= seed < 2**64.
         ready: Called with both ports when clients may come.

@@ -7,7 +7,7 @@ from time import monotonic, sleep
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import presets
-from overtaking.knowledge.blueprints import blueprints
+from overtaking.knowledge.blueprints import blueprints, props
 from overtaking.simulators.carla_server import catalogue, snapshot
 from overtaking.simulators.carla_server.ackermann import Seen
 from overtaking.simulators.carla_server.actors import (
@@ -15,6 +15,8 @@ from overtaking.simulators.carla_server.actors import (
     UPRIGHT,
     Actor,
     Camera,
+    FrictionTrigger,
+    Prop,
     Vehicle,
     bounding_box,
     world_pose,
@@ -23,7 +25,7 @@ from overtaking.simulators.carla_server.arguments import Description, Settings, 
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.fleet import Fleet
 from overtaking.simulators.carla_server.maps import Atlas
-from overtaking.simulators.carla_server.motion import Touch
+from overtaking.simulators.carla_server.motion import Motion, Obstacle, Touch, overlap
 from overtaking.simulators.carla_server.pictures import PictureThread, Shot
 from overtaking.simulators.carla_server.protocol import Refused
 from overtaking.simulators.carla_server.snapshot import SensorType
@@ -135,6 +137,23 @@ class World:
         Raises:
             Refused: There is no such blueprint or parent, no room, or no more actors are taken.
         """
+        self._check_spawn(wanted, parent)
+        for attribute in wanted.attributes:
+            self._take_nature(attribute.value if attribute.name == "role_name" else "")
+        if wanted.blueprint in blueprints():
+            actor: Actor = self._new_vehicle(wanted, pose)
+        elif wanted.blueprint in props():
+            actor = self._new_prop(wanted, pose, parent)
+        elif wanted.blueprint == catalogue.FRICTION_TRIGGER:
+            actor = FrictionTrigger(
+                actor_id=self._take_id(), description=wanted, pose=pose, parent=parent
+            )
+        else:
+            actor = self._new_sensor(wanted, pose, parent)
+        return self._enter(actor)
+
+    def _check_spawn(self, wanted: Description, parent: int) -> None:
+        """Refuse what cannot be spawned, whatever the pose."""
         if wanted.blueprint not in catalogue.catalogue():
             raise Refused(f"this headless server has no blueprint {wanted.blueprint}")
         if wanted.blueprint in (catalogue.WALKER, catalogue.WALKER_CONTROLLER):
@@ -143,11 +162,6 @@ class World:
             raise Refused(f"this headless server takes at most {MAX_ACTORS} actors")
         if parent:
             self.actor(parent)
-        for attribute in wanted.attributes:
-            self._take_nature(attribute.value if attribute.name == "role_name" else "")
-        if wanted.blueprint in blueprints():
-            return self._enter(self._new_vehicle(wanted, pose))
-        return self._enter(self._new_sensor(wanted, pose, parent))
 
     def _new_vehicle(self, wanted: Description, pose: Transform) -> Vehicle:
         body, motion = body_of(wanted.blueprint), self.map.motion(pose)
@@ -158,6 +172,25 @@ class World:
         self.fleet[actor_id].height = pose.location.z
         tag = catalogue.SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
+
+    def _new_prop(self, wanted: Description, pose: Transform, parent: int) -> Prop:
+        size = props()[wanted.blueprint].size
+        prop = Prop(
+            actor_id=self._take_id(), description=wanted, pose=pose, parent=parent, size=size
+        )
+        if not parent:
+            obstacle = self._obstacle(prop)
+            if not self.fleet.is_free_for(obstacle):
+                raise Refused("Spawn failed because of collision at spawn position")
+            self.fleet.set_obstacle(prop.actor_id, obstacle)
+        return prop
+
+    def _obstacle(self, prop: Prop) -> Obstacle:
+        """The box of a prop that is attached to nothing."""
+        length, width, height = prop.size
+        low = prop.pose.location.z
+        motion = self.map.motion(prop.pose)
+        return Obstacle(length, width, low, low + height, motion, prop.mass)
 
     def _new_sensor(self, wanted: Description, pose: Transform, parent: int) -> Actor:
         kind = Camera if wanted.blueprint == catalogue.CAMERA else Actor
@@ -175,6 +208,7 @@ class World:
         del self.actors[actor_id]
         if actor.stream is not None:
             self.streams.close(actor.stream)
+        self.fleet.remove_obstacle(actor_id)
         if actor_id in self.fleet:
             self.fleet.remove(actor_id)
         return True
@@ -186,6 +220,38 @@ class World:
         if actor_id in self.fleet:
             self.fleet.place(actor_id, self.map.motion(pose))
             self.fleet[actor_id].height = pose.location.z
+        if isinstance(actor, Prop) and not actor.parent:
+            self.fleet.set_obstacle(actor_id, self._obstacle(actor))
+
+    def set_prop_physics(self, prop: Prop, *, has_physics: bool) -> None:
+        """Choose whether a prop moves when it is hit; it comes to rest."""
+        prop.has_physics = has_physics
+        if not prop.parent:
+            self.fleet.set_obstacle(prop.actor_id, self._obstacle(prop))
+
+    def friction_of(self, vehicle: Vehicle) -> float | None:
+        """The smallest friction of the triggers that a vehicle touches; None outside all."""
+        return min(
+            (
+                actor.friction
+                for actor in self.actors.values()
+                if isinstance(actor, FrictionTrigger) and self._touches(vehicle, actor)
+            ),
+            default=None,
+        )
+
+    def _touches(self, vehicle: Vehicle, trigger: FrictionTrigger) -> bool:
+        """Whether a part of a vehicle is in the box of a trigger."""
+        pose = world_pose(trigger, self.actors)
+        bottom = vehicle.pose.location.z
+        if (
+            not -trigger.extent.z - vehicle.body["height"]
+            <= bottom - pose.location.z
+            <= trigger.extent.z
+        ):
+            return False
+        sides = {"length": 2.0 * trigger.extent.x, "width": 2.0 * trigger.extent.y}
+        return overlap(vehicle.body, _in_plane(vehicle.pose), sides, _in_plane(pose))
 
     def set_velocity(self, actor_id: int, velocity: Vector) -> None:
         """Give a vehicle a velocity [m/s]."""
@@ -214,7 +280,7 @@ class World:
 
     def layout(self, actor: Actor) -> list[object]:
         """An actor as clients want it."""
-        tags = bytes((actor.tag,)) if isinstance(actor, Vehicle) else b""
+        tags = bytes((actor.tag,)) if isinstance(actor, Vehicle | Prop) else b""
         stream = b"" if actor.stream is None else self.streams.token(actor.stream)
         box = bounding_box(actor)
         return [actor.actor_id, actor.parent, actor.description, box, tags, stream]
@@ -232,13 +298,28 @@ class World:
         self.time += delta
         self._steer_by_controllers(delta)
         controls = {one.actor_id: one.control for one in self.vehicles}
-        touches = self.fleet.advance(delta, controls)
+        touches = self.fleet.advance(delta, controls, self._friction_factors())
         self._follow_fleet(delta)
         # Two milliseconds at most, which an event loop cannot wait for as exactly.
         sleep(max(begin + pace - monotonic(), 0.0))
         self._tell_contacts(touches)
         self._tell_world(delta)
         self._take_pictures()
+
+    def _friction_factors(self) -> dict[int, float]:
+        """Factors on the friction under the vehicles in triggers.
+
+        The factor is the friction of the trigger. Friction above 1 changes nothing: CARLA's own
+        vehicles have 3.5, and OpenSCENARIO's `frictionScaleFactor` is 1 on a usual road.
+        """
+        if not any(isinstance(actor, FrictionTrigger) for actor in self.actors.values()):
+            return {}
+        frictions = {one.actor_id: self.friction_of(one) for one in self.vehicles}
+        return {
+            vehicle: min(friction, 1.0)
+            for vehicle, friction in frictions.items()
+            if friction is not None
+        }
 
     def _steer_by_controllers(self, delta: float) -> None:
         """Let Ackermann controllers set pedals and steering."""
@@ -249,7 +330,11 @@ class World:
                 one.control = one.ackermann.control(seen, one.gains, delta)
 
     def _follow_fleet(self, delta: float) -> None:
-        """Bring the poses of all vehicles up to date."""
+        """Bring the poses of all vehicles and props up to date."""
+        for actor_id, motion in self.fleet.moved_obstacles().items():
+            prop, height = self.actors[actor_id], self.actors[actor_id].pose.location.z
+            pose = self.map.pose(motion, height)
+            prop.pose = pose._replace(location=pose.location._replace(z=height))
         for actor_id, motion in self.fleet.motions().items():
             vehicle = self.vehicle(actor_id)
             if not self.fleet[actor_id].moves:
@@ -312,4 +397,11 @@ class World:
             size = (camera.width, camera.height)
             shots.append(Shot(camera.stream, header, pose, size, camera.fov_deg))
         if shots:
-            self.pictures.draw(shots, self.map, self.vehicles, self.weather)
+            bodies = [one for one in self.actors.values() if isinstance(one, Vehicle | Prop)]
+            self.pictures.draw(shots, self.map, bodies, self.weather)
+
+
+def _in_plane(pose: Transform) -> Motion:
+    """A pose in the plane of the map, at rest, with axes of which y points to the left."""
+    x, y, _ = pose.location
+    return Motion(x, -y, -math.radians(pose.rotation.yaw), 0.0, 0.0, 0.0)

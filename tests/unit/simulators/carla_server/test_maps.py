@@ -205,8 +205,10 @@ def test_in_a_curve_to_the_right_the_left_wheels_carry_more_and_all_push_to_the_
 
 def test_an_unknown_map_names_those_there_are_and_the_option():
     atlas = Atlas([known_map("town06")], survey)
-    assert atlas.names() == ["Town06", "motorway"]
-    with pytest.raises(ConfigError, match=r"Town06 or motorway, got 'Town01'.*--map Town01\.xodr"):
+    assert atlas.names() == ["Town06", "motorway", "rural"]
+    with pytest.raises(
+        ConfigError, match=r"Town06 or motorway or rural, got 'Town01'.*--map Town01\.xodr"
+    ):
         atlas.find("Town01")
 
 
@@ -224,3 +226,43 @@ def test_a_vehicle_reads_the_limit_where_it_is():
     limits = [found.limit(pose) for pose in poses]
     assert limits == [road.speed_limit, 20.0, road.speed_limit]
     assert base.limit(found.pose(Motion(150.0, -2.0, 0.0, 0.0, 0.0, 0.0), 0.0)) == road.speed_limit
+
+
+def test_a_two_way_road_has_spawn_points_lanes_and_limits_of_both_directions():
+    base = known_map("rural")
+    points = base.spawn_points()
+    along = [one for one in points if abs(one.rotation.yaw) < 1.0]
+    against = [one for one in points if abs(abs(one.rotation.yaw) - 180.0) < 1.0]
+    assert len(along) == len(against) == len(points) / 2 > 100
+    # CARLA's y axis points to the right.
+    assert {one.location.y for one in along} == {1.75}
+    assert {one.location.y for one in against} == {-1.75}
+    assert [base.is_lane(1000.0, y, 0.0) for y in (-3.6, -3.4, 3.4, 3.6)] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+    course = Course(
+        limits=(
+            Limit(start=0.0, stop=900.0, speed=20.0),
+            Limit(start=900.0, stop=2000.0, speed=10.0, direction=-1),
+        )
+    )
+    road = dataclasses.replace(base.ground.road, course=course)
+    found = dataclasses.replace(base, ground=dataclasses.replace(base.ground, road=road))
+    limits = [found.limit(point) for point in (along[50], against[-50])]
+    assert 900.0 < along[50].location.x < 2000.0
+    assert 900.0 < against[-50].location.x < 2000.0
+    assert limits == [road.speed_limit, 10.0]
+
+
+def test_the_line_between_the_directions_is_drawn_alike_from_both_sides():
+    lanes = known_map("rural").lanes
+    half = len(lanes.station) // 2
+    along, against = lanes.marks[:half], lanes.marks[half:][::-1]
+    assert (lanes.position[:half, 0] == lanes.position[half:, 0][::-1]).all()
+    assert (along[:, 0] == against[:, 0]).all()
+    assert {1, 2} <= set(along[:, 0].tolist())
+    assert (along[:, 1] == 1).all()
+    assert (against[:, 1] == 1).all()
