@@ -1,0 +1,142 @@
+"""Runs the OpenSCENARIO examples of ScenarioRunner on the headless CARLA server.
+
+python benchmarks/scenario_runner.py CHECKOUT --python PYTHON --agents FOLDER --map Town01.xodr …
+
+CHECKOUT is a clone of github.com/carla-simulator/scenario_runner at 0.9.16, PYTHON an interpreter
+with its requirements and `carla==0.9.16`, FOLDER contains the package `agents` of CARLA
+(`PythonAPI/carla`). Examples whose town is no `--map` are named as not run. Each example gets a
+server of its own. The table says how its process ended.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+TIMEOUT_S = 600.0
+"""An example that runs for longer counts as hanging [s]."""
+
+_TOWN = re.compile(r'LogicFile filepath="([^"]+)"')
+_RESULT = re.compile(r"GLOBAL RESULT\s*│\s*(\w+)")
+
+
+class Outcome(NamedTuple):
+    """How an example ended.
+
+    Attributes:
+        name: Name of the example.
+        seconds: Time until its process ended [s].
+        ending: "ran to its end", or the reason why not.
+        result: ScenarioRunner's own result of its criteria, which depend on the ego's driver.
+        missing: What the server logged that it does not offer.
+    """
+
+    name: str
+    seconds: float
+    ending: str
+    result: str
+    missing: str
+
+
+@contextmanager
+def headless_server(maps: list[Path]) -> Generator[tuple[int, subprocess.Popen[str]]]:
+    """A server with these maps on free ports, ended afterwards."""
+    command = [sys.executable, "-m", "overtaking", "carla", "serve", "--port", "0", "--json"]
+    command += [word for path in maps for word in ("--map", str(path))]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as server:
+        try:
+            assert server.stdout is not None
+            text = ""
+            while not text.rstrip().endswith("}"):
+                line = server.stdout.readline()
+                if not line:
+                    raise RuntimeError(f"the server ended before it was ready: {text}")
+                text += line
+            yield json.loads(text)["port"], server
+        finally:
+            server.terminate()
+
+
+def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> Outcome:
+    """Run one example to its end."""
+    town = _TOWN.search(path.read_text(encoding="utf-8"))
+    if town is None or town[1] not in {one.stem for one in maps}:
+        return Outcome(path.stem, 0.0, f"not run: no --map {town[1] if town else '?'}", "", "")
+    folders = [str(arguments.checkout), str(arguments.agents)]
+    variables = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(folders),
+        "SCENARIO_RUNNER_ROOT": str(arguments.checkout),
+    }
+    with headless_server([one for one in maps if one.stem == town[1]]) as (port, server):
+        command = [arguments.python, "scenario_runner.py", "--openscenario", str(path), "--sync"]
+        command += ["--output", "--timeout", "60", "--port", str(port)]
+        command += ["--trafficManagerPort", str(port + 10)]
+        begun = time.monotonic()
+        try:
+            done = subprocess.run(
+                command,
+                cwd=arguments.checkout,
+                env=variables,
+                capture_output=True,
+                text=True,
+                timeout=arguments.timeout,
+                check=False,
+            )
+            output, ending = done.stdout + done.stderr, f"status {done.returncode}"
+        except subprocess.TimeoutExpired as error:
+            parts = (error.stdout, error.stderr)
+            output = "".join(part.decode(errors="replace") for part in parts if part)
+            ending = f"did not end within {arguments.timeout:g} s"
+        seconds = time.monotonic() - begun
+        server.terminate()
+        log = server.stdout.read() if server.stdout else ""
+    result = _RESULT.search(output)
+    if result and ending == "status 0":
+        ending = "ran to its end"
+    elif ending.startswith("status"):
+        errors = [line for line in output.splitlines() if re.match(r"\w*(Error|Exception)", line)]
+        ending += f": {errors[-1]}" if errors else ", without a result"
+    missing = sorted({line.partition("no effect: ")[2] for line in log.splitlines()} - {""})
+    return Outcome(path.stem, seconds, ending, result[1] if result else "", "; ".join(missing))
+
+
+def main() -> None:
+    """Print a table of all examples."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("checkout", type=Path)
+    parser.add_argument("--python", default=sys.executable)
+    parser.add_argument("--agents", type=Path, required=True)
+    parser.add_argument("--map", type=Path, action="append", default=[], dest="maps")
+    parser.add_argument("--only", help="name of one example")
+    parser.add_argument("--timeout", type=float, default=TIMEOUT_S)
+    arguments = parser.parse_args()
+    arguments.checkout = arguments.checkout.resolve()
+    arguments.agents = arguments.agents.resolve()
+    examples = sorted((arguments.checkout / "srunner" / "examples").glob("*.xosc"))
+    maps = [path.resolve() for path in arguments.maps]
+    print("| example | seconds | end | result | not offered |\n|---|--:|---|---|---|", flush=True)
+    for path in examples:
+        if arguments.only in (None, path.stem):
+            row = run_example(path, arguments, maps)
+            print(
+                f"| {row.name} | {row.seconds:.0f} | {row.ending} | {row.result} | {row.missing} |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
