@@ -35,10 +35,10 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: Any) -> str:
     return said.out
 
 
-def test_text_keeps_its_columns_at_any_width(
+def test_text_keeps_its_columns_where_there_is_no_terminal(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.delenv("COLUMNS", raising=False)
     lines = run(capsys, "stats", folder).splitlines()
     header = next(line for line in lines if line.startswith("feature"))
     assert header.endswith("Unsuccess_ncol    All")

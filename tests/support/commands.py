@@ -43,7 +43,8 @@ _parents: list[tuple[subprocess.Popen[str], Path]] = []
 def parent(folder: Path) -> Generator[None]:
     """The process whose children run the commands; their streams go through files in a folder."""
     command, pipe = [sys.executable, "-c", _PARENT], subprocess.PIPE
-    environment = {**os.environ, "COLUMNS": "80", "PYTHONIOENCODING": "utf-8"}
+    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
+    environment.pop("COLUMNS", None)
     with subprocess.Popen(command, text=True, stdin=pipe, stdout=pipe, env=environment) as process:
         _parents.append((process, folder))
         yield

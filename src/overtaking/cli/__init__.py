@@ -6,19 +6,29 @@ import sys
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run `overtaking` with the given arguments, by default those of the process.
+    """Run `overtaking`.
+
+    Args:
+        arguments: The words of the command line; those of the process if None.
 
     Returns:
         The exit status: 0 done, 1 done with findings, 2 wrong usage or input, 70 a fault of this
-        program, 130 interrupted, 141 the reader of the output has closed it.
+        program, 130 interrupted.
     """
     from overtaking.cli.app import build
     from overtaking.cli.failures import tell
+    from overtaking.cli.streams import discard, prepare_streams
 
-    given = sys.argv[1:] if arguments is None else arguments
+    prepare_streams()
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        code = build()(given or ["--help"], prog_name="overtaking", standalone_mode=False)
+        code = build()(words or ["--help"], prog_name="overtaking", standalone_mode=False)
         sys.stdout.flush()
+    except OSError as error:  # Commands handle theirs; this one is of the help or the version.
+        discard(sys.stdout)
+        if isinstance(error, BrokenPipeError):  # The reader has read enough.
+            return 0
+        return tell(OSError(error.errno, error.strerror, "standard output"))
     except (Exception, KeyboardInterrupt) as error:
         return tell(error)
     return code if isinstance(code, int) else 0

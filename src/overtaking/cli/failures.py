@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import traceback
 
 import typer
 
+from overtaking.cli.streams import print_error_line
 from overtaking.core.errors import OvertakingError
 
 USAGE = 2
 FAULT = 70  # EX_SOFTWARE of sysexits.h.
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it.
-NO_READER = 141  # 128 + SIGPIPE.
 
 
 def tell(error: BaseException) -> int:
-    """Print the error on stderr, unless stderr is closed.
+    """Print an error on standard error, if that is open.
 
     Returns:
-        The exit status that belongs to it.
+        The exit status of the error.
     """
-    if isinstance(error, BrokenPipeError):
-        _silence()
-        return NO_READER
     line, code = explain(error)
     if code == FAULT:
-        traceback.print_exception(error)
-    print(line, file=sys.stderr)
+        print_error_line("".join(traceback.format_exception(error)).rstrip())
+    print_error_line(line)
     return code
 
 
@@ -42,6 +37,10 @@ def explain(error: BaseException) -> tuple[str, int]:
         return f"error: {_one_line(_usage(error))}", USAGE
     if isinstance(error, OSError):
         return f"error: {_one_line(_of_the_system(error))}", USAGE
+    if isinstance(error, UnicodeEncodeError) and error.reason == "surrogates not allowed":
+        # Arrow takes names in UTF-8 only; Python keeps other bytes of a name as surrogates.
+        name = ascii(error.object)
+        return f"error: {name}: expected a name in UTF-8, got other bytes; rename it", USAGE
     if isinstance(error, MemoryError):
         return "error: not enough memory; try fewer --threads or fewer simulations", USAGE
     fault = f"{type(error).__name__}: {error}"
@@ -73,14 +72,3 @@ def _of_the_system(error: OSError) -> str:
 def _one_line(text: str) -> str:
     """Text without line breaks."""
     return " ".join(text.split())
-
-
-def _silence() -> None:
-    """Discard buffered output whose reader has gone, without a message."""
-    sink = os.open(os.devnull, os.O_WRONLY)
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            os.dup2(sink, stream.fileno())
-        except (OSError, ValueError):  # A stream that is closed or no file.
-            continue
-    os.close(sink)

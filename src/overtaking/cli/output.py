@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json as json_format
 import logging
 import re
@@ -12,6 +13,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from overtaking.cli.failures import FAULT, explain
+from overtaking.cli.streams import can_encode, discard, print_error_line, terminal_width
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 _PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
 _UNBOUNDED = 1_000_000  # Columns; wider than any line.
+_DRAWING_WIDTH = 80  # Columns of what is drawn with characters, where there is no terminal.
 _LOG_INTERVAL = 5.0  # Seconds between two lines of progress in the log.
 
 
@@ -86,7 +89,7 @@ class Output:
         """Print a remark on stderr, unless the run is quiet, and log it."""
         self.log(text)
         if not self.quiet:
-            print(text, file=sys.stderr)
+            print_error_line(text)
 
     def result(
         self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]
@@ -97,7 +100,7 @@ class Output:
             values: The result for machines, with units in the names.
             render: Draws the result for people; called only if they want it.
         """
-        self._print(json_of(values) if self._json else _drawn(render))
+        _print(_stdout_json(values) if self._json else _drawn(render))
 
     def text(self, values: Mapping[str, Any], text: str) -> None:
         """Print a result that is text as it is: no line is broken, nothing is coloured.
@@ -106,16 +109,18 @@ class Output:
             values: The result for machines, with units in the names.
             text: The result for people.
         """
-        self._print(json_of(values) if self._json else text)
+        _print(_stdout_json(values) if self._json else text)
 
     def wrote(self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]) -> None:
-        """Sum up what the command wrote to files, unless it is to be quiet; see `result`."""
-        if self._json or not self.quiet:
-            self.result(values, render)
+        """Sum up what the command wrote to files, unless it is to be quiet; see `result`.
 
-    def _print(self, text: str) -> None:
-        sys.stdout.write(text)
-        sys.stdout.flush()
+        The files are complete, so a summary that cannot be printed changes no exit status.
+        """
+        if self._json or not self.quiet:
+            try:
+                self.result(values, render)
+            except OSError as error:
+                print_error_line(f"warning: {error.filename}: {error.strerror}; the work is done")
 
     def progress(self, what: str) -> Meter:
         """A progress bar for work that may be long; use it as a context."""
@@ -195,28 +200,72 @@ def _bar(what: str, total: int) -> Progress:
     return bar
 
 
-def json_of(values: Mapping[str, Any]) -> str:
-    """Values as JSON."""
-    return json_format.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+def _print(text: str) -> None:
+    """Print on standard output.
+
+    Raises:
+        OSError: The text cannot be written, for example because the disk is full. A pipe whose
+            reader has gone is no error: the reader had enough.
+    """
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except OSError as error:
+        discard(sys.stdout)
+        if not isinstance(error, BrokenPipeError):
+            raise OSError(error.errno, error.strerror, "standard output") from error
+
+
+def _stdout_json(values: Mapping[str, Any]) -> str:
+    """Values as JSON in the characters of standard output, others as escapes of JSON."""
+    text = json_of(values)
+    return text if can_encode(text, sys.stdout) else json_of(values, is_ascii=True)
+
+
+def json_of(values: Mapping[str, Any], *, is_ascii: bool = False) -> str:
+    """Values as JSON.
+
+    Args:
+        values: The values.
+        is_ascii: Whether all other characters become escapes.
+    """
+    return json_format.dumps(values, indent=2, ensure_ascii=is_ascii, allow_nan=False) + "\n"
 
 
 def _drawn(render: Callable[[Console], RenderableType]) -> str:
-    """A drawing as text, with the escape codes that stdout understands.
+    """A drawing as text, with the escape codes that standard output understands.
 
-    A terminal gets tables that fit its width. Anything else gets a record per line: no line is
-    broken, shortened or padded, and tables have no rules, so that `grep`, `cut` and `wc` work.
+    Where there is a width, lines fit it (`terminal_width`). Without one, each row of a table is a
+    line: no line is broken, shortened or padded, and tables have no rules, so that `grep`, `cut`
+    and `wc` work.
     """
     from rich.console import Console
 
-    console = Console(highlight=False)
-    drawing = render(console)
-    if not sys.stdout.isatty():
-        console = Console(highlight=False, width=_UNBOUNDED)
+    width, is_terminal = terminal_width(), sys.stdout.isatty()
+    text = _EncodedText(sys.stdout.encoding or "utf-8")
+
+    def console_of(columns: int | None) -> Console:
+        return Console(file=text, force_terminal=is_terminal, highlight=False, width=columns)
+
+    drawing = render(console_of(width or _DRAWING_WIDTH))
+    if width is None:
         _unwrap(drawing)
-    with console.capture() as captured:
-        console.print(drawing)
-    text = captured.get()
-    return text if sys.stdout.isatty() else re.sub(r"[ \t]+$", "", text, flags=re.MULTILINE)
+    console_of(width or _UNBOUNDED).print(drawing)
+    drawn = text.getvalue()
+    return drawn if is_terminal else re.sub(r"[ \t]+$", "", drawn, flags=re.MULTILINE)
+
+
+class _EncodedText(io.StringIO):
+    """Text in memory for a stream of some encoding, which Rich chooses its characters by."""
+
+    def __init__(self, encoding: str) -> None:
+        super().__init__(newline="")
+        self._encoding = encoding
+
+    @property
+    def encoding(self) -> str:
+        """The encoding of the stream."""
+        return self._encoding
 
 
 def _unwrap(drawing: RenderableType) -> None:
@@ -251,6 +300,7 @@ class _JsonLines(logging.Formatter):
 
 def _log_handler(path: Path) -> logging.Handler:
     """The handler that appends to the log file."""
-    handler = logging.FileHandler(path, encoding="utf-8")
+    # File names that are not UTF-8 hold surrogates; backslashes make them escapes of JSON.
+    handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")
     handler.setFormatter(_JsonLines())
     return handler

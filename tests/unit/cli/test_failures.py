@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import pytest
 import typer
 
@@ -69,20 +65,3 @@ def test_a_fault_of_the_program_shows_its_traceback_and_is_no_mistake_of_the_use
     last = written.err.strip().splitlines()[-1]
     assert last.startswith("error: a fault of overtaking itself, please report it")
     assert written.out == ""
-
-
-def test_a_reader_that_leaves_is_no_reason_to_talk():
-    program = (
-        "import sys; from overtaking.cli.failures import tell\n"
-        "try:\n"
-        "    print('x' * 100_000, flush=True)\n"
-        "except OSError as error:\n"
-        "    sys.exit(tell(error))"
-    )
-    reader, writer = os.pipe()
-    os.close(reader)
-    done = subprocess.run(
-        [sys.executable, "-c", program], stdout=writer, stderr=subprocess.PIPE, check=False
-    )
-    os.close(writer)
-    assert (done.returncode, done.stderr) == (141, b"")

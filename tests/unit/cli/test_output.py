@@ -58,7 +58,7 @@ def test_quiet_prints_the_result_and_nothing_else(capsys):
 
 
 def test_a_pipe_gets_each_row_whole_and_on_a_line_of_its_own(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.delenv("COLUMNS", raising=False)
     cells = ("a cell that is far longer than forty columns are wide", "x" * 60)
 
     def drawing(_):
@@ -74,9 +74,10 @@ def test_a_pipe_gets_each_row_whole_and_on_a_line_of_its_own(capsys, monkeypatch
     assert lines == ["y" * 90, f"{'first':<53}  second", f"{cells[0]}  {cells[1]}"]
 
 
-def test_a_terminal_gets_what_fits(capsys, monkeypatch):
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_lines_fit_the_columns_of_the_environment(capsys, monkeypatch, is_terminal):
     monkeypatch.setenv("COLUMNS", "40")
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: is_terminal)
     with output() as out:
         out.result({}, lambda _: Text("word " * 30))
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 40

@@ -1,0 +1,127 @@
+"""The standard streams, whatever a shell made of them: closed, full, or of another encoding."""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import io
+import os
+import sys
+import unicodedata
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_ERROR_HANDLER = "overtaking.plain"
+_DEFAULT_WIDTH = 80
+_SURROGATES = range(0xDC80, 0xDD00)  # Bytes of a file name that are not UTF-8 (PEP 383).
+
+_EQUIVALENTS: Mapping[str, str] = {
+    **{"‐": "-", "‑": "-", "–": "-", "—": "-", "−": "-", "…": "...", "·": ".", "•": "*"},
+    **{"‘": "'", "’": "'", "“": '"', "”": '"', "„": '"', "«": '"', "»": '"'},
+    **{"→": "->", "←": "<-", "↔": "<->", "⇒": "=>", "↑": "^", "↓": "v"},
+    **{"×": "x", "÷": "/", "±": "+/-", "≥": ">=", "≤": "<=", "≠": "!=", "≈": "~", "∞": "inf"},
+    **{"√": "sqrt", "∑": "Sum", "⁄": "/", "′": "'", "″": '"', "°": "deg", "§": "sect.", "€": "EUR"},
+    **{"✓": "+", "✗": "x", "✔": "+", "✘": "x", "─": "-", "━": "-", "│": "|", "┃": "|"},
+    **dict(zip("▁▂▃▄▅▆▇█", "_.-=+*%#", strict=True)),
+    **{"ß": "ss", "æ": "ae", "Æ": "AE", "œ": "oe", "ø": "o", "Ø": "O", "ł": "l", "Ł": "L"},
+    **{"ı": "i", "đ": "d", "ð": "d", "þ": "th", "µ": "u", "\N{GREEK SMALL LETTER MU}": "u"},
+}
+
+
+def prepare_streams() -> None:
+    """Give each standard stream a file, and an encoding that refuses no character.
+
+    Python sets a stream to None if the shell has closed it, and the next file that is opened then
+    takes its number: what a library prints would land in that file.
+    """
+    for descriptor in range(3):
+        with contextlib.suppress(OSError):
+            os.fstat(descriptor)
+            continue
+        os.open(os.devnull, os.O_RDWR)  # Takes the lowest free number.
+    if sys.stdin is None:
+        sys.stdin = open(os.devnull, encoding="utf-8")
+    if sys.stdout is None:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    codecs.register_error(_ERROR_HANDLER, _replace_unencodable)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=_ERROR_HANDLER)
+
+
+def print_error_line(text: str) -> None:
+    """Print a line on standard error, unless that is closed or full."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        discard(sys.stderr)
+
+
+def discard(stream: TextIO) -> None:
+    """Send the rest of a stream nowhere, also what is still in its buffer.
+
+    Without this, Python tries to write the buffer again when it exits, and complains again.
+    """
+    with contextlib.suppress(OSError, ValueError):  # A stream that is closed, or not a file.
+        sink = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(sink, stream.fileno())
+        os.close(sink)
+
+
+def terminal_width() -> int | None:
+    """Columns that lines of standard output may fill.
+
+    Returns:
+        `COLUMNS` of the environment if it is set; else the width of the terminal; None if standard
+        output is not a terminal, whose lines may have any length.
+    """
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isdecimal() and int(columns) > 0:
+        return int(columns)
+    if not sys.stdout.isatty():
+        return None
+    try:
+        width = os.get_terminal_size(sys.stdout.fileno()).columns
+    except (OSError, ValueError):
+        return _DEFAULT_WIDTH
+    return width or _DEFAULT_WIDTH  # A terminal that knows no size says 0.
+
+
+def can_encode(text: str, stream: TextIO) -> bool:
+    """Whether a stream has every character of a text."""
+    try:
+        text.encode(stream.encoding or "utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def plain_equivalent(character: str) -> str:
+    """A character in ASCII, such as `->` for an arrow; a question mark if nothing resembles it."""
+    if character in _EQUIVALENTS:
+        return _EQUIVALENTS[character]
+    name = unicodedata.name(character, "")
+    if name.startswith("GREEK"):
+        letter = name.rpartition("LETTER ")[2].partition(" ")[0].lower()
+        return letter.capitalize() if "CAPITAL" in name else letter
+    if name.startswith("BOX DRAWINGS"):
+        return "+"
+    parts = unicodedata.normalize("NFKD", character)
+    if parts == character:
+        return "?"
+    base = "".join(part for part in parts if not unicodedata.combining(part))
+    return "".join(part if part.isascii() else plain_equivalent(part) for part in base)
+
+
+def _replace_unencodable(error: UnicodeError) -> tuple[str | bytes, int]:
+    """The error handler of the streams (`codecs.register_error`)."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    character = error.object[error.start]
+    if ord(character) in _SURROGATES:
+        return bytes([ord(character) - 0xDC00]), error.start + 1
+    return plain_equivalent(character), error.start + 1

@@ -1,0 +1,115 @@
+"""Commands in terminals and scripts: closed streams, full disks, other encodings, widths."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = [
+    pytest.mark.ci,
+    pytest.mark.skipif(os.name == "nt", reason="uses the shell and the terminals of POSIX"),
+]
+
+OVERTAKING = shlex.join([sys.executable, "-m", "overtaking"])
+PRINTING = ("show {data} 2", "info {data} --json", "--help")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("data") / "set"
+    done = sh(f"generate -n 3 --seed 3 --out {out} --quiet")
+    assert (done.returncode, done.stderr) == (0, b"")
+    return out
+
+
+def sh(words: str, rest: str = "", **variables: str) -> subprocess.CompletedProcess[bytes]:
+    """Run a command line of `overtaking` in a shell; the status is that of the command.
+
+    Args:
+        words: Its words.
+        rest: What follows them, such as a redirection or a pipe.
+        variables: Variables of the environment.
+    """
+    environment = {key: value for key, value in os.environ.items() if key != "COLUMNS"} | variables
+    line = f"set -o pipefail; {OVERTAKING} {words} {rest}"
+    return subprocess.run(["bash", "-c", line], capture_output=True, env=environment, check=False)
+
+
+@pytest.mark.parametrize("words", PRINTING)
+@pytest.mark.parametrize("rest", [">&-", ">&- 2>&- <&-", "2>/dev/full", "| head -1"])
+def test_a_stream_that_is_closed_changes_no_exit_status(folder, words, rest):
+    done = sh(words.format(data=folder), rest)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("words", PRINTING)
+def test_a_result_that_cannot_be_written_is_an_error_of_one_line(folder, words):
+    done = sh(words.format(data=folder), ">/dev/full")
+    assert done.returncode == 2
+    assert done.stderr == b"error: standard output: No space left on device\n"
+
+
+def test_the_status_of_findings_survives_a_closed_pipe():
+    program = (
+        "import sys; from overtaking.cli import doctor, main\n"
+        "found = doctor.diagnose\n"
+        "doctor.diagnose = lambda folder: {**found(folder), 'findings': ['a finding']}\n"
+        "sys.exit(main(['doctor']))"
+    )
+    line = f"set -o pipefail; {shlex.join([sys.executable, '-c', program])} | true"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
+def test_a_data_set_is_complete_although_its_summary_cannot_be_printed(tmp_path):
+    done = sh(f"generate -n 2 --out {tmp_path / 'set'}", ">/dev/full")
+    assert done.returncode == 0
+    assert done.stderr.startswith(b"warning: standard output: No space left on device")
+    assert done.stderr.count(b"\n") == 1
+    assert sh(f"info {tmp_path / 'set'}").returncode == 0
+
+
+@pytest.mark.parametrize("rest", ["2>&-", "2>/dev/full"])
+def test_an_error_that_cannot_be_printed_keeps_its_status(folder, rest):
+    done = sh(f"show {folder} 99", rest)
+    assert (done.returncode, done.stdout) == (2, b"")
+
+
+@pytest.mark.parametrize("words", ["stats {data}", "show {data} 2", "glossary"])
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_every_encoding_prints_readable_text(folder, words, encoding):
+    done = sh(words.format(data=folder), PYTHONIOENCODING=encoding)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert "?" not in done.stdout.decode(encoding)
+
+
+def test_the_c_locale_writes_the_files_that_any_other_writes(folder, tmp_path):
+    c_locale = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    for name, variables in (("utf-8", {"PYTHONUTF8": "1"}), ("c", c_locale)):
+        done = sh(f"export {folder} --format asp --out {tmp_path / name}", **variables)
+        assert (done.returncode, done.stderr) == (0, b"")
+    for file in (tmp_path / "utf-8").rglob("*.lp"):
+        twin = tmp_path / "c" / file.relative_to(tmp_path / "utf-8")
+        assert twin.read_bytes() == file.read_bytes()
+
+
+def test_a_name_that_is_not_utf_8_is_an_error_of_one_line(tmp_path):
+    done = sh(f"generate -n 1 --quiet --out {tmp_path}/$'a\\xff'")
+    assert done.returncode == 2
+    assert b"expected a name in UTF-8" in done.stderr
+    assert done.stderr.count(b"\n") == 1
+
+
+def test_json_holds_the_same_values_in_every_encoding(folder):
+    values, others = (
+        json.loads(sh("glossary --json", PYTHONIOENCODING=encoding).stdout)
+        for encoding in ("utf-8", "ascii")
+    )
+    assert others == values
+    assert not json.dumps(values, ensure_ascii=False).isascii()
