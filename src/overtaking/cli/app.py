@@ -83,6 +83,7 @@ def generate(
     out: options.OutPlace,
     made: options.Making,
     balanced: options.Balancing,
+    profile_word: options.ProfileWord = None,
     profile: options.Profile = None,
     map_file: options.Map = None,
     threads: options.Threads = None,
@@ -94,7 +95,7 @@ def generate(
     from overtaking.cli import arguments, making
 
     arguments.limit_threads(threads)
-    recipe = making.recipe(made, profile, map_file)
+    recipe = making.recipe(made, making.choose_profile(profile_word, profile), map_file)
     recipe |= arguments.given(balance=making.balance(balanced))
     executor = {"engine": engine, "address": address, "workers": workers}
     making.make(output, out, recipe, made, executor=executor)
@@ -200,7 +201,7 @@ def doctor(output: Output, folder: options.CheckedFolder = Path()) -> int:
 
 
 COMMANDS: dict[options.Body, str] = {
-    generate: "overtaking generate -n 276 --seed 1 --out data/pinto",
+    generate: "overtaking generate pinto2023-physical -n 276 --seed 1 --out data/pinto",
     driving.drive: "overtaking drive motorway --policy my_driver.py:keep_gap --observe human "
     "-n 100 --out data/mine",
     evaluating.evaluate: "overtaking evaluate motorway --policy rules --against human,stay -n 200 "

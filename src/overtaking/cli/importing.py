@@ -1,5 +1,6 @@
 """`overtaking import`: recordings of others."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -223,5 +224,5 @@ def render(values: dict[str, Any]) -> "RenderableType":
         warning = "positions move at {} of the recorded speeds: the clock was scaled"
         rows.append(("beware", warning.format(values["notes"]["time_scaling"])))
     rows.append(("data set", f"{values['data']}: {values['simulations']:,} simulations"))
-    rows.append(("next", f"overtaking show {values['data']} 0"))
+    rows.append(("next", shlex.join(["overtaking", "show", values["data"], "0"])))
     return facts(rows)

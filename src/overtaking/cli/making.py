@@ -40,6 +40,27 @@ def recipe(made: Making, profile: str | None, map_file: str | None = None) -> di
     )
 
 
+def choose_profile(word: str | None, option: str | None) -> str | None:
+    """The profile, which may be named in two ways.
+
+    Args:
+        word: PROFILE.
+        option: --profile.
+
+    Raises:
+        ConfigError: They differ.
+    """
+    if word is not None and option is not None and word != option:
+        raise ConfigError.of(
+            what="profile",
+            where="generate",
+            expected="one profile",
+            got=f"{word} and --profile {option}",
+            next_step="leave out one of them",
+        )
+    return word if option is None else option
+
+
 def make(
     output: Output,
     out: str | Path,

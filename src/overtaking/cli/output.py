@@ -263,7 +263,7 @@ class _EncodedText(io.StringIO):
         self._encoding = encoding
 
     @property
-    def encoding(self) -> str:
+    def encoding(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
         """The encoding of the stream."""
         return self._encoding
 

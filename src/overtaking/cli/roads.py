@@ -1,5 +1,6 @@
 """`overtaking roads`: what an OpenDRIVE file has, and which of its roads can be simulated."""
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -124,7 +125,7 @@ def _how(road: dict[str, Any]) -> str:
     """How a road is simulated, and which part of it."""
     part = f", {road['simulated_from_m']:.0f} to {road['simulated_to_m']:.0f} m"
     directions = ", two-way" if road["is_two_way"] else ""
-    return f"--road {road['id']}{'' if road['is_whole'] else part}{directions}"
+    return f"--road {shlex.quote(road['id'])}{'' if road['is_whole'] else part}{directions}"
 
 
 def _short(refusal: str) -> str:

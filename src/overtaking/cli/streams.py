@@ -8,6 +8,7 @@ import io
 import os
 import sys
 import unicodedata
+from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
@@ -17,17 +18,20 @@ _ERROR_HANDLER = "overtaking.plain"
 _DEFAULT_WIDTH = 80
 _SURROGATES = range(0xDC80, 0xDD00)  # Bytes of a file name that are not UTF-8 (PEP 383).
 
-_EQUIVALENTS: Mapping[str, str] = {
-    **{"‐": "-", "‑": "-", "–": "-", "—": "-", "−": "-", "…": "...", "·": ".", "•": "*"},
-    **{"‘": "'", "’": "'", "“": '"', "”": '"', "„": '"', "«": '"', "»": '"'},
-    **{"→": "->", "←": "<-", "↔": "<->", "⇒": "=>", "↑": "^", "↓": "v"},
-    **{"×": "x", "÷": "/", "±": "+/-", "≥": ">=", "≤": "<=", "≠": "!=", "≈": "~", "∞": "inf"},
-    **{"√": "sqrt", "∑": "Sum", "⁄": "/", "′": "'", "″": '"', "°": "deg", "§": "sect.", "€": "EUR"},
-    **{"✓": "+", "✗": "x", "✔": "+", "✘": "x", "─": "-", "━": "-", "│": "|", "┃": "|"},
-    **dict(zip("▁▂▃▄▅▆▇█", "_.-=+*%#", strict=True)),
-    **{"ß": "ss", "æ": "ae", "Æ": "AE", "œ": "oe", "ø": "o", "Ø": "O", "ł": "l", "Ł": "L"},
-    **{"ı": "i", "đ": "d", "ð": "d", "þ": "th", "µ": "u", "\N{GREEK SMALL LETTER MU}": "u"},
-}
+_EQUIVALENTS: Mapping[str, str] = (
+    dict.fromkeys("‐‑–—−─━", "-")
+    | dict.fromkeys("│┃", "|")
+    | dict.fromkeys("‘’′", "'")
+    | dict.fromkeys("“”„«»″", '"')
+    | dict.fromkeys("✓✔", "+")
+    | dict.fromkeys("×✗✘", "x")
+    | dict.fromkeys("µ\N{GREEK SMALL LETTER MU}", "u")
+    | dict(zip("▁▂▃▄▅▆▇█", "_.-=+*%#", strict=True))
+    | dict(zip("·•÷⁄≈↑↓øØłŁıđð", ".*//~^voOlLidd", strict=True))
+    | {"→": "->", "←": "<-", "↔": "<->", "⇒": "=>", "≥": ">=", "≤": "<=", "≠": "!=", "±": "+/-"}
+    | {"…": "...", "∞": "inf", "√": "sqrt", "°": "deg", "§": "sect.", "€": "EUR"}
+    | {"ß": "ss", "æ": "ae", "Æ": "AE", "œ": "oe", "þ": "th"}
+)
 
 
 def prepare_streams() -> None:
@@ -41,12 +45,10 @@ def prepare_streams() -> None:
             os.fstat(descriptor)
             continue
         os.open(os.devnull, os.O_RDWR)  # Takes the lowest free number.
-    if sys.stdin is None:
-        sys.stdin = open(os.devnull, encoding="utf-8")
-    if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")
-    if sys.stderr is None:
-        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
     codecs.register_error(_ERROR_HANDLER, _replace_unencodable)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

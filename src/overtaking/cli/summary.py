@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
@@ -76,7 +77,7 @@ def render_generated(values: Values) -> Text:
         f"{_megabytes(values):.1f} MB, {seconds:.1f} s, {rate:,.0f}/s\n"
         f"content {values['content_hash']}\n"
         f"{shares}{clipped if count else ''}"
-        f"next: overtaking show {values['data']} 0"
+        f"next: {shlex.join(['overtaking', 'show', values['data'], '0'])}"
     )
 
 

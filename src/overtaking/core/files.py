@@ -5,7 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from typing import TYPE_CHECKING
+import tomllib
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from io import BufferedIOBase, BufferedReader
@@ -50,12 +51,32 @@ def whole(file: BufferedIOBase, most_bytes: int) -> bytes:
     return data
 
 
+def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
+    """The content of a TOML file, with or without a byte order mark.
+
+    Editors on Windows begin UTF-8 files with that mark, which TOML does not allow.
+
+    Args:
+        path: The file.
+        max_bytes: Size of the largest file that is read [bytes].
+
+    Raises:
+        OSError: It is too large or cannot be read.
+        ValueError: It is not TOML in UTF-8.
+        RecursionError: Its values are nested too deeply.
+    """
+    with opened(path) as file:
+        return tomllib.loads(whole(file, max_bytes).decode("utf-8-sig"))
+
+
 def put(path: Path, content: bytes) -> None:
     """Put a file into its place, whole or not at all.
 
     Raises:
         OSError: It cannot be written.
     """
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     partial = path.with_name(path.name + ".partial")
     try:
         with partial.open("wb") as file:

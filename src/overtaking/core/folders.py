@@ -48,9 +48,16 @@ def refuse_strangers(out: Path) -> None:
             what="folder",
             where=str(out),
             expected="a name that is free, or an empty folder",
-            got="a folder with something in it" if out.is_dir() else "a file",
+            got=describe_place(out),
             next_step="choose another folder",
         )
+
+
+def describe_place(path: Path) -> str:
+    """What is at a path that should be free or a folder, in words."""
+    if path.is_dir():
+        return "a folder with something in it"
+    return "a file" if path.exists() else "a symbolic link to nothing"
 
 
 def put_file(path: Path, text: str) -> None:

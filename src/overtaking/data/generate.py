@@ -5,6 +5,7 @@ recipe, shards (`plan`), tasks (`work`), executor (`executors`), files (`shards`
 
 import dataclasses
 from contextlib import closing
+from pathlib import Path
 
 from overtaking.core.errors import ConfigError, DatasetError, InfeasibleError, MissingExtraError
 from overtaking.core.steps import Progress, Steps
@@ -196,8 +197,8 @@ def _refuse_strangers(location: Location) -> None:
     """Refuse a location that holds something other than a data set, before anything is touched."""
     try:
         names = location.names()
-    except NotADirectoryError:
-        got = "a file"
+    except NotADirectoryError as error:
+        got = "a file" if Path(str(location)).is_file() else error.strerror
     else:
         if manifest.FILE_NAME in names or names <= _OWN:
             return

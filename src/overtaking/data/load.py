@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,7 +57,7 @@ def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
             where=str(location),
             expected="one that is complete",
             got="one that is not finished",
-            next_step=f"run: overtaking generate --resume --out {location}",
+            next_step=f"run: overtaking generate --resume --out {shlex.quote(str(location))}",
         )
     return Dataset(location, manifest, simulator)
 

@@ -4,6 +4,7 @@ Files have names, such as `labels/part-00000.parquet`. What is put into a locati
 not at all; unfinished files lie in a staging folder on a disk of this machine.
 """
 
+import errno
 import os
 import shutil
 import tempfile
@@ -58,9 +59,13 @@ class Folder:
         """The files and folders at its top; none if it is not there.
 
         Raises:
-            NotADirectoryError: There is a file instead.
+            NotADirectoryError: There is a file instead, or a symbolic link to nothing.
         """
         if not self.path.exists():
+            if self.path.is_symlink():
+                raise NotADirectoryError(
+                    errno.ENOTDIR, "a symbolic link to nothing", str(self.path)
+                )
             return set()
         return {path.name for path in self.path.iterdir()}
 

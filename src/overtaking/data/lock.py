@@ -1,5 +1,6 @@
 """One writer per folder, by a lock of the operating system that ends with its process."""
 
+import errno
 import os
 import sys
 from collections.abc import Generator
@@ -10,6 +11,12 @@ from overtaking.core.errors import LockedError
 
 FILE_NAME = ".lock"
 
+NO_LOCK_VARIABLE = "OVERTAKING_NO_LOCK"
+"""Variable of the environment: with the value 1, folders are written without a lock."""
+
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
+"""Errors of file systems that have no locks, such as some network and FUSE file systems."""
+
 _FAR = 1 << 20
 """Windows forbids all others to read locked bytes, so the locked byte lies behind the text."""
 
@@ -18,18 +25,29 @@ _FAR = 1 << 20
 def locked(folder: Path) -> Generator[None]:
     """Hold a folder for writing.
 
-    The lock file stays behind: a file that is deleted can be locked twice.
+    The lock file stays behind: a file that is deleted can be locked twice. No lock is taken if the
+    environment has `NO_LOCK_VARIABLE`; then the caller must not start two writers.
 
     Args:
         folder: An existing folder.
 
     Raises:
-        LockedError: Another process holds it; the message says which.
+        LockedError: Another process holds it; the message says which. Or the file system has no
+            locks.
         OSError: The lock file cannot be written.
     """
+    if os.environ.get(NO_LOCK_VARIABLE) == "1":
+        yield
+        return
     handle = os.open(folder / FILE_NAME, os.O_RDWR | os.O_CREAT, 0o644)
     try:
-        if not _acquire(handle):
+        try:
+            is_acquired = _acquire(handle)
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+            raise _no_locks(folder, error) from None
+        if not is_acquired:
             raise _held(folder, handle)
         os.ftruncate(handle, 0)
         os.lseek(handle, 0, os.SEEK_SET)
@@ -53,6 +71,17 @@ def _held(folder: Path, handle: int) -> LockedError:
         expected="no other process that writes it",
         got=f"process {holder}" if holder else "another process",
         next_step="wait until it is done, or choose another folder",
+    )
+
+
+def _no_locks(folder: Path, error: OSError) -> LockedError:
+    return LockedError.of(
+        what="data set",
+        where=str(folder),
+        expected="a file system with locks, which keep a second writer out",
+        got=error.strerror or str(error),
+        next_step=f"choose a folder on another file system, or set {NO_LOCK_VARIABLE}=1 and let "
+        "one process write at a time",
     )
 
 

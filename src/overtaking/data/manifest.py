@@ -1,12 +1,15 @@
 """`dataset.json`: the recipe of a data set, how far it got, and what its files hold."""
 
+import codecs
 import dataclasses
 import hashlib
 import json
 import platform
+import shlex
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import metadata
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -32,6 +35,7 @@ from overtaking.data.tables.files import FileFacts
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.model.road import Road
 from overtaking.model.weather import Pushes
+from overtaking.scenarios import profile_names
 from overtaking.scenarios import spec as checked_spec
 
 FILE_NAME = "dataset.json"
@@ -409,10 +413,12 @@ def read_manifest(location: Location) -> Manifest:
     path = location.at(FILE_NAME)
     try:
         with location.open(FILE_NAME) as file:
-            data = whole(file, _MOST_BYTES)
+            data = whole(file, _MOST_BYTES).removeprefix(codecs.BOM_UTF8)
     except OSError as error:
-        got = error.strerror or str(error)
-        raise _unreadable(path, got, "check the path of the data set") from None
+        if location.has(FILE_NAME):
+            got = error.strerror or str(error)
+            raise _unreadable(path, got, "check the path of the data set") from None
+        raise _no_manifest(location, error) from None
     if sum(map(data.count, (b",", b"[", b"{"))) > _MOST_VALUES:
         raise _unreadable(path, f"more than {_MOST_VALUES} values", "restore it from a copy")
     try:
@@ -423,6 +429,27 @@ def read_manifest(location: Location) -> Manifest:
         key = "".join(f"{part}: " for part in [".".join(map(str, first["loc"]))] if part)
         said = first["msg"].removeprefix("Value error, ")
         raise _unreadable(path, f"{key}{said}", "restore it from a copy") from None
+
+
+def _no_manifest(location: Location, error: OSError) -> DatasetError:
+    """The error for a place without a data set; it may be the name or file of a profile."""
+    where = str(location)
+    path = Path(where)
+    if where in profile_names() or (path.suffix == ".toml" and path.is_file()):
+        command = ["overtaking", "generate", where, "--out", f"data/{path.stem}"]
+        got, next_step = "a profile", f"make a data set from it: {shlex.join(command)}"
+    elif path.is_dir() and not (path / FILE_NAME).exists():
+        got, next_step = f"a folder without {FILE_NAME}", "check the path of the data set"
+    else:
+        got = "a file" if path.is_file() else error.strerror or str(error)
+        next_step = "check the path of the data set"
+    return DatasetError.of(
+        what="data set",
+        where=where,
+        expected=f"its folder, which holds {FILE_NAME}",
+        got=got,
+        next_step=next_step,
+    )
 
 
 class _Head(BaseModel):

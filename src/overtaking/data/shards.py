@@ -8,6 +8,7 @@ and without it the shard does not exist.
 import dataclasses
 import hashlib
 import json
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, wait
 from contextlib import ExitStack
@@ -288,7 +289,7 @@ class ShardFiles:
             where=self._location.at(name),
             expected="the bytes that were written",
             got=got,
-            next_step=f"run: overtaking generate --resume --out {self._location}",
+            next_step=f"run: overtaking generate --resume --out {shlex.quote(str(self._location))}",
         )
 
     def _older(self, table: str) -> DatasetError:
@@ -298,5 +299,5 @@ class ShardFiles:
             where=str(self._location),
             expected="one of this version",
             got="a data set that was made before there was such a table",
-            next_step=f"run: overtaking label {self._location}",
+            next_step=f"run: overtaking label {shlex.quote(str(self._location))}",
         )

@@ -6,17 +6,17 @@ A map is a TOML file. Those of known data sets lie in `columns/`; `template` wri
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.files import opened, whole
+from overtaking.core.files import read_toml
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.messages import shown
+from overtaking.scenarios.complaints import advice
 
 MAPS = Path(__file__).with_name("columns")
 """The folder of the maps that are part of the package."""
@@ -183,8 +183,7 @@ def column_map(given: str | Path | Mapping[str, Any] | ColumnMap) -> ColumnMap:
 def _content(path: Path) -> Mapping[str, Any]:
     """A map as it is written."""
     try:
-        with opened(path) as file:
-            return tomllib.loads(whole(file, _MOST_BYTES).decode("utf-8-sig"))
+        return read_toml(path, _MOST_BYTES)
     except OSError as error:
         got, step = error.strerror or "no path", f"choose a file, or {' or '.join(map_names())}"
     except (ValueError, RecursionError) as error:
@@ -208,7 +207,9 @@ class _Reading:
     def map(self) -> ColumnMap:
         """The checked map."""
         for name, section in self.content.items():
-            if name not in _SECTIONS or not isinstance(section, Mapping):
+            if name not in _SECTIONS:
+                raise self.unknown_key(name, name, _SECTIONS)
+            if not isinstance(section, Mapping):
                 raise self.refused(name, f"sections {', '.join(_SECTIONS)}", section)
         about = self.section("recording", _RECORDING_KEYS)
         files = self.section("files", dict.fromkeys(TABLES, str))
@@ -216,6 +217,8 @@ class _Reading:
             name: self.column(name, cell, files)
             for name, cell in self.content.get("columns", {}).items()
         }
+        road, kinds = self.section("road", ROAD_KEYS), self.kinds()
+        # After all sections: an unknown key is often a missing one with a typing error.
         self.check_complete(columns, about, files)
         point, side = about.get("point", POINTS[0]), about.get("y_axis", "left")
         has_corners = "x" in columns and len(columns["x"].names) == len(columns["y"].names) == 4
@@ -231,9 +234,9 @@ class _Reading:
             is_tested=about.get("tested", False),
             columns=columns,
             files=files,
-            kinds=self.kinds(),
+            kinds=kinds,
             only={key: f"{value}" for key, value in self.content.get("only", {}).items()},
-            road=self.section("road", ROAD_KEYS),
+            road=road,
             frames_per_second=about.get("frames_per_second"),
             length=about.get("length_m"),
             width=about.get("width_m"),
@@ -249,7 +252,7 @@ class _Reading:
         for key, value in values.items():
             kind = known.get(key)
             if kind is None:
-                raise self.refused(f"{name}.{key}", f"one of {', '.join(known)}", "another key")
+                raise self.unknown_key(f"{name}.{key}", key, known)
             is_number = isinstance(value, int | float) and not isinstance(value, bool)
             if not (is_number and abs(value) < 1e6 if kind is float else isinstance(value, kind)):
                 raise self.refused(f"{name}.{key}", f"a value of type {kind.__name__}", value)
@@ -258,7 +261,7 @@ class _Reading:
     def column(self, name: str, cell: object, files: Mapping[str, str]) -> Column:
         """A column from `name [unit]`, with the table before it where there are several."""
         if name not in QUANTITIES:
-            raise self.refused(f"columns.{name}", f"one of {', '.join(QUANTITIES)}", "another key")
+            raise self.unknown_key(f"columns.{name}", name, QUANTITIES)
         cells = cell if isinstance(cell, list) and name in ("x", "y") and len(cell) == 4 else [cell]
         parts = [self.part(name, one, files) for one in cells]
         tables, names, factors = zip(*parts, strict=True)
@@ -308,6 +311,16 @@ class _Reading:
                 raise self.refused("columns", f"{what}", "none")
         if files and {*files} != {*TABLES}:
             raise self.refused("files", ", ".join(TABLES), ", ".join(files))
+
+    def unknown_key(self, what: str, key: str, known: Iterable[str]) -> ConfigError:
+        """The error for a key that a map does not have."""
+        return ConfigError.of(
+            what=shown(what),
+            where=self.where,
+            expected="a known key",
+            got=shown(repr(key)),
+            next_step=advice(key, known),
+        )
 
     def refused(self, what: str, expected: str, got: object) -> ConfigError:
         """The error for a part of the map."""

@@ -41,14 +41,18 @@ def known_name(what: str, names: Callable[[], tuple[str, ...]]) -> Callable[[str
 
 
 def config_error(found: ValidationError, where: str, keys: Keys) -> ConfigError:
-    """The first finding of a validation as a `ConfigError`.
+    """One finding of a validation as a `ConfigError`: an unknown key, else the first finding.
+
+    An unknown key is often a missing one with a typing error, so it comes before that.
 
     Args:
         found: What pydantic raised.
         where: The file or profile that was read.
         keys: Gives the known keys of a section, named by its path, and the weather's mode.
     """
-    first = found.errors(include_url=False)[0]
+    findings = found.errors(include_url=False)
+    unknown = (one for one in findings if one["type"] == "extra_forbidden")
+    first = next(unknown, findings[0])
     path, mode = _path(first)
     expected, got, next_step = _explain(first, path, lambda: keys(tuple(path[:-1]), mode))
     key = first.get("ctx", {}).get("key")
@@ -93,6 +97,10 @@ def _explain(
         return context["expected"], got, context["next_step"]
     if kind == "extra_forbidden":
         return "a known key", repr(path[-1]), advice(path[-1], keys())
+    if kind == "union_tag_not_found":
+        similar = difflib.get_close_matches("mode", map(str, found["input"]), n=1)
+        if similar:
+            return f"the key mode, {_MODE}", f"the key {similar[0]}", "did you mean mode?"
     if kind == "missing":
         return "a value", "nothing", "add the key"
     if kind in ("too_short", "too_long"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any, cast
 from pydantic import ValidationError
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.files import opened, whole
+from overtaking.core.files import read_toml
 from overtaking.scenarios.complaints import advice, config_error
 from overtaking.scenarios.schema import Spec, known_keys
 
@@ -114,10 +115,11 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """The content of a TOML file."""
+    """The content of a profile."""
+    if path.is_dir():
+        raise _is_folder(path)
     try:
-        with opened(path) as file:
-            return tomllib.loads(whole(file, _MOST_BYTES).decode())
+        return read_toml(path, _MOST_BYTES)
     except (OSError, ValueError, RecursionError) as error:
         unreadable = isinstance(error, OSError)
         raise ConfigError.of(
@@ -127,6 +129,24 @@ def _read(path: Path) -> dict[str, Any]:
             got=error.strerror if unreadable else str(error),
             next_step="check the path" if unreadable else "correct the file",
         ) from None
+
+
+def _is_folder(path: Path) -> ConfigError:
+    """The error for a folder in place of a profile; often it is a data set."""
+    got, next_step = "a folder", advice("", profile_names())
+    if (path / "dataset.json").is_file():
+        command = shlex.join(["overtaking", "info", str(path)])
+        got, next_step = (
+            "a data set",
+            f"name a profile; this prints that of the data set: {command}",
+        )
+    return ConfigError.of(
+        what="profile",
+        where=str(path),
+        expected="the name of a profile or a TOML file",
+        got=got,
+        next_step=next_step,
+    )
 
 
 def _parsed(text: str) -> Any:

@@ -1,7 +1,6 @@
 """Sensors of an automated vehicle: what of the truth reaches another driver, when and how well."""
 
 import math
-import tomllib
 from collections import deque
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -10,13 +9,16 @@ import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import ConfigError
+from overtaking.core.files import read_toml
 from overtaking.core.philox import Stream, normal_pair
 from overtaking.model.observation import AROUND, MEETING, ROLES
 from overtaking.model.scenario import Scenario
+from overtaking.scenarios.complaints import advice
 from overtaking.sim.observation import uniforms
 from overtaking.world.clock import DECISIONS_PER_SECOND
 from overtaking.world.parameters import Parameters
 
+_MAX_FILE_BYTES = 1 << 20
 _COLUMN = {name: place for place, name in enumerate(AROUND)}
 _AHEAD = np.array([role.endswith(("lead", "oncoming")) for role in ROLES])
 _ROOM = list(MEETING).index("room")
@@ -68,23 +70,33 @@ class Sensor:
             ConfigError: It cannot be read, or says something else.
         """
         try:
-            numbers = tomllib.loads(Path(path).read_text("utf-8"))
-        except (OSError, ValueError) as error:
+            numbers = read_toml(Path(path), _MAX_FILE_BYTES)
+        except (OSError, ValueError, RecursionError) as error:
+            reason = error.strerror if isinstance(error, OSError) else None
             raise ConfigError.of(
                 what="sensor",
-                where=path,
+                where=str(path),
                 expected="a TOML file",
-                got=error,
+                got=reason or str(error),
                 next_step="correct the path or the file",
             ) from error
         known = {one.name for one in fields(cls)}
-        if set(numbers) != known:
+        for name in numbers:
+            if name not in known:
+                raise ConfigError.of(
+                    what=name,
+                    where=str(path),
+                    expected="a known key",
+                    got=repr(name),
+                    next_step=advice(name, sorted(known)),
+                )
+        if missing := sorted(known - set(numbers)):
             raise ConfigError.of(
-                what="sensor",
-                where=path,
-                expected=f"the numbers {', '.join(sorted(known))}",
-                got=f"{', '.join(sorted(set(numbers) ^ known))} too many or missing",
-                next_step="correct the file",
+                what=missing[0],
+                where=str(path),
+                expected="a number",
+                got="nothing",
+                next_step=f"add {', '.join(missing)}",
             )
         return cls(**numbers)
 

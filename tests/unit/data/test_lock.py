@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -75,3 +76,18 @@ def test_a_thread_of_the_same_process_is_refused_too(tmp_path: Path):
         locked(tmp_path),
     ):
         pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="flock is of POSIX")
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_a_file_system_without_locks_is_refused_with_a_way_out(tmp_path, monkeypatch, code):
+    def flock(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    message = f"got {os.strerror(code)}; choose a folder on another file system, or set OVERT"
+    with pytest.raises(LockedError, match=message), locked(tmp_path):
+        pass
+    monkeypatch.setenv("OVERTAKING_NO_LOCK", "1")
+    with locked(tmp_path):
+        assert not (tmp_path / FILE_NAME).read_text()

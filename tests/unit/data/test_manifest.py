@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from overtaking import api
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.data.location import PARTIAL, Folder
 from overtaking.data.manifest import (
@@ -115,7 +116,7 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path):
 
 
 def test_a_folder_without_a_manifest_is_named(tmp_path: Path):
-    with pytest.raises(DatasetError, match=r"dataset\.json: manifest: .*No such file"):
+    with pytest.raises(DatasetError, match=r"got a folder without dataset\.json"):
         read_manifest(Folder(tmp_path))
 
 
@@ -225,3 +226,9 @@ def test_the_content_hash_looks_at_values_and_not_at_bytes(manifest: Manifest):
     assert content_hash(with_facts(sha256="00", size_bytes=1)) == content_hash(manifest.shards)
     assert content_hash(with_facts(content="00")) != content_hash(manifest.shards)
     assert content_hash(manifest.shards[:1]) != content_hash(manifest.shards)
+
+
+def test_a_profile_in_place_of_a_data_set_is_named_with_the_command_that_makes_one():
+    step = "overtaking generate motorway --out data/motorway"
+    with pytest.raises(DatasetError, match=f"got a profile; make a data set from it: {step}"):
+        api.load("motorway")

@@ -11,7 +11,8 @@ import pyarrow.ipc as ipc
 import pytest
 from tests.support.recordings import OVERTAKE, states
 
-from overtaking.core.errors import ImportFormatError
+from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.recordings.column_map import column_map
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.table_files import NUMBER, TEXT, WHOLE, column_names, read_columns
 
@@ -142,3 +143,13 @@ def test_the_first_version_of_feather_is_refused_with_the_version_that_is_read(t
     path.write_bytes(b"FEA1" + bytes(60) + b"FEA1")
     with pytest.raises(ImportFormatError, match="Feather of version 2"):
         read_columns(path, TYPES)
+
+
+def test_an_unknown_key_of_a_map_is_named_before_what_is_missing(tmp_path):
+    path = tmp_path / "map.toml"
+    path.write_bytes(b'\xef\xbb\xbf[columns]\nvehicel = "id"\nx = "x [m]"\n')
+    with pytest.raises(ConfigError, match=r"columns.vehicel: .* did you mean vehicle\?"):
+        column_map(path)
+    path.write_text('[columns]\nx = "x [m]"\n[road]\nlane = 3\n', encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"road.lane: expected a known key"):
+        column_map(path)

@@ -328,7 +328,7 @@ def test_rows_can_be_chosen_by_the_value_of_a_column(tmp_path):
     [
         ({"x": "x"}, r"columns.x: expected a unit in brackets"),
         ({"x": "x [s]"}, r"columns.x: expected a unit"),
-        ({"z": "z [m]"}, r"columns.z: expected one of"),
+        ({"z": "z [m]"}, r"columns.z: expected a known key"),
         ({"x": ["x1 [m]", "x2 [m]"]}, r"columns.x: expected the name of a column"),
         ({"x": "nowhere [m]"}, r"expected a column nowhere, got none"),
     ],
@@ -343,9 +343,9 @@ def test_a_wrong_map_is_refused_in_one_line(change, message):
     ("content", "message"),
     [
         ({"columns": {"vehicle": "id"}}, "columns: expected x, got none"),
-        ({"columns": COLUMNS, "road": {"lane": 1}}, "road.lane: expected one of"),
+        ({"columns": COLUMNS, "road": {"lane": 1}}, "road.lane: expected a known key"),
         ({"columns": COLUMNS, "recording": {"tested": 1}}, "recording.tested: expected a value"),
-        ({"columns": COLUMNS, "more": {}}, "more: expected sections"),
+        ({"columns": COLUMNS, "more": {}}, "more: expected a known key"),
         ({"columns": COLUMNS, "recording": {"point": "rear"}}, "recording.point: expected centre"),
         ({"columns": COLUMNS, "road": {"borders_m": [3, 1]}}, "growing numbers"),
     ],

@@ -274,3 +274,38 @@ def test_a_file_is_read_like_a_profile(tmp_path):
     copy.write_bytes((PROFILES / f"{PINTO}.toml").read_bytes())
     assert spec(copy) == spec(str(copy)) == spec(PINTO)
     assert isinstance(spec(copy), Spec)
+
+
+def test_a_profile_with_a_byte_order_mark_is_read(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + (PROFILES / "motorway.toml").read_bytes())
+    assert spec(path) == spec("motorway")
+
+
+def test_a_data_set_in_place_of_a_profile_is_named_as_such(tmp_path):
+    folder = tmp_path / "a folder"
+    folder.mkdir()
+    with pytest.raises(ConfigError, match="expected the name of a profile or a TOML file, got a f"):
+        spec(folder)
+    (folder / "dataset.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"got a data set; .*overtaking info '{folder}'"):
+        spec(str(folder))
+
+
+@pytest.mark.parametrize(
+    ("key", "advice"), [("wheather", "did you mean weather?"), ("trafic", "did you mean traffic?")]
+)
+def test_an_unknown_key_is_named_before_the_key_that_is_missing(key, advice):
+    table = spec(PINTO).resolved()
+    table[key] = table.pop({"wheather": "weather", "trafic": "traffic"}[key])
+    with pytest.raises(ConfigError, match=re.escape(f"{key}: expected a known key, got '{key}'")):
+        spec(table)
+    with pytest.raises(ConfigError, match=re.escape(advice)):
+        spec(table)
+
+
+def test_an_unknown_key_of_a_section_without_a_mode_is_named():
+    table = spec(PINTO).resolved()
+    table["weather"] = {"moode": "presets", "presets": ["ClearNoon"]}
+    with pytest.raises(ConfigError, match=r"got the key moode; did you mean mode\?"):
+        spec(table)

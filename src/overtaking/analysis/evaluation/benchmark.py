@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -13,11 +12,13 @@ from overtaking import scenarios
 from overtaking.analysis.evaluation.endpoints import PRIMARY
 from overtaking.analysis.evaluation.run import evaluate
 from overtaking.core.errors import ConfigError
+from overtaking.core.files import read_toml
 from overtaking.core.summary import Summarized
+from overtaking.scenarios.complaints import advice
 from overtaking.sim.version import MODEL_VERSION
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.evaluation.run import Contestant
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 FOLDER: Final = Path(__file__).with_name("benchmarks")
 _MOST_BYTES: Final = 1 << 20
+_KEYS: Final = ("name", "version", "model_version", "endpoints", "scenes")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,8 +111,8 @@ def read(source: str | Path) -> Benchmark:
     if path.suffix != ".toml":
         raise ConfigError.not_among("benchmark", "evaluate", names(), str(source))
     try:
-        with path.open("rb") as file:
-            table = tomllib.loads(file.read(_MOST_BYTES).decode())
+        table = read_toml(path, _MOST_BYTES)
+        _check_keys(path, table)
         found = Benchmark(
             name=str(table["name"]),
             version=int(table["version"]),
@@ -118,7 +120,9 @@ def read(source: str | Path) -> Benchmark:
             endpoints=tuple(table["endpoints"]),
             parts=tuple(Scenes(**one) for one in table["scenes"]),
         )
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except ConfigError:
+        raise
+    except (OSError, ValueError, RecursionError, KeyError, TypeError) as error:
         raise _refused(
             path, "a benchmark: name, version, model_version, endpoints, [[scenes]]", error
         ) from error
@@ -137,6 +141,23 @@ def _check(found: Benchmark, path: Path) -> None:
         if (known := hash_of(scenarios.spec(one.profile))) != one.sha256:
             expected = f"the profile {one.profile} that is here, {known[:16]}"
             raise _refused(path, expected, one.sha256[:16])
+
+
+def _check_keys(path: Path, table: Iterable[str]) -> None:
+    """Refuse a key that benchmarks do not have.
+
+    Raises:
+        ConfigError: There is one.
+    """
+    for key in table:
+        if key not in _KEYS:
+            raise ConfigError.of(
+                what=key,
+                where=path.name,
+                expected="a known key",
+                got=repr(key),
+                next_step=advice(key, _KEYS),
+            )
 
 
 def _refused(path: Path, expected: str, got: object) -> ConfigError:
