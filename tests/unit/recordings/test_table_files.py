@@ -147,8 +147,8 @@ def test_the_first_version_of_feather_is_refused_with_the_version_that_is_read(t
 
 def test_an_unknown_key_of_a_map_is_named_before_what_is_missing(tmp_path):
     path = tmp_path / "map.toml"
-    path.write_bytes(b'\xef\xbb\xbf[columns]\nvehicel = "id"\nx = "x [m]"\n')
-    with pytest.raises(ConfigError, match=r"columns.vehicel: .* did you mean vehicle\?"):
+    path.write_bytes(b'\xef\xbb\xbf[columns]\nvehicl = "id"\nx = "x [m]"\n')
+    with pytest.raises(ConfigError, match=r"columns.vehicl: .* did you mean vehicle\?"):
         column_map(path)
     path.write_text('[columns]\nx = "x [m]"\n[road]\nlane = 3\n', encoding="utf-8")
     with pytest.raises(ConfigError, match=r"road.lane: expected a known key"):

@@ -293,11 +293,12 @@ def test_a_data_set_in_place_of_a_profile_is_named_as_such(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("key", "advice"), [("wheather", "did you mean weather?"), ("trafic", "did you mean traffic?")]
+    ("key", "advice"),
+    [("weathers", "did you mean weather?"), ("traffics", "did you mean traffic?")],
 )
 def test_an_unknown_key_is_named_before_the_key_that_is_missing(key, advice):
     table = spec(PINTO).resolved()
-    table[key] = table.pop({"wheather": "weather", "trafic": "traffic"}[key])
+    table[key] = table.pop({"weathers": "weather", "traffics": "traffic"}[key])
     with pytest.raises(ConfigError, match=re.escape(f"{key}: expected a known key, got '{key}'")):
         spec(table)
     with pytest.raises(ConfigError, match=re.escape(advice)):
@@ -306,6 +307,6 @@ def test_an_unknown_key_is_named_before_the_key_that_is_missing(key, advice):
 
 def test_an_unknown_key_of_a_section_without_a_mode_is_named():
     table = spec(PINTO).resolved()
-    table["weather"] = {"moode": "presets", "presets": ["ClearNoon"]}
-    with pytest.raises(ConfigError, match=r"got the key moode; did you mean mode\?"):
+    table["weather"] = {"modes": "presets", "presets": ["ClearNoon"]}
+    with pytest.raises(ConfigError, match=r"got the key modes; did you mean mode\?"):
         spec(table)
