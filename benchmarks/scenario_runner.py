@@ -5,7 +5,8 @@ python benchmarks/scenario_runner.py CHECKOUT --python PYTHON --agents FOLDER --
 CHECKOUT is a clone of github.com/carla-simulator/scenario_runner at 0.9.16, PYTHON an interpreter
 with its requirements and `carla==0.9.16`, FOLDER contains the package `agents` of CARLA
 (`PythonAPI/carla`). Examples whose town is no `--map` are named as not run. Each example gets a
-server of its own. The table says how its process ended.
+server of its own, and a second client that drives the ego along its lane, as the examples wait for
+an ego that a person or another program drives. The table says how ScenarioRunner's process ended.
 """
 
 from __future__ import annotations
@@ -26,6 +27,38 @@ if TYPE_CHECKING:
 
 TIMEOUT_S = 600.0
 """An example that runs for longer counts as hanging [s]."""
+
+DRIVER = """
+import math, sys, carla
+client = carla.Client("127.0.0.1", int(sys.argv[1]))
+client.set_timeout(60.0)
+speed = float(sys.argv[2])
+while True:
+    world = client.get_world()
+    snapshot = world.wait_for_tick(600.0)
+    heroes = [actor for actor in world.get_actors().filter("vehicle.*")
+              if actor.attributes.get("role_name") == "hero"]
+    if not heroes:
+        continue
+    (hero,), town = heroes[:1], world.get_map()
+    while snapshot.find(hero.id):
+        pose, velocity = hero.get_transform(), hero.get_velocity().length()
+        ahead = town.get_waypoint(pose.location).next(5.0 + 0.5 * velocity)
+        steer = 0.0
+        if ahead:
+            target = ahead[0].transform.location
+            angle = math.atan2(target.y - pose.location.y, target.x - pose.location.x)
+            turn = math.remainder(angle - math.radians(pose.rotation.yaw), math.tau)
+            steer = max(-1.0, min(1.0, turn))
+        gain = 0.2 * (speed - velocity)
+        hero.apply_control(carla.VehicleControl(
+            throttle=min(max(gain, 0.0), 1.0), brake=min(max(-gain, 0.0), 1.0), steer=steer))
+        snapshot = world.wait_for_tick(600.0)
+"""
+"""A client that drives the actor with the role name `hero` along its lane."""
+
+DRIVER_SPEED = 8.0
+"""Speed of the ego [m/s]."""
 
 _TOWN = re.compile(r'LogicFile filepath="([^"]+)"')
 _RESULT = re.compile(r"GLOBAL RESULT\s*│\s*(\w+)")
@@ -82,6 +115,11 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
         "SCENARIO_RUNNER_ROOT": str(arguments.checkout),
     }
     with headless_server([one for one in maps if one.stem == town[1]]) as (port, server):
+        driver = subprocess.Popen(
+            [arguments.python, "-c", DRIVER, str(port), str(DRIVER_SPEED)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         command = [arguments.python, "scenario_runner.py", "--openscenario", str(path), "--sync"]
         command += ["--output", "--timeout", "60", "--port", str(port)]
         command += ["--trafficManagerPort", str(port + 10)]
@@ -101,6 +139,9 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
             parts = (error.stdout, error.stderr)
             output = "".join(part.decode(errors="replace") for part in parts if part)
             ending = f"did not end within {arguments.timeout:g} s"
+        finally:
+            driver.kill()
+            driver.wait()
         seconds = time.monotonic() - begun
         server.terminate()
         log = server.stdout.read() if server.stdout else ""
