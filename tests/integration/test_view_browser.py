@@ -185,7 +185,7 @@ def says(page: Page, values: dict[str, Any]) -> None:
         text = page.inner_text(f"article[data-rule={one['rule']}]")
         told = breach_words(one, values, "–")
         assert all(part in text for part in (told.rule, told.grade, told.facts, *told.remedies))
-        assert f"margin {one['margin']:.2f} {one['unit']}" in text
+        assert f"margin {wording.margin_words(one['margin'], one['unit'])}" in text
     law = page.inner_text("#law")
     kept = ("kept", "not_applicable", "text_not_read")
     assert all(", ".join(values[key]) in law for key in kept if values[key])

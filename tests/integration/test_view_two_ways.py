@@ -54,7 +54,7 @@ def test_both_directions_are_drawn_and_told(tmp_path: Path, side: str):
         assert shares[True] > 0.8
         assert 0.2 < shares[False] < 0.5
         page.keyboard.press("Home")
-        comes = re.search(r"oncoming (\w+) (\d+) m ahead", page.inner_text("#now"))
+        comes = re.search(r"oncoming (\w+) is (\d+) m ahead", page.inner_text("#now"))
         assert comes
         lengths = runs.scenario.vehicles.length[0]
         last = runs.scenario.vehicles.length.shape[1] - 1

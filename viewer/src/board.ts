@@ -1,6 +1,6 @@
 // Everything that lies on the axis of time: stages, events, law and charts, with one cursor.
 
-import type { Gaps, LawRow, Run, Words } from "./bundle.ts";
+import type { SparseColumn, LawRow, Run, Words } from "./bundle.ts";
 import { recordedFrame } from "./bundle.ts";
 import { chartRows, path } from "./charts.ts";
 import { h, svg, write } from "./dom.ts";
@@ -56,14 +56,14 @@ function stageRow(needs: Needs): Row {
   });
   const label = h("div", { class: "label" }, h("b", {}, "Stage"), value);
   return row(label, plot(needs, STRIP, ...parts), "strip", (frame) => {
-    write(value, stageAt(run, words, frame) ?? "not recorded");
+    write(value, stageNameAt(run, words, frame) ?? "not recorded");
   });
 }
 
-export function stageAt(run: Run, words: Words, frame: number): string | null {
+export function stageNameAt(run: Run, words: Words, frame: number): string | null {
   const time = frame * run.interval + 1e-9;
-  const found = run.values.stages.filter((one) => one.from_s <= time).pop();
-  return found ? words.stages[found.stage]!.title : null;
+  const stage = run.values.stages.findLast(({ from_s }) => from_s <= time);
+  return stage ? words.stages[stage.stage]!.title : null;
 }
 
 function eventRow(needs: Needs, run: Run, letter: string): Row {
@@ -90,51 +90,50 @@ export function isCounted(needs: Pick<Needs, "run" | "words" | "policy">, rule: 
   return needs.words.policies[needs.policy]!.required.includes(rule);
 }
 
-// Whether a rule is broken at a frame.
-export function isBroken(one: LawRow, frame: number): boolean {
+// Whether a rule is broken at a frame. A rule without margins in every frame is broken from the first to the last frame of its breach.
+export function isBroken({ breach, margins }: LawRow, frame: number): boolean {
   const at = recordedFrame(frame);
-  if (!one.breach || at < one.breach[0] || at > one.breach[1]) return false;
-  const margin = one.margins?.[at];
-  return one.margins ? margin !== null && margin !== undefined && margin < 0 : true;
+  if (!breach || at < breach[0] || at > breach[1]) return false;
+  return !margins || (margins[at] ?? 0) < 0;
 }
 
-export function lawOrder(needs: Pick<Needs, "run" | "words" | "policy">): LawRow[] {
+export function lawRowsInOrder(needs: Pick<Needs, "run" | "words" | "policy">): LawRow[] {
   const rank = (one: LawRow): number => (one.breach ? (isCounted(needs, one.rule) ? 0 : 1) : 2);
   return needs.run.law.toSorted((a, b) => rank(a) - rank(b));
 }
 
 function lawRows(needs: Needs): Row[] {
-  return lawOrder(needs).map((one) => lawRow(needs, one));
+  return lawRowsInOrder(needs).map((one) => lawRow(needs, one));
 }
 
-function lawRow(needs: Needs, one: LawRow): Row {
+function lawRow(needs: Needs, finding: LawRow): Row {
   const { words } = needs;
-  const rule = words.rules[one.rule]!;
-  const counts = isCounted(needs, one.rule);
-  const state = !one.breach ? "near" : counts ? "broken" : "aside";
-  const mark = !one.breach ? "✓" : counts ? "✗" : "(✗)";
-  // The mark and this margin are of the whole simulation, the other one is of the frame at the cursor.
-  const least = h("span", { class: "value least" }, `least ${formatMargin(one.margin, rule.unit)}`);
-  const value = h("span", { class: "value now" });
-  const about = one.breach ? (counts ? "broken" : `broken, not counted by policy ${needs.policy}`) : "kept, near its limit";
+  const rule = words.rules[finding.rule]!;
+  const counts = isCounted(needs, finding.rule);
+  const state = !finding.breach ? "near" : counts ? "broken" : "aside";
+  const mark = !finding.breach ? "✓" : counts ? "✗" : "(✗)";
+  // The mark and this margin are of the whole simulation, the other margin is of the frame at the cursor.
+  const least = h("span", { class: "value least" }, `least ${formatMargin(finding.margin, rule.unit)}`);
+  const atCursor = h("span", { class: "value now" });
+  const description = finding.breach ? (counts ? "broken" : `broken, not counted by policy ${needs.policy}`) : "kept, near its limit";
   const label = h(
     "button",
     {
       type: "button",
       class: `label law ${state}`,
-      "data-rule": one.rule,
-      click: () => needs.tellRule(one.rule),
-      focus: () => needs.tellRule(one.rule),
+      "data-rule": finding.rule,
+      click: () => needs.tellRule(finding.rule),
+      focus: () => needs.tellRule(finding.rule),
     },
-    h("b", {}, h("span", { "aria-hidden": true }, `${mark} `), `${one.rule} ${rule.title}`),
-    h("span", { class: "unseen" }, `, ${rule.law}: ${about} `),
-    h("span", { class: "margins" }, least, value),
+    h("b", {}, h("span", { "aria-hidden": true }, `${mark} `), `${finding.rule} ${rule.title}`),
+    h("span", { class: "unseen" }, `, ${rule.law}: ${description} `),
+    h("span", { class: "margins" }, least, atCursor),
   );
   const height = 40;
-  const drawing = plot(needs, height, ...breachMarks(needs, one, height, state));
+  const drawing = plot(needs, height, ...breachMarks(needs, finding, height, state));
   return row(label, drawing, `strip law ${state}`, (frame) => {
-    const margin = one.margins?.[recordedFrame(frame)] ?? null;
-    write(value, `now ${margin !== null ? formatMargin(margin, rule.unit) : isBroken(one, frame) ? "broken" : "–"}`);
+    const margin = finding.margins?.[recordedFrame(frame)] ?? null;
+    write(atCursor, `now ${margin !== null ? formatMargin(margin, rule.unit) : isBroken(finding, frame) ? "broken" : "–"}`);
   });
 }
 
@@ -173,7 +172,7 @@ export function breachSpans(one: LawRow): [number, number][] {
 
 // The margin over time around its limit, which is a line in the middle; beyond twice the breach, or
 // far from the limit, it runs along the edge.
-function marginLine(needs: Needs, margins: Gaps, height: number): SVGElement {
+function marginLine(needs: Needs, margins: SparseColumn, height: number): SVGElement {
   const there = margins.filter((one) => one !== null);
   const reach = Math.max(-Math.min(...there, 0), Math.min(Math.max(...there, 0), 30), 0.5);
   const y = (one: number): number => height / 2 - (Math.min(Math.max(one / reach, -1), 1) * (height - 8)) / 2;

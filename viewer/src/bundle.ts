@@ -46,15 +46,15 @@ export interface Entry extends Row {
 
 // Where others are along the road over time, seen from the ego.
 export interface Thumbnail {
-  lines: { target: boolean; ahead: Gaps }[]; // [m]
+  lines: { target: boolean; ahead: SparseColumn }[]; // [m]
   lane: number[]; // The ego's way across the road [dm].
   stages: [string, number, number][]; // With its share of the time.
 }
 
 // Where the ego believes its neighbours to be, at every decision, in millimetres.
-export interface EveryBelief {
+export interface BeliefColumns {
   interval_ms: number;
-  roles: { role: string; slot: Gaps; seen: number[]; s_mm: Gaps; d_mm: Gaps; gap_mm: Gaps; true_gap_mm: Gaps; length_mm: Gaps; width_mm: Gaps }[];
+  roles: { role: string; slot: SparseColumn; seen: number[]; s_mm: SparseColumn; d_mm: SparseColumn; gap_mm: SparseColumn; true_gap_mm: SparseColumn; length_mm: SparseColumn; width_mm: SparseColumn }[];
 }
 
 // What becomes of an overtake that is begun at each instant.
@@ -74,21 +74,21 @@ export interface Instant {
   shares: Record<string, { share: number | null; low: number | null; high: number | null }>; // By class; null with too few.
 }
 
-export type Gaps = (number | null)[];
+export type SparseColumn = (number | null)[];
 
 export interface Packed {
   values: Values;
   told: Told;
   road: { side: number; borders_mm: number[]; lines: string[] | null; verges_mm: number[]; oncoming: (Oncoming & { width_mm: number }) | null; course: Course | null };
   vehicles: PackedVehicle[];
-  leader: Gaps; // Slots of the vehicles that gaps and times to collision are about, frame by frame.
-  follower: Gaps;
-  gap_mm: Gaps;
-  inverse_ttc: { ahead: Gaps; behind: Gaps }; // In steps of 1e-4 per second.
+  leader: SparseColumn; // Slots of the vehicles that gaps and times to collision are about, frame by frame.
+  follower: SparseColumn;
+  gap_mm: SparseColumn;
+  inverse_ttc: { ahead: SparseColumn; behind: SparseColumn }; // In steps of 1e-4 per second.
   sight_dm: number[] | null;
   air: { text: string; extinction: number }; // Of fog and rain [1/m]; 0: it hides nothing.
-  law: { rule: string; margin: number; breach: [number, number] | null; margins: Gaps | null; paragraph: string }[];
-  ghosts: Ghost[];
+  law: { rule: string; margin: number; breach: [number, number] | null; margins: SparseColumn | null; paragraph: string }[];
+  ghosts: BelievedNeighbour[];
 }
 
 // The lane of the other direction: the mark of its far edge, those of the line before it and where
@@ -180,7 +180,7 @@ export interface Told {
   decisions: { kind: string; rows: [string, string, string, string][] }[];
 }
 
-export interface Ghost {
+export interface BelievedNeighbour {
   held?: boolean; // As it was at the last look.
   time_s: number;
   decision: string;
@@ -201,11 +201,11 @@ export interface Run extends Omit<Packed, "vehicles" | "gap_mm" | "inverse_ttc" 
   interval: number; // [s]
   road: { side: number; borders: number[]; lines: string[] | null; verges: number[]; oncoming: (Oncoming & { width: number }) | null; course: Course | null };
   vehicles: Vehicle[];
-  gap: Gaps;
-  ttc: { ahead: Gaps; behind: Gaps }; // One over the time to collision [1/s]; 0: never.
+  gap: SparseColumn;
+  ttc: { ahead: SparseColumn; behind: SparseColumn }; // One over the time to collision [1/s]; 0: never.
   sight: number[] | null;
   law: LawRow[];
-  every: EveryBelief | null; // Once it is there.
+  every: BeliefColumns | null; // Once it is there.
 }
 
 // Another course on the same clock.
@@ -219,7 +219,7 @@ export interface LawRow {
   rule: string;
   margin: number;
   breach: [number, number] | null;
-  margins: Gaps | null;
+  margins: SparseColumn | null;
   paragraph: string; // To be quoted.
 }
 
@@ -260,7 +260,7 @@ export function column(differences: number[], step = 1, order = 1): number[] {
 }
 
 // The same where some frames have no value.
-export function sparse(differences: Gaps, step: number): Gaps {
+export function sparse(differences: SparseColumn, step: number): SparseColumn {
   let sum = 0;
   return differences.map((one) => (one === null ? null : (sum += one) * step));
 }
@@ -319,22 +319,22 @@ export function recordedFrame(frame: number): number {
 }
 
 // The decision whose beliefs hold at a frame.
-function decisionAt(run: Run, every: EveryBelief, frame: number): number {
+function decisionAt(run: Run, every: BeliefColumns, frame: number): number {
   return Math.floor((recordedFrame(frame) * run.interval * 1000) / every.interval_ms + 1e-6);
 }
 
-function metresOf(column: Gaps, k: number): number | null {
+function metresOf(column: SparseColumn, k: number): number | null {
   const millimetres = column[k] ?? null;
   return millimetres === null ? null : millimetres / 1000;
 }
 
 // Where the ego believes its neighbours to be at a frame; null where that is not known.
-export function ghostsAt(run: Run, frame: number): Ghost[] | null {
+export function believedNeighboursAt(run: Run, frame: number): BelievedNeighbour[] | null {
   const { every } = run;
   if (!every) return null;
   const k = decisionAt(run, every, frame);
   const seconds = frame * run.interval;
-  const metres = (column: Gaps): number | null => metresOf(column, k);
+  const metres = (column: SparseColumn): number | null => metresOf(column, k);
   return every.roles.flatMap((role) => {
     const [s, d] = [metres(role.s_mm), metres(role.d_mm)];
     if (s === null || d === null) return [];

@@ -1,6 +1,6 @@
-// Values over time as curves: speeds, gaps, places across the road, accelerations.
+// Values over time as curves: speeds, gaps, lateral positions, accelerations.
 
-import { beliefAbout, type Gaps, recordedFrame, type Run, symbolOf, type Values } from "./bundle.ts";
+import { beliefAbout, type SparseColumn, recordedFrame, type Run, symbolOf, type Values, type Vehicle } from "./bundle.ts";
 import { h, svg, write } from "./dom.ts";
 import { limitsAlong } from "./limits.ts";
 import { plain } from "./numbers.ts";
@@ -10,9 +10,9 @@ interface Line {
   name: string;
   kind: "ego" | "target" | "behind" | "limit" | "faint" | "belief" | "belief-target" | "branch";
   letter?: string; // Of a branch.
-  values: Gaps;
-  vehicles?: Gaps; // The slots of the vehicles that the values are about, where these change: a curve joins values of one vehicle.
-  told?: (value: number) => string; // Of what changes.
+  values: SparseColumn;
+  vehicles?: SparseColumn; // The slots of the vehicles that the values are about, where these change: a curve joins values of one vehicle.
+  format?: (value: number) => string; // For the value at the cursor; a line without it is constant.
 }
 
 // From bottom to top, with the lines between and their words.
@@ -22,108 +22,135 @@ interface Axis {
   ticks: [number, string][];
 }
 
+// A quantity of a vehicle at one of its recorded frames.
+type Quantity = (vehicle: Vehicle, k: number) => number;
+
 const KMH = 3.6;
 const CHART = 92;
 const NEAR_GAP = 100; // [m]; where gaps differ by much, larger ones run along the edge, or the near ones could not be read.
 const MAX_SPREAD = 2; // Up to this multiple of a near gap the axis holds all of them.
 const TICK_ROOM = 34; // For the words of an axis [px].
 const ARROW_ROOM = 52; // Between two texts at the edge [px].
-const FAR = 20; // [s]; a collision that is farther is not told to a tenth.
+const LONG_TTC_S = 20; // A longer time to collision has no decimals.
 const TIMES = [10, 5, 3, 2, 1, 0.5, 0.2, 0.1]; // [s]
 const TICK = 13; // Between the words of an axis [px].
 
-export function path(x: (frame: number) => number, values: Gaps, y: (value: number) => number, vehicles?: Gaps): string {
+export function path(x: (frame: number) => number, values: SparseColumn, y: (value: number) => number, vehicles?: SparseColumn): string {
   let text = "";
   let isDown = false;
-  values.forEach((one, frame) => {
+  values.forEach((value, frame) => {
     if (frame > 0 && vehicles && vehicles[frame] !== vehicles[frame - 1]) isDown = false;
-    // A value alone between others is a dot.
-    if (one !== null) text += `${isDown ? "L" : `M${x(frame).toFixed(1)} ${y(one).toFixed(1)}L`}${x(frame).toFixed(1)} ${y(one).toFixed(1)}`;
-    isDown = one !== null;
+    if (value !== null) {
+      const point = `${x(frame).toFixed(1)} ${y(value).toFixed(1)}`;
+      text += isDown ? `L${point}` : `M${point}L${point}`; // The second point makes a dot of a value that stands alone.
+    }
+    isDown = value !== null;
   });
   return text;
 }
 
-function along(run: Run, slot: number | null, of: (vehicle: Run["vehicles"][number], k: number) => number): Gaps {
-  const vehicle = run.vehicles.find((one) => one.slot === slot);
+function vehicleSeries(run: Run, slot: number | null, quantity: Quantity): SparseColumn {
+  const vehicle = run.vehicles.find((candidate) => candidate.slot === slot);
   return Array.from({ length: run.frames }, (_, frame) => {
     if (!vehicle || frame < vehicle.first || frame > vehicle.last || vehicle.away.has(frame)) return null;
-    return of(vehicle, frame - vehicle.first);
+    return quantity(vehicle, frame - vehicle.first);
   });
 }
 
-// Between the bumpers of ego and target: positive while it is ahead, nothing alongside.
-function lead(run: Run): Gaps {
-  const [ego, target] = [run.vehicles[0]!, run.vehicles.find((one) => one.slot === run.values.target)];
+const station: Quantity = (vehicle, k) => vehicle.s[k]!;
+const speedKmh: Quantity = (vehicle, k) => vehicle.speed[k]! * KMH;
+
+// The gap between the bumpers of ego and target: negative once the target is behind, zero alongside.
+function targetLead(run: Run): SparseColumn {
+  const [ego, target] = [run.vehicles[0]!, run.vehicles.find((vehicle) => vehicle.slot === run.values.target)];
   if (!target) return Array.from({ length: run.frames }, () => null);
-  const own = along(run, 0, (one, k) => one.s[k]!);
-  const reach = (ego.length + target.length) / 2;
-  return along(run, target.slot, (one, k) => one.s[k]!).map((one, frame) => {
-    if (one === null || own[frame] === null) return null;
-    const apart = one - own[frame]!;
-    return Math.sign(apart) * Math.max(Math.abs(apart) - reach, 0);
+  const egoS = vehicleSeries(run, 0, station);
+  const halfLengths = (ego.length + target.length) / 2;
+  return vehicleSeries(run, target.slot, station).map((targetS, frame) => {
+    if (targetS === null || egoS[frame] === null) return null;
+    const distance = targetS - egoS[frame]!;
+    return Math.sign(distance) * Math.max(Math.abs(distance) - halfLengths, 0);
   });
+}
+
+function withDigits(digits: number): (value: number) => string {
+  return (value) => plain(value, digits);
 }
 
 export function chartRows(needs: Needs): Row[] {
   const { run, words } = needs;
   const target = run.values.target;
-  const symbol = run.vehicles.find((one) => one.slot === target)?.symbol;
-  type Of = (vehicle: Run["vehicles"][number], k: number) => number;
-  const to = (digits: number) => (value: number): string => plain(value, digits);
-  const own = (name: string, of: (run: Run) => Gaps, told: (value: number) => string, about?: (run: Run) => Gaps): Line[] => [
-    { name, kind: "ego", values: of(run), told, ...(about && { vehicles: about(run) }) },
-    // From where the other courses begin.
-    ...needs.overlays.map((one): Line => ({ name: `${name} in ${one.letter}`, kind: "branch", letter: one.letter, values: of(one.run).map((value, k) => (k < one.frame ? null : value)), told, ...(about && { vehicles: about(one.run) }) })),
+  const symbol = run.vehicles.find((vehicle) => vehicle.slot === target)?.symbol;
+  // A line of this course, and one of each other course from where that one begins.
+  const egoLines = (name: string, series: (run: Run) => SparseColumn, format: (value: number) => string, vehicles?: (run: Run) => SparseColumn): Line[] => [
+    { name, kind: "ego", values: series(run), format, ...(vehicles && { vehicles: vehicles(run) }) },
+    ...needs.overlays.map(({ letter, run: branch, frame: begin }): Line => ({
+      ...{ name: `${name} in ${letter}`, kind: "branch", letter, format },
+      values: series(branch).map((value, frame) => (frame < begin ? null : value)),
+      ...(vehicles && { vehicles: vehicles(branch) }),
+    })),
   ];
-  const both = (of: Of, digits: number): Line[] => [
-    ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: along(run, target, of), told: to(digits) }] : []),
-    ...own("ego", (one) => along(one, 0, of), to(digits)),
+  const targetLine = (values: SparseColumn, digits: number): Line[] => (symbol ? [{ name: `target ${symbol}`, kind: "target", values, format: withDigits(digits) }] : []);
+  const egoAndTarget = (quantity: Quantity, digits: number): Line[] => [
+    ...targetLine(vehicleSeries(run, target, quantity), digits),
+    ...egoLines("ego", (course) => vehicleSeries(course, 0, quantity), withDigits(digits)),
   ];
-  const constant = (name: string, value: number): Line => ({ name, kind: "limit", values: Array.from({ length: needs.frames }, () => value) });
-  const limits = (road: Values["road"]): Line[] => {
-    if (road.speed_limit_mps === null) return [];
-    if (!road.lower_limits) return [constant("limit", road.speed_limit_mps * KMH)];
-    const values = limitsAlong(road, along(run, 0, (one, k) => one.s[k]!));
-    return [{ name: "limit", kind: "limit", values: values.map((one) => (one === null ? null : one * KMH)), told: to(0) }];
-  };
   const bystanders = run.vehicles
-    .filter((one) => one.slot !== 0 && one.slot !== target)
-    .map((one): Line => ({ name: "", kind: "faint", values: along(run, one.slot, (of, k) => of.speed[k]! * KMH), told: to(0) }));
-  const gaps: Line[] = [
-    ...(symbol ? [{ name: `target ${symbol}`, kind: "target" as const, values: lead(run), told: to(1) }] : []),
-    ...own("next ahead", (one) => one.gap, to(1), (one) => one.leader),
-    ...(run.every && symbol ? [{ name: `${symbol} believed`, kind: "belief-target" as const, values: believedGaps(run, run.leader.map(() => target)), told: to(1) }] : []),
-    ...(run.every ? [{ name: "believed", kind: "belief" as const, values: believedGaps(run, run.leader), vehicles: run.leader, told: to(1) }] : []),
+    .filter(({ slot }) => slot !== 0 && slot !== target)
+    .map(({ slot }): Line => ({ name: "", kind: "faint", values: vehicleSeries(run, slot, speedKmh), format: withDigits(0) }));
+  const timesToCollision: Line[] = [
+    ...egoLines("next ahead", (course) => course.ttc.ahead, formatTtc, (course) => course.leader),
+    { name: "next behind", kind: "behind", values: run.ttc.behind, vehicles: run.follower, format: formatTtc },
+    constantLine(needs, `critical ${words.critical_ttc_s} s`, 1 / words.critical_ttc_s),
   ];
-  const urgent: Line[] = [
-    ...own("next ahead", (one) => one.ttc.ahead, timeTo, (one) => one.leader),
-    { name: "next behind", kind: "behind", values: run.ttc.behind, vehicles: run.follower, told: timeTo },
-    constant(`critical ${words.critical_ttc_s} s`, 1 / words.critical_ttc_s),
+  const gaps: Line[] = [
+    ...targetLine(targetLead(run), 1),
+    ...egoLines("next ahead", (course) => course.gap, withDigits(1), (course) => course.leader),
+    ...(run.every ? beliefLines(run, symbol) : []),
   ];
   return [
-    chart(needs, "Speed", "km/h", [...bystanders, ...limits(run.values.road), ...both((one, k) => one.speed[k]! * KMH, 0)]),
+    chart(needs, "Speed", "km/h", [...bystanders, ...limitLines(needs), ...egoAndTarget(speedKmh, 0)]),
     chart(needs, "Gap", "m", gaps, gapAxis),
-    chart(needs, "Time to collision", "s", urgent, urgency),
-    chart(needs, "Lateral position", "m", both((one, k) => one.d[k]!, 2), (values) => across(run.road.borders, values)),
-    chart(needs, "Acceleration", "m/s²", both((one, k) => one.accel[k]!, 1)),
+    chart(needs, "Time to collision", "s", timesToCollision, ttcAxis),
+    chart(needs, "Lateral position", "m", egoAndTarget((vehicle, k) => vehicle.d[k]!, 2), (values) => laneAxis(run.road.borders, values)),
+    chart(needs, "Acceleration", "m/s²", egoAndTarget((vehicle, k) => vehicle.accel[k]!, 1)),
   ];
 }
 
-// A time to collision, from its inverse.
-function timeTo(inverse: number): string {
+function constantLine(needs: Needs, name: string, value: number): Line {
+  return { name, kind: "limit", values: Array.from({ length: needs.frames }, () => value) };
+}
+
+function limitLines(needs: Needs): Line[] {
+  const road: Values["road"] = needs.run.values.road;
+  if (road.speed_limit_mps === null) return [];
+  if (!road.lower_limits) return [constantLine(needs, "limit", road.speed_limit_mps * KMH)];
+  const limits = limitsAlong(road, vehicleSeries(needs.run, 0, station));
+  return [{ name: "limit", kind: "limit", values: limits.map((limit) => (limit === null ? null : limit * KMH)), format: withDigits(0) }];
+}
+
+// The believed gaps to the target and to the vehicle that is next ahead in each frame.
+function beliefLines(run: Run, symbol: string | undefined): Line[] {
+  const target = run.leader.map(() => run.values.target);
+  return [
+    ...(symbol ? [{ name: `${symbol} believed`, kind: "belief-target" as const, values: believedGaps(run, target), format: withDigits(1) }] : []),
+    { name: "believed", kind: "belief", values: believedGaps(run, run.leader), vehicles: run.leader, format: withDigits(1) },
+  ];
+}
+
+function formatTtc(inverse: number): string {
   if (inverse <= 0) return "never";
-  return 1 / inverse > FAR ? `over ${FAR}` : plain(1 / inverse, 1);
+  return 1 / inverse > LONG_TTC_S ? `over ${LONG_TTC_S}` : plain(1 / inverse, 1);
 }
 
 // In the legend a belief follows what it is about; other courses come last.
-function ranked(lines: Line[]): Line[] {
+function inLegendOrder(lines: Line[]): Line[] {
   const rank = ["target", "belief-target", "ego", "behind", "belief", "limit", "branch"];
   return lines.toSorted((a, b) => rank.indexOf(a.kind) - rank.indexOf(b.kind));
 }
 
-function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (values: number[]) => Axis = even): Row {
-  const values = lines.flatMap((line) => line.values.filter((one) => one !== null));
+function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (values: number[]) => Axis = linearAxis): Row {
+  const values = lines.flatMap((line) => line.values.filter((value) => value !== null));
   const { low, high, ticks } = axis(values);
   const y = (value: number): number => CHART - 6 - ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (CHART - 22);
   const grid = ticks.flatMap(([tick, text]) => [
@@ -131,18 +158,18 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (
     text ? svg("text", { x: 3, y: y(tick) - 3, class: "tick-text" }, text) : null,
   ]);
   const curves = lines.map((line) => svg("path", { d: path(xOf(needs), line.values, y, line.vehicles), class: `curve ${line.kind} ${line.letter ? `branch-${line.letter}` : ""}` }));
-  const readings = ranked(lines.filter((line) => line.name && line.told)).map((line) => ({ line, value: h("span", { class: "number" }), vehicle: h("span", {}) }));
+  const readings = inLegendOrder(lines.filter((line) => line.name && line.format)).map((line) => ({ line, reading: h("span", { class: "number" }), vehicle: h("span", {}) }));
   const key = ({ kind, letter, name }: Line, vehicle: Node | null, value: Node | null): HTMLElement =>
     h("span", { class: `key ${kind} ${letter ? `branch-${letter}` : ""}` }, h("i", {}), " ", ...(kind === "belief" ? [vehicle, name] : [`${name} `, vehicle]), " ", value);
-  const legend = [...readings.map(({ line, value, vehicle }) => key(line, vehicle, value)), ...lines.filter((line) => line.name && !line.told).map((line) => key(line, null, null))];
+  const legend = [...readings.map(({ line, reading, vehicle }) => key(line, vehicle, reading)), ...lines.filter((line) => line.name && !line.format).map((line) => key(line, null, null))];
   const empty = values.length ? null : svg("text", { x: 8, y: CHART / 2, class: "tick-text" }, "nothing to show");
   const label = h("div", { class: "label chart" }, h("b", {}, title, h("small", {}, ` ${unit}`)), ...legend);
   return row(label, plot(needs, CHART, ...(values.length ? grid : []), ...curves, ...edgeTexts(needs, lines, low, high), empty), "chart", (frame) => {
     const at = recordedFrame(frame);
-    for (const { line, value, vehicle } of readings) {
-      const now = line.values[at] ?? null;
+    for (const { line, reading, vehicle } of readings) {
+      const value = line.values[at] ?? null;
       const slot = line.vehicles?.[at] ?? null;
-      write(value, now === null ? "–" : line.told!(now));
+      write(reading, value === null ? "–" : line.format!(value));
       write(vehicle, slot === null ? "" : `${symbolOf(needs.run, slot)} `);
     }
   });
@@ -167,7 +194,7 @@ function edgeTexts(needs: Needs, lines: Line[], low: number, high: number): SVGE
 }
 
 // The farthest value of each stretch that lies beyond one end of an axis.
-export function beyondEdge(values: Gaps, low: number, high: number, isAbove: boolean): { frame: number; value: number }[] {
+export function beyondEdge(values: SparseColumn, low: number, high: number, isAbove: boolean): { frame: number; value: number }[] {
   const stretches: { frame: number; value: number; last: number }[] = [];
   values.forEach((value, frame) => {
     if (value === null || (isAbove ? value <= high : value >= low)) return;
@@ -182,7 +209,7 @@ export function beyondEdge(values: Gaps, low: number, high: number, isAbove: boo
 }
 
 // The believed gap to a vehicle at each frame, negative where the vehicle is behind.
-function believedGaps(run: Run, vehicles: Gaps): Gaps {
+function believedGaps(run: Run, vehicles: SparseColumn): SparseColumn {
   return vehicles.map((slot, frame) => {
     const belief = slot === null ? null : beliefAbout(run, slot, frame);
     if (!belief || belief.gap === null) return null;
@@ -199,14 +226,14 @@ export function scale(least: number, most: number): [number, number, number[]] {
   if (!Number.isFinite(least)) return [0, 1, []];
   const reach = Math.max(most - least, 1);
   const power = 10 ** Math.max(Math.floor(Math.log10(reach / 3)), 0);
-  const step = power * [1, 2, 5, 10].find((one) => reach / (power * one) <= 3)!;
+  const step = power * [1, 2, 5, 10].find((factor) => reach / (power * factor) <= 3)!;
   const low = Math.floor(least / step) * step;
   const high = Math.max(Math.ceil(most / step) * step, low + step);
   const ticks = Array.from({ length: Math.round((high - low) / step) + 1 }, (_, k) => low + k * step);
   return [low, high, ticks];
 }
 
-function even(values: number[]): Axis {
+function linearAxis(values: number[]): Axis {
   const [low, high, ticks] = scale(...extent(values));
   return { low, high, ticks: ticks.map((tick) => [tick, String(tick)]) };
 }
@@ -215,17 +242,17 @@ function even(values: number[]): Axis {
 export function gapAxis(gaps: number[]): Axis {
   const isNear = gaps.some((gap) => Math.abs(gap) <= NEAR_GAP);
   const isWide = gaps.some((gap) => Math.abs(gap) > MAX_SPREAD * NEAR_GAP);
-  return even([0, ...(isNear && isWide ? gaps.map((gap) => Math.min(Math.max(gap, -NEAR_GAP), NEAR_GAP)) : gaps)]);
+  return linearAxis([0, ...(isNear && isWide ? gaps.map((gap) => Math.min(Math.max(gap, -NEAR_GAP), NEAR_GAP)) : gaps)]);
 }
 
 // The borders of the lanes, without words.
-function across(borders: number[], values: number[]): Axis {
+function laneAxis(borders: number[], values: number[]): Axis {
   const [least, most] = extent(values);
-  return { low: Math.min(...borders, least) - 0.5, high: Math.max(...borders, most) + 0.5, ticks: borders.map((one) => [one, ""]) };
+  return { low: Math.min(...borders, least) - 0.5, high: Math.max(...borders, most) + 0.5, ticks: borders.map((border) => [border, ""]) };
 }
 
 // Of inverse times: what is urgent lies at the top. The words are of times that lie apart enough.
-function urgency(values: number[]): Axis {
+function ttcAxis(values: number[]): Axis {
   const high = extent(values)[1] * 1.15;
   const ticks: [number, string][] = [[0, "never"]];
   for (const time of TIMES) {

@@ -1,13 +1,13 @@
 // Limits that change along the road, as those who drive along it have them.
 
-import type { Gaps, Values } from "./bundle.ts";
+import type { SparseColumn, Values } from "./bundle.ts";
 
 type Road = Values["road"];
 
 const own = (road: Road): NonNullable<Road["lower_limits"]> => (road.lower_limits ?? []).filter((one) => one.direction >= 0);
 
 // Posted where the ego is, frame by frame.
-export function limitsAlong(road: Road, places: Gaps): Gaps {
+export function limitsAlong(road: Road, places: SparseColumn): SparseColumn {
   const lower = own(road);
   return places.map((s) => {
     if (s === null) return null;

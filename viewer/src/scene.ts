@@ -1,9 +1,9 @@
 // The road from above, at one instant.
 
-import type { Ghost, Overlay, Pose, Run, Vehicle, Words } from "./bundle.ts";
-import { ghostsAt, pose } from "./bundle.ts";
+import type { BelievedNeighbour, Overlay, Pose, Run, Vehicle, Words } from "./bundle.ts";
+import { believedNeighboursAt, pose } from "./bundle.ts";
 import { signsOf } from "./limits.ts";
-import { drawBeams, drawBranch, drawGhost, drawTags, drawVehicle, tell, tellVehicles, type View } from "./vehicles.ts";
+import { drawBeams, drawBranch, drawBelief, drawTags, drawVehicle, tell, tellVehicles, type View } from "./vehicles.ts";
 
 const LEAST_METRES = 62; // Of road on a narrow screen.
 const MOST_SCALE = 10.5; // [px/m]
@@ -57,15 +57,15 @@ export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Ru
   tellVehicles(view, here, words, run.values.target, false);
   drawGap(view, here, run.values.target);
   tellVehicles(view, here, words, run.values.target, true);
-  if (look.ghosts) for (const belief of ghostsAt(run, frame) ?? latestDecisions(run.ghosts, view.time)) drawGhost(view, belief, run, words);
-  drawTags(view);
+  if (look.ghosts) for (const belief of believedNeighboursAt(run, frame) ?? latestDecisions(run.ghosts, view.time)) drawBelief(view, belief, run, words);
   drawBurst(view, run, here[0]?.at, words);
+  drawTags(view);
   drawScaleBar(view);
 }
 
 // The beliefs of recorded decisions, of each vehicle the latest.
-function latestDecisions(beliefs: Ghost[], time: number): Ghost[] {
-  const latest = new Map<number | null, Ghost>();
+function latestDecisions(beliefs: BelievedNeighbour[], time: number): BelievedNeighbour[] {
+  const latest = new Map<number | null, BelievedNeighbour>();
   for (const belief of beliefs) if (belief.time_s <= time + 1e-9) latest.set(belief.vehicle, belief);
   return [...latest.values()];
 }

@@ -1,6 +1,6 @@
 // Where simulations come from: the page itself, or the server that sent it.
 
-import { open, unpack, type Bundle, type Entry, type EveryBelief, type Fan, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
+import { open, unpack, type Bundle, type Entry, type BeliefColumns, type Fan, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
 import { h } from "./dom.ts";
 import { isShort } from "./durations.ts";
 import { FACETS, parse, type Choice, type Facet } from "./link.ts";
@@ -47,7 +47,7 @@ export interface Source {
 export interface Server {
   decisions: Record<string, string>;
   weathers: string[];
-  beliefs: (number: number) => Promise<EveryBelief>;
+  beliefs: (number: number) => Promise<BeliefColumns>;
   branch: (number: number, changes: { what: string; frame: number }[]) => Promise<Branched>;
   fan: (number: number, given: Fan["given"], policy: string) => Promise<Fan>;
   thumbnail: (number: number) => Promise<Thumbnail>;

@@ -6,7 +6,7 @@ import { h, write } from "./dom.ts";
 import { fanOverlay } from "./fan.ts";
 import { draw, type Size } from "./scene.ts";
 import type { Shown } from "./state.ts";
-import { brokenAt, courseOf, now, type Reader } from "./text.ts";
+import { brokenAt, describeCourse, describeFrame, type Reader } from "./text.ts";
 
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
@@ -37,7 +37,7 @@ export function stage(redraw: () => void): Stage {
     beside.hidden = !twin;
     if (twin) {
       draw(beside, size, twin, words, frame, look);
-      beside.setAttribute("aria-label", `Top view of simulation ${state.beside}. ${now({ ...reader, run: twin }, frame)}`);
+      beside.setAttribute("aria-label", `Top view of simulation ${state.beside}. ${describeFrame({ ...reader, run: twin }, frame)}`);
     }
     write(sky, air(shown));
     tellAlerts(alerts, reader, frame);
@@ -61,7 +61,7 @@ function air({ run, frame }: Shown): string {
   const ego = pose(run.vehicles[0]!, frame);
   const sight = run.sight?.[Math.round(frame)];
   const seen = sight === undefined ? [] : [`sees a lit vehicle at ${sight.toFixed(0)} m`];
-  return [run.air.text, ...seen, ...(ego ? courseOf(run, ego.s) : [])].join(" · ");
+  return [run.air.text, ...seen, ...(ego ? describeCourse(run, ego.s) : [])].join(" · ");
 }
 
 // Whether there is ever an alert: its room is kept then, so that the page does not jump.

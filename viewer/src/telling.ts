@@ -5,7 +5,7 @@ import { button, h, write } from "./dom.ts";
 import { fanWords } from "./fan.ts";
 import { difference } from "./policies.ts";
 import { frames, overlays, type Branch, type Shown } from "./state.ts";
-import { chip, facts, now, numbers, type Reader, ruleCard, sections } from "./text.ts";
+import { chip, facts, describeFrame, numbers, type Reader, ruleCard, sections } from "./text.ts";
 import { tellCards } from "./whatif.ts";
 
 const LEAST_WIDTH = 120; // [px]
@@ -84,7 +84,7 @@ export function telling(shown: () => Shown | null, redraw: () => void, seek: (fr
   function tellTime(here: Shown, by: Reader): string {
     chart?.update(here.frame);
     if (!here.state.playing) write(futures, here.fan ? fanWords(here.fan, here.state.t) : "");
-    const text = now(by, here.frame);
+    const text = describeFrame(by, here.frame);
     said.setAttribute("aria-live", here.state.playing ? "off" : "polite");
     write(said, text);
     if (table.open && !here.state.playing) table.replaceChildren(table.firstElementChild!, numbers(by, here.frame));

@@ -1,6 +1,6 @@
 // All that is told of a simulation as text: what `overtaking show` prints.
 
-import { breachSpans, isBroken, isCounted, lawOrder, stageAt } from "./board.ts";
+import { breachSpans, isBroken, isCounted, lawRowsInOrder, stageNameAt } from "./board.ts";
 import type { Belief, Run, Vehicle, Words } from "./bundle.ts";
 import { beliefAbout, isOncoming, pose, recordedFrame, symbolOf } from "./bundle.ts";
 import { h, table } from "./dom.ts";
@@ -19,35 +19,35 @@ export interface Reader {
   seek: (frame: number) => void;
 }
 
-// The instant in one sentence or two.
-export function now(reader: Reader, frame: number): string {
+// The moment in one sentence or two.
+export function describeFrame(reader: Reader, frame: number): string {
   const { run, words } = reader;
   const time = frame * run.interval;
   const parts = [`${time.toFixed(2)} s, frame ${Math.round(frame)}`];
-  const stage = stageAt(run, words, frame);
+  const stage = stageNameAt(run, words, frame);
   if (stage) parts.push(stage.toLowerCase());
   const ego = pose(run.vehicles[0]!, frame);
   if (ego) parts.push(`ego ${(ego.speed * KMH).toFixed(0)} km/h`);
-  const target = run.vehicles.find((one) => one.slot === run.values.target);
-  const other = target && pose(target, frame);
-  if (ego && target && other) parts.push(placeOf(run.vehicles[0]!.length, ego.s, other.s, target) + beliefWords(beliefAbout(run, target.slot, frame)));
+  const target = run.vehicles.find((vehicle) => vehicle.slot === run.values.target);
+  const targetPose = target && pose(target, frame);
+  if (ego && target && targetPose) parts.push(describePosition(run.vehicles[0]!.length, ego.s, targetPose.s, target) + beliefWords(beliefAbout(run, target.slot, frame)));
   const [leader, gap] = [run.leader[recordedFrame(frame)] ?? null, run.gap[recordedFrame(frame)] ?? null];
   if (leader !== null && gap !== null && leader !== target?.slot) {
-    parts.push(`next ahead in its lane ${symbolOf(run, leader)} ${plain(gap, 1)} m${beliefWords(beliefAbout(run, leader, frame))}`);
+    parts.push(`next ahead in its lane is ${symbolOf(run, leader)}, ${plain(gap, 1)} m away${beliefWords(beliefAbout(run, leader, frame))}`);
   }
-  if (ego) parts.push(...courseOf(run, ego.s), ...comingOf(run, ego.s, frame));
+  if (ego) parts.push(...describeCourse(run, ego.s), ...describeOncoming(run, ego.s, frame));
   if (frame > run.frames - 1) parts.push(`this simulation ended at ${run.values.duration_s.toFixed(2)} s`);
-  const events = run.values.events.flatMap((one, k) =>
-    Math.abs(one.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}`] : [],
+  const events = run.values.events.flatMap((event, k) =>
+    Math.abs(event.time_s - time) < NEAR_EVENT ? [`E ${run.told.events[k]!.sentence}. `] : [],
   );
-  return `${parts.join("; ")}. ${events.map((one) => `${one}. `).join("")}${describeLaw(reader, frame)}`;
+  return `${parts.join("; ")}. ${events.join("")}${describeLaw(reader, frame)}`;
 }
 
 // Which rules are broken at a frame, and which are broken at other times of the simulation.
 export function describeLaw(reader: Reader, frame: number): string {
   const { run, policy } = reader;
   const brokenNow = brokenAt(reader, frame);
-  const otherBreaches = lawOrder(reader).filter((row) => row.breach && !brokenNow.some((one) => one.rule === row.rule));
+  const otherBreaches = lawRowsInOrder(reader).filter((row) => row.breach && !brokenNow.some((one) => one.rule === row.rule));
   const seconds = (at: number): string => `${(at * run.interval).toFixed(2)} s`;
   const [earlier, later]: [string[], string[]] = [[], []];
   for (const row of otherBreaches) {
@@ -55,8 +55,9 @@ export function describeLaw(reader: Reader, frame: number): string {
     const past = spans.findLast(([, last]) => last < frame);
     const next = spans.find(([first]) => first > frame);
     const aside = isCounted(reader, row.rule) ? "" : ` (not counted by ${policy})`;
-    if (past) earlier.push(`${row.rule} until ${seconds(past[1])}${aside}`);
-    else if (next) later.push(`${row.rule} from ${seconds(next[0])}${aside}`);
+    const preposition = ([first, last]: [number, number], word: string): string => (first === last ? "at" : word);
+    if (past) earlier.push(`${row.rule} ${preposition(past, "until")} ${seconds(past[1])}${aside}`);
+    else if (next) later.push(`${row.rule} ${preposition(next, "from")} ${seconds(next[0])}${aside}`);
   }
   const sentences = [
     brokenNow.length ? `Broken now: ${brokenNow.map((one) => one.text).join("; ")}.` : "",
@@ -76,7 +77,7 @@ function beliefWords(belief: Belief | null): string {
 }
 
 // Bends and slopes: the road is drawn straight and level.
-export function courseOf({ road: { course } }: Run, s: number): string[] {
+export function describeCourse({ road: { course } }: Run, s: number): string[] {
   if (!course) return [];
   const at = Math.min(Math.max(Math.round(s / course.every_m), 0), course.grade.length - 1);
   const [bend, slope] = [course.curvature[at]!, course.grade[at]!];
@@ -86,36 +87,36 @@ export function courseOf({ road: { course } }: Run, s: number): string[] {
   ];
 }
 
-// Who comes next the other way.
-function comingOf(run: Run, own: number, frame: number): string[] {
+// The next oncoming vehicle.
+function describeOncoming(run: Run, egoS: number, frame: number): string[] {
   const ahead = run.vehicles.filter(isOncoming).flatMap((vehicle) => {
     const at = pose(vehicle, frame);
-    const gap = at && at.s - own - (vehicle.length + run.vehicles[0]!.length) / 2;
+    const gap = at && at.s - egoS - (vehicle.length + run.vehicles[0]!.length) / 2;
     return gap !== null && gap > 0 ? [{ vehicle, gap }] : [];
   });
   const next = ahead.toSorted((a, b) => a.gap - b.gap)[0];
   if (!next) return [];
-  return [`oncoming ${next.vehicle.symbol} ${next.gap.toFixed(0)} m ahead${beliefWords(beliefAbout(run, next.vehicle.slot, frame))}`];
+  return [`oncoming ${next.vehicle.symbol} is ${next.gap.toFixed(0)} m ahead${beliefWords(beliefAbout(run, next.vehicle.slot, frame))}`];
 }
 
-function placeOf(length: number, own: number, other: number, target: Run["vehicles"][number]): string {
-  const apart = other - own;
-  const gap = Math.abs(apart) - (length + target.length) / 2;
+function describePosition(egoLength: number, egoS: number, targetS: number, target: Vehicle): string {
+  const distance = targetS - egoS;
+  const gap = Math.abs(distance) - (egoLength + target.length) / 2;
   if (gap <= 0) return `alongside target ${target.symbol}`;
-  return `target ${target.symbol} ${gap.toFixed(1)} m ${apart > 0 ? "ahead" : "behind"}`;
+  return `target ${target.symbol} is ${gap.toFixed(1)} m ${distance > 0 ? "ahead" : "behind"}`;
 }
 
 // The rules that are broken at a frame, those that count first.
 export function brokenAt(reader: Reader, frame: number): { rule: string; text: string; margin: string; counts: boolean }[] {
   const { words } = reader;
-  return lawOrder(reader)
-    .filter((one) => isBroken(one, frame))
-    .map((one) => {
-      const { title, unit } = words.rules[one.rule]!;
-      const margin = formatMargin(one.margins?.[recordedFrame(frame)] ?? one.margin, unit);
-      const counts = isCounted(reader, one.rule);
+  return lawRowsInOrder(reader)
+    .filter((row) => isBroken(row, frame))
+    .map((row) => {
+      const { title, unit } = words.rules[row.rule]!;
+      const margin = formatMargin(row.margins?.[recordedFrame(frame)] ?? row.margin, unit);
+      const counts = isCounted(reader, row.rule);
       const aside = counts ? "" : ` (not counted by ${reader.policy})`;
-      return { rule: one.rule, counts, margin, text: `${one.rule} ${title} ${margin}${aside}` };
+      return { rule: row.rule, counts, margin, text: `${row.rule} ${title} ${margin}${aside}` };
     });
 }
 

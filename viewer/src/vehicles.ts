@@ -1,6 +1,6 @@
 // Vehicles from above: bodies, lamps, marks, names, and where they were believed to be.
 
-import type { Ghost, Pose, Run, Vehicle, Words } from "./bundle.ts";
+import type { BelievedNeighbour, Pose, Run, Vehicle, Words } from "./bundle.ts";
 import { isOncoming, pose } from "./bundle.ts";
 import { plain } from "./numbers.ts";
 
@@ -220,7 +220,7 @@ export function drawBranch(view: View, letter: string, branch: Placed[], origina
 }
 
 // A vehicle where it is believed to be. The belief of a recorded decision goes on for a while at the believed speed.
-export function drawGhost(view: View, ghost: Ghost, run: Run, words: Words): void {
+export function drawBelief(view: View, ghost: BelievedNeighbour, run: Run, words: Words): void {
   const { c, x, y, scale, across, time } = view;
   const age = time - ghost.time_s;
   if (age < -1e-9 || age > GHOST_LASTS) return;
@@ -248,7 +248,7 @@ export function drawGhost(view: View, ghost: Ghost, run: Run, words: Words): voi
 }
 
 // What is written beside a belief, the longer text first: which vehicle it is about, and the gap as believed and in truth.
-export function beliefLabels(belief: Ghost, run: Run): string[] {
+export function beliefLabels(belief: BelievedNeighbour, run: Run): string[] {
   const symbol = run.vehicles.find((vehicle) => vehicle.slot === belief.vehicle)?.symbol;
   const believed = belief.gap_m === null ? "not seen" : `believed ${plain(belief.gap_m, 0)} m`;
   const named = symbol === undefined ? believed : `${symbol} ${believed}`;

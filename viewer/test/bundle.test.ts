@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { breachSpans, isBroken } from "../src/board.ts";
-import { beliefAbout, column, type Ghost, ghostsAt, pose, type Row, type Run, sparse, type Vehicle } from "../src/bundle.ts";
+import { beliefAbout, column, type BelievedNeighbour, believedNeighboursAt, pose, type Row, type Run, sparse, type Vehicle } from "../src/bundle.ts";
 import { beyondEdge, gapAxis, path, scale } from "../src/charts.ts";
 import { limitsAlong, signsOf } from "../src/limits.ts";
 import { MOST_BRANCHES, MOST_CHANGES, noChoice, parse, print, type Moment } from "../src/link.ts";
@@ -121,11 +121,11 @@ test("a belief is found by the vehicle that it is about, not by its role", () =>
   assert.deepEqual(beliefAbout(changingLanes, 2, 3), { gap: null, trueGap: 84, isBehind: false });
   assert.equal(beliefAbout(changingLanes, 1, 3)!.gap, 17); // Seen in one of two roles.
   assert.equal(beliefAbout({ ...changingLanes, every: null }, 1, 0), null);
-  assert.deepEqual(ghostsAt(changingLanes, 2)!.map((ghost) => [ghost.vehicle, ghost.gap_m]), [[2, 80], [1, 18]]);
+  assert.deepEqual(believedNeighboursAt(changingLanes, 2)!.map((ghost) => [ghost.vehicle, ghost.gap_m]), [[2, 80], [1, 18]]);
 });
 
 test("a belief on the road names its vehicle", () => {
-  const ghost = { time_s: 1.4, decision: "", vehicle: 2, gap_m: 23, true_gap_m: 24.4 } as Ghost;
+  const ghost = { time_s: 1.4, decision: "", vehicle: 2, gap_m: 23, true_gap_m: 24.4 } as BelievedNeighbour;
   assert.deepEqual(beliefLabels(ghost, changingLanes), ["2 believed 23 m, true 24 m", "2 believed 23 m"]);
   assert.deepEqual(beliefLabels({ ...ghost, gap_m: null, decision: "PULL_OUT" }, changingLanes), ["2 not seen, true 24 m at 1.40 s", "2 not seen"]);
   assert.equal(beliefLabels({ ...ghost, vehicle: null, true_gap_m: null }, changingLanes)[0], "believed 23 m, no vehicle there");
@@ -150,6 +150,7 @@ test("an axis of gaps holds all of them, or says how far they go beyond it", () 
 test("the sign of a margin is written, however small it is", () => {
   assert.equal(formatMargin(-24.969, "m"), "−24.97 m");
   assert.equal(formatMargin(0, "s"), "+0.00 s");
+  assert.equal(formatMargin(-0.32, "1"), "−0.32");
   assert.equal(formatMargin(-0.0004, "m"), "−0.0004 m");
   assert.equal(formatMargin(0.004, "m/s"), "+0.004 m/s");
 });
@@ -163,6 +164,7 @@ test("the law at a frame and that of the whole simulation are told apart", () =>
   ];
   const run = (rows: unknown[], undecidable: string[] = []): Reader => ({ run: { law: rows, interval: 0.05, values: { policies: { paper: { undecidable } } } }, words, policy: "paper" }) as unknown as Reader;
   assert.equal(describeLaw(run(law), 61), "No rule is broken at this moment. Broken before: L3 until 3.00 s, L18 until 0.60 s (not counted by paper). Broken later: L12 from 3.50 s.");
+  assert.equal(describeLaw(run([{ ...law[0], breach: [8, 8] }]), 9).split(". ")[1], "Broken before: L3 at 0.40 s.");
   assert.equal(describeLaw(run(law), 60).split(". ")[0], "Broken now: L3 Safe distance −8.00 m");
   assert.equal(describeLaw(run([{ ...law[0], breach: null }]), 5), "No rule is broken in this simulation.");
   assert.equal(describeLaw(run([], ["L3"]), 5), "No rule is known to be broken; undecidable: L3.");

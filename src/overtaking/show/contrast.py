@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from overtaking.show.wording import outcome_words, symbol
+from overtaking.show.wording import margin_words, outcome_words, symbol
 
 if TYPE_CHECKING:
     from overtaking.show.judgement import Values
@@ -78,4 +78,4 @@ def _rule(one: Values) -> str:
 
 
 def _margin(one: Values) -> str:
-    return f"{one['margin']:.2f} {one['unit']}"
+    return margin_words(one["margin"], one["unit"])

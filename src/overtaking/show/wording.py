@@ -161,7 +161,7 @@ def breach_words(one: Values, values: Values, dash: str) -> Breach:
     span = f"{one['from_s']:.2f}{dash}{one['to_s']:.2f} s (frames {frames})"
     if one["first_frame"] == one["last_frame"]:
         span = f"{one['from_s']:.2f} s (frame {one['first_frame']})"
-    facts = [span, f"margin {one['margin']:.2f} {one['unit']}"]
+    facts = [span, f"margin {margin_words(one['margin'], one['unit'])}"]
     if one["belief"]:
         facts.append(BELIEFS[one["belief"]])
     grade = words(one["severity"])
@@ -177,6 +177,11 @@ def breach_words(one: Values, values: Values, dash: str) -> Breach:
         facts="; ".join(facts),
         remedies=[" and ".join(_change(change, values) for change in of) for of in one["remedies"]],
     )
+
+
+def margin_words(margin: float, unit: str) -> str:
+    """A margin with its unit; shares have none."""
+    return f"{margin:.2f}" if unit == "1" else f"{margin:.2f} {unit}"
 
 
 def doubt_words(one: Values) -> str:

@@ -22,7 +22,7 @@ from overtaking.knowledge import terms
 from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
 from overtaking.show.description import describe, lane_name
 from overtaking.show.judgement import EVENTS, Values
-from overtaking.show.wording import SYMBOLS, symbol
+from overtaking.show.wording import SYMBOLS, margin_words, symbol
 
 if TYPE_CHECKING:
     from overtaking.labels.label import Labelled
@@ -243,7 +243,7 @@ def test_every_broken_rule_is_told_with_article_margin_frames_and_what_it_needed
         text = re.sub(r"\s+", " ", law_of(values))
         for each in values["broken"]:
             assert f"{each['rule']} {each['title']}, {each['law']}: " in text
-            assert f"margin {each['margin']:.2f} {each['unit']}" in text
+            assert f"margin {margin_words(each['margin'], each['unit'])}" in text
             if each["first_frame"] != each["last_frame"]:
                 assert f"frames {each['first_frame']}–{each['last_frame']}" in text
             codes.add(each["rule"])

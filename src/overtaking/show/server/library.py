@@ -19,7 +19,7 @@ from overtaking.show.server.index import Index, titles
 from overtaking.show.server.kept import Kept
 from overtaking.show.server.thumbnail import thumbnail
 from overtaking.show.server.whatif import DECISIONS, branch, futures
-from overtaking.show.view.ghosts import every_ghost
+from overtaking.show.view.ghosts import beliefs_at_every_decision
 from overtaking.show.view.pack import pack
 from overtaking.show.view.page import words
 from overtaking.sim.beliefs import beliefs
@@ -121,7 +121,7 @@ class Library:
         if run.unknown:
             raise _refused("beliefs", "a simulated driver", "a recording without percepts")
         with self._work:
-            return every_ghost(run, beliefs(run.scenario, run.actions))
+            return beliefs_at_every_decision(run, beliefs(run.scenario, run.actions))
 
     def branch(self, number: int, asked: Branch) -> dict[str, Any]:
         """One simulation that goes on otherwise."""

@@ -1,7 +1,12 @@
-"""Where the ego believed others to be: at recorded decisions, or at all of them."""
+"""Where the ego believes its neighbours to be: at recorded decisions, or at all of them.
+
+Each belief names the vehicle that it is about. Roles do not name one: the leader of the driver's
+mind is the vehicle in the lane that the driver enters, from the decision to change lanes on.
+"""
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +22,7 @@ from overtaking.model.vehicles import Role
 from overtaking.world.clock import DECISIONS_PER_SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -25,186 +30,244 @@ if TYPE_CHECKING:
     from overtaking.model.trajectory import Trajectories
     from overtaking.sim.beliefs import Beliefs
 
-_BODY = (4.5, 1.8)
-"""Length and width of a vehicle that is believed in and does not exist [m]."""
+_IMAGINED_SIZE_M = (4.5, 1.8)
+"""Length and width at which a vehicle is drawn that exists in the driver's mind only."""
 
-_LEADER, _FRONT, _REAR = range(3)
+_LEADER, _NEW_LEADER, _NEW_FOLLOWER = range(3)
+"""Places of the vehicles in a percept; the new ones drive in the lane that is entered."""
 
-_WATCHED = ("lead", "oncoming", "behind_oncoming")
-"""Where drivers look all the time."""
+_ALWAYS_WATCHED = ("lead", "oncoming", "behind_oncoming")
 
 
-def ghosts(run: Trajectories) -> list[dict[str, Any]]:
-    """The neighbours that the ego considered, where it believed them to be.
+class Awareness(IntEnum):
+    """How the driver knows a neighbour at a decision."""
+
+    UNNOTICED = 0  # The driver does not know the vehicle: it is drawn at its true position.
+    SEEN = 1
+    REMEMBERED = 2  # Seen at an earlier glance; the belief is extrapolated since then.
+
+
+def recorded_beliefs(trajectories: Trajectories) -> list[dict[str, Any]]:
+    """The neighbours that the ego considered at its recorded decisions, where it believed them.
 
     Args:
-        run: A batch of one simulation.
+        trajectories: A batch of one simulation.
 
     Returns:
-        One per neighbour and decision that was not noticed or was believed in: time [s], place
-        along and across the road [m], speed [m/s], size [m], and both gaps [m], None where there
-        is none.
+        A record for each decision and each neighbour that existed or was believed in: time [s],
+        station and lateral position [m], speed [m/s], size [m], and both gaps [m], None where
+        there is none.
     """
-    return [] if "percepts" in run.unknown else list(_ghosts(run))
+    if "percepts" in trajectories.unknown:
+        return []
+    return list(_recorded_beliefs(trajectories))
 
 
-def every_ghost(run: Trajectories, told: Beliefs) -> dict[str, Any]:
+def beliefs_at_every_decision(trajectories: Trajectories, trace: Beliefs) -> dict[str, Any]:
     """Where the ego believes its neighbours to be, at every decision.
 
     Args:
-        run: A batch of one simulation.
-        told: What its ego believes.
+        trajectories: A batch of one simulation.
+        trace: What its ego believes, and the true values.
 
     Returns:
-        The time between decisions [ms]. For each kind of neighbour, columns over the decisions:
-        slot (None where there is none), whether it is seen (2: at the last look, since when it goes
-        on as believed), place along and across the road, believed and true gap, length and width
-        [mm]. An unseen one stands at its true place.
+        The time between decisions [ms]. For each role that a neighbour ever has, columns over the
+        decisions: slot of the neighbour (None without one), `Awareness`, station and lateral
+        position, believed and true gap, length and width [mm]. A vehicle that the driver does not
+        notice stands at its true position.
     """
-    interval = 1000.0 / float(DECISIONS_PER_SECOND)
-    frames = np.arange(len(told.own)) * interval / run.scenario.frame_interval_ms
-    at = np.minimum(frames.astype(int), int(run.num_frames[0]) - 1)
-    roles = (_role(run, told, place, at) for place in range(len(ROLES)))
-    return {"interval_ms": interval, "roles": [one for one in roles if one is not None]}
+    interval_ms = 1000.0 / float(DECISIONS_PER_SECOND)
+    decisions = np.arange(len(trace.own))
+    frames = (decisions * interval_ms / trajectories.scenario.frame_interval_ms).astype(int)
+    frames = np.minimum(frames, int(trajectories.num_frames[0]) - 1)
+    roles = (_neighbour_columns(trajectories, trace, role, frames) for role in ROLES)
+    return {"interval_ms": interval_ms, "roles": [role for role in roles if role is not None]}
 
 
-def _role(
-    run: Trajectories, told: Beliefs, place: int, at: NDArray[np.int64]
+def _neighbour_columns(
+    trajectories: Trajectories, trace: Beliefs, role: str, frames: NDArray[np.int64]
 ) -> dict[str, Any] | None:
-    """The columns of one kind of neighbour; None if there never is one."""
-    own = dict(zip(OWN, told.own[:, 0].T, strict=True))
-    believed, true = (
-        dict(zip(AROUND, of[:, 0, place].T, strict=True)) for of in (told.believed, told.true)
-    )
-    there, seen = true["detected"] > 0, believed["detected"] > 0
-    if not (there | seen).any():
-        return None
-    way = -1.0 if ROLES[place].endswith("rear") else 1.0
-    reach = 0.5 * (true["length"] + _size(run, Role.EGO)[0])
-    side = float(run.road.side)
-    across = side * (own["lateral"] + true["aside"])
-    true_s = own["position"] + way * (true["gap"] + reach)
-    slot = _slots(run, at, true_s, across)
-    width = run.scenario.vehicles.width[0][slot]
-    watches = (own["looks"] > 0) | (ROLES[place] in _WATCHED)
-    if way > 0:
-        watches |= own["arrived"] == 0
-    held, is_held = _held(believed, seen, watches, slot)
-    gap = np.where(seen | is_held, held, true["gap"])
-    columns = {
-        "s": own["position"] + way * (gap + reach),
-        "d": across,
-        "gap": np.where(seen | is_held, held, np.nan),
-        "true_gap": true["gap"],
-        "length": true["length"],
-        "width": width,
-    }
-    return {
-        "role": ROLES[place],
-        "slot": [int(one) if is_there else None for one, is_there in zip(slot, there, strict=True)],
-        "seen": np.where(is_held, 2, seen).astype(int).tolist(),
-        **{f"{name}_mm": _whole(values, there) for name, values in columns.items()},
-    }
-
-
-def _held(
-    believed: dict[str, F32],
-    seen: NDArray[np.bool_],
-    watches: NDArray[np.bool_],
-    slot: NDArray[np.int64],
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Believed gaps, and which are from the last look: at other lanes drivers look now and then.
+    """Where the driver believes one neighbour to be, at every decision.
 
     Args:
-        believed: What is believed at each decision.
-        seen: Whether the neighbour is seen.
-        watches: Whether the driver looks there.
-        slot: Which neighbour.
+        trajectories: A batch of one simulation.
+        trace: Beliefs and true values of its ego.
+        role: The neighbour, one of `ROLES`.
+        frames: Recorded frame of each decision.
+
+    Returns:
+        Columns over the decisions; None if no vehicle ever has this role.
     """
-    gap, is_held = believed["gap"].astype(np.float64), np.zeros_like(seen)
-    last = -1
-    for k in range(len(gap)):
-        if seen[k]:
-            last = k
-        elif watches[k] or last < 0 or slot[k] != slot[last]:
-            last = -1
-        else:
-            elapsed = (k - last) / float(DECISIONS_PER_SECOND)
-            gap[k] = gap[last] - float(believed["closing"][last]) * elapsed
-            is_held[k] = True
-    return gap, is_held
+    place = ROLES.index(role)
+    ego = dict(zip(OWN, trace.own[:, 0].T, strict=True))
+    believed = dict(zip(AROUND, trace.believed[:, 0, place].T, strict=True))
+    true = dict(zip(AROUND, trace.true[:, 0, place].T, strict=True))
+    has_neighbour, is_seen = true["detected"] > 0, believed["detected"] > 0
+    if not (has_neighbour | is_seen).any():
+        return None
+
+    half_lengths = 0.5 * (true["length"] + _length_and_width(trajectories, Role.EGO)[0])
+    direction = -1.0 if role.endswith("rear") else 1.0  # Gaps are measured between bumpers.
+    # The observation is mirrored where traffic drives on the left.
+    d = float(trajectories.road.side) * (ego["lateral"] + true["aside"])
+    # The trace names no vehicle, so take the one nearest to the true position.
+    true_s = ego["position"] + direction * (true["gap"] + half_lengths)
+    slot = _nearest_slots(trajectories, frames, true_s, d)
+    gap, is_remembered = _remembered_gaps(believed, is_seen, _is_watched(ego, role), slot)
+
+    is_believed = is_seen | is_remembered
+    drawn_gap = np.where(is_believed, gap, true["gap"])
+    metres = {
+        "s": ego["position"] + direction * (drawn_gap + half_lengths),
+        "d": d,
+        "gap": np.where(is_believed, gap, np.nan),
+        "true_gap": true["gap"],
+        "length": true["length"],
+        "width": trajectories.scenario.vehicles.width[0][slot],
+    }
+    levels = [Awareness.REMEMBERED, Awareness.SEEN]
+    awareness = np.select([is_remembered, is_seen], levels, Awareness.UNNOTICED)
+    return {
+        "role": role,
+        "slot": [
+            int(vehicle) if exists else None
+            for vehicle, exists in zip(slot, has_neighbour, strict=True)
+        ],
+        "seen": awareness.tolist(),
+        **{f"{name}_mm": _millimetres(values, has_neighbour) for name, values in metres.items()},
+    }
 
 
-def _whole(values: NDArray[np.floating], there: NDArray[np.bool_]) -> list[int | None]:
-    """Millimetres, None where there is nothing."""
-    known = there & np.isfinite(values)
+def _is_watched(ego: Mapping[str, F32], role: str) -> NDArray[np.bool_]:
+    """Whether the driver looks at the place of a neighbour, at each decision.
+
+    Drivers always watch their leader and oncoming traffic, and during a lane change the vehicles
+    ahead on both sides. They glance at the other places about once a second.
+    """
+    is_watched = (ego["looks"] > 0) | (role in _ALWAYS_WATCHED)
+    return is_watched if role.endswith("rear") else is_watched | (ego["arrived"] == 0)
+
+
+def _remembered_gaps(
+    believed: Mapping[str, F32],
+    is_seen: NDArray[np.bool_],
+    is_watched: NDArray[np.bool_],
+    slot: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Continue a believed gap from one glance to the next.
+
+    Between two glances the belief is extrapolated at the closing speed that was perceived last. It
+    ends when the driver looks and sees no vehicle, or when another vehicle takes the place.
+
+    Args:
+        believed: Gap [m] and closing speed [m/s] at each decision.
+        is_seen: The driver sees the neighbour.
+        is_watched: The driver looks at the place.
+        slot: The vehicle at the place.
+
+    Returns:
+        Believed gap at each decision [m], and whether it is remembered.
+    """
+    gap = believed["gap"].astype(np.float64)
+    is_remembered = np.zeros_like(is_seen)
+    last_seen: int | None = None
+    for decision in range(len(gap)):
+        if is_seen[decision]:
+            last_seen = decision
+            continue
+        if last_seen is None:
+            continue
+        if is_watched[decision] or slot[decision] != slot[last_seen]:
+            last_seen = None
+            continue
+        elapsed = (decision - last_seen) / float(DECISIONS_PER_SECOND)
+        gap[decision] = gap[last_seen] - float(believed["closing"][last_seen]) * elapsed
+        is_remembered[decision] = True
+    return gap, is_remembered
+
+
+def _millimetres(
+    values: NDArray[np.floating], has_neighbour: NDArray[np.bool_]
+) -> list[int | None]:
+    """Whole millimetres, None at decisions without a value."""
+    has_value = has_neighbour & np.isfinite(values)
     return [
-        round(float(one) / METRES_PER_STEP) if is_known else None
-        for one, is_known in zip(values, known, strict=True)
+        round(float(value) / METRES_PER_STEP) if is_given else None
+        for value, is_given in zip(values, has_value, strict=True)
     ]
 
 
-def _slots(
-    run: Trajectories, at: NDArray[np.int64], s: NDArray[np.floating], d: NDArray[np.floating]
+def _nearest_slots(
+    trajectories: Trajectories,
+    frames: NDArray[np.int64],
+    s: NDArray[np.floating],
+    d: NDArray[np.floating],
 ) -> NDArray[np.int64]:
-    """The vehicles that stand nearest to some places, at some frames."""
-    states, valid = run.states, run.state_valid[0][:, at].copy()
-    valid[Role.EGO] = False
-    along = np.abs(states.s[0][:, at] * METRES_PER_STEP - np.nan_to_num(s))
-    aside = np.abs(states.d[0][:, at] * METRES_PER_STEP - np.nan_to_num(d))
-    return np.where(valid, along + aside, np.inf).argmin(axis=0)
+    """The vehicle that stands nearest to a position, at each of some frames."""
+    states = trajectories.states
+    is_recorded = trajectories.state_valid[0][:, frames].copy()
+    is_recorded[Role.EGO] = False
+    along = np.abs(states.s[0][:, frames] * METRES_PER_STEP - np.nan_to_num(s))
+    across = np.abs(states.d[0][:, frames] * METRES_PER_STEP - np.nan_to_num(d))
+    return np.where(is_recorded, along + across, np.inf).argmin(axis=0)
 
 
-def _ghosts(run: Trajectories) -> Iterator[dict[str, Any]]:
-    percepts = run.percepts
+def _recorded_beliefs(trajectories: Trajectories) -> Iterator[dict[str, Any]]:
+    percepts = trajectories.percepts
     for row in np.flatnonzero(percepts.valid[0]).tolist():
-        for place in (_LEADER, _FRONT, _REAR):
+        for place in (_LEADER, _NEW_LEADER, _NEW_FOLLOWER):
             exists = percepts.vehicle[0, row, place] != NO_VEHICLE
             if exists or percepts.detected[0, row, place]:
-                yield _ghost(run, row, place)
+                yield _recorded_belief(trajectories, row, place)
 
 
-def _ghost(run: Trajectories, row: int, place: int) -> dict[str, Any]:
-    percepts, states = run.percepts, run.states
-    slot, is_seen = int(percepts.vehicle[0, row, place]), bool(percepts.detected[0, row, place])
-    time_ms, last = int(percepts.time[0, row]), int(run.num_frames[0]) - 1
-    frame = min(time_ms // run.scenario.frame_interval_ms, last)
-    is_real = slot != NO_VEHICLE
-    length, width = _size(run, slot) if is_real else _BODY
-    truth = percepts.true_gap, percepts.true_closing_speed
-    source = (percepts.gap, percepts.closing_speed) if is_seen else truth
-    gap, closing = (int(of[0, row, place]) * METRES_PER_STEP for of in source)
-    way = -1 if place == _REAR else 1
-    reach = gap + 0.5 * (length + _size(run, Role.EGO)[0])
-    ego = states.s[0, Role.EGO, frame] * METRES_PER_STEP
-    speed = states.speed[0, Role.EGO, frame] * METRES_PER_SECOND_PER_STEP
+def _recorded_belief(trajectories: Trajectories, row: int, place: int) -> dict[str, Any]:
+    """One vehicle of a percept."""
+    percepts, states = trajectories.percepts, trajectories.states
+    slot = int(percepts.vehicle[0, row, place])
+    is_seen, exists = bool(percepts.detected[0, row, place]), slot != NO_VEHICLE
+    time_ms, last_frame = int(percepts.time[0, row]), int(trajectories.num_frames[0]) - 1
+    frame = min(time_ms // trajectories.scenario.frame_interval_ms, last_frame)
+    length, width = _length_and_width(trajectories, slot) if exists else _IMAGINED_SIZE_M
+    columns = (percepts.gap, percepts.closing_speed)
+    if not is_seen:
+        columns = (percepts.true_gap, percepts.true_closing_speed)
+    gap, closing_speed = (int(column[0, row, place]) * METRES_PER_STEP for column in columns)
+    direction = -1 if place == _NEW_FOLLOWER else 1
+    reach = gap + 0.5 * (length + _length_and_width(trajectories, Role.EGO)[0])
+    ego_s = states.s[0, Role.EGO, frame] * METRES_PER_STEP
+    ego_speed = states.speed[0, Role.EGO, frame] * METRES_PER_SECOND_PER_STEP
     true_gap = int(percepts.true_gap[0, row, place]) * METRES_PER_STEP
-    nowhere = _lane(run, row, place, frame)
-    lateral = states.d[0, slot, frame] * METRES_PER_STEP if is_real else nowhere
+    if exists:
+        d = states.d[0, slot, frame] * METRES_PER_STEP
+    else:
+        d = _middle_of_believed_lane(trajectories, row, place, frame)
     return {
         "time_s": time_ms / 1000.0,
         "decision": DecisionKind(int(percepts.kind[0, row])).name,
-        "vehicle": slot if is_real else None,
+        "vehicle": slot if exists else None,
         "seen": is_seen,
-        "s_m": round(float(ego) + way * reach, 3),
-        "d_m": round(float(lateral), 3),
-        "speed_mps": round(float(speed) - way * closing, 3),
+        "s_m": round(float(ego_s) + direction * reach, 3),
+        "d_m": round(float(d), 3),
+        "speed_mps": round(float(ego_speed) - direction * closing_speed, 3),
         "length_m": round(length, 3),
         "width_m": round(width, 3),
         "gap_m": round(gap, 3) if is_seen else None,
-        "true_gap_m": round(true_gap, 3) if is_real else None,
+        "true_gap_m": round(true_gap, 3) if exists else None,
     }
 
 
-def _size(run: Trajectories, slot: int) -> tuple[float, float]:
-    """Length and width [m]."""
-    bodies = run.scenario.vehicles
+def _length_and_width(trajectories: Trajectories, slot: int) -> tuple[float, float]:
+    """Length and width of a vehicle [m]."""
+    bodies = trajectories.scenario.vehicles
     return float(bodies.length[0, slot]), float(bodies.width[0, slot])
 
 
-def _lane(run: Trajectories, row: int, place: int, frame: int) -> float:
-    """Middle of the empty lane in which the driver believed a vehicle [m]."""
-    lane = int(run.states.lane[0, Role.EGO, frame])
+def _middle_of_believed_lane(trajectories: Trajectories, row: int, place: int, frame: int) -> float:
+    """Lateral position of the middle of a lane in which the driver believes a vehicle [m]."""
+    road = trajectories.road
+    lane = int(trajectories.states.lane[0, Role.EGO, frame])
     if place != _LEADER:
-        lane += 1 if run.percepts.kind[0, row] == DecisionKind.PULL_OUT else -1
-    return float(run.road.centres[min(max(lane, 0), run.road.num_lanes - 1)])
+        is_pull_out = trajectories.percepts.kind[0, row] == DecisionKind.PULL_OUT
+        lane += 1 if is_pull_out else -1
+    return float(road.centres[min(max(lane, 0), road.num_lanes - 1)])

@@ -23,7 +23,7 @@ from overtaking.show.judgement import EVENTS
 from overtaking.show.paragraphs import paragraphs_of
 from overtaking.show.video.palette import PAINT
 from overtaking.show.video.sky import haze, sky
-from overtaking.show.view.ghosts import ghosts
+from overtaking.show.view.ghosts import recorded_beliefs
 from overtaking.world.measures import ttc
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def pack(labelled: Labelled, number: int) -> Values:
         "sight_dm": _sight(labelled),
         "air": _air(run),
         "law": _law(labelled, values),
-        "ghosts": ghosts(run),
+        "ghosts": recorded_beliefs(run),
     }
 
 

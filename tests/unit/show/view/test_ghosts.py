@@ -8,7 +8,7 @@ import pytest
 from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import sample, spec
-from overtaking.show.view.ghosts import every_ghost
+from overtaking.show.view.ghosts import beliefs_at_every_decision
 from overtaking.sim import engine
 from overtaking.sim.beliefs import beliefs
 
@@ -32,7 +32,7 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
         out &= percepts.vehicle[0, :, _ONCOMING] != NO_VEHICLE
         if not out.any():
             continue
-        told = every_ghost(runs, beliefs(scenario))
+        told = beliefs_at_every_decision(runs, beliefs(scenario))
         comes = next(one for one in told["roles"] if one["role"] == "oncoming")
         for row in np.flatnonzero(out):
             at = round(percepts.time[0, row] / told["interval_ms"])
@@ -59,7 +59,7 @@ def test_each_belief_names_the_vehicle_at_its_true_gap(profile: str, road: str):
     num_compared = 0
     for simulation in range(8):
         trajectories = batch.select(np.array([simulation]))
-        columns = every_ghost(trajectories, beliefs(trajectories.scenario))
+        columns = beliefs_at_every_decision(trajectories, beliefs(trajectories.scenario))
         s, length = trajectories.states.s[0], trajectories.scenario.vehicles.length[0]
         for role in columns["roles"]:
             direction = -1 if role["role"].endswith("rear") else 1
