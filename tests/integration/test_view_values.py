@@ -354,6 +354,11 @@ def test_a_recording_opens_on_a_long_simulation_and_marks_short_ones(
         assert "very short" not in page.inner_text(".facts")
         rows.first.click()
         expect(page.locator(".facts")).to_contain_text("3 frames, very short")
+    assert main(["view", str(recording), "--export", str(page_file), "-q"]) == 0
+    with opened(browser, page_file) as page:  # The first of each class that lasts long enough.
+        shown = [int(str(row.get_attribute("data-sim"))) for row in page.locator(".runs a").all()]
+        assert len(shown) == 2
+        assert min(num_frames[number] for number in shown) > 100
     with serving(dataset) as url:
         key = enter(browser, url, f"{len(dataset)} of {len(dataset)} simulations")
         with at(browser, url, key) as page:

@@ -15,6 +15,7 @@ export interface Words {
   themes: Record<"light" | "dark", Record<string, string>>;
   kinds?: Record<string, string>; // Vehicles by name.
   critical_ttc_s: number; // A time to collision that is shorter is critical.
+  min_duration_s: number; // Into a shorter simulation no overtake fits.
   road: Record<"ego" | "target" | "branch" | "brake" | "indicator" | "tail" | "lamp" | "glass" | "flash", string>;
 }
 

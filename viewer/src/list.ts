@@ -158,13 +158,13 @@ function row(entry: Row, words: Words, policy: string): HTMLElement {
       { "data-sim": entry.number },
       h("span", { class: "number" }, String(entry.number)),
       chip(words, entry.classes[policy]!),
-      h("span", { class: "quiet" }, `${about(entry)}; ${entry.outcome}`),
+      h("span", { class: "quiet" }, `${about(entry, words)}; ${entry.outcome}`),
     ),
   );
 }
 
-function about(entry: Row): string {
-  return [entry.weather, durationWords(entry)].filter(Boolean).join(", ");
+function about(entry: Row, words: Words): string {
+  return [entry.weather, durationWords(words, entry, 0)].filter(Boolean).join(", ");
 }
 
 export function thousands(count: number): string {

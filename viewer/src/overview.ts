@@ -239,7 +239,7 @@ function tableRow(one: Row, words: Words, policy: string): HTMLElement {
     h("th", { scope: "row", role: "rowheader" }, h("a", { "data-sim": one.number, "aria-label": `Simulation ${one.number}` }, String(one.number))),
     cell("class", chip(words, one.classes[policy]!)),
     h("td", { role: "cell", class: "thumb", "data-thumb": one.number }),
-    cell("figure", isShort(one.duration_s) ? h("small", { class: "short" }, durationWords(one)) : `${one.duration_s.toFixed(1)} s`),
+    cell("figure", h(isShort(words, one.duration_s) ? "small" : "span", { class: "length" }, durationWords(words, one, 1))),
     cell("weather", `${one.night ? "☾" : "☀"} ${one.weather ?? ""}`),
     cell("codes", ...ruleCodes(one.broken, words.policies[policy]!.required)),
     cell("outcome", one.outcome),

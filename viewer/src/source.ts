@@ -73,7 +73,7 @@ function embedded(bundle: Bundle): Source {
   return {
     ...bundle,
     total: simulations.length,
-    first: mostInformative(simulations, bundle.policy).number,
+    first: mostInformative(simulations, bundle.policy, bundle.words).number,
     server: null,
     rows: async (choice, policy) => {
       const values = (one: Entry): Partial<Record<Facet, string[]>> => ({
@@ -102,8 +102,8 @@ function embedded(bundle: Bundle): Source {
 
 // The simulation with which a page opens: the first whose attempt is recorded to its end, then any attempt, then any that is long
 // enough for one, then the longest.
-export function mostInformative<T extends Row>(rows: T[], policy: string): T {
-  const long = rows.filter((row) => !isShort(row.duration_s));
+export function mostInformative<T extends Row>(rows: T[], policy: string, words: Words): T {
+  const long = rows.filter((row) => !isShort(words, row.duration_s));
   const attempts = long.filter((row) => row.classes[policy] !== "No_attempt");
   const longest = rows.reduce((best, row) => (row.duration_s > best.duration_s ? row : best), rows[0]!);
   return attempts.find((row) => row.classes[policy] !== "censored") ?? attempts[0] ?? long[0] ?? longest;

@@ -127,7 +127,7 @@ export function facts(reader: Reader): HTMLElement {
     ["Weather", told.weather],
     ["Road", told.road + (run.road.course ? ", drawn straight though it bends or rises" : "")],
     ["Outcome", told.outcome],
-    ["Recorded", `${values.duration_s.toFixed(2)} s, ${values.num_frames} frames${shortnessNote(values.duration_s)}; profile ${values.profile}, seed ${values.seed}`],
+    ["Recorded", `${values.duration_s.toFixed(2)} s, ${values.num_frames} frames${shortnessNote(reader.words, values.duration_s)}; profile ${values.profile}, seed ${values.seed}`],
     ["Trace", values.trace_hash],
   ];
   if (told.unknown.length) pairs.push(["Unknown", told.unknown.join(", ")]);

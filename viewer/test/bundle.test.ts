@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { breachSpans, isBroken } from "../src/board.ts";
-import { beliefAbout, column, type BelievedNeighbour, believedNeighboursAt, pose, type Row, type Run, sparse, type Vehicle } from "../src/bundle.ts";
+import { beliefAbout, column, type BelievedNeighbour, believedNeighboursAt, pose, type Row, type Run, sparse, type Vehicle, type Words } from "../src/bundle.ts";
 import { beyondEdge, gapAxis, path, scale } from "../src/charts.ts";
 import { limitsAlong, signsOf } from "../src/limits.ts";
 import { MOST_BRANCHES, MOST_CHANGES, noChoice, parse, print, type Moment } from "../src/link.ts";
@@ -172,7 +172,7 @@ test("the law at a frame and that of the whole simulation are told apart", () =>
 
 test("a page opens on an attempt that is recorded to its end, or on what is nearest to that", () => {
   const row = (number: number, name: string, duration_s: number): Row => ({ number, classes: { paper: name }, duration_s }) as unknown as Row;
-  const first = (...rows: Row[]): number => mostInformative(rows, "paper").number;
+  const first = (...rows: Row[]): number => mostInformative(rows, "paper", { min_duration_s: 2 } as Words).number;
   assert.equal(first(row(0, "Success_L", 0.1), row(1, "No_attempt", 20), row(2, "censored", 20), row(3, "Success_L", 20)), 3);
   assert.equal(first(row(0, "Success_L", 0.1), row(1, "No_attempt", 20), row(2, "censored", 20)), 2);
   assert.equal(first(row(0, "No_attempt", 0.1), row(1, "No_attempt", 20)), 1);

@@ -120,7 +120,7 @@ def film(
         out: Folder for the files; if not given, `videos` in the folder of the data set, or in the
             working folder.
         simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
-            or `one-per-class`: the first of each class.
+            or `one-per-class`: the first of each class that lasts 2 s or more.
         policy: Which rules decide about the class: `paper`, `default` or `strict`. Breaches of
             other rules are grey.
         threads: How many films are made beside each other; all processors if not given.
@@ -160,7 +160,7 @@ def write_view(
             a data set did not keep is simulated again; trajectories are labelled first.
         out: The file; an existing one is replaced as a whole.
         simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
-            or `one-per-class`: the first of each class.
+            or `one-per-class`: the first of each class that lasts 2 s or more.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or
             `strict`. The page can change it.
         progress: Called with the number of simulations that are done, and of all.

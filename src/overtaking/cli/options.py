@@ -286,7 +286,10 @@ class Shown:
 
     simulations: Annotated[str | None, option("--simulations LIST", SIMULATIONS)] = None
     one_per_class: Annotated[
-        bool, option("--one-per-class", "The first simulation of each class; the default.")
+        bool,
+        option(
+            "--one-per-class", "The first simulation of each class that lasts 2 s; the default."
+        ),
     ] = False
     every: Annotated[bool, option("--all", "Every simulation.")] = False
     policy: OpenPolicy = None

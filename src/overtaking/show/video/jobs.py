@@ -18,6 +18,10 @@ Source = Dataset | Trajectories | Labelled
 ALL, ONE_PER_CLASS = "all", "one-per-class"
 """Choices that name no numbers."""
 
+MIN_DURATION_S = 2.0
+"""Into a shorter simulation no overtake fits, as a lane change alone takes drivers some 4 s.
+Recordings have simulations of a few frames; where others can be chosen, these are not."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
@@ -39,27 +43,70 @@ class Job:
 def jobs(
     source: Source, chosen: Iterable[int] | str = ONE_PER_CLASS, policy_name: str = POLICIES[0].name
 ) -> Iterator[Job]:
-    """Films to make, in the order of their numbers.
+    """Films to make, in the order of their numbers; the short ones of `ONE_PER_CLASS` come last.
 
     Args:
         source: The simulations; what a data set did not keep is simulated again.
-        chosen: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first of each.
+        chosen: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first of each class that
+            lasts `MIN_DURATION_S`; where none does, the longest of the class.
         policy_name: Which rules decide about the class.
 
     Raises:
         ConfigError: There is no such simulation, choice or policy.
         DatasetError: The data set is damaged, or the simulator has changed.
     """
-    counted, shown = policy(policy_name), set[OvertakeClass]()
+    every = _candidates(source, chosen, policy(policy_name))
+    for candidate in _first_of_each_class(every) if chosen == ONE_PER_CLASS else every:
+        yield candidate.job()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Candidate:
+    """A simulation that may be shown, still in its batch: to select each of many takes long."""
+
+    number: int
+    batch: Labelled
+    row: int
+    policy: Policy
+    label: OvertakeClass
+
+    @property
+    def duration_s(self) -> float:
+        trajectories = self.batch.trajectories
+        return float(trajectories.time_ms[int(trajectories.num_frames[self.row]) - 1]) / 1000.0
+
+    def job(self) -> Job:
+        simulation = self.batch.select(np.array([self.row]))
+        return Job(number=self.number, labelled=simulation, policy=self.policy, label=self.label)
+
+
+def _candidates(
+    source: Source, chosen: Iterable[int] | str, counted: Policy
+) -> Iterator[_Candidate]:
     for numbers, batch in _batches(source, chosen):
         labelled = batch if isinstance(batch, Labelled) else label(batch)
         codes = labelled.labels.classes[:, labelled.labels.policies.index(counted.name)]
-        for place, number in enumerate(numbers):
-            found = OvertakeClass(int(codes[place]))
-            if chosen != ONE_PER_CLASS or found not in shown:
-                shown.add(found)
-                one = labelled.select(np.array([place]))
-                yield Job(number=number, labelled=one, policy=counted, label=found)
+        for row, number in enumerate(numbers):
+            overtake_class = OvertakeClass(int(codes[row]))
+            yield _Candidate(
+                number=number, batch=labelled, row=row, policy=counted, label=overtake_class
+            )
+
+
+def _first_of_each_class(candidates: Iterable[_Candidate]) -> Iterator[_Candidate]:
+    """The first of each class that lasts long enough, then the longest of the other classes."""
+    shown, longest_short = set[OvertakeClass](), dict[OvertakeClass, _Candidate]()
+    for candidate in candidates:
+        if candidate.label in shown:
+            continue
+        other = longest_short.get(candidate.label)
+        if candidate.duration_s >= MIN_DURATION_S:
+            shown.add(candidate.label)
+            longest_short.pop(candidate.label, None)
+            yield candidate
+        elif other is None or other.duration_s < candidate.duration_s:
+            longest_short[candidate.label] = candidate
+    yield from longest_short.values()
 
 
 def _batches(

@@ -14,6 +14,7 @@ from overtaking.knowledge import terms
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.show.palette import ACCENT, CLASS_COLOURS, CLASS_MARKERS, GRID, INK, QUIET
 from overtaking.show.video import palette
+from overtaking.show.video.jobs import MIN_DURATION_S
 from overtaking.world.constants import known
 
 if TYPE_CHECKING:
@@ -92,6 +93,7 @@ def words() -> dict[str, Any]:
         },
         "rules": {one.code: {name: getattr(one, name) for name in _TOLD} for one in PORTUGAL.rules},
         "critical_ttc_s": float(known("labels.safety.critical_ttc")),
+        "min_duration_s": MIN_DURATION_S,
         "stages": {
             stage.name: {"title": title, "colour": colour, "ink": ink}
             for stage, (title, colour, ink) in palette.STAGES.items()

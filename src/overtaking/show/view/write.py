@@ -62,6 +62,7 @@ def write(
             raise _too_large(len(entries), total)
         if progress is not None:
             progress(len(entries), total or len(entries))
+    entries.sort(key=lambda entry: entry["number"])
     content = page(_title(source), policy, entries).encode()
     if say is not None and len(content) > LARGE:
         say(len(content))

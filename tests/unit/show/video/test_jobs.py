@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from overtaking import api
@@ -30,6 +31,27 @@ def test_one_film_for_each_class_the_first_of_it(data):
     firsts = paper.groupby("class", observed=True)["simulation"].min()
     expected = sorted((int(number), str(name)) for name, number in firsts.items())
     assert [(job.number, job.label.title) for job in jobs(data)] == expected
+
+
+def test_a_class_is_shown_by_its_first_simulation_that_lasts_long_enough():
+    batch = api.label(api.simulate(api.sample("pinto2023-physical", 24, 1)))
+    classes = batch.labels.classes[:, 0]
+    numbers = np.flatnonzero(classes == OvertakeClass.SUCCESS_I)
+    trajectories = batch.trajectories
+    num_frames = trajectories.num_frames.copy()
+    num_frames[numbers[0]] = 3  # As simulations of recordings may be.
+    shorter = trajectories.replace(num_frames=num_frames)
+    (first,) = (
+        job.number
+        for job in jobs(dataclasses.replace(batch, trajectories=shorter))
+        if job.label == OvertakeClass.SUCCESS_I
+    )
+    assert first == numbers[1]
+    num_frames[numbers] = 3
+    num_frames[numbers[-1]] = 4
+    shorter = trajectories.replace(num_frames=num_frames)
+    *_, last = jobs(dataclasses.replace(batch, trajectories=shorter))
+    assert last.number == numbers[-1]
 
 
 def test_all_of_them_in_order(data):
