@@ -146,11 +146,11 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
         server.terminate()
         log = server.stdout.read() if server.stdout else ""
     result = _RESULT.search(output)
+    errors = [line for line in output.splitlines() if re.match(r"\w*(Error|Exception)", line)]
     if result and ending == "status 0":
         ending = "ran to its end"
-    elif ending.startswith("status"):
-        errors = [line for line in output.splitlines() if re.match(r"\w*(Error|Exception)", line)]
-        ending += f": {errors[-1]}" if errors else ", without a result"
+    elif errors:
+        ending += f": {errors[-1]}"
     missing = sorted({line.partition("no effect: ")[2] for line in log.splitlines()} - {""})
     return Outcome(path.stem, seconds, ending, result[1] if result else "", "; ".join(missing))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.support.bends import on
-from tests.support.carla import needs_wheel
+from tests.support.carla import ask, headless_server, needs_wheel, stopped_by_signals
 from tests.support.two_way import pair, road
 from tests.support.worlds import scenario
 
@@ -45,3 +45,45 @@ def test_vehicles_of_both_directions_drive_as_on_the_engine(
     lanes = run.states.lane[0, :, :frames]
     assert (lanes[1] == 0).all()
     assert (lanes[2] == 1).all()
+
+
+@stopped_by_signals
+def test_a_client_finds_both_directions_of_the_road_that_the_server_loads():
+    with headless_server("--map", "rural") as server:
+        found = ask(
+            server,
+            """
+            town = world.get_map()
+            sides = [town.get_waypoint(carla.Location(1000.0, y, 0.0)) for y in (1.75, -1.75)]
+            ahead = [side.next(50.0)[0].transform.location.x for side in sides]
+            points = town.get_spawn_points()
+            agree = all(
+                abs((town.get_waypoint(point.location).transform.rotation.yaw
+                     - point.rotation.yaw + 180.0) % 360.0 - 180.0) < 1.0
+                for point in points)
+            synchronous()
+            manager = client.get_trafficmanager(int(sys.argv[2]))
+            manager.set_synchronous_mode(True)
+            cars = [
+                world.spawn_actor(
+                    world.get_blueprint_library().find("vehicle.audi.a2"), side.transform)
+                for side in sides]
+            for car in cars:
+                car.set_autopilot(True, manager.get_port())
+            for _ in range(200):
+                world.tick()
+            places = [car.get_location() for car in cars]
+            print(json.dumps({
+                "lanes": [side.lane_id for side in sides],
+                "ahead": ahead,
+                "spawn_points": [len(points), agree],
+                "moved": [place.x - 1000.0 for place in places],
+                "then": [town.get_waypoint(place).lane_id for place in places],
+            }))
+            """,
+        )
+    assert found["lanes"] == found["then"] == [-1, 1]
+    assert found["ahead"] == pytest.approx([1050.0, 950.0])
+    assert found["spawn_points"] == [334, True]
+    assert found["moved"][0] > 20.0
+    assert found["moved"][1] < -20.0

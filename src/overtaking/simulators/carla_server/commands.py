@@ -123,6 +123,8 @@ def apply_batch(
             done.append(RESULT.result(_run(session, one)))
         except (Refused, OvertakingError) as error:
             done.append(RESULT.error(str(error)))
+            if one.number == SPAWN:  # Many programs go on without the actor, and fail later.
+                session.unseen.append(str(error))
     if ticks and session.world.settings.synchronous:
         session.world.tick()
     return done

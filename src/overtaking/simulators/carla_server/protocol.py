@@ -45,7 +45,7 @@ class Session:
         world: The state of the server.
         managers: Address of each Traffic Manager that runs in a client, by port.
         own_managers: Ports of those that this client runs.
-        unseen: Errors that the client cannot see, until the server logs them.
+        unseen: Errors that the client may not see, until the server logs them.
     """
 
     world: World

@@ -169,7 +169,9 @@ class Server:
         text = (error if error.startswith(name) else f"{name}: {error}")[:MAX_TOLD_CHARACTERS]
         if text not in connection.told and len(connection.told) < MAX_TOLD:
             connection.told.add(text)
-            self._complain(f"client {connection.name} cannot see that a call had no effect: {text}")
+            self._complain(
+                f"client {connection.name} may not see that a call had no effect: {text}"
+            )
 
     def _complain(self, text: str) -> None:
         """Log a bad message, unless there were too many."""

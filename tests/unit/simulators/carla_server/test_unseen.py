@@ -54,7 +54,7 @@ def test_a_call_that_is_not_offered_is_told_once_for_each_client():
     assert len(log) == 2
     for line in log:
         assert line.endswith(
-            "cannot see that a call had no effect:"
+            "may not see that a call had no effect:"
             " open_vehicle_door: the headless server does not offer this call"
         )
 
@@ -85,6 +85,14 @@ def test_one_command_that_is_not_offered_leaves_the_others_of_its_batch():
     assert answers == [[[[1, 22]], [[0, [refused]]]], [[1, [3]]]]
     (line,) = log  # What comes behind a spawn has no answer of its own.
     assert line.endswith(f"apply_batch: {refused}")
+
+
+def test_a_spawn_that_a_batch_refuses_is_logged():
+    walker = [[0, [[1, "walker.pedestrian.0001", []], POSE, [False], 0, "", []]]]
+    log, answers = told(("apply_batch", [[False], [walker], False]))
+    assert answers == [[[[0, ["this headless server has no walkers"]]]]]
+    (line,) = log
+    assert line.endswith("apply_batch: this headless server has no walkers")
 
 
 def test_nobody_fills_the_log():
