@@ -83,9 +83,9 @@ def generate(
     out: options.OutPlace,
     made: options.Making,
     balanced: options.Balancing,
+    road: options.RoadChoice,
     profile_word: options.ProfileWord = None,
     profile: options.Profile = None,
-    map_file: options.Map = None,
     threads: options.Threads = None,
     engine: options.Engine = "auto",
     address: options.Address = None,
@@ -95,7 +95,7 @@ def generate(
     from overtaking.cli import arguments, making
 
     arguments.limit_threads(threads)
-    recipe = making.recipe(made, making.choose_profile(profile_word, profile), map_file)
+    recipe = making.recipe(made, making.choose_profile(profile_word, profile), road)
     recipe |= arguments.given(balance=making.balance(balanced))
     executor = {"engine": engine, "address": address, "workers": workers}
     making.make(output, out, recipe, made, executor=executor)
@@ -156,12 +156,11 @@ def export(
 
 def compare(
     output: Output,
+    road: options.RoadChoice,
     profile: options.ProfileWord = None,
     count: options.Count = None,
     seed: options.Seed = None,
     others: options.Others = "sumo",
-    map_file: options.Map = None,
-    road: options.Road = None,
     threads: options.Threads = None,
     changes: options.Changes = None,
 ) -> None:
@@ -178,7 +177,7 @@ def compare(
         profile=profile,
         simulations=count,
         seed=seed,
-        road=arguments.road(map_file, road),
+        road=arguments.road(road),
         overrides=arguments.overrides(changes or [], None),
     )
     with output.progress("simulations") as meter:

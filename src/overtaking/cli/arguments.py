@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.processors import THREADS_VARIABLE
+from overtaking.core.units import kmh_from_mps, mps_from_kmh
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.cli.options import Chosen
+    from overtaking.cli.options import Chosen, RoadChoice
     from overtaking.model.road import Road
+    from overtaking.recordings.opendrive_lanes import Side
 
 FRAME_INTERVAL_KEY = "profile.frame_interval_ms"
 MOST_NUMBERS = 1_000_000
@@ -112,22 +115,65 @@ def carla_simulator(driver: str) -> str:
     return names[driver]
 
 
-def road(map_file: str | None, name: str | None) -> Road | None:
+def road(choice: RoadChoice) -> Road | None:
     """The road that was asked for, None if it is the profile's.
 
     Args:
-        map_file: An OpenDRIVE file, or the name of a road of the package.
-        name: Id of a road in that file; without a file, the name of a road of the package.
+        choice: The options that choose it.
 
     Raises:
-        ConfigError: There is no such road.
+        ConfigError: There is no such road, or an option is for maps only.
         ImportFormatError: The file or the road cannot be used.
     """
-    if map_file is None and name is None:
+    given_side = cast("Side | None", choice.driving_side)
+    limit = speed_limit(choice.speed_limit)
+    name = choice.road if choice.map_file is None else choice.map_file
+    if name is None:
+        for option, value in (("--speed-limit", limit), ("--driving-side", given_side)):
+            if value is not None:
+                raise ConfigError.of(
+                    what=option,
+                    where="road",
+                    expected="a map whose road it changes",
+                    got="none",
+                    next_step="name an OpenDRIVE file with --map, or leave the option out",
+                )
         return None
     from overtaking.recordings.roads import load_road
 
-    return load_road(str(name)) if map_file is None else load_road(map_file, name)
+    road_id = None if choice.map_file is None else choice.road
+    return load_road(name, road_id, speed_limit=limit, driving_side=given_side)
+
+
+def speed_limit(text: str | None) -> float | None:
+    """The speed limit of an option [m/s], None without the option.
+
+    Args:
+        text: A number of km/h, or "none" where there is no limit.
+
+    Raises:
+        ConfigError: The text is neither.
+    """
+    if text is None:
+        return None
+    from overtaking.model.course import MAX_SPEED_LIMIT
+
+    if text.strip().lower() == "none":
+        return MAX_SPEED_LIMIT
+    try:
+        limit = mps_from_kmh(float(text))
+    except ValueError:
+        limit = math.nan
+    if not 0.0 < limit <= MAX_SPEED_LIMIT:
+        most = f"{kmh_from_mps(MAX_SPEED_LIMIT):g}"
+        raise ConfigError.of(
+            what="--speed-limit",
+            where="road",
+            expected=f"a number of km/h, more than 0 and at most {most}, or none",
+            got=text,
+            next_step="correct the limit",
+        )
+    return limit
 
 
 def numbers(text: str | None, where: str) -> list[int] | None:

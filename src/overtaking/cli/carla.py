@@ -72,6 +72,7 @@ def run(
     out: options.OutFolder,
     made: options.Making,
     profile: options.ProfileWord = None,
+    road: options.Road = None,
     driver: Driver = "own",
     server: Server = "headless",
 ) -> None:
@@ -80,7 +81,13 @@ def run(
 
     arguments.choose_carla(server)
     simulator = arguments.carla_simulator(driver)
-    making.make(output, out, making.recipe(made, profile), made, simulator=simulator)
+    making.make(
+        output,
+        out,
+        making.recipe(made, profile, options.RoadChoice(road=road)),
+        made,
+        simulator=simulator,
+    )
 
 
 def limits(output: Output, server: Server = "headless") -> None:

@@ -37,15 +37,15 @@ def drive(
     observe: Observe,
     out: options.OutPlace,
     made: options.Making,
+    road: options.RoadChoice,
     profile: options.ProfileWord = None,
     action: Action = "accel_lane",
     hold: Hold = 1,
-    map_file: options.Map = None,
 ) -> None:
     """Let a policy drive every ego, and write a labelled data set."""
     from overtaking import api
     from overtaking.cli import making
 
     driver = api.driver_of(policy, observe, action=action, hold=hold)
-    recipe = making.recipe(made, profile, map_file)
+    recipe = making.recipe(made, profile, road)
     making.make(output, out, recipe | {"driver": driver}, made)

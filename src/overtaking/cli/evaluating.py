@@ -60,6 +60,7 @@ Films = Annotated[
 def evaluate(
     output: Output,
     policy: Policy,
+    road: options.RoadChoice,
     profile: Profile = None,
     against: Against = "human,stay",
     observe: Observe = None,
@@ -71,8 +72,6 @@ def evaluate(
     benchmark: Benchmark = None,
     out: reproducing.Page = None,
     films: Films = FILMS,
-    map_file: options.Map = None,
-    road: options.Road = None,
     threads: options.Threads = None,
     changes: options.Changes = None,
 ) -> None:
@@ -95,7 +94,7 @@ def evaluate(
         seed=seed,
         as_met=as_met or None,
         overrides=arguments.overrides(changes or [], None) or None,
-        road=arguments.road(map_file, road),
+        road=arguments.road(road),
     )
     with output.progress("simulations") as meter:
         if benchmark is not None:

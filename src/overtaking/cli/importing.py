@@ -42,13 +42,6 @@ Vehicles = Annotated[
 Lanelet = Annotated[
     int | None, options.option("--lanelet ID", "With commonroad: a lanelet of the road to use.")
 ]
-DrivingSide = Annotated[
-    str | None,
-    options.option(
-        "--driving-side left|right",
-        "With commonroad: side of the road that traffic keeps to.  [default: the file's]",
-    ),
-]
 Direction = Annotated[
     int | None, options.option("--direction 1|2", "With highd: only the upper or the lower lanes.")
 ]
@@ -113,17 +106,15 @@ def import_recording(
     file_format: RecordingFormat,
     file: RecordingFile,
     out: options.OutFolder,
+    road: options.RoadChoice,
     attempts_only: AttemptsOnly = None,
     vehicles: Vehicles = None,
     lanelet: Lanelet = None,
-    driving_side: DrivingSide = None,
     direction: Direction = None,
     columns: Columns = None,
     only: Only = None,
     smooth: Smooth = None,
     template: Template = False,
-    map_file: options.Map = None,
-    road: options.Road = None,
     engine: options.Engine = "auto",
     workers: options.Workers = None,
     address: options.Address = None,
@@ -148,9 +139,8 @@ def import_recording(
         attempts_only=attempts_only or None,
         vehicles=vehicles,
         lanelet=lanelet,
-        driving_side=driving_side,
         direction=direction,
-        road=arguments.road(map_file, road),
+        **_of_road(road),
     )
     how = {"workers": workers, "address": address}
     if file.is_dir():
@@ -169,6 +159,16 @@ def import_recording(
 
 # `import` is a keyword, so the function has another name than the command.
 import_recording.__name__ = "import"
+
+
+def _of_road(choice: options.RoadChoice) -> dict[str, Any]:
+    """The road of a map, or without a map what the options state of the recording's own road."""
+    from overtaking.cli import arguments
+
+    if choice.map_file is None and choice.road is None:
+        limit = arguments.speed_limit(choice.speed_limit)
+        return arguments.given(speed_limit=limit, driving_side=choice.driving_side)
+    return {"road": arguments.road(choice)}
 
 
 def _refuse_of_file(**given: Any) -> None:

@@ -16,26 +16,26 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Self
 
-    from overtaking.cli.options import Balancing, Making
+    from overtaking.cli.options import Balancing, Making, RoadChoice
     from overtaking.cli.output import Meter, Output
     from overtaking.data.balance import Balance
     from overtaking.data.estimate import Estimate
 
 
-def recipe(made: Making, profile: str | None, map_file: str | None = None) -> dict[str, Any]:
+def recipe(made: Making, profile: str | None, road: RoadChoice) -> dict[str, Any]:
     """The arguments of `api.generate` that the user gave.
 
     Args:
         made: The options of the simulations.
         profile: The profile.
-        map_file: The file of the road.
+        road: The options that choose the road.
     """
     return arguments.given(
         profile=profile,
         simulations=made.count,
         seed=made.seed,
         keep=made.keep,
-        road=arguments.road(map_file, made.road),
+        road=arguments.road(road),
         overrides=arguments.overrides(made.changes or [], made.frame_interval_ms),
     )
 

@@ -108,6 +108,32 @@ Road = Annotated[
         "--road ID|NAME", "Id of a road of --map; without --map the name of a road of the package."
     ),
 ]
+SpeedLimit = Annotated[
+    str | None,
+    option(
+        "--speed-limit KMH|none",
+        "Speed limit of the road in place of the file's [km/h]; none: there is no limit.",
+    ),
+]
+DrivingSide = Annotated[
+    str | None,
+    option(
+        "--driving-side left|right",
+        "Side of the road that traffic keeps to, in place of the file's.",
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoadChoice:
+    """The options that choose a road."""
+
+    map_file: Map = None
+    road: Road = None
+    speed_limit: SpeedLimit = None
+    driving_side: DrivingSide = None
+
+
 Plot = Annotated[Path | None, option("--plot FILE", "Draw the figures to a .png or .svg file.")]
 Keep = Annotated[
     str | None,
@@ -165,7 +191,6 @@ class Making:
 
     count: Count = None
     seed: Seed = None
-    road: Road = None
     keep: Keep = None
     resume: Resume = False
     yes: Yes = False

@@ -2,18 +2,20 @@
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.core.units import kmh_from_mps
+from overtaking.model.course import MAX_SPEED_LIMIT
 
 if TYPE_CHECKING:
     from rich.console import Group
 
     from overtaking.model.road import Road
+    from overtaking.recordings.opendrive_lanes import Side
     from overtaking.recordings.opendrive_map import MappedRoad
 
 MapFile = Annotated[Path, typer.Argument(metavar="FILE", help="OpenDRIVE file, not compressed.")]
@@ -23,7 +25,12 @@ WithJunctions = Annotated[
 
 
 def roads(
-    output: Output, file: MapFile, plot: options.Plot = None, with_junctions: WithJunctions = False
+    output: Output,
+    file: MapFile,
+    plot: options.Plot = None,
+    with_junctions: WithJunctions = False,
+    speed_limit: options.SpeedLimit = None,
+    driving_side: options.DrivingSide = None,
 ) -> None:
     """List the roads of an OpenDRIVE file.
 
@@ -33,7 +40,8 @@ def roads(
     from overtaking.cli import arguments
 
     figure = arguments.figure_file(plot)
-    found = api.map_roads(file)
+    limit = arguments.speed_limit(speed_limit)
+    found = api.map_roads(file, speed_limit=limit, driving_side=cast("Side | None", driving_side))
     if figure is not None:
         api.plot_map(found, figure)
     values = values_of(file, found, with_junctions=with_junctions)
@@ -99,7 +107,7 @@ def render(values: dict[str, Any]) -> "Group":
             f"{road['lanes_right']} + {road['lanes_left']}",
             "straight" if radius is None else f"R {radius:,.0f} m",
             "" if slope is None else f"{100.0 * slope:.1f} %",
-            " to ".join(f"{limit:.0f}" for limit in _ends(road["limits_kmh"] or [])),
+            " to ".join(map(_limit, _ends(road["limits_kmh"] or []))),
             road["leads_to"] or "",
             _how(road) if road["can_be_simulated"] else Text(_short(road["refusal"])),
         )
@@ -114,6 +122,11 @@ def render(values: dict[str, Any]) -> "Group":
         ways = "way across a junction" if number == 1 else "ways across junctions"
         parts.append(Text(f"{number} {ways} left out; --junctions lists them."))
     return Group(*parts)
+
+
+def _limit(limit_kmh: float) -> str:
+    """A limit, or that there is none, which the highest limit of the model stands for."""
+    return "none" if limit_kmh >= kmh_from_mps(MAX_SPEED_LIMIT) else f"{limit_kmh:.0f}"
 
 
 def _ends(values: list[float]) -> list[float]:

@@ -8,10 +8,10 @@ def run(
     output: Output,
     out: options.OutFolder,
     made: options.Making,
+    road: options.RoadChoice,
     profile: options.ProfileWord = None,
-    map_file: options.Map = None,
 ) -> None:
     """Simulate scenarios on SUMO and write a labelled data set."""
     from overtaking.cli import making
 
-    making.make(output, out, making.recipe(made, profile, map_file), made, simulator="sumo")
+    making.make(output, out, making.recipe(made, profile, road), made, simulator="sumo")

@@ -23,12 +23,11 @@ Recordings = Annotated[
 def validate(
     output: Output,
     profile: Profile,
+    road: options.RoadChoice,
     count: Count = COUNT,
     seed: options.Seed = None,
     plot: options.Plot = None,
     recordings: Recordings = None,
-    map_file: options.Map = None,
-    road: options.Road = None,
     threads: options.Threads = None,
     changes: options.Changes = None,
 ) -> int:
@@ -48,7 +47,7 @@ def validate(
             count,
             1 if seed is None else seed,
             overrides=arguments.overrides(changes or [], None),
-            road=arguments.road(map_file, road),
+            road=arguments.road(road),
             progress=meter,
             recordings=recordings,
         )

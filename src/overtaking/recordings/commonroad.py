@@ -30,6 +30,7 @@ from overtaking.recordings.commonroad_road import Network, Stretch, chosen_road,
 from overtaking.recordings.commonroad_side import side_of_traffic
 from overtaking.recordings.countries import speed_unit
 from overtaking.recordings.messages import refused, shown
+from overtaking.recordings.origins import origin_near
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
     Recording,
@@ -52,7 +53,6 @@ VERSIONS = ("2018b", "2020a")
 _TRUCKS = ("truck", "bus")
 _MOTORWAYS = ("highway", "interstate")
 _MAX_STEP_S = 1.0
-_FAR = 1.0e6  # World coordinates beyond this are shifted: millimetres in int32 end at 2147 km.
 _READ = frozenset(
     {"lanelet", "dynamicObstacle", "obstacle", "trafficSign", "scenarioTags", "location"}
 )
@@ -214,9 +214,9 @@ class _Document:
     def move_near(self) -> None:
         """Bring lanelets and vehicles near the origin, by whole kilometres, if they are far."""
         corners = np.array([corner for one in self.lanelets.values() for corner in one.box])
-        if np.abs(corners).max() <= _FAR:
+        self.shift = np.array(origin_near(*corners.T))
+        if not self.shift.any():
             return
-        self.shift = np.round(corners.min(axis=0) / 1000.0) * 1000.0
         self.lanelets = {number: one.moved(self.shift) for number, one in self.lanelets.items()}
         for one in self.obstacles.values():
             one.states[:, :2] -= self.shift

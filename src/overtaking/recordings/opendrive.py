@@ -18,13 +18,13 @@ from pathlib import Path
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.course import MAX_SPEED_LIMIT
-from overtaking.model.road import Road
+from overtaking.model.road import DrivingSide, Road
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.opendrive_lanes import OTHER_SIDE, Side
-from overtaking.recordings.opendrive_route import join_roads, read_part
+from overtaking.recordings.opendrive_route import Choice, join_roads, read_part
 from overtaking.recordings.xml import Element, elements
 
-_SKIPPED = frozenset(["objects", "signals", "surface", "railroad", "userData", "include"])
+_SKIPPED = frozenset(["objects", "surface", "railroad", "include"])
 _MAX_LISTED = 6
 
 
@@ -34,6 +34,7 @@ def read_opendrive(
     *,
     lanes: Side | None = None,
     speed_limit: float | None = None,
+    driving_side: Side | None = None,
 ) -> Road:
     """One road of an OpenDRIVE file, or several that lead to each other.
 
@@ -45,16 +46,19 @@ def read_opendrive(
             the line are taken, or the others where there are no such lanes.
         speed_limit: Limit in place of all of the file's [m/s]. Where neither states one, the
             general limit of Portuguese law for the kind of road holds.
+        driving_side: Side of the road that traffic keeps to, in place of the file's. That is the
+            `rule` of the road, or what the directions of its lanes or the countries of its signals
+            show; without any of them the right.
 
     Returns:
         The road, named after file and id, and its part of the file's road if it is not all of it.
 
     Raises:
-        ConfigError: `lanes` or `speed_limit` is out of range.
+        ConfigError: `lanes`, `speed_limit` or `driving_side` is out of range.
         ImportFormatError: The file is no such OpenDRIVE, or the road is of a shape that is not
             supported; the message names file, line, element, road and reason.
     """
-    _check_choice(lanes, speed_limit)
+    choice = road_choice(lanes, speed_limit, driving_side)
     file = Path(path)
     wanted = None if road_id is None else str(road_id)
     route = () if wanted is None else tuple(one.strip() for one in wanted.split(","))
@@ -69,19 +73,23 @@ def read_opendrive(
             for one in route:
                 if ids.count(one) != 1:
                     raise _unclear(file, one, ids)
-            return join_roads(file, [by_id[one] for one in route], lanes, speed_limit).road
+            return join_roads(file, [by_id[one] for one in route], choice).road
         if len(found) != 1:
             raise _unclear(file, wanted, ids)
-        return read_part(file, found[0], lanes, speed_limit).road
+        return read_part(file, found[0], choice).road
     except ImportFormatError as error:
         if len(ids) < 2:
             raise
-        fit = _drivable(survey_opendrive(file, lanes=lanes, speed_limit=speed_limit))
+        fit = _drivable(_survey(file, choice))
         raise ImportFormatError(f"{error}; {fit}") from None
 
 
 def survey_opendrive(
-    path: str | Path, *, lanes: Side | None = None, speed_limit: float | None = None
+    path: str | Path,
+    *,
+    lanes: Side | None = None,
+    speed_limit: float | None = None,
+    driving_side: Side | None = None,
 ) -> dict[str, Road | ImportFormatError]:
     """Every road of an OpenDRIVE file, or the reason why it cannot be used, by id.
 
@@ -89,15 +97,21 @@ def survey_opendrive(
         path: The file.
         lanes: As for `read_opendrive`.
         speed_limit: As for `read_opendrive` [m/s].
+        driving_side: As for `read_opendrive`.
 
     Raises:
         ImportFormatError: The file as a whole cannot be read.
     """
+    return _survey(Path(path), road_choice(lanes, speed_limit, driving_side))
+
+
+def _survey(path: Path, choice: Choice) -> dict[str, Road | ImportFormatError]:
+    """Every road of a file, or the reason why it cannot be used, by id."""
     verdicts: dict[str, Road | ImportFormatError] = {}
-    for road in roads_in(Path(path)):
+    for road in roads_in(path):
         name = shown(road.attribute("id"))
         try:
-            verdicts[name] = read_part(Path(path), road, lanes, speed_limit).road
+            verdicts[name] = read_part(path, road, choice).road
         except ImportFormatError as error:
             verdicts[name] = error
     return verdicts
@@ -117,10 +131,17 @@ def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
     return f"roads with two or more lanes in one direction: --road {named}"
 
 
-def _check_choice(lanes: str | None, speed_limit: float | None) -> None:
-    """Refuse what a caller cannot ask for."""
-    if lanes is not None and lanes not in OTHER_SIDE:
-        raise ConfigError.not_among("lanes", "read_opendrive", OTHER_SIDE, repr(lanes))
+def road_choice(
+    lanes: Side | None = None, speed_limit: float | None = None, driving_side: Side | None = None
+) -> Choice:
+    """What a caller states of a road.
+
+    Raises:
+        ConfigError: A side is unknown, or the limit is out of range.
+    """
+    for name, side in (("lanes", lanes), ("driving_side", driving_side)):
+        if side is not None and side not in OTHER_SIDE:
+            raise ConfigError.not_among(name, "read_opendrive", OTHER_SIDE, repr(side))
     if speed_limit is not None and not 0.0 < speed_limit <= MAX_SPEED_LIMIT:
         raise ConfigError.of(
             what="speed_limit",
@@ -129,6 +150,11 @@ def _check_choice(lanes: str | None, speed_limit: float | None) -> None:
             got=f"{speed_limit:g} m/s",
             next_step="pass a limit in m/s",
         )
+    return Choice(
+        lanes=lanes,
+        speed_limit=speed_limit,
+        driving_side=None if driving_side is None else DrivingSide(driving_side),
+    )
 
 
 def roads_in(

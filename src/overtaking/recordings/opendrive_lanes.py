@@ -1,12 +1,20 @@
 """Lanes of an OpenDRIVE road: their order, width and marks, wherever one of them is stated anew."""
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, NamedTuple, Self
 
-from overtaking.model.road import MAX_LANE_WIDTH, MAX_LANES, MIN_LANE_WIDTH, RoadMark
+from overtaking.model.road import (
+    MAX_LANE_WIDTH,
+    MAX_LANES,
+    MIN_LANE_WIDTH,
+    DrivingSide,
+    RoadMark,
+)
+from overtaking.recordings.countries import keeps_left
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_limits import kind_at, limit_at
 from overtaking.recordings.opendrive_shape import (
@@ -23,6 +31,11 @@ from overtaking.recordings.xml import Element
 
 Side = Literal["right", "left"]
 """Side of a file's reference line, looking along it."""
+
+Direction = Literal["along", "against", "both", "unstated"]
+"""Direction of traffic by the file's reference line."""
+
+SIDES: tuple[Side, Side] = ("right", "left")
 
 OTHER_SIDE: dict[Side, Side] = {"right": "left", "left": "right"}
 
@@ -52,6 +65,7 @@ class LaneRecords:
         element: The `<lane>`.
         lane_id: Its id.
         kind: Its type.
+        direction: Where its traffic goes, as far as the file says so of the lane itself.
         widths: Its width [m].
         marks: Its `<roadMark>` elements.
         speeds: Its `<speed>` elements.
@@ -60,12 +74,13 @@ class LaneRecords:
     element: Element
     lane_id: int
     kind: str
+    direction: Direction
     widths: Profile
     marks: Records
     speeds: Records
 
     @classmethod
-    def of(cls, element: Element, origin: float) -> Self:
+    def of(cls, element: Element, origin: float, direction: Direction = "unstated") -> Self:
         """The records of a `<lane>` whose section begins at `origin` [m]."""
         marks, speeds = (
             Records.of(element.all(name), origin=origin, station="sOffset")
@@ -75,6 +90,7 @@ class LaneRecords:
             element=element,
             lane_id=element.integer("id"),
             kind=element.attribute("type", default=""),
+            direction=direction,
             widths=Profile.of(element.all("width"), origin=origin, station="sOffset"),
             marks=marks,
             speeds=speeds,
@@ -196,6 +212,7 @@ class SideSections:
                 raise out_of_order(element, "s")
         if not length > TOLERANCE:
             raise road.error("attribute length", "more than 0 m", f"{length:g} m")
+        rule = stated_rule(road) or DrivingSide.RIGHT
         of_side = [
             (element, start)
             for element, start in zip(elements, starts, strict=True)
@@ -207,7 +224,7 @@ class SideSections:
                 element=element,
                 start=start,
                 end=end,
-                lanes=_side_lanes(element, side, start),
+                lanes=_side_lanes(element, side, start, rule),
                 centre=_centre_lane(element, start),
             )
             for (element, start), end in zip(of_side, ends, strict=False)
@@ -221,9 +238,9 @@ class SideSections:
         return None if index < 0 else self.sections[index]
 
     @property
-    def has_driving_lanes(self) -> bool:
-        """Whether the side has a driving lane anywhere."""
-        return any(section.driving for section in self.sections)
+    def driving(self) -> list[LaneRecords]:
+        """The driving lanes of all sections."""
+        return [lane for section in self.sections for lane in section.driving]
 
 
 def _states_side(section: Element, side: Side) -> bool:
@@ -234,8 +251,16 @@ def _states_side(section: Element, side: Side) -> bool:
     return group is not None and bool(group.all("lane"))
 
 
-def _side_lanes(section: Element, side: Side, origin: float) -> tuple[LaneRecords, ...]:
-    """The lanes on one side of a section that begins at `origin` [m], outward.
+def _side_lanes(
+    section: Element, side: Side, origin: float, rule: DrivingSide
+) -> tuple[LaneRecords, ...]:
+    """The lanes on one side of a section, outward.
+
+    Args:
+        section: The `<laneSection>`.
+        side: The side.
+        origin: Station where the section begins [m].
+        rule: Side of traffic by the `rule` of the road.
 
     Raises:
         ImportFormatError: Their ids are not -1, -2, ... or 1, 2, ...
@@ -252,7 +277,101 @@ def _side_lanes(section: Element, side: Side, origin: float) -> tuple[LaneRecord
                 f"ids {sign}, {2 * sign}, ... without gaps in <{side}>",
                 lane.attribute("id"),
             )
-    return tuple(LaneRecords.of(lane, origin) for lane in lanes)
+    return tuple(LaneRecords.of(lane, origin, _direction(lane, side, rule)) for lane in lanes)
+
+
+_TRAVEL: dict[str, Direction] = {
+    "forward": "along",
+    "backward": "against",
+    "bidirectional": "both",
+}
+"""RoadRunner's `travelDir` in the user data of lanes; any other states nothing."""
+
+
+def _direction(lane: Element, side: Side, rule: DrivingSide) -> Direction:
+    """Where the traffic of a lane goes.
+
+    Args:
+        lane: The `<lane>`.
+        side: Side of the reference line on which it lies.
+        rule: Side of traffic by the `rule` of the road, to which `direction` refers.
+    """
+    stated = lane.attribute("direction", default="standard").strip()
+    if stated == "both":
+        return "both"
+    if stated == "reversed":
+        return "against" if runs_along(side, rule) else "along"
+    for data in lane.all("userData"):
+        for element in (data, *data.children):
+            is_code = element.attributes.get("code") == "travelDir"
+            name = "value" if is_code else "travelDir"
+            travel = _TRAVEL.get(element.attributes.get(name, ""))
+            if travel is not None:
+                return travel
+    return "unstated"
+
+
+def runs_along(side: Side, driving_side: DrivingSide) -> bool:
+    """Whether the lanes on a side of the reference line run along it."""
+    return (side == "right") == (driving_side is DrivingSide.RIGHT)
+
+
+_RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
+
+
+def stated_rule(road: Element) -> DrivingSide | None:
+    """The side of traffic by the `rule` of a road, None where it states none."""
+    rule = road.attribute("rule", default="").strip()
+    if rule and rule not in _RULES:
+        raise road.error("attribute rule", " or ".join(_RULES), f'"{shown(rule)}"')
+    return _RULES.get(rule)
+
+
+def side_of_traffic(road: Element, length: float) -> DrivingSide:
+    """The side of the road that traffic keeps to.
+
+    On a road with driving lanes of both directions, and on one without a `rule`, the directions of
+    its lanes decide if they state any; else the `rule`; without one the countries of its signals.
+
+    Args:
+        road: The `<road>`.
+        length: Its length [m].
+
+    Raises:
+        ImportFormatError: The rule is none of OpenDRIVE's, or the lanes are damaged.
+    """
+    rule = stated_rule(road)
+    default = rule or _side_of_signals(road)
+    right, left = (
+        [
+            lane
+            for section in SideSections.of(road, side, length).sections
+            for lane in section.driving
+        ]
+        for side in SIDES
+    )
+    lanes = [*((lane, True) for lane in right), *((lane, False) for lane in left)]
+    votes = Counter[DrivingSide]()
+    for lane, is_right in lanes:
+        if lane.direction == "unstated":
+            votes[default] += 1
+        elif lane.direction != "both":
+            keeps_right = (lane.direction == "along") == is_right
+            votes[DrivingSide.RIGHT if keeps_right else DrivingSide.LEFT] += 1
+    if votes[default.opposite] > votes[default] and (rule is None or (right and left)):
+        return default.opposite
+    return default
+
+
+def _side_of_signals(road: Element) -> DrivingSide:
+    """The side of traffic in the country that most signals of a road name; else the right."""
+    signals = road.optional("signals")
+    codes = (
+        [] if signals is None else [one.attributes.get("country", "") for one in signals.children]
+    )
+    countries = Counter(code for code in codes if len(code) in (2, 3))
+    most_common = countries.most_common(1)
+    return DrivingSide.LEFT if most_common and keeps_left(most_common[0][0]) else DrivingSide.RIGHT
 
 
 def _centre_lane(section: Element, origin: float) -> LaneRecords | None:
@@ -277,6 +396,10 @@ class Strip(NamedTuple):
     width: float
     inner_mark: RoadMark
     outer_mark: RoadMark
+
+    def turned(self) -> Self:
+        """The lane with its lines swapped."""
+        return self._replace(inner_mark=self.outer_mark, outer_mark=self.inner_mark)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -349,7 +472,12 @@ def _beside_alike(before: Strip | None, after: Strip | None) -> bool:
 
 
 def cells(
-    road: Element, *, side: Side, length: float, speed_limit: float | None = None
+    road: Element,
+    *,
+    side: Side,
+    length: float,
+    speed_limit: float | None = None,
+    driving_side: DrivingSide = DrivingSide.RIGHT,
 ) -> list[Cell | Unfit]:
     """The stretches of one side of a road, in its order, or why they do not fit.
 
@@ -358,6 +486,7 @@ def cells(
         side: "right" or "left" of the reference line.
         length: Length of the road [m].
         speed_limit: Limit in place of the file's [m/s].
+        driving_side: Side of the road that traffic keeps to.
 
     Raises:
         ImportFormatError: The file is damaged.
@@ -370,7 +499,9 @@ def cells(
         stations += section.stations
     cells: list[Cell | Unfit] = []
     for start, end in _between(stations, length):
-        here = _CrossSection(road, side, start, end, near.at(start), far.at(start))
+        sections = near.at(start), far.at(start)
+        along = runs_along(side, driving_side)
+        here = _CrossSection(road, side, start, end, *sections, along=along)
         try:
             banking.check_flat(start, end)
             cell = _cell(here, kind_at(types, start))
@@ -419,6 +550,7 @@ class _CrossSection(NamedTuple):
         end: Station where it ends [m].
         near: The lane section of the chosen side, None where it has none.
         far: The same of the other side.
+        along: Whether traffic of the chosen side runs along the reference line.
     """
 
     road: Element
@@ -427,6 +559,11 @@ class _CrossSection(NamedTuple):
     end: float
     near: SideSection | None
     far: SideSection | None
+    along: bool
+
+    def is_oncoming(self, lane: LaneRecords) -> bool:
+        """Whether the traffic of a lane runs against that of the chosen side."""
+        return lane.direction == ("against" if self.along else "along")
 
     @property
     def speeds(self) -> list[Records]:
@@ -457,8 +594,15 @@ class _CrossSection(NamedTuple):
         return latest.centre.mark_at(self.start)
 
     def _speeds(self, section: SideSection | None) -> list[Records]:
+        is_near = section is self.near
         lanes = () if section is None else section.lanes
-        return [lane.speeds for lane in lanes if lane.kind == DRIVING and self._has_width(lane)]
+        return [
+            lane.speeds
+            for lane in lanes
+            if lane.kind == DRIVING
+            and self._has_width(lane)
+            and not (is_near and self.is_oncoming(lane))
+        ]
 
     def _has_width(self, lane: LaneRecords) -> bool:
         # A record that begins within the tolerance behind the start holds from the start on.
@@ -537,13 +681,18 @@ def _cell(here: _CrossSection, kind: str) -> Cell:
         _check_driving(lane.lane, width)
         strips.append(lane.measured(width))
     across = not any(max(width.extremes(here.end - here.start)) > TOLERANCE for width in inside)
-    inward = here.strips(OTHER_SIDE[here.side]) if across else lanes[:first][::-1]
+    inner_neighbour = _first_wide(
+        here, here.strips(OTHER_SIDE[here.side]) if across else lanes[:first][::-1]
+    )
+    if first and inner_neighbour is not None and here.is_oncoming(lanes[first - 1].lane):
+        # An oncoming lane on this side of the reference line: its inner line is that to the road.
+        across, inner_neighbour = True, inner_neighbour.turned()
     return Cell(
         start=here.start,
         end=here.end,
         strips=tuple(strips),
         inner=inner,
-        inner_neighbour=_first_wide(here, inward),
+        inner_neighbour=inner_neighbour,
         outer_neighbour=_first_wide(here, lanes[last + 1 :]),
         across=across,
         kind=kind,
@@ -571,21 +720,38 @@ def _first_wide(here: _CrossSection, lanes: Sequence[_MarkedLane]) -> Strip | No
 
 def _driving_block(here: _CrossSection, lanes: Sequence[_MarkedLane]) -> tuple[int, int]:
     """First and last position of the driving lanes; ImportFormatError unless they are adjacent."""
-    block = [index for index, marked in enumerate(lanes) if marked.lane.kind == DRIVING]
+    driving = [index for index, marked in enumerate(lanes) if marked.lane.kind == DRIVING]
+    block = [index for index in driving if not here.is_oncoming(lanes[index].lane)]
     where = f"at s = {here.start:.1f} m"
+    if driving and not block:
+        raise _unfit_direction(lanes[driving[0]].lane)
     if not 1 <= len(block) <= MAX_LANES:
         wanted = f"1 to {MAX_LANES} driving lanes"
         raise unfit(here.element, f"{where}, {here.side} side", wanted, str(len(block)))
     if block[-1] - block[0] >= len(block):
-        inside = (marked.lane for marked in lanes[block[0] :])
-        between = next(lane for lane in inside if lane.kind != DRIVING)
+        between = next(
+            lanes[index].lane for index in range(block[0], block[-1]) if index not in block
+        )
         raise unfit(
             between.element,
             f"{between.lane_id} {where}",
             "driving lanes side by side",
             f'"{shown(between.kind)}" between two of them',
         )
+    if driving[-1] > block[-1]:
+        raise _unfit_direction(lanes[driving[-1]].lane)
     return block[0], block[-1]
+
+
+def _unfit_direction(lane: LaneRecords) -> Unfit:
+    """The error for a driving lane whose traffic does not go where that of its side goes."""
+    return unfit(
+        lane.element,
+        f"{lane.lane_id} has a direction",
+        "that of the lanes on its side of the reference line",
+        lane.direction,
+        "choose another road, or state the side of traffic with --driving-side",
+    )
 
 
 def _check_driving(lane: LaneRecords, width: float) -> None:
@@ -597,9 +763,5 @@ def _check_driving(lane: LaneRecords, width: float) -> None:
             f"{MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m",
             f"{width:.3f} m",
         )
-    direction = lane.element.attribute("direction", default="standard")
-    if direction != "standard":
-        wanted = '"standard"'
-        raise unfit(
-            lane.element, f"{lane.lane_id} has a direction", wanted, f'"{shown(direction)}"'
-        )
+    if lane.direction == "both":
+        raise _unfit_direction(lane)

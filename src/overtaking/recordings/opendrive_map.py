@@ -7,10 +7,10 @@ from overtaking.core.errors import ImportFormatError
 from overtaking.model.line import ReferenceLine
 from overtaking.model.road import Road
 from overtaking.recordings.messages import shown
-from overtaking.recordings.opendrive import roads_in
+from overtaking.recordings.opendrive import road_choice, roads_in
 from overtaking.recordings.opendrive_lanes import Side, SideSections
 from overtaking.recordings.opendrive_plan import plan
-from overtaking.recordings.opendrive_route import Part, first_way, is_in_junction, read_part
+from overtaking.recordings.opendrive_route import Choice, Part, first_way, is_in_junction, read_part
 from overtaking.recordings.opendrive_shape import Profile
 from overtaking.recordings.xml import Element
 
@@ -54,21 +54,27 @@ class MappedRoad:
         return 1.0 / sharpest if sharpest > 0.0 else None
 
 
-def map_roads(path: str | Path) -> list[MappedRoad]:
+def map_roads(
+    path: str | Path, *, speed_limit: float | None = None, driving_side: Side | None = None
+) -> list[MappedRoad]:
     """Every road of an OpenDRIVE file, in its order.
 
     A road that is damaged is listed with the reason; the others are read all the same.
 
     Args:
         path: The file, not compressed.
+        speed_limit: Limit in place of all of the file's [m/s].
+        driving_side: Side of the road that traffic keeps to, in place of the file's.
 
     Raises:
+        ConfigError: The limit is out of range, or the side unknown.
         ImportFormatError: The file as a whole cannot be read.
     """
-    return [_mapped(Path(path), road) for road in roads_in(Path(path))]
+    choice = road_choice(speed_limit=speed_limit, driving_side=driving_side)
+    return [_mapped(Path(path), road, choice) for road in roads_in(Path(path))]
 
 
-def _mapped(path: Path, road: Element) -> MappedRoad:
+def _mapped(path: Path, road: Element, choice: Choice) -> MappedRoad:
     """One road from its element."""
     line, steepest, length, right, left = None, None, 0.0, 0, 0
     leads_to, route, refusal = None, None, None
@@ -76,8 +82,8 @@ def _mapped(path: Path, road: Element) -> MappedRoad:
         length = road.number("length")
         right, left = (_most_lanes(road, side, length) for side in ("right", "left"))
         line, steepest = plan(road), _steepest(road, length)
-        leads_to = first_way(road, None).leads_to
-        route = read_part(path, road)
+        leads_to = first_way(road, choice).leads_to
+        route = read_part(path, road, choice)
     except ImportFormatError as error:
         refusal = str(error)
     return MappedRoad(

@@ -29,6 +29,8 @@ from overtaking.recordings.opendrive_lanes import (
     SideSections,
     Strip,
     cells,
+    runs_along,
+    side_of_traffic,
 )
 from overtaking.recordings.opendrive_plan import (
     MAX_KINK,
@@ -45,12 +47,11 @@ from overtaking.recordings.opendrive_shape import (
     straight_line,
     unfit,
 )
+from overtaking.recordings.origins import origin_near
 from overtaking.recordings.xml import Element
 
 Stretch = tuple[float, float, Cell]
 """Where a cell begins and ends on the road of the model [m], and the cell."""
-
-_RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,19 +92,32 @@ class Route:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """A road of the file as a route takes it: its element, length, side, and direction."""
+    """A road of the file as a route takes it.
+
+    Attributes:
+        element: The `<road>`.
+        length: Its length [m].
+        side: Side of its reference line on which the driving lanes lie.
+        along: Whether they run along the line.
+        driving_side: Side of the road that traffic keeps to.
+    """
 
     element: Element
     length: float
     side: Side
     along: bool
+    driving_side: DrivingSide
 
     @classmethod
-    def of(cls, road: Element, *, along: bool) -> Self:
+    def of(cls, road: Element, driving_side: DrivingSide, *, along: bool) -> Self:
         """A road driven along its reference line or against it."""
-        right = along == (_driving_side(road) is DrivingSide.RIGHT)
+        right = along == (driving_side is DrivingSide.RIGHT)
         return cls(
-            element=road, length=_length(road), side="right" if right else "left", along=along
+            element=road,
+            length=_length(road),
+            side="right" if right else "left",
+            along=along,
+            driving_side=driving_side,
         )
 
     def exit(self) -> Element | None:
@@ -121,48 +135,63 @@ class Way:
         return None if link is None else link.attribute("elementId")
 
 
-def read_part(
-    path: Path, road: Element, lanes: Side | None = None, speed_limit: float | None = None
-) -> Route:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What a caller states of a road, None where the file decides.
+
+    Attributes:
+        lanes: Side of the reference line on which the driving lanes lie.
+        speed_limit: Limit in place of the file's [m/s].
+        driving_side: Side of the road that traffic keeps to.
+    """
+
+    lanes: Side | None = None
+    speed_limit: float | None = None
+    driving_side: DrivingSide | None = None
+
+
+AS_IN_FILE = Choice()
+"""No choice: the file decides."""
+
+
+def read_part(path: Path, road: Element, choice: Choice = AS_IN_FILE) -> Route:
     """The longest stretch of a road on which its lanes stay the same.
 
     Args:
         path: The file, for the name of the road.
         road: The `<road>`.
-        lanes: As for `read_opendrive`.
-        speed_limit: As for `read_opendrive` [m/s].
+        choice: What the caller states.
 
     Raises:
         ImportFormatError: The road is of a shape that is not supported.
     """
     road.belongs_to(f"road {shown(road.attribute('id'))}")
     _check_outside_junctions(road)
-    return _route(path, [first_way(road, lanes)], speed_limit)
+    return _route(path, [first_way(road, choice)], choice.speed_limit)
 
 
-def first_way(road: Element, lanes: Side | None) -> Way:
+def first_way(road: Element, choice: Choice = AS_IN_FILE) -> Way:
     """A road driven on lanes of a side; without a choice as `read_opendrive` chooses."""
-    driving_side = _driving_side(road)
-    side = lanes or _default_side(road, driving_side, _length(road))
-    return Way.of(road, along=(side == "right") == (driving_side is DrivingSide.RIGHT))
+    length = _length(road)
+    driving_side = choice.driving_side or side_of_traffic(road, length)
+    side = choice.lanes or _default_side(road, driving_side, length)
+    return Way.of(road, driving_side, along=runs_along(side, driving_side))
 
 
-def join_roads(
-    path: Path, roads: Sequence[Element], lanes: Side | None, speed_limit: float | None
-) -> Route:
+def join_roads(path: Path, roads: Sequence[Element], choice: Choice = AS_IN_FILE) -> Route:
     """Several roads of a file, each of which the one before leads to without a junction."""
     for road in roads:
         road.belongs_to(f"road {shown(road.attribute('id'))}")
         _check_outside_junctions(road)
     first = roads[0]
-    tried = [first_way(first, lanes)]
-    if lanes is None:
-        tried.append(Way.of(first, along=not tried[0].along))
+    tried = [first_way(first, choice)]
+    if choice.lanes is None:
+        tried.append(Way.of(first, tried[0].driving_side, along=not tried[0].along))
     second = roads[1].attribute("id")
     ways = [next((way for way in tried if way.leads_to == second), tried[0])]
     for road in roads[1:]:
         ways.append(_next_way(ways[-1], road))
-    route = _route(path, ways, speed_limit)
+    route = _route(path, ways, choice.speed_limit)
     if len(route.parts) < len(roads):
         got = " and ".join(map(str, route.parts))
         raise unfit(first, "and those it leads to", "the same lanes on all of them", f"only {got}")
@@ -176,7 +205,7 @@ def _next_way(way: Way, road: Element) -> Way:
         got = "none" if link is None else f"one to road {shown(link.attribute('elementId'))}"
         wanted = f"a link to road {shown(name)} without a junction"
         raise unfit(way.element, "leads elsewhere", wanted, got)
-    return Way.of(road, along=link.attribute("contactPoint") == "start")
+    return Way.of(road, way.driving_side, along=link.attribute("contactPoint") == "start")
 
 
 def is_in_junction(road: Element) -> bool:
@@ -199,7 +228,8 @@ def _route(path: Path, ways: Sequence[Way], speed_limit: float | None) -> Route:
     name = f"{shown(path.stem)} road{'s' if len(parts) > 1 else ''} {ids}"
     first = ways[0].element
     try:
-        road = _build(name, _driving_side(first), [cell for _, cell in run], _alignment(groups))
+        row = [cell for _, cell in run]
+        road = _build(name, ways[0].driving_side, row, _near_origin(_alignment(groups)))
     except ConfigError as error:
         raise unfit(first, "is beyond the model", "a road of ordinary size", str(error)) from None
     return Route(road=road, parts=parts)
@@ -217,7 +247,13 @@ def _longest(ways: Sequence[Way], speed_limit: float | None) -> list[tuple[Way, 
     rows: list[list[tuple[Way, Cell]]] = [[]]
     refusals: list[Unfit] = []
     for way in ways:
-        found = cells(way.element, side=way.side, length=way.length, speed_limit=speed_limit)
+        found = cells(
+            way.element,
+            side=way.side,
+            length=way.length,
+            speed_limit=speed_limit,
+            driving_side=way.driving_side,
+        )
         for cell in found if way.along else reversed(found):
             if isinstance(cell, Unfit):
                 refusals.append(cell)
@@ -277,6 +313,8 @@ def _build(name: str, driving_side: DrivingSide, row: Sequence[Cell], line: Alig
         x0=line.x,
         y0=line.y,
         heading=line.heading,
+        origin_x=line.origin[0],
+        origin_y=line.origin[1],
         course=line.course,
         speed_limit=max(max(cell.limit, cell.limit_against) for cell in row),
         slow_side_neighbour=lane(slow) if slow else None,
@@ -329,6 +367,23 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
         done += length
     course = _course(tuple(line), grade, stretches, done)
     return Alignment(*line[0][:3], length=done, inner_edge=-half if moved else edge, course=course)
+
+
+def _near_origin(line: Alignment) -> Alignment:
+    """A reference line counted from an origin near it, if it is far from that of the file."""
+    pieces = line.course.line if line.course else ()
+    starts = np.array([(line.x, line.y), *(piece[:2] for piece in pieces)])
+    east, north = origin_near(*starts.T)
+    if (east, north) == (0.0, 0.0):
+        return line
+    moved = tuple(piece._replace(x=piece.x - east, y=piece.y - north) for piece in pieces)
+    return replace(
+        line,
+        x=line.x - east,
+        y=line.y - north,
+        course=replace(line.course, line=moved) if line.course else None,
+        origin=(east, north),
+    )
 
 
 def _straight(line: Alignment, way: Way, row: Sequence[Cell], edge: float) -> Alignment:
@@ -438,17 +493,11 @@ def _length(road: Element) -> float:
     return length
 
 
-def _driving_side(road: Element) -> DrivingSide:
-    rule = road.attribute("rule", default="RHT")
-    if rule not in _RULES:
-        raise road.error("attribute rule", " or ".join(_RULES), f'"{shown(rule)}"')
-    return _RULES[rule]
-
-
 def _default_side(road: Element, driving_side: DrivingSide, length: float) -> Side:
     """The side whose lanes run along the reference line, unless only the other has any."""
     along: Side = "right" if driving_side is DrivingSide.RIGHT else "left"
     against: Side = OTHER_SIDE[along]
-    has_along = SideSections.of(road, along, length).has_driving_lanes
-    has_against = SideSections.of(road, against, length).has_driving_lanes
+    has_along, has_against = (
+        bool(SideSections.of(road, side, length).driving) for side in (along, against)
+    )
     return along if has_along or not has_against else against

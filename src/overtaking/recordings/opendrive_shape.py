@@ -56,7 +56,7 @@ def unfit(
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """A reference line: pose of its start and length, in the file's frame.
+    """A reference line: pose of its start and length.
 
     Attributes:
         x, y: Its start [m].
@@ -64,6 +64,7 @@ class Alignment:
         length: Its length [m].
         inner_edge: Distance of the innermost border of the driving lanes from it, outward [m].
         course: What changes along it; None where nothing does.
+        origin: Coordinates in the file of the point that x and y are counted from [m].
     """
 
     x: float
@@ -72,6 +73,7 @@ class Alignment:
     length: float
     inner_edge: float = 0.0
     course: Course | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
 
 
 def geometries(road: Element) -> list[Element]:

@@ -16,6 +16,7 @@ def load_road(
     *,
     lanes: Side | None = None,
     speed_limit: float | None = None,
+    driving_side: Side | None = None,
 ) -> Road:
     """A road that comes with the package, or one of an OpenDRIVE file.
 
@@ -24,6 +25,7 @@ def load_road(
         road_id: Id of the road in the file; may be left out if the file has only one.
         lanes: Lanes right or left of the file's reference line; see `read_opendrive`.
         speed_limit: Limit in place of the file's [m/s].
+        driving_side: Side of the road that traffic keeps to, in place of the file's.
 
     Raises:
         ConfigError: Neither a known name nor a file, or a choice for a road that leaves none.
@@ -33,8 +35,10 @@ def load_road(
         if not Path(name_or_path).suffix and not is_there(str(name_or_path)):
             known = [*ROAD_NAMES, "an OpenDRIVE file"]
             raise ConfigError.not_among("road", "load_road", known, repr(str(name_or_path)))
-        return read_opendrive(name_or_path, road_id, lanes=lanes, speed_limit=speed_limit)
-    if not (road_id is None and lanes is None and speed_limit is None):
+        return read_opendrive(
+            name_or_path, road_id, lanes=lanes, speed_limit=speed_limit, driving_side=driving_side
+        )
+    if any(choice is not None for choice in (road_id, lanes, speed_limit, driving_side)):
         raise ConfigError.of(
             what=f"road {name_or_path}",
             where="load_road",

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from overtaking.cli import arguments
+from overtaking.cli.options import RoadChoice
 from overtaking.core.errors import ConfigError
 
 
@@ -34,8 +35,8 @@ def test_a_change_without_key_or_value_is_refused(change):
 
 
 def test_a_road_is_the_profiles_unless_one_is_named():
-    assert arguments.road(None, None) is None
-    named = arguments.road(None, "town06")
+    assert arguments.road(RoadChoice()) is None
+    named = arguments.road(RoadChoice(road="town06"))
     assert named is not None
     assert named.name == "town06"
 
