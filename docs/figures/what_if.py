@@ -30,7 +30,8 @@ def main() -> None:
         picture.save(HERE / "twins.webp", quality=60)
         for given in ("truth", "belief"):
             found = ot.fan(data, NUMBER, given=given, futures=FUTURES)
-            path = ot.plot_what_if(found, HERE / f"fan-{given}.png")
+            path = HERE / f"fan-{given}.png"
+            ot.plot(found, out=path)
             with Image.open(path) as drawn:
                 small = drawn.convert("RGB").quantize(64)
             small.save(path, optimize=True)

@@ -12,9 +12,7 @@ In memory:
     label               find what happened, whether it was lawful, and features
     compare             simulate on several simulators, and say where they differ
     validate            hold the traffic of a profile against real traffic
-    plot_validation     draw what validate found
     map_roads           list the roads of an OpenDRIVE file, and which can be simulated
-    plot_map            draw them
     reproduce           repeat a published study
     write_reproduction  write what reproduce found as one page
 
@@ -33,7 +31,7 @@ Data sets on disk, each in a folder:
     fan                 tell what becomes of an overtake begun at each instant
     enough              find changes of one quantity that would have been enough
     film_twin           film a simulation above its twin
-    plot_what_if        draw what twin or fan found
+    plot                draw a figure of a data set or of a result, for a paper
     save_twin           write a simulation and its twin as a data set
     save_branches       write branches as a data set
     branch_again        simulate a saved branch again
@@ -102,9 +100,7 @@ _HOMES = {
     "learn_rules": "overtaking.api.learning",
     "load": "overtaking.api.data",
     "map_roads": "overtaking.recordings.opendrive_map",
-    "plot_map": "overtaking.api.maps",
-    "plot_validation": "overtaking.api.results",
-    "plot_what_if": "overtaking.api.whatif",
+    "plot": "overtaking.api.plotting",
     "prove": "overtaking.api.logic",
     "query": "overtaking.api.results",
     "relabel": "overtaking.api.data",

@@ -12,9 +12,8 @@ from overtaking.api.learning import learn_factors as learn_factors
 from overtaking.api.learning import learn_rules as learn_rules
 from overtaking.api.logic import ask as ask
 from overtaking.api.logic import prove as prove
-from overtaking.api.maps import plot_map as plot_map
+from overtaking.api.plotting import plot as plot
 from overtaking.api.results import film as film
-from overtaking.api.results import plot_validation as plot_validation
 from overtaking.api.results import query as query
 from overtaking.api.results import reproduce as reproduce
 from overtaking.api.results import serve_view as serve_view
@@ -32,7 +31,6 @@ from overtaking.api.whatif import branch_again as branch_again
 from overtaking.api.whatif import enough as enough
 from overtaking.api.whatif import fan as fan
 from overtaking.api.whatif import film_twin as film_twin
-from overtaking.api.whatif import plot_what_if as plot_what_if
 from overtaking.api.whatif import save_branches as save_branches
 from overtaking.api.whatif import save_twin as save_twin
 from overtaking.api.whatif import twin as twin

@@ -19,6 +19,8 @@ PAGES = {
     "balance-classes.md": {"data/even", "data/even-light", "data/few-of-each"},
     "look-at-a-simulation.md": set(),
     "videos.md": {"data/pinto/videos"},
+    "report.md": {"data/pinto/report/index.html", "data/pinto-default", "classes.pdf"},
+    "figures-for-a-paper.md": {"waiting-time.pdf", "both.pdf"},
     "export-the-papers-table.md": {"table.csv", "table.parquet"},
     "query-with-sql.md": {"data/er.svg"},
     "ask-with-logic.md": set(),
@@ -38,6 +40,8 @@ LONG = {
     "balance-classes.md",
     "export-the-papers-table.md",
     "videos.md",
+    "report.md",
+    "figures-for-a-paper.md",
 }
 
 FIRST = "make-a-data-set.md"

@@ -79,7 +79,7 @@ def test_what_was_not_measured_is_neither_met_nor_missed(tmp_path):
     line = next(line for line in page if line.startswith(figure.title))
     assert "not measured" in line
     assert "missed" not in line
-    ot.plot_validation(found, tmp_path / "figures.png")
+    ot.plot(found, out=tmp_path / "figures.png")
 
 
 def test_a_profile_without_a_flow_is_judged_on_its_open_road():
@@ -91,7 +91,7 @@ def test_a_profile_without_a_flow_is_judged_on_its_open_road():
 
 @pytest.mark.parametrize("name", ["figures.png", "figures.svg"])
 def test_the_picture_is_written_whole(found, tmp_path, name):
-    ot.plot_validation(found, tmp_path / name)
+    ot.plot(found, out=tmp_path / name)
     content = (tmp_path / name).read_bytes()
     assert content.startswith(b"\x89PNG" if name.endswith("png") else b"<?xml")
     assert [path.name for path in tmp_path.iterdir()] == [name]

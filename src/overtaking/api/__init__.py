@@ -19,15 +19,15 @@ from overtaking.api.formats import (
     label_recordings,
     write_column_map,
 )
-from overtaking.api.law import law_compare, law_curve, law_explain, plot_law_curve
+from overtaking.api.law import law_compare, law_curve, law_explain
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
-from overtaking.api.maps import map_roads, plot_map
+from overtaking.api.maps import map_roads
+from overtaking.api.plotting import plot
 from overtaking.api.results import (
     entity_relationship_diagram,
     film,
     literature,
-    plot_validation,
     query,
     reproduce,
     serve_view,
@@ -43,7 +43,6 @@ from overtaking.api.whatif import (
     enough,
     fan,
     film_twin,
-    plot_what_if,
     save_branches,
     save_twin,
     twin,
@@ -86,10 +85,7 @@ __all__ = [
     "literature",
     "load",
     "map_roads",
-    "plot_law_curve",
-    "plot_map",
-    "plot_validation",
-    "plot_what_if",
+    "plot",
     "policy_of",
     "prove",
     "query",

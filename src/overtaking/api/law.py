@@ -13,7 +13,7 @@ from overtaking.data.load import Dataset
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
 from overtaking.labels.law import Errors, Pack, Policy
-from overtaking.model.checks import argument, checked
+from overtaking.model.checks import checked
 from overtaking.model.values import Range
 
 if TYPE_CHECKING:
@@ -149,22 +149,3 @@ def law_explain(
     labelled = label(run, pack=pack, policies=chosen, errors=errors)
     told = paragraphs(labelled, simulation, pack, chosen)
     return [one for one in told if rules is None or one["rule"] in rules]
-
-
-def plot_law_curve(found: "Curve", out: str | Path) -> None:
-    """Draw a curve as a PNG or SVG file, by its name.
-
-    Args:
-        found: What `law_curve` returned.
-        out: The file, replaced as a whole.
-
-    Raises:
-        MissingExtraError: The extra `plots` is not installed.
-        OSError: The file cannot be written.
-    """
-    from overtaking.show.plots.law import draw_curve
-    from overtaking.show.report.files import put_figure
-
-    path = Path(argument(out, str | Path, "plot_law_curve", "out"))
-    drawing = draw_curve(found)
-    put_figure(path, drawing)

@@ -238,8 +238,8 @@ def validate(
             drivers do in traffic as dense as theirs is compared with what they show.
 
     Returns:
-        Each figure with its interval, target and verdict, and outcomes by weather;
-        `plot_validation` draws it.
+        Each figure with its interval, target and verdict, and outcomes by weather; `plot` draws
+        it.
 
     Raises:
         ConfigError: The specification or a number cannot be used.
@@ -249,27 +249,6 @@ def validate(
     spec = scenarios.spec(profile, overrides)
     where = None if recordings is None else Path(recordings)
     return run(spec, road_of(road or spec.road), simulations, seed, progress, where)
-
-
-def plot_validation(found: "Validation", out: str | Path) -> None:
-    """Draw a validation as a PNG or SVG file, by its name.
-
-    Args:
-        found: What `validate` returned.
-        out: The file, replaced as a whole.
-
-    Raises:
-        MissingExtraError: The extra `plots` is not installed.
-        OSError: The file cannot be written.
-    """
-    from overtaking.analysis.validation.run import Validation
-    from overtaking.show.plots.comparison import draw_validation
-    from overtaking.show.report.files import put_figure
-
-    argument(found, Validation, "plot_validation", "found")
-    path = Path(argument(out, str | Path, "plot_validation", "out"))
-    drawing = draw_validation(found)
-    put_figure(path, drawing)
 
 
 @checked

@@ -227,28 +227,3 @@ def film_twin(found: Any, out: str | Path, *, policy: str = "paper") -> Path:
     one, path = argument(found, Twin, "film_twin", "found"), Path(out)
     write_film(TwinFilm(one, policy), path, title=f"Simulation {one.number} and its twin")
     return path
-
-
-@checked
-def plot_what_if(found: Any, out: str | Path, *, policy: str = "paper") -> Path:
-    """Draw twins or a fan as a PNG or SVG file, by its name.
-
-    Args:
-        found: What `twin` or `fan` returned.
-        out: The file, replaced as a whole.
-        policy: Which rules decide about the classes of twins.
-
-    Raises:
-        ConfigError: Something else is given.
-        MissingExtraError: The extra `plots` is not installed.
-        OSError: The file cannot be written.
-    """
-    from overtaking.analysis.whatif.fan import Fan
-    from overtaking.analysis.whatif.twin import Twin
-    from overtaking.show.plots.whatif import draw_fan, draw_twin
-    from overtaking.show.report.files import put_figure
-
-    one, path = argument(found, Twin | Fan, "plot_what_if", "found"), Path(out)
-    drawing = draw_fan(one) if isinstance(one, Fan) else draw_twin(one, policy)
-    put_figure(path, drawing)
-    return path

@@ -254,12 +254,12 @@ def figure_file(out: Path | None) -> Path | None:
     Raises:
         ConfigError: Its folder is missing, or its ending is of no figure.
     """
-    if out is None or (out.suffix in (".png", ".svg") and out.parent.is_dir()):
+    if out is None or (out.suffix in (".png", ".svg", ".pdf") and out.parent.is_dir()):
         return out
     raise ConfigError.of(
         what="figure",
         where=str(out),
-        expected="a file that ends in .png or .svg, in a folder that exists",
+        expected="a file that ends in .png, .svg or .pdf, in a folder that exists",
         got=f"the ending {out.suffix or '(none)'}" if out.parent.is_dir() else "no such folder",
         next_step="choose another name, or make the folder",
     )

@@ -36,7 +36,7 @@ def curve(
     with output.progress("simulations") as meter:
         found = api.law_curve(data, law=law, policy=policy, progress=meter, **given)
     if figure is not None:
-        api.plot_law_curve(found, figure)
+        api.plot(found, out=figure)
     values = found.values()
     output.result(values, lambda _: render_curve(values))
 

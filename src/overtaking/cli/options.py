@@ -134,7 +134,9 @@ class RoadChoice:
     driving_side: DrivingSide = None
 
 
-Plot = Annotated[Path | None, option("--plot FILE", "Draw the figures to a .png or .svg file.")]
+Plot = Annotated[
+    Path | None, option("--plot FILE", "Draw the figures to a .png, .svg or .pdf file.")
+]
 Keep = Annotated[
     str | None,
     option(

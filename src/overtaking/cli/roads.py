@@ -43,7 +43,7 @@ def roads(
     limit = arguments.speed_limit(speed_limit)
     found = api.map_roads(file, speed_limit=limit, driving_side=cast("Side | None", driving_side))
     if figure is not None:
-        api.plot_map(found, figure)
+        api.plot(found, out=figure)
     values = values_of(file, found, with_junctions=with_junctions)
     output.result(values, lambda _: render(values))
 

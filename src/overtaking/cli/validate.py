@@ -52,7 +52,7 @@ def validate(
             recordings=recordings,
         )
     if figure is not None:
-        api.plot_validation(found, figure)
+        api.plot(found, out=figure)
     values = found.values()
     output.result(values, lambda _: validation_page.render(values))
     return 0 if found.is_met else 1

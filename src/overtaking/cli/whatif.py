@@ -107,7 +107,8 @@ def twin(
     values = values_of_twin(found, policy)
     files = []
     if figure is not None:
-        files.append(api.plot_what_if(found, figure, policy=policy))
+        api.plot(found, out=figure, policy=policy)
+        files.append(figure)
     if film is not None:
         files.append(api.film_twin(found, film, policy=policy))
     if out is not None:
@@ -146,7 +147,8 @@ def fan(
         )
     values = values_of_fan(found)
     if figure is not None:
-        values["files"] = [str(api.plot_what_if(found, figure))]
+        api.plot(found, out=figure)
+        values["files"] = [str(figure)]
     output.result(values, lambda _: render_fan(values))
 
 

@@ -180,7 +180,7 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             lambda _: ot.film(5),
             "film: source: expected a Dataset, a text, a path, a Trajectories or a Labelled, got 5",
         ),
-        (lambda _: ot.plot_validation(1, "x"), "plot_validation: found: expected a Validation"),
+        (lambda _: ot.plot(1), "plot: source: expected a data set"),
         (lambda _: ot.Balance(candidates="a"), "balance: candidates: expected a whole number or N"),
         (lambda _: ot.Balance(by="class"), "balance: by: expected several values"),
         (lambda s: s.select(1), "Scenario.select: simulations: expected a slice, a mask or"),

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,10 @@ from overtaking.analysis.validation.run import Validation
 from overtaking.core.arrays import F64
 from overtaking.knowledge.paper import ALL
 from overtaking.show import palette
-from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
+from overtaking.show.plots.style import is_narrow, lightened, new_figure, remark, styled, words
 
 _ROW, _HEAD = 0.3, 0.62  # Height of a ridge, and of title and axis of a panel [inch].
-_TOP, _LEFT, _RIGHT = 0.62, 1.02, 0.42  # Legend above, labels left, percentiles right [inch].
+_LEFT, _RIGHT = 1.08, 0.46  # Labels left, percentiles right [inch].
 _BINS = 56  # Over the width of a panel.
 _RIDGE = 0.82  # Height of the highest bin, where rows are 1 apart.
 
@@ -95,31 +96,45 @@ def draw_ridges(panels: Sequence[Panel]) -> Figure:
     height = max(sum(one.height for one in column) for column in columns)
     figure = new_figure(height + 0.4, is_fixed=True)
     for side, column in enumerate(columns):
-        _draw_column(figure, side, column)
+        _draw_column(figure, column, side / len(columns), 1.0 / len(columns))
     _add_legend(figure)
     return figure
 
 
 def _columns(panels: Sequence[Panel]) -> list[list[Panel]]:
-    """The panels in two columns of about the same height."""
+    """The panels in two columns of about the same height; in one where there is no room for two."""
+    if is_narrow():
+        return [list(panels)]
     total = sum(one.height for one in panels)
     heights = np.cumsum([one.height for one in panels])
     first = 1 + int(np.argmin(np.abs(heights - 0.5 * total)))
     return [part for part in (list(panels[:first]), list(panels[first:])) if part]
 
 
-def _draw_column(figure: Figure, side: int, panels: Sequence[Panel]) -> None:
-    """Panels below each other; the rest of the column stays empty."""
+def _draw_column(figure: Figure, panels: Sequence[Panel], begin: float, share: float) -> None:
+    """Panels below each other; the rest of the column stays empty.
+
+    Args:
+        figure: The figure.
+        panels: Of the column.
+        begin: Its left edge, as a share of the width of the figure.
+        share: Its width, likewise.
+    """
     width, tall = figure.get_size_inches()
-    top = tall - _TOP
-    across = 0.5 * width
+    top = tall - _top()
+    across = share * width
     for one in panels:
         axes_height = _ROW * len(one.ridges)
         bottom = top - axes_height
-        left = _LEFT + side * across
+        left = _LEFT + begin * width
         size = ((across - _LEFT - _RIGHT) / width, axes_height / tall)
         _draw_panel(figure.add_axes((left / width, bottom / tall, *size)), one)
         top -= one.height
+
+
+def _top() -> float:
+    """Room for the legend above the panels [inch]; its entries take a line each in a column."""
+    return 0.92 if is_narrow() else 0.62
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
@@ -131,10 +146,10 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.spines["left"].set_visible(False)
     axes.grid(visible=True, axis="x")
     axes.grid(visible=False, axis="y")
-    axes.tick_params(axis="x", labelsize=6.8, pad=2)
+    axes.tick_params(axis="x", labelsize=8.0, pad=2)
     places = [len(panel.ridges) - 1 - row for row in range(len(panel.ridges))]
     axes.set_yticks([place + 0.22 for place in places], [one.label for one in panel.ridges])
-    axes.tick_params(axis="y", labelsize=7.2, labelcolor=palette.INK)
+    axes.tick_params(axis="y", labelsize=8.0, labelcolor=palette.INK)
     for place, one in zip(places, panel.ridges, strict=True):
         _draw_ridge(axes, place, one.of, (low, high))
 
@@ -160,7 +175,7 @@ def _draw_ridge(axes: Axes, place: int, one: Comparison, ends: tuple[float, floa
     axes.plot(
         [paper], [place + 0.22], "D", color=palette.INK, markersize=4.2, clip_on=False, zorder=5
     )
-    beside: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "center", "size": 6.8}
+    beside: dict[str, Any] = {"transform": axes.get_yaxis_transform(), "va": "center", "size": 8.0}
     axes.text(1.02, place + 0.22, percent(one.percentile), color=palette.QUIET, **beside)
 
 
@@ -206,15 +221,20 @@ def _add_legend(figure: Figure) -> None:
         Patch(
             facecolor="none",
             edgecolor="none",
-            label="right of each: share of the replicates below the paper's number",
+            label="right of each: share of the\nreplicates below the paper's number"
+            if is_narrow()
+            else "right of each: share of the replicates below the paper's number",
         ),
     ]
-    figure.legend(handles=handles, loc="upper center", ncols=3, columnspacing=1.4)
+    figure.legend(
+        handles=handles, loc="upper center", ncols=1 if is_narrow() else 3, columnspacing=1.4
+    )
 
 
 MET, MISSED = palette.ACCENT, "#d55e00"
 """Colours of a figure that meets its target and of one that does not; the mark differs, too."""
 
+_COLUMN_LETTERS = 40  # Of a line of a title above a strip of one column.
 _ROOM = 0.6  # Beside the target, over its width.
 
 
@@ -226,12 +246,13 @@ def draw_validation(found: Validation) -> Figure:
         found: What `analysis.validation.run.validate` returned.
     """
     judged = [one for one in found.figures if one.has_target and not one.needs_km]
-    drawing = new_figure(0.3 + 0.46 * len(judged))
+    drawing = new_figure(0.4 + (0.66 if is_narrow() else 0.48) * len(judged))
     panels = drawing.subplots(len(judged), 1, squeeze=False)[:, 0]
     for axes, figure in zip(panels, judged, strict=True):
         _draw_strip(axes, figure)
     drawing.suptitle(
-        f"{found.profile}: {found.simulations:,} simulations beside the limits of each figure",
+        f"{found.profile}: {found.simulations:,} simulations"
+        f"{chr(10) if is_narrow() else ' '}beside the limits of each figure",
         x=0.02,
         ha="left",
         fontsize=9.0,
@@ -257,10 +278,12 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     unit = f" {figure.unit}" if figure.unit else ""
     described = f"{figure.title} ({figure.standing})"
     unit, title = (text.replace("^2", "²") for text in (unit, described))
-    axes.set_title(title, fontweight="normal", fontsize=7.5, color=palette.INK, pad=2.0)
+    if is_narrow():  # Title and value would meet above the strip.
+        title = f"{fill(title, _COLUMN_LETTERS)}:"
+    axes.set_title(title, fontweight="normal", fontsize=8.0, color=palette.INK, pad=2.0)
     said = f"{figure.value:.3g}{unit}" if not math.isnan(figure.value) else "not measured"
     remark(axes, said, color=colour)
-    axes.tick_params(axis="x", labelsize=6.5, labelcolor=palette.QUIET, pad=1.5)
+    axes.tick_params(axis="x", labelsize=8.0, labelcolor=palette.QUIET, pad=1.5)
 
 
 def _scale(figure: Measured) -> tuple[float, float]:

@@ -26,6 +26,7 @@ from overtaking.show.plots.style import (
     remark,
     say_nothing_to_draw,
     set_margins,
+    single_axes,
     styled,
     words,
 )
@@ -39,8 +40,7 @@ def draw_classes(table: Table) -> Figure:
         table: `analysis.stats.tables.class_table`.
     """
     rows = list(table.rows.itertuples(index=False, name=None))
-    figure = new_figure(0.45 + 0.36 * len(rows))
-    axes = figure.add_subplot()
+    figure, axes = single_axes(0.45 + 0.36 * len(rows))
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
     axes.set_xticks([])
@@ -55,15 +55,18 @@ def draw_classes(table: Table) -> Figure:
         end = known if math.isnan(high) else high
         text = f"{write(float(count), Style.COUNT)}   {write(share, Style.SHARE)}"
         axes.text(end + 0.015 * longest, place, text, va="center")
-    axes.set_xlim(0.0, 1.25 * longest)
+    # Beside the bars stand count and share, which take more of a column.
+    axes.set_xlim(0.0, (1.7 if is_narrow() else 1.25) * longest)
     axes.set_yticks(range(len(rows)), [words(str(row[0])) for row in rows])
     axes.tick_params(axis="y", labelcolor=palette.INK, labelsize=8.0)
     axes.invert_yaxis()
-    axes.set_xlabel("share of simulations; the line spans its 95 % confidence", color=palette.QUIET)
+    gap = "\n" if is_narrow() else " "
+    axes.set_xlabel(
+        f"share of simulations;{gap}the line spans its 95 % confidence", color=palette.QUIET
+    )
     return figure
 
 
-COLUMNS = 3
 _PANEL_HEIGHT = 1.55
 _FEW = 5  # Of fewer simulations an axis would show fractions.
 
@@ -79,12 +82,13 @@ def draw_histograms(
         classes: The classes of their counts.
         is_weighted: Whether simulations were counted by weight.
     """
-    rows = -(-len(histograms) // COLUMNS)
+    columns = 2 if is_narrow() else 3
+    rows = -(-len(histograms) // columns)
     figure = new_figure(0.6 + _PANEL_HEIGHT * rows, is_fixed=True)
     lines = -(-len(classes) // legend_columns(len(classes)))
     top = 0.36 + 0.16 * lines  # Room for the legend.
-    set_margins(figure, left=0.52, right=0.16, top=top, bottom=0.28, wspace=0.24, hspace=0.42)
-    panels = np.atleast_1d(figure.subplots(rows, COLUMNS)).ravel()
+    set_margins(figure, left=0.52, right=0.16, top=top, bottom=0.28, wspace=0.34, hspace=0.46)
+    panels = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for axes, one in zip(panels, histograms, strict=False):
         _draw_panel(axes, one, classes)
     for axes in panels[len(histograms) :]:
@@ -122,7 +126,8 @@ def _draw_panel(axes: Axes, one: Histogram, classes: Sequence[str]) -> None:
     if one.counts.sum(axis=0).max() < _FEW:
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     if one.num_missing:
-        remark(axes, f"{one.num_missing:,} without", size=6.5)
+        # In a column the remark stands above the title, as both are too long for a line.
+        remark(axes, f"{one.num_missing:,} without", height=1.17 if is_narrow() else 1.02)
 
 
 def face(name: str) -> Mapping[str, Any]:
@@ -160,10 +165,9 @@ def draw_scaled_boxes(boxes: Mapping[str, Box]) -> Figure:
     Args:
         boxes: `analysis.stats.distributions.scaled_boxes`.
     """
-    figure = new_figure(2.9)
-    axes = figure.add_subplot()
+    figure, axes = single_axes(2.9)
     _draw_boxes(axes, boxes, dict.fromkeys(boxes, palette.ACCENT))
-    axes.set_xticks(range(len(boxes)), list(boxes))
+    axes.set_xticks(range(len(boxes)), list(boxes), rotation=90 if is_narrow() else 0)
     axes.set_ylabel("value, scaled to its range")
     axes.set_ylim(-0.04, 1.04)
     return figure
@@ -195,12 +199,13 @@ def draw_boxes_and_swarm(
     else:
         say_nothing_to_draw(right)
     labels = [words(name).replace(" ", "\n") for name in boxes]
+    turned: dict[str, Any] = {"rotation": 30, "ha": "right"} if is_narrow() else {}
     for axes in (left, right):
-        axes.set_xticks(range(len(boxes)), labels)
+        axes.set_xticks(range(len(boxes)), list(map(words, boxes)) if turned else labels, **turned)
         axes.set_xlim(-0.55, len(boxes) - 0.45)
     left.set_ylabel(f"{feature.title}, {feature.label}")
     if any(one.is_sampled for one in points.values()):
-        right.set_title("a sample of each class", color=palette.QUIET, weight="normal", size=7.5)
+        right.set_title("a sample of each class", color=palette.QUIET, weight="normal", size=8.0)
     return figure
 
 
@@ -294,8 +299,7 @@ def draw_waiting(curve: Survival, last: float) -> Figure:
         curve: `analysis.stats.survival.waiting_time`.
         last: Where the time axis ends: the longest waiting time of all [s].
     """
-    figure = new_figure(2.7)
-    axes = figure.add_subplot()
+    figure, axes = single_axes(2.7)
     time = np.concatenate([[0.0], curve.time, [max(last, *curve.time, 1e-3)]])
 
     def stairs(values: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -18,13 +19,22 @@ from overtaking.analysis.evaluation.results import (
 )
 from overtaking.analysis.validation.overtakes import STRATA
 from overtaking.show import palette
-from overtaking.show.plots.style import is_narrow, new_figure, remark, set_margins, styled
+from overtaking.show.plots.style import (
+    add_legend,
+    is_narrow,
+    legend_columns,
+    new_figure,
+    remark,
+    single_axes,
+    styled,
+)
 
 _COLOURS = (palette.ACCENT, "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 _MARKS = "osD^v"
 """Colour and mark of each driver, the policy's first."""
 
 _ROW = 0.26  # Height of a row [inch].
+_COLUMN_LETTERS = 22  # Of a line of the name of a rule beside a figure of one column.
 _APART = 0.2  # Between drivers in a row, where rows are 1 apart.
 
 
@@ -54,7 +64,7 @@ def _draw_contrasts(axes: Axes, endpoint: Endpoint, rows: Sequence[Contrast]) ->
         if not math.isnan(one.difference):
             fill = colour if is_shown else "white"
             axes.plot([scale * one.difference], [place], "o", color=colour, markerfacecolor=fill)
-        style: dict[str, Any] = {"va": "center", "ha": "left", "fontsize": 7.0, "color": colour}
+        style: dict[str, Any] = {"va": "center", "ha": "left", "fontsize": 8.0, "color": colour}
         axes.text(1.01, place, one.verdict, transform=axes.get_yaxis_transform(), **style)
     axes.axvline(0.0, color=palette.LINE, linewidth=0.8, zorder=0)
     names = [f"minus {one.reference}" for one in rows]
@@ -98,7 +108,8 @@ def draw_weathers(found: Evaluation) -> Figure:
         ]
         _draw_rates(axes, rows, seen)
         _title(axes, endpoint, unit)
-    _add_legend(figure, found.drivers)
+    entries = _legend_entries(found.drivers)
+    figure.legend(handles=entries, loc="outside upper left", ncols=legend_columns(len(entries)))
     return figure
 
 
@@ -111,13 +122,13 @@ def draw_law(found: Evaluation) -> Figure:
     """
     every = [[found.rate(driver, one.name) for driver in found.drivers] for one in LAW[3:]]
     rows = [one for one in every if any(rate.scenes for rate in one)]
-    figure = new_figure(0.9 + 1.15 * _ROW * max(len(rows), 1), is_fixed=True)
-    set_margins(figure, left=1.95, right=0.15, top=0.6, bottom=0.3)
-    axes = figure.subplots()
+    figure, axes = single_axes(0.9 + 1.15 * _ROW * max(len(rows), 1))
     names = [_rule(one[0].endpoint) for one in rows]
+    if is_narrow():
+        names = [fill(name, _COLUMN_LETTERS) for name in names]
     _draw_rates(axes, rows, names)
     axes.set_title("breaches [%]", pad=4)
-    _add_legend(figure, found.drivers, place="upper left")
+    add_legend(figure, axes, _legend_entries(found.drivers), columns=legend_columns(3))
     return figure
 
 
@@ -147,11 +158,8 @@ def _draw_rates(axes: Axes, rows: Sequence[Sequence[Rate]], names: Sequence[str]
     axes.spines["left"].set_visible(False)
 
 
-def _add_legend(
-    figure: Figure, drivers: Sequence[str], *, place: Any = "outside upper left"
-) -> None:
-    handles = [
+def _legend_entries(drivers: Sequence[str]) -> list[Line2D]:
+    return [
         Line2D([], [], color=colour, marker=mark, markersize=4.0, linewidth=1.1, label=name)
         for name, colour, mark in zip(drivers, _COLOURS, _MARKS, strict=False)
     ]
-    figure.legend(handles=handles, loc=place, ncols=len(handles))

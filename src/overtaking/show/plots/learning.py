@@ -1,5 +1,7 @@
 """Figures of learning: confusion, calibration, and the factors in order."""
 
+from textwrap import shorten
+
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -8,9 +10,17 @@ from matplotlib.ticker import PercentFormatter
 from overtaking.analysis.learning.factors import FactorsFound
 from overtaking.analysis.learning.models import TREES
 from overtaking.show import palette
-from overtaking.show.plots.style import new_figure, set_margins, styled, words, write_cells
+from overtaking.show.plots.style import (
+    is_narrow,
+    new_figure,
+    single_axes,
+    styled,
+    words,
+    write_cells,
+)
 
 _SHADES = LinearSegmentedColormap.from_list("shares", ("#ffffff", "#8fbfdd", palette.ACCENT))
+_COLUMN_LETTERS = 26  # Of the name of a factor beside a figure of one column.
 _DARK = 0.6  # Shares beyond this need white letters.
 
 
@@ -24,16 +34,15 @@ def draw_confusion(found: FactorsFound) -> Figure:
     counts = next(one for one in found.models if one.name == TREES).confusion
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     names = [words(one) for one in found.outcomes]
-    figure = new_figure(0.6 + 0.5 * len(names), is_fixed=True)
-    set_margins(figure, left=1.35, right=0.1, top=0.1, bottom=0.5)
-    axes = figure.add_subplot()
+    figure, axes = single_axes(0.6 + 0.5 * len(names))
     axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto")
     cells = np.ndindex(*counts.shape)
     texts = {cell: f"{counts[cell]:,}\n{100.0 * float(shares[cell]):.0f} %" for cell in cells}
     colour = {cell: "white" if shares[cell] > _DARK else palette.INK for cell in texts}
-    write_cells(axes, texts, size=7.0, color=colour.__getitem__)
-    axes.set_xticks(range(len(names)), names)
-    axes.set_yticks(range(len(names)), names)
+    write_cells(axes, texts, size=8.0, color=colour.__getitem__)
+    labels = [one.replace(" ", "\n") for one in names] if is_narrow() else names
+    axes.set_xticks(range(len(names)), labels)
+    axes.set_yticks(range(len(names)), labels)
     axes.set(xlabel="foretold", ylabel="came")
     axes.grid(visible=False)
     axes.tick_params(length=0, labelcolor=palette.INK)
@@ -48,8 +57,9 @@ def draw_reliability(found: FactorsFound) -> Figure:
     Args:
         found: `analysis.learning.factors.learn_factors`.
     """
-    figure = new_figure(2.6)
-    panels = np.atleast_1d(figure.subplots(1, len(found.models), sharey=True))
+    rows, columns = (len(found.models), 1) if is_narrow() else (1, len(found.models))
+    figure = new_figure(2.6 * rows)
+    panels = np.atleast_1d(figure.subplots(rows, columns, sharey=True))
     for axes, model in zip(panels, found.models, strict=True):
         axes.plot([0.0, 1.0], [0.0, 1.0], color=palette.LINE, linewidth=0.9, zorder=1)
         confidence = [one.confidence for one in model.reliability]
@@ -65,7 +75,8 @@ def draw_reliability(found: FactorsFound) -> Figure:
         error = f"error {100.0 * model.calibration_error:.1f} %"
         corner = axes.transAxes
         axes.text(0.97, 0.05, error, ha="right", color=palette.QUIET, transform=corner)
-    panels[0].set_ylabel("foretold rightly")
+    for axes in panels if is_narrow() else panels[:1]:
+        axes.set_ylabel("foretold rightly")
     return figure
 
 
@@ -76,9 +87,7 @@ def draw_ranking(found: FactorsFound) -> Figure:
     Args:
         found: `analysis.learning.factors.learn_factors`.
     """
-    figure = new_figure(0.9 + 0.19 * len(found.ranking), is_fixed=True)
-    set_margins(figure, left=2.55, right=0.15, top=0.1, bottom=0.5)
-    axes = figure.add_subplot()
+    figure, axes = single_axes(0.9 + 0.19 * len(found.ranking))
     places = np.arange(len(found.ranking))
     middle = np.array([one.accuracy for one in found.ranking])
     low = np.array([one.accuracy_low for one in found.ranking])
@@ -89,11 +98,13 @@ def draw_ranking(found: FactorsFound) -> Figure:
     axes.axvline(least, color=palette.LINE, linewidth=0.9, linestyle="--")
     axes.text(least, len(places) - 0.6, text, color=palette.QUIET, va="bottom")
     names = [one.factor if not n else f"+ {one.factor}" for n, one in enumerate(found.ranking)]
+    if is_narrow():
+        names = [shorten(one, _COLUMN_LETTERS, placeholder=" …") for one in names]
     axes.set_yticks(places, names)
     axes.tick_params(axis="y", labelcolor=palette.INK)
     axes.set_ylim(len(places) - 0.4, -0.6)
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    axes.set_xlabel("accuracy with this factor and all above it")
+    axes.set_xlabel("accuracy with this factor and all above it", wrap=True)
     axes.grid(visible=True, axis="x", color=palette.GRID)
     axes.grid(visible=False, axis="y")
     return figure

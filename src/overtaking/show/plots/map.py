@@ -12,7 +12,14 @@ from matplotlib.lines import Line2D
 from overtaking.model.road import Road
 from overtaking.recordings.opendrive_map import MappedRoad
 from overtaking.show.palette import ACCENT, INK, LINE
-from overtaking.show.plots.style import is_narrow, new_figure, say_nothing_to_draw, styled
+from overtaking.show.plots.style import (
+    add_legend,
+    figure_width,
+    is_narrow,
+    say_nothing_to_draw,
+    single_axes,
+    styled,
+)
 
 _STEP = 2.0  # Between the points of a drawn line [m].
 _MOST_POINTS = 20_000  # Of one line.
@@ -34,8 +41,8 @@ def draw_map(roads: Sequence[MappedRoad]) -> Figure:
     """
     drawn = [road for road in roads if road.line is not None]
     if not drawn:
-        figure = new_figure(_HEIGHTS[0])
-        say_nothing_to_draw(figure.add_subplot())
+        figure, axes = single_axes(_HEIGHTS[0])
+        say_nothing_to_draw(axes)
         return figure
     lines = {kind: [_points(road) for road in drawn if _kind(road) == kind] for kind in _STYLES}
     # What is simulated of a road lies over the whole of it.
@@ -43,10 +50,8 @@ def draw_map(roads: Sequence[MappedRoad]) -> Figure:
     lines["can be simulated"] = [_simulated(road.road) for road in drawn if road.road is not None]
     every = np.concatenate([points for found in lines.values() for points in found])
     wide, high = np.ptp(every, axis=0)
-    figure = new_figure(_HEIGHTS[0])
-    width = figure.get_figwidth()
-    figure.set_figheight(float(np.clip(width * high / max(wide, 1.0) + 0.9, *_HEIGHTS)))
-    axes = figure.add_subplot()
+    height = float(np.clip(figure_width() * high / max(wide, 1.0) + 0.9, *_HEIGHTS))
+    figure, axes = single_axes(height)
     for kind, style in _STYLES.items():
         axes.add_collection(LineCollection(lines[kind], capstyle="butt", **style), autolim=True)
     _name(axes, drawn)
@@ -55,7 +60,7 @@ def draw_map(roads: Sequence[MappedRoad]) -> Figure:
     axes.grid(visible=False)
     marks = [Line2D([], [], label=kind, **style) for kind, style in _STYLES.items()]
     columns = 1 if is_narrow() else 3
-    figure.legend(handles=marks, loc="outside upper left", ncols=columns, frameon=False)
+    add_legend(figure, axes, marks, columns=columns)
     return figure
 
 
@@ -94,7 +99,7 @@ def _name(axes: Axes, roads: Sequence[MappedRoad]) -> None:
             (float(x), float(y)),
             ha="center",
             va="center",
-            fontsize=6.5,
+            fontsize=8.0,
             color=ACCENT if road.road is not None else INK,
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"},
             zorder=4.0,

@@ -11,12 +11,13 @@ from overtaking.analysis.stats.columns import NO_ATTEMPT
 from overtaking.analysis.stats.diagrams import Diagram, Track
 from overtaking.core.units import kmh_from_mps
 from overtaking.show import palette
-from overtaking.show.plots.style import PHASE_COLOURS, new_figure, styled
+from overtaking.show.plots.style import PHASE_COLOURS, figure_width, new_figure, styled
 
 _OTHERS = "#9aa1aa"
 _SKY = "#56b4e9"  # Of the same palette; the grey of No_attempt would be lost among the others.
-_LETTER = 0.0085  # Width of a letter, in lengths of the time axis.
-_NAME_HEIGHT = 0.05  # Height of a name, in heights of the upper panel.
+_LETTER_IN = 0.06  # Width of a letter [inch].
+_BESIDE_AXIS = 0.9  # Left and right of the time axis [inch].
+_NAME_HEIGHT = 0.07  # Height of a name, in heights of the upper panel.
 
 
 @styled
@@ -38,7 +39,7 @@ def draw_overtake(one: Diagram, name: str) -> Figure:
     _draw_across(across, one, colour)
     _name_phases(along, one)
     _name_marks(across, one)
-    across.set_xlabel("time [s]", labelpad=14)
+    across.set_xlabel("time [s]", labelpad=18)
     figure.align_ylabels([along, across])
     return figure
 
@@ -116,7 +117,7 @@ def _name_tracks(axes: Axes, one: Diagram, colour: str) -> None:
         text = "ego" if track.is_ego else "target" if track.is_target else str(track.slot)
         axes.annotate(
             text, (float(one.time[-1]), place), (4, 0), textcoords="offset points", va="center",
-            color=_colour(track, colour)[0], weight="bold" if track.is_ego else "normal", size=7,
+            color=_colour(track, colour)[0], weight="bold" if track.is_ego else "normal", size=8,
             annotation_clip=False,
         )  # fmt: skip
 
@@ -149,12 +150,17 @@ def _name_phases(axes: Axes, one: Diagram) -> None:
     whole = float(one.time[-1] - one.time[0]) or 1.0
     for phase in one.phases:
         width = (phase.end - phase.begin) / whole
-        if width < _LETTER * len(phase.name):
+        if width < _letter() * len(phase.name):
             continue
         axes.text(
             (phase.begin + phase.end) / 2.0, 1.02, phase.name, ha="center", va="bottom",
-            color=palette.QUIET, size=7, transform=axes.get_xaxis_transform(),
+            color=palette.QUIET, size=8, transform=axes.get_xaxis_transform(),
         )  # fmt: skip
+
+
+def _letter() -> float:
+    """Width of a letter, in lengths of the time axis."""
+    return _LETTER_IN / (figure_width() - _BESIDE_AXIS)
 
 
 def _name_marks(axes: Axes, one: Diagram) -> None:
@@ -162,11 +168,11 @@ def _name_marks(axes: Axes, one: Diagram) -> None:
     whole = float(one.time[-1] - one.time[0]) or 1.0
     end, is_down = -1.0, False
     for symbol, time in sorted(one.marks, key=lambda mark: mark[1]):
-        half = 0.5 * _LETTER * (len(symbol) + 1) * whole
+        half = 0.5 * _letter() * (len(symbol) + 1) * whole
         is_down = time - half < end and not is_down
         end = time + half
         axes.annotate(
-            symbol, (time, 0.0), (0, -21 if is_down else -13),
+            symbol, (time, 0.0), (0, -24 if is_down else -15),
             xycoords=axes.get_xaxis_transform(), textcoords="offset points", ha="center", va="top",
-            color=palette.INK, size=7, style="italic", annotation_clip=False,
+            color=palette.INK, size=8, style="italic", annotation_clip=False,
         )  # fmt: skip

@@ -40,8 +40,9 @@ def draw_pairs(sample: Sample, histograms: Sequence[Histogram], points: Points) 
     """
     names = [one.feature.name for one in histograms]
     number = len(names)
-    figure = new_figure(7.4, is_fixed=True)
-    set_margins(figure, left=0.52, right=0.05, top=0.05, bottom=0.3, wspace=0.05, hspace=0.05)
+    figure = new_figure(4.2 if is_narrow() else 7.4, is_fixed=True)
+    bottom = 0.62 if is_narrow() else 0.3
+    set_margins(figure, left=0.62, right=0.05, top=0.05, bottom=bottom, wspace=0.05, hspace=0.05)
     grid = figure.add_gridspec(number, number)
     columns = {name: sample.values(name)[points.simulations] for name in names}
     members = {name: of[points.simulations] for name, of in sample.groups()}
@@ -122,7 +123,8 @@ def _label_edges(axes: Axes, across: str, up: str, *, is_left: bool, is_bottom: 
     axes.set_xticks([])
     axes.set_yticks([])
     if is_bottom:
-        axes.set_xlabel(across, labelpad=4)
+        turned: dict[str, Any] = {"rotation": 90, "va": "top"} if is_narrow() else {}
+        axes.set_xlabel(across, labelpad=4, **turned)
     if is_left:
         axes.set_ylabel(up, rotation=0, ha="right", va="center", labelpad=6)
 
@@ -166,10 +168,11 @@ def draw_associations(found: Associations) -> Figure:
     figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()
     image = axes.imshow(found.values, cmap=_DIVERGING, vmin=-1.0, vmax=1.0)
+    # The cells of a column have no room for letters of a size that can be read.
     write_cells(
         axes,
-        _texts(found.values, _short),
-        size=4.6 if is_narrow() else 6.6,
+        {} if is_narrow() else _texts(found.values, _short),
+        size=8.0,
         color=lambda cell: "white" if abs(found.values[cell]) > _DARK else palette.INK,
         in_layout=False,
     )
@@ -195,8 +198,8 @@ def draw_p_values(found: Associations) -> Figure:
     axes.imshow(steps, cmap=_STEPS, vmin=-0.5, vmax=3.5)
     write_cells(
         axes,
-        _texts(found.p_values, _p_value),
-        size=4.0 if is_narrow() else 6.2,
+        _significant(found) if is_narrow() else _texts(found.p_values, _p_value),
+        size=8.0 if is_narrow() else 6.4,  # "<.001" in bold has no more room.
         weight=lambda cell: "bold" if found.q_values[cell] < ALPHA else "normal",
         color=lambda cell: "white" if steps[cell] == 0 else palette.INK,
         in_layout=False,
@@ -233,7 +236,9 @@ def _add_steps(figure: Figure, axes: Axes) -> None:
         Patch(facecolor=colour, edgecolor="#cfd4d9", linewidth=0.5, label=text)
         for colour, text in zip(_STEPS.colors, texts, strict=True)  # type: ignore[arg-type]
     ]
-    legend = figure.legend(handles=patches, loc="outside upper center", ncols=4, handlelength=1.3)
+    legend = figure.legend(
+        handles=patches, loc="outside upper center", ncols=legend_columns(4), handlelength=1.3
+    )
     for text in legend.get_texts():
         text.set_color(palette.QUIET)
     axes.set_anchor("C")
@@ -242,6 +247,11 @@ def _add_steps(figure: Figure, axes: Axes) -> None:
 def _texts(values: F64, text: Callable[[float], str]) -> dict[tuple[int, int], str]:
     """The text of each value that is there, by row and column."""
     return {cell: text(value) for cell, value in np.ndenumerate(values) if not np.isnan(value)}  # type: ignore[misc]
+
+
+def _significant(found: Associations) -> dict[tuple[int, int], str]:
+    """A dot for each pair whose adjusted p-value stays below the level."""
+    return {cell: "•" for cell, value in np.ndenumerate(found.q_values) if value < ALPHA}  # type: ignore[misc]
 
 
 def _short(value: float) -> str:

@@ -11,14 +11,15 @@ Source:
 import functools
 import io
 import math
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, Literal, ParamSpec, TypeVar, cast
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -50,20 +51,29 @@ PHASE_COLOURS = {
 }
 """Background of each phase of an overtake, light enough to print on."""
 
-WIDTH = 7.2
-"""Width of a figure [inch]: the text of an A4 page."""
+Width = Literal["column", "page"]
 
-NARROW_WIDTH = 4.0
-"""Width of a figure for a phone [inch], with letters of the same size."""
+WIDTHS: Mapping[Width, float] = {"column": 3.5, "page": 7.16}
+"""Widths of a figure [inch]: of one column, and of both columns of a paper.
 
-_width: ContextVar[float] = ContextVar("width of new figures", default=WIDTH)
+The letters have the same size in both. A figure of one column also fits on a phone.
+
+Source:
+    IEEE, Guidelines for graphics preparation: a column is 3.5 in wide, a page 7.16 in.
+"""
+
+_width: ContextVar[Width] = ContextVar("width of new figures", default="page")
+_axes: ContextVar[Axes | None] = ContextVar("axes of the caller", default=None)
 
 DOTS_PER_INCH = 200
 
 _COMPRESSION = 3  # Of PNG: less than the usual 6, for speed; files grow by a fifth.
 
 _SETTINGS: dict[str, Any] = {
-    "font.family": "DejaVu Sans",  # Matplotlib ships it, so figures are the same everywhere.
+    "font.family": "sans-serif",
+    # Matplotlib ships DejaVu Sans, so figures are the same everywhere. The others are for readers
+    # of an SVG without it: Verdana has letters of nearly the same width, Arial narrower ones.
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"],
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.titleweight": "bold",
@@ -83,18 +93,20 @@ _SETTINGS: dict[str, Any] = {
     "text.color": INK,
     "xtick.color": QUIET,
     "ytick.color": QUIET,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
     "xtick.major.width": 0.7,
     "ytick.major.width": 0.7,
     "xtick.major.size": 3.0,
     "ytick.major.size": 0.0,
     "hatch.linewidth": 0.5,
     "legend.frameon": False,
-    "legend.fontsize": 7.5,
+    "legend.fontsize": 8.0,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
-    "svg.fonttype": "path",  # Letters as shapes: a reader's machine needs no font.
+    "svg.fonttype": "none",  # Text stays text: it can be searched, and edited for a paper.
+    "pdf.fonttype": 42,  # TrueType: journals refuse the usual Type 3.
+    "ps.fonttype": 42,
     "svg.hashsalt": "overtaking",  # The same figure has the same bytes.
 }
 
@@ -116,24 +128,30 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 
 @contextmanager
-def narrow() -> Generator[None]:
-    """Within it, figures are drawn for a phone: narrower, with panels below each other."""
-    token = _width.set(NARROW_WIDTH)
+def drawn_for(width: Width, axes: Axes | None = None) -> Generator[None]:
+    """Within it, figures are laid out for a width, or drawn into axes of the caller.
+
+    Args:
+        width: A name of `WIDTHS`. In a column, panels stand below each other.
+        axes: Where `single_axes` draws; None for a new figure.
+    """
+    tokens = _width.set(width), _axes.set(axes)
     try:
         yield
     finally:
-        _width.reset(token)
+        _width.reset(tokens[0])
+        _axes.reset(tokens[1])
 
 
 def is_narrow() -> bool:
-    """Whether figures are drawn for a phone."""
-    return _width.get() < WIDTH
+    """Whether figures are laid out for one column."""
+    return _width.get() == "column"
 
 
 def legend_columns(entries: int) -> int:
     """How many entries of a legend above a figure fit on a line; more take further lines."""
     if is_narrow():
-        return 3
+        return 2
     return entries if entries <= LEGEND_LINE else math.ceil(entries / 2)
 
 
@@ -144,15 +162,44 @@ def new_figure(height: float, *, is_fixed: bool = False) -> Figure:
         height: Its height [inch].
         is_fixed: Whether `set_margins` says where panels go; else everything finds its place.
     """
-    figure = Figure(figsize=(_width.get(), height), layout=None if is_fixed else "constrained")
+    size = (figure_width(), height)
+    figure = Figure(figsize=size, layout=None if is_fixed else "constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def figure_width() -> float:
+    """Width of new figures [inch]."""
+    return WIDTHS[_width.get()]
+
+
+def single_axes(height: float) -> tuple[Figure, Axes]:
+    """The only axes of a figure: those of the caller, or axes of a new figure.
+
+    Args:
+        height: Height of a new figure [inch].
+    """
+    axes = _axes.get()
+    if axes is None:
+        figure = new_figure(height)
+        return figure, figure.add_subplot()
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return figure, axes
+
+
+def add_legend(figure: Figure, axes: Axes, handles: Sequence[Any], *, columns: int) -> None:
+    """A legend above a figure with single axes, or within the axes of the caller."""
+    if _axes.get() is None:
+        figure.legend(handles=handles, loc="outside upper left", ncols=columns)
+    else:
+        axes.legend(handles=handles)
 
 
 def _settle(figure: Figure) -> None:
     """Give everything its place once; otherwise each file would cost that again."""
     engine = figure.get_layout_engine()
-    if engine is not None:
+    if engine is not None and _axes.get() is None:
         engine.execute(figure)
         figure.set_layout_engine("none")
 
@@ -197,6 +244,18 @@ def to_svg(figure: Figure) -> bytes:
 
 
 @styled
+def to_pdf(figure: Figure) -> bytes:
+    """A figure as PDF with embedded TrueType fonts; dense clouds of points are pictures in it."""
+    buffer = io.BytesIO()
+    figure.set_dpi(DOTS_PER_INCH)
+    # Without the date the same figure has the same bytes.
+    FigureCanvasPdf(figure).print_pdf(
+        buffer, metadata={"CreationDate": None, "Creator": None, "Producer": None}
+    )
+    return buffer.getvalue()
+
+
+@styled
 def to_png(figure: Figure) -> bytes:
     """A figure as PNG."""
     buffer = io.BytesIO()
@@ -212,10 +271,10 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def remark(axes: Axes, text: str, **style: Any) -> None:
-    """Write a remark above the right end of a panel."""
+def remark(axes: Axes, text: str, *, height: float = 1.02, **style: Any) -> None:
+    """Write a remark above the right end of a panel, at a height in heights of the panel."""
     known: dict[str, Any] = {"ha": "right", "va": "bottom", "color": QUIET}
-    axes.text(1.0, 1.02, text, transform=axes.transAxes, **known | style)
+    axes.text(1.0, height, text, transform=axes.transAxes, **known | style)
 
 
 def write_cells(axes: Axes, texts: Mapping[tuple[int, int], str], **styles: Any) -> None:
@@ -239,3 +298,11 @@ def say_nothing_to_draw(axes: Axes) -> None:
     axes.grid(visible=False)
     style: dict[str, Any] = {"ha": "center", "va": "center", "color": QUIET, "style": "italic"}
     axes.text(0.5, 0.5, "no values", transform=axes.transAxes, **style)
+
+
+FORMATS: Mapping[str, Callable[[Figure], bytes]] = {
+    ".svg": to_svg,
+    ".pdf": to_pdf,
+    ".png": to_png,
+}
+"""How a figure becomes a file, by the ending of its name."""

@@ -1,5 +1,7 @@
 """Twins over time, and the futures of a simulation over its scene."""
 
+from textwrap import fill
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,8 +24,10 @@ from overtaking.model.vehicles import Role
 from overtaking.show import palette
 from overtaking.show.futures import fan_title
 from overtaking.show.plots.overtake import draw_along
-from overtaking.show.plots.style import lightened, new_figure, remark, styled, words
+from overtaking.show.plots.style import is_narrow, lightened, new_figure, remark, styled, words
 
+_COLUMN_LETTERS = 48  # Of a line of a heading of one column.
+_COLUMN_TITLE = 32  # Of a line of a title above a panel there.
 _LOOKS = (
     {"color": palette.INK, "linewidth": 1.6, "linestyle": (0, (4, 1.5)), "zorder": 3},
     {"color": palette.ACCENT, "linewidth": 1.8, "linestyle": "-", "zorder": 2},
@@ -56,7 +60,10 @@ def draw_twin(one: Twin, policy: str = "paper") -> Figure:
     gap.set_ylabel("target ahead,\ncentre to centre [m]")
     gap.set_xlabel("time [s]")
     _mark_parting(one, (across, speed, gap))
-    figure.legend(loc="outside upper left", ncols=2, title=_heading(one), alignment="left")
+    columns, heading = (
+        (1, fill(_heading(one), _COLUMN_LETTERS)) if is_narrow() else (2, _heading(one))
+    )
+    figure.legend(loc="outside upper left", ncols=columns, title=heading, alignment="left")
     figure.align_ylabels([across, speed, gap])
     return figure
 
@@ -87,7 +94,7 @@ def _mark_parting(one: Twin, panels: tuple[Axes, ...]) -> None:
         axes.axvline(one.parting.time, color=palette.QUIET, linewidth=0.9, linestyle=":")
     text = f"they part at {one.parting.time:.2f} s"
     if one.parting.ego_time is not None and one.parting.ego_time > one.parting.time:
-        text += f", the ego at {one.parting.ego_time:.2f} s"
+        text += f",{chr(10) if is_narrow() else ' '}the ego at {one.parting.ego_time:.2f} s"
     remark(panels[0], text)
 
 
@@ -98,7 +105,8 @@ def draw_fan(one: Fan) -> Figure:
     scene, shares = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.15))
     draw_along(scene, diagram(one.stayed, label(one.stayed).events), palette.ACCENT)
     scene.grid(visible=False)
-    scene.set_title(f"Simulation {one.number}, had the ego stayed in its lane")
+    gap = "\n" if is_narrow() else " "
+    scene.set_title(f"Simulation {one.number},{gap}had the ego stayed in its lane")
     _draw_shares(shares, one)
     interval = one.stayed.scenario.frame_interval_ms / 1000.0
     for axes in (scene, shares):
@@ -107,7 +115,7 @@ def draw_fan(one: Fan) -> Figure:
         axes.set_xlim(0.0, max(int(one.stayed.num_frames[0]) - 1, 1) * interval)
     if one.actual is not None:
         shares.annotate(
-            "began", (one.actual, 1.02), xycoords=("data", "axes fraction"), ha="center", size=7
+            "began", (one.actual, 1.02), xycoords=("data", "axes fraction"), ha="center", size=8
         )
     lacking = int((~one.is_enough).sum())
     note = f"\n{lacking} of {len(one.time)} instants with fewer than {TOO_FEW} futures left out"
@@ -134,6 +142,10 @@ def _draw_shares(axes: Axes, one: Fan) -> None:
         )  # fmt: skip
     axes.set_ylim(-0.02, 1.02)
     axes.set_ylabel(f"share, 95 % interval\n(policy {one.policy})")
-    axes.set_title(fan_title(one.given), pad=16)
+    title = fan_title(one.given)
+    axes.set_title(fill(title, _COLUMN_TITLE) if is_narrow() else title, pad=16)
     if one.counts.any():
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        if is_narrow():
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.35), ncols=2)
+        else:
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

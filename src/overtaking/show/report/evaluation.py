@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from overtaking.analysis.evaluation import tables, words
 from overtaking.core.errors import MissingExtraError
@@ -15,6 +15,8 @@ from overtaking.show.report.prose import FOOT
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+    from matplotlib.figure import Figure
 
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.core.steps import Progress
@@ -129,15 +131,25 @@ class _Figures:
     def of(self, name: str) -> str:
         """The HTML of one."""
         try:
-            from overtaking.show.plots import evaluation as plots
+            draw = drawers()[name]
         except MissingExtraError as error:
             return self._folder.lacking(f"Figures are left out: {error}")
-        draw: dict[str, Callable[[Any], Any]] = {
-            "differences": plots.draw_contrasts,
-            "weathers": plots.draw_weathers,
-            "rules": plots.draw_law,
-        }
-        return self._folder.figure(name, _CAPTIONS[name], partial(draw[name], self._found))
+        return self._folder.figure(name, _CAPTIONS[name], partial(draw, self._found))
+
+
+def drawers() -> dict[str, Callable[[Evaluation], Figure]]:
+    """What draws each figure of an evaluation, by its name.
+
+    Raises:
+        MissingExtraError: The extra `plots` is not installed.
+    """
+    from overtaking.show.plots import evaluation as plots
+
+    return {
+        "differences": plots.draw_contrasts,
+        "weathers": plots.draw_weathers,
+        "rules": plots.draw_law,
+    }
 
 
 def _films(

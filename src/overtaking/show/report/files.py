@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.stats.formats import table_to_csv, table_to_latex
 from overtaking.analysis.stats.table import Table
+from overtaking.core.errors import ConfigError
 from overtaking.core.files import put
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.report.page import figure_block, missing, table_block, view_block
@@ -23,7 +24,7 @@ class Written:
 
     Attributes:
         path: The page.
-        figures: Names of the figures, each as SVG and PNG in `figures`.
+        figures: Names of the figures, each as SVG, PDF and PNG in `figures`.
         tables: Names of the tables, each as LaTeX and CSV in `tables`.
         remarks: What the page could not show, and why.
     """
@@ -54,27 +55,22 @@ class ReportFolder:
         self.remarks: list[str] = []
         self._has_view = False
 
-    def figure(
-        self, name: str, caption: str, draw: Callable[[], "Figure"], *, for_phone: bool = True
-    ) -> str:
-        """Draw a figure and write it as SVG and PNG.
+    def figure(self, name: str, caption: str, draw: Callable[[], "Figure"]) -> str:
+        """Draw a figure and write it as SVG, PDF and PNG.
 
         Args:
             name: Name of its files.
             caption: The words below it.
-            draw: Draws it.
-            for_phone: Whether to draw it once more for narrow screens.
+            draw: Draws it; once more for narrow screens.
         """
-        from overtaking.show.plots.style import narrow, to_png, to_svg
+        from overtaking.show.plots.style import FORMATS, drawn_for, to_svg
 
         drawn = draw()
-        svg = to_svg(drawn)
-        put(self.out / FIGURES / f"{name}.svg", svg)
-        put(self.out / FIGURES / f"{name}.png", to_png(drawn))
+        for ending, to_bytes in FORMATS.items():
+            put(self.out / FIGURES / f"{name}{ending}", to_bytes(drawn))
         self.figures.append(name)
-        if not for_phone:
-            return figure_block(name, svg, caption)
-        with narrow():
+        svg = to_svg(drawn)
+        with drawn_for("column"):
             return figure_block(name, svg, caption, to_svg(draw()))
 
     def table(self, table: Table) -> str:
@@ -103,7 +99,10 @@ class ReportFolder:
             The fields of `Written`.
         """
         put(self.out / PAGE, text.encode())
-        known = {FIGURES: (self.figures, {".svg", ".png"}), TABLES: (self.tables, {".tex", ".csv"})}
+        known = {
+            FIGURES: (self.figures, {".svg", ".pdf", ".png"}),
+            TABLES: (self.tables, {".tex", ".csv"}),
+        }
         for name, (names, endings) in known.items():
             for path in (self.out / name).iterdir():
                 if path.suffix in endings and path.stem not in names:
@@ -115,15 +114,35 @@ class ReportFolder:
 
 
 def put_figure(path: Path, drawing: "Figure") -> None:
-    """Write a figure as a whole: as SVG where the name of the file ends so, else as PNG.
+    """Write a figure as a whole, in the format that the name of the file ends in.
 
     Args:
         path: The file; its folder exists.
         drawing: A figure in the design of `show.plots`.
 
     Raises:
+        ConfigError: The name ends in something else than .svg, .pdf or .png.
         OSError: The file cannot be written.
     """
-    from overtaking.show.plots.style import to_png, to_svg
+    from overtaking.show.plots.style import FORMATS
 
-    put(path, to_svg(drawing) if path.suffix == ".svg" else to_png(drawing))
+    check_figure_file(path)
+    put(path, FORMATS[path.suffix](drawing))
+
+
+def check_figure_file(path: Path) -> None:
+    """Refuse the name of a file for a figure whose ending is of no format.
+
+    Raises:
+        ConfigError: The name ends in something else than .svg, .pdf or .png.
+    """
+    from overtaking.show.plots.style import FORMATS
+
+    if path.suffix not in FORMATS:
+        raise ConfigError.of(
+            what="file",
+            where=path.name,
+            expected=f"a name that ends in {' or '.join(FORMATS)}",
+            got=f"the ending {path.suffix or '(none)'}",
+            next_step="rename the file",
+        )

@@ -142,8 +142,8 @@ def association_pictures(found: Associations) -> list[Picture]:
         ),
         Picture(
             name="p-values",
-            caption="P-values of the same pairs: t-test of ρ, Kruskal–Wallis, χ². Bold where the "
-            "adjusted value stays below 0.05, too.",
+            caption="P-values of the same pairs: t-test of ρ, Kruskal–Wallis, χ². Bold, or "
+            "with a dot, where the adjusted value stays below 0.05, too.",
             draw=lambda: draw_p_values(found),
         ),
     ]
@@ -181,12 +181,17 @@ def ranking_picture(found: "FactorsFound") -> Picture:
     )
 
 
+def example_name(name: str) -> str:
+    """Name of the figure of an example of a class."""
+    return f"example-{name.lower().replace('_', '-')}"
+
+
 def overtake_picture(name: str, simulation: int, one: Diagram) -> Picture:
     """An example of a class in space and time."""
     from overtaking.show.plots.overtake import draw_overtake
 
     return Picture(
-        name=f"example-{name.lower().replace('_', '-')}",
+        name=example_name(name),
         caption=f"{name}: simulation {simulation}, the most typical of its class. Above, positions "
         "along the road, with the lengths of the vehicles; below, across it, with the widths of "
         "ego and target. a: begins to pull out; x₁: crosses the line; o₁, o₂: alongside the "

@@ -108,7 +108,7 @@ def figure_block(name: str, svg: bytes, caption: str, narrow: bytes | None = Non
     """
     source = f'<source media="{_PHONE}" srcset="{_embedded(narrow)}">' if narrow else ""
     kinds = ", ".join(
-        f'<a href="figures/{name}.{kind}">{kind.upper()}</a>' for kind in ("svg", "png")
+        f'<a href="figures/{name}.{kind}">{kind.upper()}</a>' for kind in ("svg", "pdf", "png")
     )
     return (
         f'<figure id="figure-{name}"><picture>{source}<img alt="{escape(caption)}" '

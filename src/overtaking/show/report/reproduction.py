@@ -2,6 +2,7 @@
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from overtaking.analysis.reproduction import tables, words
 from overtaking.analysis.reproduction.replicates import SIZE
@@ -10,6 +11,11 @@ from overtaking.core.errors import MissingExtraError
 from overtaking.show.report.files import ReportFolder, Written
 from overtaking.show.report.page import Section, definitions, page, paragraph, remarks
 from overtaking.show.report.prose import FOOT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
 
 FITTED, OTHERS = "paper-means", "paper-others"
 """Names of the figures."""
@@ -80,15 +86,23 @@ def _sections(found: Reproduction, folder: ReportFolder, drawn: list[str]) -> li
 def _figures(found: Reproduction, folder: ReportFolder) -> list[str]:
     """The figures, or why they are left out."""
     try:
-        from overtaking.show.plots.comparison import draw_ridges, panels
+        drawn = drawers(found)
     except MissingExtraError as error:
         return [folder.lacking(f"Figures are left out: {error}")]
+    return [folder.figure(name, _CAPTIONS[name], draw) for name, draw in drawn.items()]
+
+
+def drawers(found: Reproduction) -> "dict[str, Callable[[], Figure]]":
+    """What draws each figure of a reproduction, by its name.
+
+    Raises:
+        MissingExtraError: The extra `plots` is not installed.
+    """
+    from overtaking.show.plots.comparison import draw_ridges, panels
+
     every = panels(found.comparisons)
     parts = {
         FITTED: [one for one in every if one.title.startswith(_FIRST)],
         OTHERS: [one for one in every if not one.title.startswith(_FIRST)],
     }
-    return [
-        folder.figure(name, _CAPTIONS[name], partial(draw_ridges, shown), for_phone=False)
-        for name, shown in parts.items()
-    ]
+    return {name: partial(draw_ridges, shown) for name, shown in parts.items()}

@@ -342,13 +342,14 @@ def test_films_of_twins_have_one_time_axis(data: ot.Dataset, begun: int):
     assert above == below
 
 
-@pytest.mark.parametrize("name", ["twin.svg", "twin.png"])
+@pytest.mark.parametrize("name", ["twin.svg", "twin.pdf", "twin.png"])
 def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, name: str):
     pytest.importorskip("matplotlib")
-    path = ot.plot_what_if(ot.twin(data, begun, delay=1.0), tmp_path / name)
+    path = tmp_path / name
+    ot.plot(ot.twin(data, begun, delay=1.0), out=path)
     assert path.stat().st_size > 5_000
-    with pytest.raises(ConfigError, match="found: expected a Twin"):
-        ot.plot_what_if(Stage.PASS, path)
+    with pytest.raises(ConfigError, match="source: expected a data set"):
+        ot.plot(Stage.PASS, out=path)
 
 
 def test_a_fan_names_every_vehicle_of_its_scene(data: ot.Dataset, begun: int):

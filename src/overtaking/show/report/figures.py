@@ -1,0 +1,284 @@
+"""Single figures: those of a report by name, and those of every other result that can be drawn."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from overtaking.core.checks import check_name
+from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.show.palette import CLASS_COLOURS
+from overtaking.show.report import gallery
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from overtaking.analysis.evaluation.results import Evaluation
+    from overtaking.analysis.learning.factors import FactorsFound
+    from overtaking.analysis.reproduction.run import Reproduction
+    from overtaking.analysis.stats.results import Statistics
+    from overtaking.data.load import Dataset
+
+Draw = Callable[[], "Figure"]
+
+SINGLE_AXES = frozenset(
+    ["classes", "waiting-time", "boxes", "learning-confusion", "learning-ranking", "rules", "map"]
+)
+"""The figures with single axes, which can be drawn into those of the caller."""
+
+
+def draw(source: Any, figure: str | None, *, axes: Axes | None, width: str, policy: str) -> Figure:
+    """Draw one figure of a result.
+
+    Args:
+        source: A data set, or a result of a function of the package.
+        figure: Name of the figure; None where the result has only one.
+        axes: Where to draw a figure with single axes; None for a new figure.
+        width: A name of `style.WIDTHS`.
+        policy: Which rules decide about classes.
+
+    Raises:
+        ConfigError: There is no such figure or width, or it cannot be drawn into the axes.
+        DatasetError: The data have too little to draw it.
+        MissingExtraError: The extra `plots` is not installed.
+    """
+    from overtaking.show.plots.style import WIDTHS, Axes, drawn_for
+
+    if axes is not None and not isinstance(axes, Axes):
+        raise ConfigError.of(
+            what="ax",
+            where="plot",
+            expected="axes of Matplotlib",
+            got=f"a {type(axes).__name__}",
+            next_step="give one of figure.axes",
+        )
+    check_name(width, WIDTHS, what="width", where="plot")
+    figures = figures_of(source, policy)
+    name = _chosen(figure, figures)
+    if axes is not None and name not in SINGLE_AXES:
+        raise ConfigError.of(
+            what="ax",
+            where="plot",
+            expected=f"None, as {name} has several axes",
+            got="axes",
+            next_step="leave ax out, or draw a figure with single axes: "
+            + ", ".join(one for one in figures if one in SINGLE_AXES),
+        )
+    with drawn_for("column" if width == "column" else "page", axes):
+        return figures[name]()
+
+
+def _chosen(figure: str | None, figures: Mapping[str, Draw]) -> str:
+    """The name of a figure that exists."""
+    if figure is None and len(figures) == 1:
+        return next(iter(figures))
+    if figure is None or figure not in figures:
+        names = list(figures) if figure is None else nearest_first(figure, figures)
+        raise ConfigError.not_among("figure", "plot", names, figure)
+    return figure
+
+
+def nearest_first(name: str, names: Iterable[str]) -> list[str]:
+    """Names in the order in which they resemble a name."""
+
+    def unlikeness(one: str) -> float:
+        return -difflib.SequenceMatcher(a=name.lower(), b=one).ratio()
+
+    return sorted(names, key=unlikeness)
+
+
+def figures_of(source: Any, policy: str) -> dict[str, Draw]:
+    """What can be drawn of a source, by name.
+
+    Args:
+        source: As in `draw`.
+        policy: As in `draw`.
+
+    Raises:
+        ConfigError: Nothing can be drawn of it.
+    """
+    # By name: importing all modules of analysis would take longer than to draw.
+    for base in type(source).__mro__:
+        if base.__name__ in _SOURCES and base.__module__.startswith("overtaking."):
+            return _SOURCES[base.__name__](source, policy)
+    if isinstance(source, (list, tuple)) and _are_roads(source):
+        return {"map": partial(_draw_map, source)}
+    raise ConfigError.of(
+        what="source",
+        where="plot",
+        expected="a data set or its folder, the roads of map_roads, or what one of these functions "
+        f"returned: {', '.join(_FUNCTIONS)}",
+        got=f"a {type(source).__name__}",
+        next_step="give one of them",
+    )
+
+
+def _of_dataset(data: Dataset, policy: str) -> dict[str, Draw]:
+    """The figures of the report on a data set; nothing is computed before one is drawn."""
+    from overtaking.analysis.stats.results import statistics
+
+    def found() -> Statistics:
+        return statistics(data.features(policy), policy=policy)
+
+    return {
+        **{name: partial(_draw_statistic, found, name) for name in _STATISTICS},
+        **{
+            gallery.example_name(name): partial(_draw_example, data, found, name)
+            for name in CLASS_COLOURS
+        },
+        **{name: partial(_draw_learned, data, policy, name) for name in _LEARNED},
+    }
+
+
+def _of_statistics(found: Statistics, policy: str) -> dict[str, Draw]:
+    del policy
+    return {name: partial(_draw_statistic, lambda: found, name) for name in _STATISTICS}
+
+
+def _draw_statistic(found: Callable[[], Statistics], name: str) -> Figure:
+    numbers = found()
+    if name == "waiting-time" and numbers.waiting is None:
+        raise _too_little(name, "overtakes that began")
+    return _picture(_STATISTICS[name](numbers), name).draw()
+
+
+def _draw_example(data: Dataset, found: Callable[[], Statistics], name: str) -> Figure:
+    """A typical simulation of a class in space and time."""
+    from overtaking.analysis.stats.diagrams import diagram
+    from overtaking.analysis.stats.distributions import typical
+    from overtaking.labels.label import label
+
+    sample = found().sample
+    place = typical(sample).get(name)
+    if place is None:
+        raise _too_little(gallery.example_name(name), f"a simulation of the class {name}")
+    simulation = int(sample.frame.index[place])
+    labelled = label(data.trajectory(simulation))
+    one = diagram(labelled.trajectories, labelled.events)
+    return gallery.overtake_picture(name, simulation, one).draw()
+
+
+def _draw_learned(data: Dataset, policy: str, name: str) -> Figure:
+    from overtaking.analysis.learning.examples import examples_of
+    from overtaking.analysis.learning.factors import learn_factors
+    from overtaking.analysis.learning.leakage import chosen_factors
+    from overtaking.analysis.learning.models import require_models
+
+    require_models()
+    factors = learn_factors(examples_of(data, policy), chosen_factors(()))
+    return _picture(_LEARNED[name](factors), name).draw()
+
+
+def _picture(pictures: Iterable[gallery.Picture], name: str) -> gallery.Picture:
+    return next(one for one in pictures if one.name == name)
+
+
+def _too_little(name: str, lacking: str) -> DatasetError:
+    return DatasetError.of(
+        what=f"figure {name}",
+        where="plot",
+        expected=f"a data set with {lacking}",
+        got="none",
+        next_step="draw another figure, or of a larger data set",
+    )
+
+
+def _of_factors(found: FactorsFound, policy: str) -> dict[str, Draw]:
+    del policy
+    return {name: _picture(made(found), name).draw for name, made in _LEARNED.items()}
+
+
+def _of_evaluation(found: Evaluation, policy: str) -> dict[str, Draw]:
+    del policy
+    from overtaking.show.report.evaluation import drawers
+
+    return {name: partial(draw_one, found) for name, draw_one in drawers().items()}
+
+
+def _of_reproduction(found: Reproduction, policy: str) -> dict[str, Draw]:
+    del policy
+    from overtaking.show.report.reproduction import drawers
+
+    return drawers(found)
+
+
+def _of_validation(found: Any, policy: str) -> dict[str, Draw]:
+    del policy
+    from overtaking.show.plots.comparison import draw_validation
+
+    return {"validation": partial(draw_validation, found)}
+
+
+def _of_curve(found: Any, policy: str) -> dict[str, Draw]:
+    del policy
+    from overtaking.show.plots.law import draw_curve
+
+    return {"law-curve": partial(draw_curve, found)}
+
+
+def _of_twin(found: Any, policy: str) -> dict[str, Draw]:
+    from overtaking.show.plots.whatif import draw_twin
+
+    return {"twin": partial(draw_twin, found, policy)}
+
+
+def _of_fan(found: Any, policy: str) -> dict[str, Draw]:
+    del policy
+    from overtaking.show.plots.whatif import draw_fan
+
+    return {"fan": partial(draw_fan, found)}
+
+
+def _draw_map(roads: Any) -> Figure:
+    from overtaking.show.plots.map import draw_map
+
+    return draw_map(roads)
+
+
+def _are_roads(source: Iterable[Any]) -> bool:
+    from overtaking.recordings.opendrive_map import MappedRoad
+
+    return all(isinstance(one, MappedRoad) for one in source)
+
+
+def _associations(found: Statistics) -> list[gallery.Picture]:
+    from overtaking.analysis.stats.associations import associations
+
+    return gallery.association_pictures(associations(found.sample))
+
+
+_STATISTICS: dict[str, Callable[[Statistics], list[gallery.Picture]]] = {
+    "classes": lambda found: [gallery.class_picture(found)],
+    "waiting-time": lambda found: [gallery.waiting_picture(found)],
+    **dict.fromkeys(("histograms", "boxes", "speed-by-class"), gallery.distribution_pictures),
+    **dict.fromkeys(("pairs", "pair-details"), gallery.pair_pictures),
+    **dict.fromkeys(("associations", "p-values"), _associations),
+}
+"""The figures of statistics, in the order of the report."""
+
+_LEARNED: dict[str, Callable[[FactorsFound], list[gallery.Picture]]] = {
+    **dict.fromkeys(("learning-confusion", "learning-calibration"), gallery.model_pictures),
+    "learning-ranking": lambda found: [gallery.ranking_picture(found)],
+}
+"""The figures of learned factors."""
+
+_SOURCES: dict[str, Callable[[Any, str], dict[str, Draw]]] = {
+    "Dataset": _of_dataset,
+    "Statistics": _of_statistics,
+    "FactorsFound": _of_factors,
+    "Validation": _of_validation,
+    "Curve": _of_curve,
+    "Twin": _of_twin,
+    "Fan": _of_fan,
+    "Evaluation": _of_evaluation,
+    "Reproduction": _of_reproduction,
+}
+"""By the name of the class of the source."""
+
+_FUNCTIONS = (
+    *("statistics", "learn_factors", "validate", "law_curve", "twin", "fan", "evaluate"),
+    "reproduce",
+)
