@@ -153,10 +153,8 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (
   const values = lines.flatMap((line) => line.values.filter((value) => value !== null));
   const { low, high, ticks } = axis(values);
   const y = (value: number): number => CHART - 6 - ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (CHART - 22);
-  const grid = ticks.flatMap(([tick, text]) => [
-    svg("line", { x1: 0, x2: needs.width, y1: y(tick), y2: y(tick), class: tick === 0 && text ? "grid zero" : "grid" }),
-    text ? svg("text", { x: 3, y: y(tick) - 3, class: "tick-text" }, text) : null,
-  ]);
+  const grid = ticks.map(([tick, text]) => svg("line", { x1: 0, x2: needs.width, y1: y(tick), y2: y(tick), class: tick === 0 && text ? "grid zero" : "grid" }));
+  const tickTexts = ticks.map(([tick, text]) => (text ? svg("text", { x: 3, y: y(tick) - 3, class: "tick-text" }, text) : null));
   const curves = lines.map((line) => svg("path", { d: path(xOf(needs), line.values, y, line.vehicles), class: `curve ${line.kind} ${line.letter ? `branch-${line.letter}` : ""}` }));
   const readings = inLegendOrder(lines.filter((line) => line.name && line.format)).map((line) => ({ line, reading: h("span", { class: "number" }), vehicle: h("span", {}) }));
   const key = ({ kind, letter, name }: Line, vehicle: Node | null, value: Node | null): HTMLElement =>
@@ -164,7 +162,7 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (
   const legend = [...readings.map(({ line, reading, vehicle }) => key(line, vehicle, reading)), ...lines.filter((line) => line.name && !line.format).map((line) => key(line, null, null))];
   const empty = values.length ? null : svg("text", { x: 8, y: CHART / 2, class: "tick-text" }, "nothing to show");
   const label = h("div", { class: "label chart" }, h("b", {}, title, h("small", {}, ` ${unit}`)), ...legend);
-  return row(label, plot(needs, CHART, ...(values.length ? grid : []), ...curves, ...edgeTexts(needs, lines, low, high), empty), "chart", (frame) => {
+  return row(label, plot(needs, CHART, ...(values.length ? grid : []), ...curves, ...(values.length ? tickTexts : []), ...edgeTexts(needs, lines, low, high), empty), "chart", (frame) => {
     const at = recordedFrame(frame);
     for (const { line, reading, vehicle } of readings) {
       const value = line.values[at] ?? null;
