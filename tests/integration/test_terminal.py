@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shlex
@@ -116,3 +117,48 @@ def test_json_holds_the_same_values_in_every_encoding(folder):
     )
     assert others == values
     assert not json.dumps(values, ensure_ascii=False).isascii()
+
+
+def in_terminal(words: str, width: int) -> list[str]:
+    """The lines that a command prints in a terminal of some width, without styles."""
+    import fcntl
+    import pty
+    import re
+    import struct
+    import termios
+
+    reader, terminal = pty.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, width, 0, 0))
+    environment = {key: value for key, value in os.environ.items() if key != "COLUMNS"}
+    command = ["bash", "-c", f"{OVERTAKING} {words}"]
+    environment["TERM"] = "xterm"
+    with subprocess.Popen(command, stdin=terminal, stdout=terminal, env=environment) as process:
+        os.close(terminal)
+        printed = b""
+        # Linux answers a read with EIO when the last writer has closed the terminal.
+        with contextlib.suppress(OSError):
+            while block := os.read(reader, 1 << 16):
+                printed += block
+    os.close(reader)
+    assert process.returncode == 0
+    return re.sub(r"\x1b\[[0-9;]*m", "", printed.decode()).replace("\r", "").splitlines()
+
+
+@pytest.mark.parametrize("width", [40, 80])
+@pytest.mark.parametrize(
+    "words", ["stats {data}", "show {data} 2", "ask {data} --predicates", "drive --help", "--help"]
+)
+def test_a_terminal_gets_lines_that_fit(folder, words, width):
+    lines = in_terminal(words.format(data=folder), width)
+    assert len(lines) > 10
+    assert max(map(len, lines)) <= width
+    assert not any(line.endswith("…") for line in lines)
+
+
+@pytest.mark.parametrize("width", [40, 200])
+def test_the_next_command_runs_as_it_is_printed(tmp_path, width):
+    out = tmp_path / "a folder" / "set"
+    lines = in_terminal(f"generate -n 1 --out {shlex.quote(str(out))}", width)
+    command = "\n".join(lines).partition("next: ")[2].partition(" ")[2]
+    assert f"'{out}'" in command
+    assert sh(command).stdout.startswith(b"Simulation 0")

@@ -27,6 +27,7 @@ from overtaking.cli import (
     view,
     whatif,
 )
+from overtaking.cli.help import HelpGroup
 from overtaking.cli.output import Output
 
 HELP = "Simulate, label and explain overtaking manoeuvres."
@@ -49,10 +50,11 @@ def build() -> typer.Typer:
 
 def _typer(about: str, *, add_completion: bool = False) -> typer.Typer:
     return typer.Typer(
+        cls=HelpGroup,
         help=about,
         add_completion=add_completion,
         rich_markup_mode=None,  # Plain help is there at once and reads well everywhere.
-        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
 
 

@@ -17,8 +17,8 @@ from overtaking.simulators.comparison import PARTING_DISTANCE, POLICY, TOGETHER
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rich.console import RenderableType
-    from rich.table import Table
 
+    from overtaking.cli.tables import FittingTable
     from overtaking.simulators.comparison import Comparison, Ending, Parting
 
 Values = dict[str, Any]
@@ -140,7 +140,7 @@ def _partings(values: Values, other: Values) -> str:
     return f"first {distance} apart: {kinds}; {other['never_part']:,} never part"
 
 
-def _class_table(values: Values, other: Values) -> Table:
+def _class_table(values: Values, other: Values) -> FittingTable:
     """The classes that there are, one simulator below, the other across."""
     counts = np.array(other["class_counts"])
     across = np.flatnonzero(counts.any(axis=0) | counts.any(axis=1))
@@ -152,7 +152,7 @@ def _class_table(values: Values, other: Values) -> Table:
     return table
 
 
-def _group_table(values: Values, key: str, title: str) -> Table:
+def _group_table(values: Values, key: str, title: str) -> FittingTable:
     """Groups of simulations, each with what became of them on every simulator."""
     every = values["simulators"]
     others = every[1:]

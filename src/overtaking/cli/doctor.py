@@ -121,13 +121,12 @@ def _findings(values: Values) -> list[str]:
 
 def render(values: Values, console: Console) -> RenderableType:
     """The diagnosis as a page."""
-    from rich.table import Table
     from rich.text import Text
 
+    from overtaking.cli.tables import open_table
+
     works, lacks = ("ok", "--") if console.options.ascii_only else ("✓", "–")
-    table = Table.grid(padding=(0, 2))
-    for _ in range(3):
-        table.add_column(overflow="fold")
+    table = open_table("", "", "", num_labels=2)
     engine, threads, disk = values["engine"], values["threads"], values["disk"]
     rows = [
         (works, "overtaking", values["overtaking"]),

@@ -12,6 +12,7 @@ from overtaking.core.errors import ConfigError
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
     from overtaking.analysis.evaluation.results import Evaluation
+    from overtaking.analysis.stats.table import Table
 
 COUNT, FILMS = 1000, 10
 
@@ -104,7 +105,7 @@ def evaluate(
             scenes = {"profile": "motorway", "simulations": COUNT} | scenes
             found = api.evaluate(here, against=others, progress=meter, **scenes)
     values = found.values() | _written(output, found, out, films)
-    output.text(values | output.duration, rendered(found))
+    output.page(values | output.duration, page_parts(found))
 
 
 def _refuse(scenes: dict[str, Any]) -> None:
@@ -139,18 +140,16 @@ def _written(
     }
 
 
-def rendered(found: "Evaluation | BenchmarkResult") -> str:
-    """Everything as text for a terminal."""
+def page_parts(found: "Evaluation | BenchmarkResult") -> "list[str | Table]":
+    """Everything for people, from top to bottom."""
     from overtaking.analysis.evaluation import tables, words
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
-    from overtaking.analysis.stats.formats import table_to_text
 
     if isinstance(found, BenchmarkResult):
-        return "\n".join([f"{found.title}\n", *map(rendered, found.evaluations)])
-    parts = [
+        return [found.title, *(part for each in found.evaluations for part in page_parts(each))]
+    return [
         f"{words.title(found)}\n{words.lead(found)}",
         *(f"note: {text}" for text in words.notes(found)),
         *(f"warning: {text}" for text in words.warnings(found)),
-        *map(table_to_text, tables.every(found)),
+        *tables.every(found),
     ]
-    return "\n\n".join(parts) + "\n"

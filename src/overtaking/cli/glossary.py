@@ -60,18 +60,16 @@ def render(values: dict[str, Any]) -> "Group":
     from itertools import groupby
 
     from rich.console import Group, RenderableType
-    from rich.table import Table
     from rich.text import Text
 
-    width = max(len(one["name"]) for one in values["terms"])
+    from overtaking.cli.tables import open_table
+
     parts: list[RenderableType] = []
-    for title, of_group in groupby(values["terms"], key=lambda one: one["group"]):
-        grid = Table.grid(padding=(0, 2, 0, 0))
-        grid.add_column(min_width=width)
-        grid.add_column(overflow="fold")
-        for one in of_group:
-            words = ", ".join(filter(None, (one["title"], one["unit"])))
-            meaning = f"{one['meaning'].rstrip('.')}."
-            grid.add_row(one["name"], Text(f"({words}) {meaning}" if words else meaning))
-        parts += [*([Text()] if parts else []), Text(title, style="bold"), grid]
+    for title, terms in groupby(values["terms"], key=lambda term: term["group"]):
+        table = open_table("", "")
+        for term in terms:
+            words = ", ".join(filter(None, (term["title"], term["unit"])))
+            meaning = f"{term['meaning'].rstrip('.')}."
+            table.add_row(term["name"], f"({words}) {meaning}" if words else meaning)
+        parts += [*([Text()] if parts else []), Text(title, style="bold"), table]
     return Group(*parts)

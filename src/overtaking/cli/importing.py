@@ -1,6 +1,5 @@
 """`overtaking import`: recordings of others."""
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -213,6 +212,10 @@ def of_import(data: "Dataset") -> dict[str, Any]:
 
 def render(values: dict[str, Any]) -> "RenderableType":
     """The counts, as tables."""
+    from rich.console import Group
+
+    from overtaking.cli.summary import show_command
+
     rows = [("recording", f"{values['recording']} ({values['format']})")]
     for name, value in (values["counts"] | values["notes"]).items():
         if name in _WORDS and value is not None:
@@ -224,5 +227,4 @@ def render(values: dict[str, Any]) -> "RenderableType":
         warning = "positions move at {} of the recorded speeds: the clock was scaled"
         rows.append(("beware", warning.format(values["notes"]["time_scaling"])))
     rows.append(("data set", f"{values['data']}: {values['simulations']:,} simulations"))
-    rows.append(("next", shlex.join(["overtaking", "show", values["data"], "0"])))
-    return facts(rows)
+    return Group(facts(rows), show_command(values["data"], "next: "))

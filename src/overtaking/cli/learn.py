@@ -4,14 +4,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import drawn_rows
+from overtaking.cli.tables import result_table
 
 if TYPE_CHECKING:
-    from rich.console import Group, RenderableType
+    from rich.console import Group
 
     from overtaking.analysis.learning.factors import FactorsFound
     from overtaking.analysis.learning.rules import RulesFound
-    from overtaking.analysis.stats.table import Table
 
 About = Annotated[
     str,
@@ -109,7 +108,7 @@ def _drawn_factors(found: "FactorsFound") -> "Group":
 
     shown = [tables.model_table, tables.confusion_table, tables.ranking_table]
     shown += [tables.leakage_table] if found.leakage else []
-    return Group(*(drawn(table(found)) for table in shown))
+    return Group(*(part for table in shown for part in result_table(table(found))))
 
 
 def _drawn_rules(found: "RulesFound") -> "Group":
@@ -128,11 +127,7 @@ def _drawn_rules(found: "RulesFound") -> "Group":
         lines.append(f"{found.num_missed:,} false negatives: {numbers}, …")
     if not found.rules:
         lines.append("no rule was found")
-    return Group(drawn(rule_table(found)), drawn(comparison_table(found)), Text("\n".join(lines)))
-
-
-def drawn(table: "Table") -> "RenderableType":
-    """A table for a terminal; long texts are folded inside their column."""
-    texts, numbers = table.header[: table.num_texts], table.header[table.num_texts :]
-    header = (*texts, *(f"{name}>" for name in numbers))
-    return drawn_rows(header, table.cells(), title=table.title, title_justify="left")
+    tables = (rule_table(found), comparison_table(found))
+    return Group(
+        *(part for table in tables for part in result_table(table)), Text("\n".join(lines))
+    )

@@ -150,7 +150,7 @@ def _drawn(
     from rich.console import Group
     from rich.text import Text
 
-    table = drawn_rows(header, rows, is_first_whole=True)
+    table = drawn_rows(header, rows)
     return Group(table, Text("\n".join(_notes(found["rows"]))))
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from overtaking.cli.failures import tell
+from overtaking.cli.help import EXAMPLE, HelpCommand
 from overtaking.cli.output import Output
 
 Body = Callable[..., int | None]
@@ -369,7 +370,7 @@ def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None
 
     setattr(run, "__signature__", inspect.Signature(parameters))  # noqa: B010
     run.__annotations__ = {one.name: one.annotation for one in parameters}
-    app.command(name, epilog=f"\b\nExample:\n  {example}")(run)
+    app.command(name, cls=HelpCommand, epilog=f"\b\n{EXAMPLE}{example}")(run)
 
 
 def _fields(group: Any) -> list[inspect.Parameter]:

@@ -9,6 +9,7 @@ import re
 import sys
 import time
 import traceback
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from overtaking.cli.failures import FAULT, explain
 from overtaking.cli.streams import can_encode, discard, print_error_line, terminal_width
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
@@ -24,8 +25,12 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.progress import Progress
 
+    from overtaking.analysis.stats.table import Table
+
+    Part = str | Table | Mapping[str, str]
+    """A paragraph, a table, or words with their meanings."""
+
 _PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
-_UNBOUNDED = 1_000_000  # Columns; wider than any line.
 _DRAWING_WIDTH = 80  # Columns of what is drawn with characters, where there is no terminal.
 _LOG_INTERVAL = 5.0  # Seconds between two lines of progress in the log.
 
@@ -110,6 +115,22 @@ class Output:
             text: The result for people.
         """
         _print(_stdout_json(values) if self._json else text)
+
+    def page(self, values: Mapping[str, Any], parts: Sequence[Part]) -> None:
+        """Print a result of paragraphs and tables; see `result`.
+
+        Without a width, the tables are text with their columns below each other.
+
+        Args:
+            values: The result for machines, with units in the names.
+            parts: The result for people, from top to bottom.
+        """
+        if self._json:
+            self.result(values, lambda _: "")
+        elif terminal_width() is None:
+            _print(page_text(parts))
+        else:
+            self.result(values, lambda _: _drawn_parts(parts))
 
     def wrote(self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]) -> None:
         """Sum up what the command wrote to files, unless it is to be quiet; see `result`.
@@ -241,6 +262,8 @@ def _drawn(render: Callable[[Console], RenderableType]) -> str:
     """
     from rich.console import Console
 
+    from overtaking.cli.tables import UNBOUNDED, with_whole_words
+
     width, is_terminal = terminal_width(), sys.stdout.isatty()
     text = _EncodedText(sys.stdout.encoding or "utf-8")
 
@@ -250,9 +273,45 @@ def _drawn(render: Callable[[Console], RenderableType]) -> str:
     drawing = render(console_of(width or _DRAWING_WIDTH))
     if width is None:
         _unwrap(drawing)
-    console_of(width or _UNBOUNDED).print(drawing)
+    console_of(width or UNBOUNDED).print(with_whole_words(drawing), crop=False)
     drawn = text.getvalue()
     return drawn if is_terminal else re.sub(r"[ \t]+$", "", drawn, flags=re.MULTILINE)
+
+
+def page_text(parts: Sequence[Part]) -> str:
+    """The parts of a page as text of any width."""
+    return "\n\n".join(map(_part_text, parts)) + "\n"
+
+
+def _part_text(part: Part) -> str:
+    """A part of a page as text of any width."""
+    if isinstance(part, str):
+        return part
+    if isinstance(part, Mapping):
+        width = max(map(len, part))
+        return "\n".join(f"{name:<{width}}  {meaning}" for name, meaning in part.items())
+    from overtaking.analysis.stats.formats import table_to_text
+
+    return table_to_text(part)
+
+
+def _drawn_parts(parts: Sequence[Part]) -> RenderableType:
+    """The parts of a page, laid out for a terminal."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from overtaking.cli.tables import facts, result_table
+
+    drawings: list[RenderableType] = []
+    for part in parts:
+        drawings += [Text()] if drawings else []
+        if isinstance(part, str):
+            drawings.append(Text(part))
+        elif isinstance(part, Mapping):
+            drawings.append(facts(part.items()))
+        else:
+            drawings += result_table(part)
+    return Group(*drawings)
 
 
 class _EncodedText(io.StringIO):

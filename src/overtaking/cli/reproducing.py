@@ -10,6 +10,7 @@ from overtaking.cli.output import Output
 
 if TYPE_CHECKING:
     from overtaking.analysis.reproduction.run import Reproduction
+    from overtaking.analysis.stats.table import Table
 
 REPLICATES, SEED = 1000, 2023
 
@@ -57,34 +58,29 @@ def reproduce(
         values |= {"page": str(made.path), "missing": list(made.remarks)}
         for text in (f"{made.path}: {len(made.figures)} figures", *made.remarks):
             output.say(text)
-    output.text(values | output.duration, rendered(found))
+    output.page(values | output.duration, page_parts(found))
 
 
-def rendered(found: "Reproduction") -> str:
-    """Everything as text for a terminal."""
+def page_parts(found: "Reproduction") -> "list[str | Table | dict[str, str]]":
+    """Everything for people, from top to bottom."""
     from overtaking.analysis.reproduction import tables, words
-    from overtaking.analysis.stats.formats import table_to_text
 
-    every = map(table_to_text, tables.tables(found))
-    score, numbers, design, collided, pushes, lawful, starts = every
-    meanings = "\n".join(f"{name:<14} {text}" for name, text in words.standings())
-    remarks = "\n".join(f"{name}: {text}" for name, text in words.remarks_on_numbers(found))
-    parts = [
+    score, numbers, design, collided, pushes, lawful, starts = tables.tables(found)
+    return [
         words.lead(found),
         *(f"note: {text}" for text in words.notes(found)),
         *(f"warning: {text}" for text in words.warnings(found)),
         score,
         "\n".join(f"missed: {name}: {text}" for name, text in words.causes(found)),
         numbers,
-        meanings,
+        dict(words.standings()),
         collided,
         pushes,
         design,
-        remarks,
+        "\n".join(f"{name}: {text}" for name, text in words.remarks_on_numbers(found)),
         "What the label hides",
         *words.hidden(found),
         lawful,
         words.about_starts(found),
         starts,
     ]
-    return "\n\n".join(parts) + "\n"

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from overtaking.cli.drawing import (
@@ -16,7 +15,7 @@ from overtaking.cli.drawing import (
     sparkline,
 )
 from overtaking.cli.law import law_lines
-from overtaking.cli.tables import open_table
+from overtaking.cli.tables import FittingTable, open_table
 from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge import terms
@@ -64,7 +63,7 @@ def render(run: Trajectories, values: Values, console: Console) -> RenderableTyp
     width = min(console.width, MAX_WIDTH)
     shown = _nearest(run)
     return Group(
-        *_heading(values, width, glyphs),
+        *_heading(values, glyphs),
         Text(),
         _vehicle_table(values, shown, glyphs),
         *_section("What the ego did", time_line(values, width, glyphs)),
@@ -92,7 +91,7 @@ def _section(title: str, lines: Iterator[Text]) -> Iterator[Text]:
     yield from lines
 
 
-def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableType]:
+def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
     """Facts, road, weather, outcome and classes."""
     facts = (
         f"Simulation {values['simulation']}",
@@ -102,10 +101,7 @@ def _heading(values: Values, width: int, glyphs: Glyphs) -> Iterator[RenderableT
         f"{values['num_frames']} frames",
     )
     yield Text(f" {glyphs.separator} ".join(facts), style="bold")
-    grid = Table.grid(padding=(0, 2))
-    grid.width = width
-    grid.add_column()
-    grid.add_column(ratio=1)
+    grid = open_table("", "")
     grid.add_row("Road", road_words(values["road"]))
     grid.add_row("Weather", weather_words(values["weather"]))
     grid.add_row("Outcome", Text(outcome_words(values), style="bold"))
@@ -128,10 +124,10 @@ def _nearest(run: Trajectories) -> np.ndarray:
     return np.sort(slots[np.argsort(closest, kind="stable")][:MAX_VEHICLES])
 
 
-def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
+def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> FittingTable:
     """The vehicles and their starts."""
     columns = ("", "vehicle", "size m>", "mass kg>", "lane>", "ahead m>", "km/h>", "wants>")
-    table = open_table(*columns, header_style="underline")
+    table = open_table(*columns)
     ego = values["vehicles"][Role.EGO]
     for one in values["vehicles"]:
         if one["vehicle"] not in shown:
@@ -146,7 +142,7 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Table:
             "ego" if is_ego else _ahead(one, ego),
             f"{kmh_from_mps(one['start_speed_mps']):.0f}",
             _kmh(one["desired_speed_mps"]),
-            style="bold" if is_ego else None,
+            style="bold" if is_ego else "",
         )
     left_out = len(values["vehicles"]) - len(shown)
     if left_out:
@@ -262,7 +258,7 @@ def _decisions(values: Values) -> Iterator[RenderableType]:
     if not values["decisions"]:
         return
     columns = ("time", "to", "of whom", "gap m>", "closing km/h>", "the law")
-    table = open_table(*columns, header_style="underline")
+    table = open_table(*columns)
     for one in values["decisions"]:
         near = [(index, of) for index, of in one["neighbours"].items() if of is not None]
         rows = [percept_words(index, of) for index, of in near] or [("no vehicle near",)]

@@ -45,7 +45,10 @@ def stats(
 
     check_name(written, formats.FORMATS, what="--format", where="stats")
     found = api.statistics(data, policy=policy, reading=reading, weighted=weighted)
-    output.text(found.values(), formats.written(found, written))
+    if written == "text":
+        output.page(found.values(), formats.page_parts(found))
+    else:
+        output.text(found.values(), formats.written(found, written))
 
 
 def report(

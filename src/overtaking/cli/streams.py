@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 _ERROR_HANDLER = "overtaking.plain"
 _DEFAULT_WIDTH = 80
@@ -91,6 +91,27 @@ def terminal_width() -> int | None:
     except (OSError, ValueError):
         return _DEFAULT_WIDTH
     return width or _DEFAULT_WIDTH  # A terminal that knows no size says 0.
+
+
+def fold_command(words: Sequence[str], width: int, label: str = "") -> list[str]:
+    """A command in lines of a width, all but the last with the backslash of a shell at its end.
+
+    Args:
+        words: The words of the command, quoted where a shell needs it; none is broken.
+        width: Columns of a line.
+        label: What stands before it.
+    """
+    whole = f"{label}{' '.join(words)}"
+    if len(whole) <= width:
+        return [whole]
+    lines, line = [], label + words[0]
+    for word in words[1:]:
+        if len(f"{line} {word} \\") > width and line.strip():
+            lines.append(f"{line} \\")
+            line = f"  {word}"
+        else:
+            line = f"{line} {word}"
+    return [*lines, line]
 
 
 def can_encode(text: str, stream: TextIO) -> bool:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import shlex
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Group
 from rich.text import Text
 
-from overtaking.cli.tables import facts
+from overtaking.cli.tables import CommandLine, facts
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rich.table import Table
-
+    from overtaking.cli.tables import FittingTable
     from overtaking.data.load import Dataset
 
 Values = dict[str, Any]
@@ -65,20 +65,30 @@ def _balance(data: Dataset) -> Values:
     }
 
 
-def render_generated(values: Values) -> Text:
+def render_generated(values: Values) -> Group:
     """Summary of a new data set in a few lines, with the next command."""
     seconds = values["duration_s"]
     rate = values["simulations"] / max(seconds, 1e-3)
-    shares = f"balanced: {_shares(values)}\n" if "balance" in values else ""
-    count = values.get("clipped", 0)
-    clipped = f"{count:,} answers of the policy were beyond the limits, and clipped\n"
-    return Text(
+    lines = [
         f"{values['simulations']:,} simulations of {values['profile']} in {values['data']}: "
-        f"{_megabytes(values):.1f} MB, {seconds:.1f} s, {rate:,.0f}/s\n"
-        f"content {values['content_hash']}\n"
-        f"{shares}{clipped if count else ''}"
-        f"next: {shlex.join(['overtaking', 'show', values['data'], '0'])}"
-    )
+        f"{_megabytes(values):.1f} MB, {seconds:.1f} s, {rate:,.0f}/s",
+        f"content {values['content_hash']}",
+    ]
+    if "balance" in values:
+        lines.append(f"balanced: {_shares(values)}")
+    if count := values.get("clipped", 0):
+        lines.append(f"{count:,} answers of the policy were beyond the limits, and clipped")
+    return Group(*map(Text, lines), show_command(values["data"], "next: "))
+
+
+def show_command(data: str, label: str = "") -> CommandLine:
+    """The command that shows the first simulation of a data set.
+
+    Args:
+        data: The data set.
+        label: What stands before the command.
+    """
+    return CommandLine(("overtaking", "show", shlex.quote(data), "0"), label)
 
 
 def _shares(values: Values) -> str:
@@ -89,7 +99,7 @@ def _shares(values: Values) -> str:
     return f"{cells} of {found['candidates']:,} candidates{missing}"
 
 
-def render(values: Values) -> Table:
+def render(values: Values) -> FittingTable:
     """A data set as a page."""
     names = ("data", "profile", "simulations", "seed", "road", "keep", "simulator")
     rows = [(name, values[name]) for name in names]

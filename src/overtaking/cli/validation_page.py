@@ -14,7 +14,7 @@ from overtaking.knowledge.validation import Standing
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rich.table import Table
+    from overtaking.cli.tables import FittingTable
 
 Values = dict[str, Any]
 
@@ -36,7 +36,7 @@ def render(values: Values) -> Group:
     return Group(*parts)
 
 
-def _recordings(found: Values) -> tuple[Text, Table]:
+def _recordings(found: Values) -> tuple[Text, FittingTable]:
     dense = ", ".join(f"{one:.0f}" for one in found["densities"])
     head = f"{len(found['files'])} recordings beside rings of {dense} vehicles/km/lane"
     head += "".join(f"\nnot used: {one}" for one in found["unused"])
@@ -52,7 +52,7 @@ def _recordings(found: Values) -> tuple[Text, Table]:
     return Text(head), table
 
 
-def _figures(figures: list[Values]) -> Table:
+def _figures(figures: list[Values]) -> FittingTable:
     table = open_table("figure", "value>", "95 % interval>", "target>", "standing>", "verdict>")
     for figure in figures:
         low, high = (number(figure[name]) for name in ("low", "high"))
@@ -90,7 +90,7 @@ def _verdict(figure: Values) -> Text:
     return Text(said if figure["sure"] else f"{said}, unsure", "" if figure["met"] else "bold red")
 
 
-def _strata(strata: Mapping[str, Values]) -> Table:
+def _strata(strata: Mapping[str, Values]) -> FittingTable:
     names = list(next(iter(strata.values()))["counts"])
     table = open_table("weather", *(f"{name}>" for name in names))
     for stratum, found in strata.items():
@@ -110,7 +110,7 @@ def _missing(pairs: list[list[str]]) -> Text:
     return Text(f"no simulation: {said}", "bold red")
 
 
-def _comparison(rates: list[Values]) -> tuple[Text, Table]:
+def _comparison(rates: list[Values]) -> tuple[Text, FittingTable]:
     apart = sum(not rate["agrees"] for rate in rates)
     verdict = "all agree" if not apart else f"{apart} disagree"
     table = open_table("rate", "weighted>", "natural>", "difference, interval>", "verdict>")

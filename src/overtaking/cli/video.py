@@ -10,8 +10,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
+    from overtaking.cli.tables import FittingTable
     from overtaking.show.video.produce import Video
 
 Folder = Annotated[
@@ -86,18 +85,18 @@ def values_of(films: "list[Video]") -> dict[str, Any]:
     }
 
 
-def render(values: dict[str, Any]) -> "Table":
+def render(values: dict[str, Any]) -> "FittingTable":
     """Summary of the films as a table."""
     films = values["films"]
-    table = open_table(show_header=False)
+    table = open_table("", "", "", "")
     for film in films[:_MOST_LISTED]:
         size = film["size_bytes"] / _BYTES_PER_MB
         length = f"{film['duration_s']:.1f} s"
         table.add_row(film["file"], film["class"], length, f"{size:.1f} MB")
     if len(films) > _MOST_LISTED:
-        table.add_row(f"and {len(films) - _MOST_LISTED} more in the same folder", "", "", "")
+        table.add_row(f"and {len(films) - _MOST_LISTED} more in the same folder")
     seconds = values["duration_s"]
     rate = len(films) / max(seconds, 1e-3)
     made = f"{counted(len(films), 'film')} in {seconds:.1f} s, {rate:.1f}/s"
-    table.add_row(made, "", "", "")
+    table.add_row(made)
     return table

@@ -36,27 +36,26 @@ _LATEX = str.maketrans(
 )
 
 
-def to_text(statistics: Statistics) -> str:
-    """All tables, the waiting time, notes and warnings for a terminal."""
-    parts = [
-        table_to_text(statistics.classes),
+def page_parts(statistics: Statistics) -> list[str | Table | dict[str, str]]:
+    """All tables with the meanings of their words, the waiting time, notes and warnings."""
+    parts: list[str | Table | dict[str, str]] = [
+        statistics.classes,
         _legend("classes", statistics.sample.classes),
-        table_to_text(statistics.static),
-        table_to_text(statistics.dynamic),
+        statistics.static,
+        statistics.dynamic,
         _legend("features", BY_NAME),
     ]
     if statistics.waiting is not None:
         parts.append(_waiting_to_text(statistics.waiting))
-    remarks = [f"note: {note}" for note in statistics.notes]
-    remarks += [f"warning: {leak.sentence}" for leak in statistics.leaks]
-    return "\n\n".join([*parts, *remarks]) + "\n"
+    parts += [f"note: {note}" for note in statistics.notes]
+    parts += [f"warning: {leak.sentence}" for leak in statistics.leaks]
+    return parts
 
 
-def _legend(group: str, names: Iterable[str]) -> str:
-    """The meanings of names, a line each."""
-    known, names = terms(group), list(names)
-    width = max(map(len, names))
-    return "\n".join(f"{name:<{width}}  {known[name].meaning}" for name in names)
+def _legend(group: str, names: Iterable[str]) -> dict[str, str]:
+    """The meanings of names."""
+    meanings = terms(group)
+    return {name: meanings[name].meaning for name in names}
 
 
 def table_to_text(table: Table) -> str:
@@ -166,7 +165,7 @@ def latex(text: str) -> str:
 
 
 def written(statistics: Statistics, name: str) -> str:
-    """Everything in one of the `FORMATS`."""
+    """Everything in one of the `FORMATS` other than text."""
     if name == "json":
         return json.dumps(statistics.values(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    return {"text": to_text, "csv": to_csv, "latex": to_latex}[name](statistics)
+    return {"csv": to_csv, "latex": to_latex}[name](statistics)

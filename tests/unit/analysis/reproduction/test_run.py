@@ -17,7 +17,8 @@ from overtaking.analysis.reproduction import tables, words
 from overtaking.analysis.reproduction.replicates import SIZE, Replicates
 from overtaking.analysis.reproduction.run import Comparison, Reproduction
 from overtaking.analysis.reproduction.variants import farther, pushed
-from overtaking.cli.reproducing import rendered
+from overtaking.cli.output import page_text
+from overtaking.cli.reproducing import page_parts
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.paper import calibration, statements
 from overtaking.model.labels import OvertakeClass
@@ -209,7 +210,7 @@ def test_the_same_numbers_make_the_same_page(found: Reproduction, made: Written,
 
 
 def test_the_text_says_what_the_label_hides(found: Reproduction):
-    text = rendered(found)
+    text = page_text(page_parts(found))
     assert "leave one way to split them over the presets, with 0 at night" in text
     assert "assume that CARLA's presets were used unmodified" in text
 

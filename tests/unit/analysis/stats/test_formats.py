@@ -13,14 +13,15 @@ from tests.support.features import synthetic_features
 
 from overtaking.analysis.stats.formats import (
     latex,
+    page_parts,
     table_to_csv,
     table_to_latex,
     to_csv,
     to_latex,
-    to_text,
 )
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.analysis.stats.table import Style, write
+from overtaking.cli.output import page_text
 from overtaking.knowledge import terms
 
 
@@ -52,7 +53,7 @@ def test_json_says_null_where_there_is_no_number():
 
 
 def test_text_explains_its_classes_and_features(result: Statistics):
-    text = to_text(result)
+    text = page_text(page_parts(result))
     for name in result.sample.classes:
         assert terms("classes")[name].meaning in text
     for name, term in terms("features").items():
@@ -95,7 +96,7 @@ def test_every_latex_row_has_as_many_cells_as_columns(result: Statistics):
 
 
 def test_text_is_aligned_and_says_what_to_know(result: Statistics):
-    text = to_text(result)
+    text = page_text(page_parts(result))
     lines = text[text.index("Statistics of dynamic") :].splitlines()
     header = lines[2]
     body = lines[4:8]
