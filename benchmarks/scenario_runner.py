@@ -50,18 +50,28 @@ while True:
             angle = math.atan2(target.y - pose.location.y, target.x - pose.location.x)
             turn = math.remainder(angle - math.radians(pose.rotation.yaw), math.tau)
             steer = max(-1.0, min(1.0, turn))
-        gain = 0.2 * (speed - velocity)
+        ahead_gaps = [50.0]
+        for other in world.get_actors().filter("*"):
+            if other.id != hero.id and other.type_id.startswith(("vehicle", "static.prop")):
+                apart = other.get_location() - pose.location
+                forward = pose.get_forward_vector()
+                along = apart.x * forward.x + apart.y * forward.y
+                across = apart.x * forward.y - apart.y * forward.x
+                if 0.0 < along and abs(across) < 2.0:
+                    ahead_gaps.append(along - 6.0)
+        gain = 0.3 * (min(speed, 0.4 * max(min(ahead_gaps), 0.0)) - velocity)
         hero.apply_control(carla.VehicleControl(
             throttle=min(max(gain, 0.0), 1.0), brake=min(max(-gain, 0.0), 1.0), steer=steer))
         snapshot = world.wait_for_tick(600.0)
 """
-"""A client that drives the actor with the role name `hero` along its lane."""
+"""A client that drives the actor with the role name `hero` along its lane, behind others."""
 
 DRIVER_SPEED = 8.0
 """Speed of the ego [m/s]."""
 
 _TOWN = re.compile(r'LogicFile filepath="([^"]+)"')
 _RESULT = re.compile(r"GLOBAL RESULT\s*│\s*(\w+)")
+_FAILED = re.compile(r"(\w+) \(Req\.\)\s*│ FAILURE")
 
 
 class Outcome(NamedTuple):
@@ -71,7 +81,7 @@ class Outcome(NamedTuple):
         name: Name of the example.
         seconds: Time until its process ended [s].
         ending: "ran to its end", or the reason why not.
-        result: ScenarioRunner's own result of its criteria, which depend on the ego's driver.
+        result: ScenarioRunner's own result, and the criteria of the ego's driver that failed.
         missing: What the server logged that it does not offer.
     """
 
@@ -152,7 +162,8 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
     elif errors:
         ending += f": {errors[-1]}"
     missing = sorted({line.partition("no effect: ")[2] for line in log.splitlines()} - {""})
-    return Outcome(path.stem, seconds, ending, result[1] if result else "", "; ".join(missing))
+    judged = " ".join([result[1] if result else "", *_FAILED.findall(output)]).strip()
+    return Outcome(path.stem, seconds, ending, judged, "; ".join(missing))
 
 
 def main() -> None:
