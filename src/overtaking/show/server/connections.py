@@ -41,8 +41,7 @@ class BoundedConnection(H11Protocol):
         super().connection_made(transport)
         self._waiting_since = self.loop.time()
         self._deadline = self.loop.call_later(REQUEST_TIMEOUT, transport.abort)
-        if len(self.connections) > MAX_CONNECTIONS:
-            self._make_room()
+        self._make_room()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop all clocks."""
@@ -93,10 +92,16 @@ class BoundedConnection(H11Protocol):
         return state is h11.SEND_BODY or (state is h11.IDLE and bool(rest))
 
     def _make_room(self) -> None:
-        """Close the connection that has been waiting for a request for the longest time."""
-        waiting = [one for one in self.connections if isinstance(one, BoundedConnection)]
-        waiting = [one for one in waiting if one._is_waiting() or one._is_receiving()]
-        min(waiting, key=lambda one: one._waiting_since).transport.abort()
+        """Where there are too many, close the one that has waited longest for a request."""
+        # Connections that are being closed stay in the set until the next turn of the loop.
+        connections = [
+            connection
+            for connection in self.connections
+            if isinstance(connection, BoundedConnection) and not connection.transport.is_closing()
+        ]
+        if len(connections) > MAX_CONNECTIONS:
+            waiting = [one for one in connections if one._is_waiting() or one._is_receiving()]
+            min(waiting, key=lambda one: one._waiting_since).transport.abort()
 
 
 def _cancel(timer: asyncio.TimerHandle | None) -> None:
