@@ -1,5 +1,6 @@
 """The reference line of an OpenDRIVE road: lines, arcs, clothoids and parametric cubics."""
 
+import itertools
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +19,10 @@ MAX_GAP = 0.05
 """Gap between two pieces that still counts as a joint [m]."""
 MAX_KINK = 0.01
 """Change of the heading between two pieces that still counts as a joint [rad]."""
+MAX_CORNER = 0.1
+"""Change of the heading between two pieces up to which a road of lines is rounded there [rad]."""
+MAX_ROUNDING = 0.1
+"""How far a rounded corner may lie beside its tip: as close as fitted lines of recordings [m]."""
 MAX_MISFIT = 0.001
 """How far a clothoid may end beside the cubic that it stands for [m]."""
 MAX_STRETCH = 0.002
@@ -54,7 +59,8 @@ def _chains(road: Element) -> list[tuple[list[Piece], float]]:
     found = geometries(road)
     chains = [_pieces(geometry) for geometry in found]
     for before, after, geometry in zip(chains, chains[1:], found[1:], strict=False):
-        check_joint(before[-1], after[0], geometry)
+        check_joint(before[-1], after[0], geometry, max_kink=MAX_CORNER)
+    _round_corners(chains)
     lengths = [geometry.number("length") for geometry in found]
     return list(zip(chains, lengths, strict=True))
 
@@ -88,6 +94,59 @@ def pieces_between(road: Element, start: float, end: float, inner: Sequence[Cubi
                 found += _moved(part, station + begin * scale, scale, inner, road)
             station = beyond
     return found
+
+
+def _round_corners(chains: list[list[Piece]]) -> None:
+    """Replace corners between chains of pieces by two arcs each, one in either chain.
+
+    Exporters write bends as lines with corners between them, where a road has none.
+    """
+    # Of a piece with corners at both ends, each takes less than half.
+    reach = [(0.45 * chain[0].length, 0.45 * chain[-1].length) for chain in chains]
+    for index, (before, after) in enumerate(itertools.pairwise(chains)):
+        kink = abs(_kink(before[-1], after[0]))
+        if kink <= MAX_KINK:
+            continue
+        trimmed = min(reach[index][1], reach[index + 1][0], MAX_ROUNDING / math.tan(0.25 * kink))
+        first = _cut(before[-1], 0.0, before[-1].length - trimmed)
+        last = _cut(after[0], trimmed, after[0].length)
+        begin = ReferenceLine.of([first]).at(first.length)
+        arcs = _two_arcs((float(begin.x), float(begin.y), float(begin.heading)), last[:3])
+        chains[index] = [*before[:-1], first, arcs[0]]
+        chains[index + 1] = [arcs[1], last, *after[1:]]
+
+
+Place = tuple[float, float, float]
+"""World x, y [m] and heading [rad]."""
+
+
+def _two_arcs(start: Place, end: Place) -> tuple[Piece, Piece]:
+    """The two arcs from one place and direction to another whose tangents are equally long.
+
+    Source: Bolton, Biarc curves, Computer-Aided Design 7 (1975).
+    """
+    one, other = (np.array([math.cos(place[2]), math.sin(place[2])]) for place in (start, end))
+    begin, finish = np.array(start[:2]), np.array(end[:2])
+    chord_line = finish - begin
+    along = float(chord_line @ (one + other))
+    bend = 2.0 * (1.0 - float(one @ other))
+    # The tangents are d long: bend d^2 + 2 along d = chord^2, in the form that loses no digits.
+    square = float(chord_line @ chord_line)
+    tangent = square / (along + math.sqrt(along * along + bend * square))
+    middle = 0.5 * (begin + tangent * one + finish - tangent * other)
+    first = _arc_to(start, middle)
+    turned = start[2] + first.curvature * first.length
+    return first, _arc_to((float(middle[0]), float(middle[1]), turned), finish)
+
+
+def _arc_to(start: Place, end: F64) -> Piece:
+    """The arc from a place and direction to a point."""
+    east, north = float(end[0]) - start[0], float(end[1]) - start[1]
+    chord_length = math.hypot(east, north)
+    half = math.remainder(math.atan2(north, east) - start[2], math.tau)
+    curvature = 2.0 * math.sin(half) / chord_length
+    length = chord_length if half == 0.0 else chord_length * half / math.sin(half)
+    return Piece(*start, length, curvature, curvature)
 
 
 def _cut(piece: Piece, start: float, end: float) -> Piece:
@@ -279,14 +338,29 @@ _SHAPES: dict[str, Callable[[Piece, Element], list[Piece]]] = {
 """How each shape is read, by its element."""
 
 
-def check_joint(before: Piece, after: Piece, geometry: Element) -> None:
-    """Refuse a piece that does not begin where the one before it ends."""
+def check_joint(
+    before: Piece, after: Piece, element: Element, *, max_kink: float = MAX_KINK
+) -> None:
+    """Refuse a piece that does not begin where the one before it ends.
+
+    Args:
+        before: The piece before it.
+        after: The piece.
+        element: Where it is stated, for messages.
+        max_kink: Change of the heading that still counts as a joint [rad].
+    """
     end = ReferenceLine.of([before]).at(before.length)
     gap = math.hypot(after.x - float(end.x), after.y - float(end.y))
-    kink = abs(math.remainder(after.heading - float(end.heading), math.tau))
-    if gap > MAX_GAP or kink > MAX_KINK:
-        raise geometry.error(
+    kink = abs(_kink(before, after))
+    if gap > MAX_GAP or kink > max_kink:
+        raise element.error(
             "does not join",
-            f"at most {MAX_GAP:g} m and {MAX_KINK:g} rad from the end of the piece before",
+            f"at most {MAX_GAP:g} m and {max_kink:g} rad from the end of the piece before",
             f"{gap:.3f} m and {kink:.4f} rad",
         )
+
+
+def _kink(before: Piece, after: Piece) -> float:
+    """Change of the heading from the end of a piece to the start of the next one [rad]."""
+    end = ReferenceLine.of([before]).at(before.length)
+    return math.remainder(after.heading - float(end.heading), math.tau)

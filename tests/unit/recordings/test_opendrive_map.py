@@ -109,7 +109,7 @@ def test_each_road_comes_with_its_lanes_slope_and_refusal(tmp_path: Path) -> Non
         (
             '<geometry s="0" x="0" y="0" hdg="0" length="5"><line/></geometry>'
             '<geometry s="5" x="5" y="1" hdg="0" length="5"><line/></geometry>',
-            r"at most 0.05 m and 0.01 rad .* got 1.000 m and 0.0000 rad",
+            r"at most 0.05 m and 0.1 rad .* got 1.000 m and 0.0000 rad",
         ),
         (
             '<geometry s="0" x="0" y="0" hdg="0" length="5">'

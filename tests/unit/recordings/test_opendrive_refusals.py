@@ -62,9 +62,9 @@ SLOWER = '<speed max="20"/>'
             "road",
             "expected bends of at least 10 m radius, got 5.00 m",
         ),
-        (road(plan=BENT), "geometry", "does not join: expected at most 0.05 m and 0.01 rad"),
-        (road(plan=BACK), "geometry", "does not join: expected at most 0.05 m and 0.01 rad"),
-        (road(plan=GAP), "geometry", "does not join: expected at most 0.05 m and 0.01 rad"),
+        (road(plan=BENT), "geometry", "does not join: expected at most 0.05 m and 0.1 rad"),
+        (road(plan=BACK), "geometry", "does not join: expected at most 0.05 m and 0.1 rad"),
+        (road(plan=GAP), "geometry", "does not join: expected at most 0.05 m and 0.1 rad"),
         (
             road(plan=SHORT),
             "road",

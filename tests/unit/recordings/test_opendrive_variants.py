@@ -4,6 +4,7 @@ import math
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from scenariogeneration import xodr
 
@@ -51,6 +52,20 @@ def test_a_small_kink_or_gap_is_a_joint_before_every_shape(tmp_path, shape, kink
 def test_a_large_kink_is_refused_before_every_shape(tmp_path, shape):
     with pytest.raises(ImportFormatError, match=r"does not join: expected .* rad.*0\.2000 rad"):
         read(tmp_path, road(plan=bent_line(0.2, shape=shape)))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("kink", [0.02, -0.06, 0.0999])
+def test_a_corner_is_rounded_before_every_shape(tmp_path, shape, kink):
+    found = read(tmp_path, road(plan=bent_line(kink, shape=shape)))
+    assert found.length == pytest.approx(500.0, abs=0.02)
+    heading = found.heading_at(np.linspace(0.0, 300.0, 30_001))
+    assert np.abs(np.diff(heading)).max() < 2e-3  # No corner is left, a centimetre apart.
+    assert heading[-1] == pytest.approx(kink, abs=0.01)
+    _, beside = found.road_coordinates([250.0], [0.0])
+    assert 0.01 < abs(beside[0]) <= 0.101
+    # Away from the corner the road lies on the lines of the file.
+    assert found.road_coordinates([200.0], [0.0])[1] == pytest.approx([0.0], abs=1e-6)
 
 
 @pytest.mark.parametrize("length", ["0", "0.0", "1e-12"])
