@@ -36,6 +36,8 @@ _READER_OPTIONS: dict[str, Any] = {
     "columns": str | Path | Mapping[str, Any],
     "only": Mapping[str, str],
     "smooth": bool,
+    "driving_side": str,
+    "speed_limit": float,
 }
 """Types of the options of the readers of recordings."""
 
@@ -223,6 +225,8 @@ def import_recording(
             chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
             is where a table was recorded. `columns` is the map of a table: a name, a TOML file, or
             its content; `only` maps columns to the value that they must have.
+            `driving_side` ("right", "left") and `speed_limit` (in m/s, infinite for none) take the
+            place of those of the file.
             `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
 
     Returns:
@@ -303,6 +307,8 @@ def from_frame(
     *,
     columns: str | Path | Mapping[str, Any],
     road: str | Path | Road | None = None,
+    driving_side: str | None = None,
+    speed_limit: float | None = None,
     attempts_only: bool = False,
     vehicles: int = 16,
 ) -> Trajectories:
@@ -314,6 +320,9 @@ def from_frame(
             or its section `columns` such as `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
         road: The road in the axes of the table: a name, an OpenDRIVE file, or a `Road`. If left
             out, what the map says of it; what that leaves open is inferred from the traffic.
+        driving_side: Side that traffic keeps to, "right" or "left", in place of that of the map.
+        speed_limit: Speed limit of the road, infinite for none [m/s]; in place of that of map
+            and road.
         attempts_only: Whether vehicles that follow and never move left are left out.
         vehicles: Vehicles of a simulation at most.
 
@@ -328,11 +337,13 @@ def from_frame(
     from overtaking.recordings.column_map import column_map
     from overtaking.recordings.row_tables import rows_of
     from overtaking.recordings.scenes import scenes
-    from overtaking.recordings.tables import recording_of
+    from overtaking.recordings.tables import recording_of, with_driving_side
 
-    chosen = column_map(columns)
     place = None if road is None else road_of(road)
+    chosen = with_driving_side(column_map(columns), driving_side, place)
     recording = recording_of(rows_of(table, chosen), chosen, "table", road=place)
+    if speed_limit is not None:
+        recording = recording.with_speed_limit(speed_limit)
     found = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
     return found.trajectories(range(len(found)))
 

@@ -88,6 +88,8 @@ _WORDS = {
     "lane_fit": "fit of the lanes",
     "tracks_torn": "tracks torn",
     "interpolated": "states interpolated",
+    "rows_missing": "rows with missing cells",
+    "rows_repeated": "repeated rows",
     "simulations": "simulations",
     "frames": "frames",
     "line_off_m": "reference line off the middle by up to [m]",

@@ -358,7 +358,11 @@ def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None
     @functools.wraps(body)
     def run(*, quiet: bool, json: bool, log: Path | None, **arguments: Any) -> int | None:
         try:
-            with Output(f"{group} {name}".strip(), quiet=quiet, json=json, log=log) as output:
+            title = f"{group} {name}".strip()
+            with (
+                Output(title, quiet=quiet, json=json, log=log) as output,
+                output.warnings_as_remarks(),
+            ):
                 given = _renamed(output, arguments)
                 for place, kind in groups.items():
                     given[place] = kind(

@@ -9,15 +9,18 @@ import re
 import sys
 import time
 import traceback
+import warnings
 from collections.abc import Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from overtaking.cli.failures import FAULT, explain
 from overtaking.cli.streams import can_encode, discard, print_error_line, terminal_width
+from overtaking.core.errors import RecordingWarning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Generator, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
@@ -95,6 +98,22 @@ class Output:
         self.log(text)
         if not self.quiet:
             print_error_line(text)
+
+    @contextmanager
+    def warnings_as_remarks(self) -> Generator[None]:
+        """Print warnings about recordings as remarks of one line, each time they are issued."""
+        show = warnings.showwarning
+
+        def say(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+            if issubclass(category, RecordingWarning):
+                self.say(f"warning: {' '.join(str(message).split())}")
+            else:
+                show(message, category, *place, **more)
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", RecordingWarning)
+            warnings.showwarning = say
+            yield
 
     def result(
         self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]

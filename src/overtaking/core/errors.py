@@ -113,6 +113,10 @@ class ImportFormatError(OvertakingError, ValueError):
     """A file of another program that does not say what its format requires."""
 
 
+class RecordingWarning(UserWarning):
+    """A recording that contradicts itself; it is read as it is, and its numbers may be wrong."""
+
+
 class DatasetError(OvertakingError, RuntimeError):
     """A data set folder that is incomplete, damaged or in the wrong state."""
 

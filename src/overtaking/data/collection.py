@@ -29,6 +29,7 @@ from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.trajectory import UNKNOWNS
 from overtaking.recordings.formats import read_recording
+from overtaking.recordings.table_streams import uncompressed_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -209,7 +210,12 @@ def _names(file_format: str, folder: Path) -> list[str]:
     if file_format not in ENDINGS:
         raise ConfigError.not_among("format", "import", ENDINGS, file_format)
     endings = ENDINGS[file_format]
-    names = sorted(one.name for one in folder.iterdir() if one.name.endswith(endings))
+    is_text = file_format != "commonroad"  # Tables may be compressed.
+    names = sorted(
+        file.name
+        for file in folder.iterdir()
+        if (uncompressed_name(file) if is_text else file.name).endswith(endings)
+    )
     if names:
         return names
     raise ConfigError.of(

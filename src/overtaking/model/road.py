@@ -36,7 +36,10 @@ from overtaking.model.values import within
 MAX_LANES = 8
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
 MAX_NEIGHBOUR_WIDTH = 100.0
-MAX_COORDINATE = 2.0e6  # World millimetres are int32, which end at 2147 km; roads end before that.
+MAX_COORDINATE = 1.8e6
+"""World millimetres are int32, and the engines cut them off at 2000 km. A road of at most 100 km
+ends before that [m]."""
+
 MAX_ORIGIN = 1.0e8  # Wider than any map projection of the Earth in metres.
 MAX_CURVED_WIDTH = (
     0.5  # |curvature * d|: nearer to the centre of a bend s and d lose their meaning.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from overtaking.core import units
 from overtaking.core.arrays import I16, I32, U8, U32, Mask
+from overtaking.core.errors import SchemaError
 from overtaking.model.actions import Actions
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.changes import Branched
@@ -145,6 +146,50 @@ STEPS = {
     if one.unit in units.STEPS
 }
 """Size of a step of each number in `States` [SI units]."""
+
+NOISY_STATES = frozenset({"accel_lon", "accel_lat", "yaw_rate"})
+"""Quantities that are differences of measured ones. Noise in a recording may exceed what their
+integers hold, although no vehicle does; such values are cut off at the largest one."""
+
+
+def largest_state(name: str) -> float:
+    """Largest size of a field of `States` that its integers hold [SI units]."""
+    one = declarations(States)[name]
+    assert one.dtype is not None
+    most = float(np.iinfo(one.dtype).max)
+    if one.range is not None and not isinstance(one.range.high, str):
+        most = min(most, one.range.high)
+    return most * STEPS[name]
+
+
+def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[Any]:
+    """A field of `States` as the integers that are recorded, rounded half to even.
+
+    Args:
+        name: The field, one of `STEPS`.
+        steps: Its values over the size of a step, any shape.
+        where: What the values are of, for the message.
+
+    Raises:
+        SchemaError: A value is beyond what the integers hold, and not of `NOISY_STATES`.
+    """
+    dtype = STATE_TYPES[name]
+    steps = np.rint(steps)
+    if name in NOISY_STATES:
+        largest = np.iinfo(dtype).max
+        return np.clip(steps, -largest, largest).astype(dtype)
+    most = largest_state(name)
+    is_right = np.abs(steps) <= np.iinfo(dtype).max  # Also false for NaN.
+    if not is_right.all():
+        raise SchemaError.of(
+            what=name,
+            where=where,
+            expected=f"at most {most:g} in SI units",
+            got=f"{float(steps[~is_right].flat[0]) * STEPS[name]:g}",
+            next_step="shift the coordinates, or correct their unit",
+        )
+    return steps.astype(dtype)
+
 
 BYTES_PER_STATE = sum(np.dtype(kind).itemsize for kind in STATE_TYPES.values())
 """Bytes that `States` has for each vehicle and frame."""
@@ -275,6 +320,8 @@ class Trajectories(Batch):
             are there and mean nothing. Empty for simulations of this package.
         present: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
             where every vehicle is there from the first frame to the last.
+        is_kind_known: Whether the kind of each vehicle is known, (simulation, vehicle); None where
+            all kinds are, or where "kinds" is among `unknown`.
         actions: What another driver did with the ego; None where the model drove it.
         branched: What it branches from, and what is different; None for a simulation as it is.
     """
@@ -291,6 +338,7 @@ class Trajectories(Batch):
     trace_hash: Annotated[U32, along("simulation", 4)]
     unknown: frozenset[str] = frozenset()
     present: Annotated[Mask | None, along(*States.AXES)] = None
+    is_kind_known: Annotated[Mask | None, along("simulation", "vehicle")] = None
     actions: Actions | None = None
     branched: Branched | None = None
 
@@ -342,6 +390,14 @@ class Trajectories(Batch):
         """Where there is a recorded state, shape (simulation, vehicle, time)."""
         rows = self.scenario.vehicles.valid[:, :, None] & self.frame_valid[:, None, :]
         return rows if self.present is None else rows & self.present
+
+    @property
+    def known_kinds(self) -> Mask:
+        """Whether the kind of each vehicle is known, shape (simulation, vehicle)."""
+        valid = self.scenario.vehicles.valid
+        if "kinds" in self.unknown:
+            return np.zeros_like(valid)
+        return np.ones_like(valid) if self.is_kind_known is None else self.is_kind_known
 
     @property
     def is_excerpt(self) -> bool:

@@ -6,8 +6,10 @@ from enum import IntEnum
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from overtaking.core.arrays import F32, U8, Mask
+from overtaking.knowledge import number
 from overtaking.model.batch import Batch, Constraint
 from overtaking.model.values import documented, meant, within
 
@@ -28,6 +30,33 @@ class VehicleKind(IntEnum):
     T = 4  # truck
     MC = 5  # motorcycle
     B = 6  # bicycle with rider
+
+
+_LENGTH_NAMES = {
+    VehicleKind.V: "van",
+    VehicleKind.T: "truck",
+    VehicleKind.MC: "motorcycle",
+    VehicleKind.B: "bicycle",
+}
+
+
+def may_be_kind(kind: ArrayLike, length: ArrayLike) -> Mask:
+    """Whether vehicles of a kind can be so long.
+
+    Args:
+        kind: `VehicleKind`, any shape.
+        length: A shape that broadcasts with it [m].
+
+    Returns:
+        A mask of the common shape. The ranges are those of `kind_length` in `labels.toml`.
+    """
+    names = [_LENGTH_NAMES.get(each, "car") for each in VehicleKind]
+    shortest, longest = (
+        np.array([number("labels.toml", f"kind_length.{end}.{name}") for name in names])
+        for end in ("shortest", "longest")
+    )
+    kinds, lengths = np.asarray(kind, np.intp), np.asarray(length, np.float64)
+    return (lengths >= shortest[kinds]) & (lengths <= longest[kinds])
 
 
 class Colour(IntEnum):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import I64
+from overtaking.core.arrays import I64, Mask
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     NO_VEHICLE,
@@ -20,10 +20,12 @@ from overtaking.model.trajectory import (
     Stage,
     States,
     Trajectories,
+    to_integers,
 )
 from overtaking.recordings.candidates import Window
 from overtaking.recordings.neighbours import NOBODY, Surroundings
 from overtaking.recordings.recording import Recording
+from overtaking.scenarios.assumed import KIND as ASSUMED_KIND
 from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
 
 NUM_SLOTS = 16
@@ -139,9 +141,18 @@ def trajectories(
         percepts=Percepts.nothing(len(windows), 0),
         trace_hash=_hashes(states, present, num_frames),
         unknown=recording.unknown,
+        is_kind_known=_known_kinds(recording, windows, slots),
     )
     whole = np.array_equal(present, made.state_valid)
     return made if whole else made.replace(present=present)
+
+
+def _known_kinds(recording: Recording, windows: Sequence[Window], slots: int) -> Mask | None:
+    """Whether the kind of each vehicle is known; None where all are."""
+    is_known = np.ones((len(windows), slots), np.bool_)
+    for row, window in zip(is_known, windows, strict=True):
+        row[: len(window.vehicles)] = recording.tracks.is_kind_known[list(window.vehicles)]
+    return None if "kinds" in recording.unknown or is_known.all() else is_known
 
 
 def _place(recording: Recording, window: Window, vehicle: int, into: I64) -> None:
@@ -163,13 +174,11 @@ def _states(recording: Recording, rows: I64, present: NDArray[np.bool_]) -> Stat
     values: dict[str, Any] = {k: np.zeros(rows.shape, kind) for k, kind in STATE_TYPES.items()}
     values["lane"] = np.where(present, tracks.lane[rows], np.uint8(0))
     for name in STEPS.keys() & {field.name for field in dataclasses.fields(tracks)}:
-        given, step, dtype = getattr(tracks, name), STEPS[name], STATE_TYPES[name]
+        quantity = getattr(tracks, name)
         if name in ("heading", "wheel_angle"):
-            given = given - np.round(given / (2.0 * np.pi)) * (2.0 * np.pi)
-        # No vehicle brakes with more than the largest value; noise in a recording may.
-        largest = np.iinfo(dtype).max
-        steps = np.clip(np.rint(given / step), -largest, largest).astype(dtype)
-        values[name] = np.where(present, steps[rows], dtype(0))
+            quantity = quantity - np.round(quantity / (2.0 * np.pi)) * (2.0 * np.pi)
+        steps = to_integers(name, quantity / STEPS[name], recording.name)
+        values[name] = np.where(present, steps[rows], STATE_TYPES[name](0))
     return States(**values)
 
 
@@ -202,7 +211,8 @@ def _scenario(
         weight=np.ones(count),
         vehicles=assumed_bodies(
             valid,
-            tracks.kind[who],
+            # As data sets give it back, which have null for a kind that is not known.
+            np.where(tracks.is_kind_known, tracks.kind, np.uint8(ASSUMED_KIND))[who],
             tracks.length[who].astype(np.float32),
             tracks.width[who].astype(np.float32),
         ),

@@ -16,6 +16,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.messages import shown
+from overtaking.recordings.table_streams import COMPRESSED_SUFFIXES, uncompressed_name
 from overtaking.scenarios.complaints import advice
 
 MAPS = Path(__file__).with_name("columns")
@@ -86,10 +87,10 @@ _RECORDING_KEYS = {
 _SECTIONS = ("recording", "files", "columns", "types", "only", "road")
 _KINDS = {
     "car": -1, "van": VehicleKind.V, "truck": VehicleKind.T, "motorcycle": VehicleKind.MC,
-    "bicycle": VehicleKind.B, "left_out": -2,
+    "bicycle": VehicleKind.B, "left_out": -2, "not_known": -3,
 }  # fmt: skip
-BY_LENGTH, LEFT_OUT = -1, -2
-"""Kinds of a type: a car, whose size decides, or nothing that is read."""
+BY_LENGTH, LEFT_OUT, NOT_KNOWN = -1, -2, -3
+"""Codes of types beside `VehicleKind`: a car, whose size decides; not read; of a kind not known."""
 
 _MOST_BYTES = 1 << 20
 _CELL = re.compile(r"^(.*?)\s*\[([^\[\]]*)\]$")
@@ -120,7 +121,7 @@ class ColumnMap:
         is_tested: Whether a reader was tested with files in these columns.
         columns: Where each of `QUANTITIES` is that the recording has.
         files: Ending of the file of each of `TABLES`; empty where there is one table.
-        kinds: `VehicleKind`, `BY_LENGTH` or `LEFT_OUT` of each type of the source.
+        kinds: `VehicleKind`, `BY_LENGTH`, `LEFT_OUT` or `NOT_KNOWN` of each type of the source.
         only: Values that a column must have.
         road: What is said of the road, `ROAD_KEYS`.
         frames_per_second: Where no column has it, else None [1/s].
@@ -336,13 +337,20 @@ class _Reading:
 def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
     """The files of a recording by the names of `TABLES`.
 
+    Args:
+        path: The table of states.
+        columns: The map, which has the endings of the names of the files.
+
+    Returns:
+        The files. Each may be compressed or not; of two of one name the one like `path` is taken.
+
     Raises:
         ConfigError: The path is not that of the table of states.
     """
     if not columns.files:
         return {TRACKS: path}
-    ending = columns.files[TRACKS]
-    if not path.name.endswith(ending):
+    ending, name = columns.files[TRACKS], uncompressed_name(path)
+    if not name.endswith(ending):
         raise ConfigError.of(
             what=f"{columns.name} recording",
             where="import",
@@ -350,8 +358,23 @@ def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
             got=repr(path.name),
             next_step="name that file; the two others are found beside it",
         )
-    stem = path.name.removesuffix(ending)
-    return {name: path.with_name(f"{stem}{columns.files[name]}") for name in TABLES}
+    stem, compression = name.removesuffix(ending), path.name.removeprefix(name)
+    return {
+        table: _existing(path.with_name(f"{stem}{columns.files[table]}"), compression)
+        for table in TABLES
+    }
+
+
+def _existing(path: Path, compression: str) -> Path:
+    """A file of a name, with one of the endings of compressed files or without; without if none.
+
+    Args:
+        path: The file without such an ending.
+        compression: The ending to try first.
+    """
+    endings = dict.fromkeys((compression, "", *COMPRESSED_SUFFIXES))
+    found = (path.with_name(path.name + ending) for ending in endings)
+    return next((each for each in found if each.exists()), path)
 
 
 def template(names: tuple[str, ...] = ()) -> str:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import DrivingSide, Road
+from overtaking.model.vehicles import VehicleKind, may_be_kind
 from overtaking.recordings.commonroad_lanes import Lanelet, lanelet, slices
 from overtaking.recordings.commonroad_obstacles import (
     QUANTITIES,
@@ -50,7 +51,7 @@ from overtaking.recordings.xml import Element, elements
 FORMAT = "commonroad"
 VERSIONS = ("2018b", "2020a")
 
-_TRUCKS = ("truck", "bus")
+_CARS, _TRUCKS = ("car", "taxi"), ("truck", "bus")
 _MOTORWAYS = ("highway", "interstate")
 _MAX_STEP_S = 1.0
 _READ = frozenset(
@@ -324,17 +325,18 @@ def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
     """What does not change."""
     names = np.array([one.kind for one in obstacles])
     length = np.array([one.length for one in obstacles])
-    kind = kinds_by_length(
-        # Recordings of traffic are often "car" throughout, trucks of 20 m among them.
-        length,
-        is_truck=np.isin(names, _TRUCKS),
-        is_car=np.isin(names, ("taxi",)),
-    )
-    for name, code in (("motorcycle", 5), ("bicycle", 6)):
+    is_car, is_truck = np.isin(names, _CARS), np.isin(names, _TRUCKS)
+    kind = kinds_by_length(length, is_truck=is_truck, is_car=is_car)
+    is_two_wheeler = np.zeros(len(names), np.bool_)
+    for name, code in (("motorcycle", VehicleKind.MC), ("bicycle", VehicleKind.B)):
         kind[names == name] = code
+        is_two_wheeler |= names == name
+    # Recordings of traffic are often "car" throughout, trucks of 20 m among them.
+    is_kind_known = (is_car | is_truck | is_two_wheeler) & may_be_kind(kind, length)
     return {
         "ids": np.array([one.number for one in obstacles]),
         "kind": kind,
+        "is_kind_known": is_kind_known,
         "length": length,
         "width": np.array([one.width for one in obstacles]),
         "carriageway": np.zeros(len(obstacles), np.int64),

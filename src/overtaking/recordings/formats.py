@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,14 +18,14 @@ if TYPE_CHECKING:
     from overtaking.recordings.recording import Recording
     from overtaking.recordings.scenes import Scenes
 
-_OF_ALL = frozenset({"attempts_only", "vehicles", "smooth"})
+_OF_ALL = frozenset({"attempts_only", "vehicles", "smooth", "speed_limit"})
 FORMATS: dict[str, frozenset[str]] = {
     "commonroad": _OF_ALL | {"lanelet", "driving_side"},
-    "exid": _OF_ALL | {"road", "only"},
+    "exid": _OF_ALL | {"road", "only", "driving_side"},
     "highd": _OF_ALL | {"direction"},
-    "ngsim": _OF_ALL | {"road", "only"},
+    "ngsim": _OF_ALL | {"road", "only", "driving_side"},
     "pinto2023": frozenset({"road"}),
-    "table": _OF_ALL | {"road", "only", "columns"},
+    "table": _OF_ALL | {"road", "only", "columns", "driving_side"},
 }
 """Each format with the options that its reader takes."""
 
@@ -53,7 +54,8 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
         options: Options of that format by name: `attempts_only`, `vehicles` (of a simulation),
             `lanelet` (an id), `driving_side` ("right" or "left"), `direction` (1 or 2), `road` (a
             `Road`), `columns` (a map), `only` (values that columns must have), `smooth` (whether
-            tracks are smoothed).
+            tracks are smoothed), `speed_limit` (in m/s, in place of that of the
+            file, infinite for none).
 
     Raises:
         ConfigError: There is no such format, or an option is not for it.
@@ -82,6 +84,8 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
 
 def _plain(value: Any) -> Any:
     """An option as it is written into the manifest."""
+    if value == math.inf:  # JSON has no such number.
+        return "none"
     return str(value) if isinstance(value, Path) else getattr(value, "name", value)
 
 
@@ -105,6 +109,8 @@ def _read(file_format: str, source: Path, options: Mapping[str, Any]) -> Scenes 
     from overtaking.recordings.scenes import NUM_SLOTS, scenes
 
     recording = _recording(file_format, source, options)
+    if (limit := options.get("speed_limit")) is not None:
+        recording = recording.with_speed_limit(limit)
     if options.get("smooth"):
         from overtaking.recordings.smoothing import smoothed
 
@@ -131,7 +137,8 @@ def _recording(file_format: str, source: Path, options: Mapping[str, Any]) -> Re
     from overtaking.recordings.tables import read_table
 
     columns = options.get("columns", file_format)
-    chosen = {name: options[name] for name in ("road", "only") if name in options}
+    names = ("road", "only", "driving_side")
+    chosen = {name: options[name] for name in names if name in options}
     return replace(read_table(source, columns, **chosen), file_format=file_format)
 
 

@@ -25,9 +25,11 @@ from overtaking.recordings.column_map import (
 )
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, by_ways, kept
+from overtaking.recordings.recording_checks import check_rows, issue_warnings
 from overtaking.recordings.road import scaled
 from overtaking.recordings.row_tables import read_rows
-from overtaking.recordings.table_files import refused, refused_cell
+from overtaking.recordings.table_errors import refused, refused_cell
+from overtaking.recordings.table_streams import uncompressed_name
 from overtaking.recordings.tables import tracks_of
 
 if TYPE_CHECKING:
@@ -58,6 +60,8 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     columns = column_map(FORMAT)
     files = {name: file.name for name, file in files_of(Path(path), columns).items()}
     rows = read_rows(Path(path), columns)
+    sentences = check_rows(rows)
+    issue_warnings(rows.where, sentences)
     assert rows.direction is not None
     wanted = DIRECTIONS if direction is None else (direction,)
     used = [one for one in wanted if (rows.direction == one).any()]
@@ -68,7 +72,7 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     limit = _limit(rows.about["speed_limit"], files[RECORDING])
     half = rows.length[rows.vehicle] * 0.5
     extent = float((rows.values["x"] + half).max())
-    name = Path(path).name.removesuffix(columns.files["tracks"])
+    name = uncompressed_name(Path(path)).removesuffix(columns.files["tracks"])
     road = _road(name, limit, list(borders.values()), extent)
     driven, on_lanes = _on_one_road(rows, borders, road)
     ways = by_ways(kept(driven, on_lanes), road)
@@ -89,6 +93,7 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
             "states": ways.tracks.num_rows,
             "states_off_the_road": driven.num_rows - int(on_lanes.sum()),
             "has_speed_limit": limit is not None,
+            **({"warnings": sentences} if sentences else {}),
         },
     )
 

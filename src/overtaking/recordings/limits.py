@@ -1,15 +1,45 @@
-"""Limits that change along a road, as files state them: stretch after stretch."""
+"""Speed limits of roads: as files state them, stretch after stretch, or as the user does."""
 
+import dataclasses
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from overtaking.model.course import MAX_SPEED_LIMIT, Limit
+from overtaking.core.errors import ConfigError
+from overtaking.model.course import MAX_SPEED_LIMIT, Course, Limit
+from overtaking.model.road import Road
 
 NO_LIMIT = MAX_SPEED_LIMIT
 """Stands for a road without a speed limit [m/s]."""
 
 Stated = tuple[float, float, float]
 """Where a stretch begins [m], the limit along the road from there on, and against it [m/s]."""
+
+
+def with_speed_limit(road: Road, speed_limit: float) -> Road:
+    """A road with one speed limit along all of it, in place of those of its file.
+
+    Args:
+        road: The road.
+        speed_limit: The limit; infinite, or `NO_LIMIT`, where there is none [m/s].
+
+    Raises:
+        ConfigError: The limit is not positive, or too large.
+    """
+    if not (0.0 < speed_limit <= NO_LIMIT or speed_limit == math.inf):  # Also true for NaN.
+        raise ConfigError.of(
+            what="speed_limit",
+            where=f"road {road.name}",
+            expected=f"more than 0 and at most {NO_LIMIT:g} m/s, or infinite",
+            got=f"{speed_limit:g} m/s",
+            next_step="pass a limit in m/s",
+        )
+    course = road.course and dataclasses.replace(road.course, limits=())
+    return dataclasses.replace(
+        road,
+        speed_limit=min(speed_limit, NO_LIMIT),
+        course=None if course == Course() else course,
+    )
 
 
 def highest_and_lower(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import io
 import os
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -21,6 +22,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.recordings.messages import refused
 from overtaking.recordings.pinto2023_schema import COLUMNS, SCHEMA, VEHICLE_COLUMNS
 from overtaking.recordings.pinto2023_text import CellError, from_text, to_text
+from overtaking.recordings.table_streams import open_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable
@@ -183,17 +185,21 @@ def _refuse_bomb(source: Path, size: int, most: int) -> None:
 def _csv_text(source: Path) -> pa.Table:
     """The cells of a CSV file."""
     try:
-        with source.open(encoding="utf-8-sig", newline="") as file:
-            _check_names(source, next(csv.reader(file), []))
-        return pacsv.read_csv(
-            source,
-            # One thread, because only then Arrow knows the number of a bad row.
-            read_options=pacsv.ReadOptions(use_threads=False, column_names=COLUMNS, skip_rows=1),
-            parse_options=pacsv.ParseOptions(ignore_empty_lines=False),
-            convert_options=pacsv.ConvertOptions(
-                column_types=dict.fromkeys(COLUMNS, pa.string()), strings_can_be_null=False
-            ),
-        )
+        with open_bytes(source) as file:
+            lines = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
+            _check_names(source, next(csv.reader(lines), []))
+        with open_bytes(source) as file:
+            return pacsv.read_csv(
+                pa.PythonFile(file, mode="r"),
+                # One thread, because only then Arrow knows the number of a bad row.
+                read_options=pacsv.ReadOptions(
+                    use_threads=False, column_names=COLUMNS, skip_rows=1
+                ),
+                parse_options=pacsv.ParseOptions(ignore_empty_lines=False),
+                convert_options=pacsv.ConvertOptions(
+                    column_types=dict.fromkeys(COLUMNS, pa.string()), strings_can_be_null=False
+                ),
+            )
     except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
         raise _unreadable(source, "22 cells of UTF-8 text in each line", error) from None
 

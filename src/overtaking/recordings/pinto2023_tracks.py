@@ -175,6 +175,7 @@ def tracks_of(
     return Tracks(
         ids=values["id"][begins],
         kind=kinds_by_length(length, is_truck=nobody, is_car=nobody),
+        is_kind_known=~nobody,  # No kind is: "kinds" is unknown for all of them.
         length=length,
         width=values["width_m"][begins],
         carriageway=values["simulation"][begins],

@@ -6,16 +6,18 @@ makes `Trajectories` of them. Numbers are float64 and SI until they are rounded 
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F64, I64, U8
+from overtaking.core.arrays import F64, I64, U8, Mask
 from overtaking.knowledge import vehicle_classes
 from overtaking.model.road import Road
 from overtaking.model.trajectory import BEYOND_SLOW_EDGE
 from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.limits import with_speed_limit
+from overtaking.recordings.recording_checks import check_ranges
 
 NEVER_RECORDED = frozenset(
     {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}
@@ -25,7 +27,7 @@ NEVER_RECORDED = frozenset(
 OPPOSITE = -1
 """Carriageway of the vehicles that come the other way on a road with a lane for them."""
 
-_OF_A_VEHICLE = ("ids", "kind", "length", "width", "carriageway")
+_OF_A_VEHICLE = ("ids", "kind", "is_kind_known", "length", "width", "carriageway")
 _BESIDE = 6.0  # Vehicles farther than this from the outer lanes belong to another road [m].
 _LEAST_STRETCH = 0.5  # Nearer to the centre of a bend is no part of a road.
 _HALF_SMOOTHING_MS = 100  # As the signals have it: a central difference over 0.2 s.
@@ -38,6 +40,7 @@ class Tracks:
     Attributes:
         ids: The source's number of each vehicle, each different, shape (vehicle,).
         kind: `VehicleKind`, same shape.
+        is_kind_known: Whether that is stated and agrees with the length, same shape.
         length: Same shape [m].
         width: Same shape [m].
         carriageway: Number of the carriageway that it drives on; those on different ones have
@@ -60,6 +63,7 @@ class Tracks:
 
     ids: I64
     kind: U8
+    is_kind_known: Mask
     length: F64
     width: F64
     carriageway: I64
@@ -140,6 +144,27 @@ class Recording:
     tracks: Tracks
     unknown: frozenset[str]
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    def __post_init__(self) -> None:
+        """Refuse quantities that the recorded integers cannot hold.
+
+        Raises:
+            ImportFormatError: A position, speed or angle is too large; the message names vehicle
+                and frame.
+        """
+        check_ranges(self)
+
+    def with_speed_limit(self, speed_limit: float) -> Self:
+        """The recording on a road with one speed limit, which is then known.
+
+        Args:
+            speed_limit: The limit, infinite for none [m/s].
+
+        Raises:
+            ConfigError: The limit is not positive, or too large.
+        """
+        road = with_speed_limit(self.road, speed_limit)
+        return dataclasses.replace(self, road=road, unknown=self.unknown - {"speed_limit"})
 
 
 def kept(tracks: Tracks, rows: NDArray[np.bool_]) -> Tracks:
@@ -276,13 +301,13 @@ def kinds_by_length(length: F64, *, is_truck: NDArray[np.bool_], is_car: NDArray
     """Vehicle types where a source knows at most cars and trucks.
 
     Small, medium and large are parted half-way between the typical lengths of the three classes. A
-    vehicle without a reliable type is a truck from half-way between van and truck on. Vans are not
-    distinguished.
+    vehicle without a stated type is a truck from half-way between van and truck on. Vans are not
+    distinguished. Whether a length contradicts a stated type is a question to `may_be_kind`.
 
     Args:
         length: Shape (vehicle,) [m].
-        is_truck: What the source calls a truck or bus, same shape.
-        is_car: What it calls a car and is believed, same shape.
+        is_truck: Whether the source calls it a truck or bus, same shape.
+        is_car: Whether the source calls it a car, same shape.
     """
     small, medium, large, van, truck = (
         float(vehicle_classes()[name].length.number) for name in ("S", "M", "L", "V", "T")

@@ -1,7 +1,8 @@
 """From the tables of a recording to rows: cells checked, tables joined, units converted.
 
-A map of columns says where each quantity is. What a table does not have is missing in the rows too;
-what can be worked out is worked out later, on the road.
+A map of columns says where each quantity is. Quantities that a table lacks are missing in the rows
+too; they are worked out later, on the road. Sizes and kinds belong to a track, a stretch of rows
+without a gap: recordings of several periods number their vehicles anew in each.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
+from overtaking.model.vehicles import may_be_kind
 from overtaking.recordings.column_map import (
     BY_LENGTH,
     LEFT_OUT,
+    NOT_KNOWN,
     RECORDING,
     TRACKS,
     VEHICLES,
@@ -23,23 +25,24 @@ from overtaking.recordings.column_map import (
     files_of,
 )
 from overtaking.recordings.recording import kinds_by_length
-from overtaking.recordings.rows import ON_GRID, Rows, at_whole_frames, numbered
+from overtaking.recordings.recording_checks import compare_sizes
+from overtaking.recordings.rows import ON_GRID, TORN, Rows, at_whole_frames, numbered
+from overtaking.recordings.table_errors import named, refused, refused_cell
 from overtaking.recordings.table_files import (
     NUMBER,
     TEXT,
-    WHOLE,
     checked_table,
-    named,
+    column_names,
     read_columns,
-    refused,
-    refused_cell,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from overtaking.core.arrays import F64, I64
+    from numpy.typing import NDArray
+
+    from overtaking.core.arrays import F64, I64, Mask
 
 INTERVALS_MS = (10.0, 1000.0)
 """Least and most time between two frames [ms]."""
@@ -47,12 +50,15 @@ INTERVALS_MS = (10.0, 1000.0)
 _DIRECTIONS = (1, 2)
 _SIZES = {"length": (0.1, 50.0), "width": (0.1, 10.0)}
 _WORDS = frozenset({"type", "lane", "upper_lines", "lower_lines"})
-_NUMBERS = frozenset({"frame", "direction"})
 _LIMITS = {"x": 1.0e8, "y": 1.0e8, "time": 1.0e13, "vehicle": 1.0e15, "frame": 1.0e9}
-_STEADY = ("type", "length", "width", "direction")  # What does not change, of each vehicle.
+_OF_A_TRACK = ("type", "length", "width", "direction")
+_NOT_CHANGING = (*_OF_A_TRACK, "vehicle", "frame", "time", "lane")
 _MOST_ROWS, _MOST_FRAMES = 50_000_000, 10_000_000
 
-Columns = dict[str, NDArray[Any]]
+_MAX_SPEED = 150.0  # Two rows of an id that are farther apart are of two vehicles [m/s].
+_MAX_SPEED_RATIO = 20.0  # ... unless all positions of the table are in another unit.
+
+Columns = dict[str, "NDArray[Any]"]
 
 
 def read_rows(path: Path, columns: ColumnMap, only: Mapping[str, str] | None = None) -> Rows:
@@ -61,7 +67,8 @@ def read_rows(path: Path, columns: ColumnMap, only: Mapping[str, str] | None = N
     Args:
         path: The file, or the one of the states.
         columns: Where each quantity is.
-        only: Values that columns must have, beside those that the map names.
+        only: Values that columns must have, beside those that the map names. Of the tables of
+            vehicles and of the recording it chooses rows where they have such a column.
 
     Raises:
         ImportFormatError: A file is missing or damaged; the message names line and column.
@@ -69,14 +76,17 @@ def read_rows(path: Path, columns: ColumnMap, only: Mapping[str, str] | None = N
     """
     asked = replace(columns, only={**columns.only, **(only or {})})
     tables = {name: _read(file, asked, name) for name, file in files_of(path, asked).items()}
-    return _Joining(asked, tables).rows()
+    return _Join(asked, tables).rows()
 
 
 def _read(path: Path, columns: ColumnMap, table: str) -> _Table:
-    """One of the tables of a recording."""
+    """One of the tables of a recording, with the chosen rows only."""
     types, limits = _types(columns, table), _limits(columns, table)
-    read = read_columns(path, types, header=columns.header, limits=limits)
-    return _Table.of(read, path.name, types)
+    if columns.files:
+        types |= _further_types(column_names(path), columns, table)
+    gaps = [name for name, kind in types.items() if kind == NUMBER and table != RECORDING]
+    read = read_columns(path, types, header=columns.header, limits=limits, gaps=gaps)
+    return _Table.of(read, path.name, types).chosen(columns.only)
 
 
 def rows_of(table: Any, columns: ColumnMap) -> Rows:
@@ -85,12 +95,13 @@ def rows_of(table: Any, columns: ColumnMap) -> Rows:
     Raises:
         ImportFormatError: It lacks a column, or has a cell that is no such value.
     """
-    given = table if isinstance(table, pa.Table) else _arrow(table)
+    arrow = table if isinstance(table, pa.Table) else _arrow(table)
     types = _types(columns, TRACKS)
-    found = named(given.column_names, types, "table")
-    chosen = given.select(list(found.values())).rename_columns(list(found))
-    checked = checked_table(chosen, types, "table", _limits(columns, TRACKS))
-    return _Joining(columns, {TRACKS: _Table.of(checked, "table", types)}).rows()
+    names = named(arrow.column_names, types, "table")
+    part = arrow.select(list(names.values())).rename_columns(list(names))
+    gaps = [name for name, kind in types.items() if kind == NUMBER]
+    checked = checked_table(part, types, "table", _limits(columns, TRACKS), gaps)
+    return _Join(columns, {TRACKS: _Table.of(checked, "table", types).chosen(columns.only)}).rows()
 
 
 def _arrow(table: Any) -> pa.Table:
@@ -106,90 +117,155 @@ def _arrow(table: Any) -> pa.Table:
 def _types(columns: ColumnMap, table: str) -> dict[str, pa.DataType]:
     """The columns that are read of a table, with their types."""
     types = dict.fromkeys(columns.names(table), TEXT)
-    for name, one in columns.columns.items():
-        if one.table == table and name not in _WORDS and name != "vehicle":
-            types |= dict.fromkeys(one.names, WHOLE if name in _NUMBERS else NUMBER)
+    for name, column in columns.columns.items():
+        if column.table == table and name not in _WORDS and name != "vehicle":
+            types |= dict.fromkeys(column.names, NUMBER)
     if table in (TRACKS, VEHICLES):
         types[columns.columns["vehicle"].names[0]] = TEXT
     return types
+
+
+def _further_types(names: Iterable[str], columns: ColumnMap, table: str) -> dict[str, pa.DataType]:
+    """Columns that a table may have beside those of the map: chosen values, and sizes again."""
+    wanted = dict.fromkeys(columns.only, TEXT)
+    if table == TRACKS:
+        wanted |= {
+            column.names[0]: NUMBER
+            for name, column in columns.columns.items()
+            if name in _SIZES and column.table == VEHICLES
+        }
+    there = {name.strip().casefold() for name in names}
+    return {name: kind for name, kind in wanted.items() if name.casefold() in there}
 
 
 def _limits(columns: ColumnMap, table: str) -> dict[str, float]:
     """The largest numbers that some columns may hold."""
     return {
         cell: _LIMITS[name]
-        for name, one in columns.columns.items()
-        if name in _LIMITS and one.table == table
-        for cell in one.names
+        for name, column in columns.columns.items()
+        if name in _LIMITS and column.table == table
+        for cell in column.names
     }
 
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """A table as arrays, and what it is called."""
+    """Rows of a table as arrays.
+
+    Attributes:
+        where: What the table is called in a message.
+        columns: Cells of each column, shape (row,).
+        line: Place of each row in the file, same shape.
+    """
 
     where: str
     columns: Columns
+    line: I64
 
     @classmethod
     def of(cls, table: pa.Table, where: str, types: Mapping[str, pa.DataType]) -> _Table:
         """The columns of an Arrow table."""
-        return cls(where, {name: np.asarray(table[name]) for name in types})
+        columns = {name: np.asarray(table[name]) for name in types}
+        return cls(where, columns, np.arange(table.num_rows))
 
     @property
     def num_rows(self) -> int:
         """Number of rows."""
-        return len(next(iter(self.columns.values())))
+        return len(self.line)
 
-    def refused(self, is_right: NDArray[np.bool_], name: str, expected: str) -> None:
+    def check(self, is_right: Mask, name: str, expected: str) -> None:
         """Refuse the first cell of a column that is not right."""
         if not is_right.all():
             row = int(np.argmin(is_right))
-            raise refused_cell(self.where, row, name, expected, str(self.columns[name][row]))
+            got = str(self.columns[name][row])
+            got = "an empty cell" if got in ("", "nan") else got
+            raise refused_cell(self.where, int(self.line[row]), name, expected, got)
 
-    def kept(self, rows: NDArray[Any]) -> _Table:
+    def kept(self, rows: Mask | I64) -> _Table:
         """Some of the rows."""
-        return _Table(self.where, {name: each[rows] for name, each in self.columns.items()})
+        if rows.dtype == np.bool_ and rows.all():
+            return self
+        columns = {name: cells[rows] for name, cells in self.columns.items()}
+        return _Table(self.where, columns, self.line[rows])
+
+    def chosen(self, only: Mapping[str, str]) -> _Table:
+        """The rows in which columns have some values."""
+        rows = np.ones(self.num_rows, np.bool_)
+        for name, value in only.items():
+            if name in self.columns:
+                rows &= self.columns[name].astype(object) == value
+        return self.kept(rows)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _OfTracks:
+    """What does not change within a track; arrays of shape (track,).
+
+    Attributes:
+        length: [m].
+        width: [m].
+        kind: `VehicleKind`.
+        is_kind_known: Whether the kind is stated and agrees with the length.
+        direction: Number of the carriageway; None where no column has it.
+        warnings: What the columns contradict each other in.
+    """
+
+    length: F64
+    width: F64
+    kind: I64
+    is_kind_known: Mask
+    direction: I64 | None
+    warnings: list[str]
 
 
 @dataclass(frozen=True, slots=True)
-class _Joining:
+class _Join:
     """The tables of a recording on their way to rows."""
 
     map: ColumnMap
     tables: dict[str, _Table]
 
     def rows(self) -> Rows:
-        """All of it."""
-        tracks = self.tables[TRACKS]
-        line = np.arange(tracks.num_rows)
-        for name, value in self.map.only.items():
-            line = line[tracks.columns[name][line] == value]
-        if not len(line) or len(line) > _MOST_ROWS:
-            raise refused(tracks.where, "rows", f"1 to {_MOST_ROWS:,}", f"{len(line):,}")
-        ids, vehicle = self.ids(line)
-        self.check_vehicles()
-        steady = self.steady(line, ids, vehicle)
-        chosen = steady["kind"] != LEFT_OUT
-        here = chosen[vehicle]
-        line, vehicle = line[here], (np.cumsum(chosen) - 1)[vehicle[here]]
-        if not len(line):
+        """The states of the recording."""
+        tracks, silent = self.with_keys(self.tables[TRACKS])
+        ids, vehicle, tracks = self.ids(tracks)
+        type_code = self.type_codes(tracks, vehicle, ids)
+        is_read = type_code != LEFT_OUT
+        num_left_out = len(np.unique(vehicle[~is_read]))
+        tracks, vehicle, type_code = tracks.kept(is_read), vehicle[is_read], type_code[is_read]
+        self.check_vehicles(tracks)
+        if not tracks.num_rows:
             raise refused(tracks.where, "vehicles", "some that are read", "none")
-        steady = {name: each[chosen] for name, each in steady.items()}
         about = self.about()
-        moment, interval = self.moments(line, vehicle, about)
-        order = np.lexsort((moment, vehicle))
-        line, vehicle, moment = line[order], vehicle[order], moment[order]
-        self.check_order(line, vehicle, moment, ids[chosen])
-        grid = at_whole_frames(vehicle, moment, self.values(line, steady, vehicle))
-        lane = self.words("lane", line)
+        moment, interval = self.moments(tracks, vehicle, about)
+        is_missing = self.is_missing(tracks, silent)
+        order = np.lexsort((is_missing, moment, vehicle))
+        tracks, vehicle, moment = tracks.kept(order), vehicle[order], moment[order]
+        type_code, is_missing = type_code[order], is_missing[order]
+        is_repeated = self.is_repeated(tracks, vehicle, moment, ids, is_missing=is_missing)
+        if self.map.is_exact:
+            self.check_frames(tracks, vehicle, moment, ids, ~is_repeated)
+        rows = ~is_repeated & ~is_missing
+        if not rows.any():
+            raise refused(tracks.where, "rows", "positions", "none")
+        tracks, vehicle, moment = tracks.kept(rows), vehicle[rows], moment[rows]
+        values = self.values(tracks, silent)
+        track = _tracks(vehicle, moment, values, interval)
+        first_row = np.flatnonzero(np.append(True, np.diff(track) != 0))
+        track_vehicle = vehicle[first_row]
+        about_tracks = self.about_tracks(tracks, track, ids[track_vehicle], type_code[rows])
+        values = self.oriented(values, about_tracks, track)
+        grid = at_whole_frames(track, moment, values)
+        lane = self.words("lane", tracks)
+        owner = grid.owner
         return Rows(
             where=tracks.where,
-            ids=numbered(ids[chosen], grid.owner),
-            **{name: each[grid.owner] for name, each in steady.items() if name != "direction"},
-            direction=steady["direction"][grid.owner].astype(np.int64)
-            if "direction" in steady
-            else None,
+            ids=numbered(ids, track_vehicle[owner]),
+            kind=about_tracks.kind[owner].astype(np.uint8),
+            is_kind_known=about_tracks.is_kind_known[owner],
+            length=about_tracks.length[owner],
+            width=about_tracks.width[owner],
+            direction=None if about_tracks.direction is None else about_tracks.direction[owner],
             start=grid.start,
             frame=grid.frame,
             frame_interval_ms=interval,
@@ -198,94 +274,279 @@ class _Joining:
             about=about,
             notes={
                 "interpolated": grid.is_moved,
-                "tracks_torn": len(grid.owner) - len(np.unique(grid.owner)),
-                "left_out": int((~chosen).sum()),
+                "tracks_torn": len(owner) - len(np.unique(track_vehicle[owner])),
+                "left_out": num_left_out,
+                "rows_repeated": int(is_repeated.sum()),
+                "rows_missing": int((is_missing & ~is_repeated).sum()),
             },
+            warnings=tuple(about_tracks.warnings),
         )
 
     def cell(self, name: str) -> tuple[_Table, str] | None:
         """Table and column of a quantity, None where there is none."""
-        one = self.map.columns.get(name)
-        return None if one is None else (self.tables[one.table], one.names[0])
+        column = self.map.columns.get(name)
+        return None if column is None else (self.tables[column.table], column.names[0])
 
-    def ids(self, line: I64) -> tuple[NDArray[Any], I64]:
-        """The vehicles in order, and the place of each row's."""
+    @property
+    def changing(self) -> list[str]:
+        """The quantities that change from row to row."""
+        columns = self.map.columns.items()
+        return [n for n, one in columns if one.table == TRACKS and n not in _NOT_CHANGING]
+
+    def with_keys(self, tracks: _Table) -> tuple[_Table, frozenset[str]]:
+        """The rows that have a vehicle and a time, and the quantities that no row has.
+
+        Rows without them are left out where the position is missing as well.
+        """
+        if not 0 < tracks.num_rows <= _MOST_ROWS:
+            expected = f"1 to {_MOST_ROWS:,}"
+            raise refused(tracks.where, "rows", expected, f"{tracks.num_rows:,}")
+        silent = frozenset(
+            name
+            for name in self.changing
+            if name not in ("x", "y")
+            and all(np.isnan(tracks.columns[one]).all() for one in self.map.columns[name].names)
+        )
+        name = "frame" if "frame" in self.map.columns else "time"
+        id_column, time_column = (self.map.columns[one].names[0] for one in ("vehicle", name))
+        has_id = tracks.columns[id_column].astype(object) != ""
+        has_time = ~np.isnan(tracks.columns[time_column])
+        is_missing = self.is_missing(tracks, silent)
+        tracks.check(has_id | is_missing, id_column, "a vehicle")
+        tracks.check(has_time | is_missing, time_column, "a number")
+        if name == "frame":
+            frame = tracks.columns[time_column]
+            tracks.check(~has_time | (frame == np.rint(frame)), time_column, "a whole number")
+        return tracks.kept(has_id & has_time), silent
+
+    def is_missing(self, tracks: _Table, silent: Iterable[str]) -> Mask:
+        """Whether a quantity that changes is missing, shape (row,)."""
+        missing = np.zeros(tracks.num_rows, np.bool_)
+        for name in self.changing:
+            if name not in silent:
+                for column in self.map.columns[name].names:
+                    missing |= np.isnan(tracks.columns[column])
+        return missing
+
+    def ids(self, tracks: _Table) -> tuple[NDArray[Any], I64, _Table]:
+        """The vehicles in order, the place of each row's among them, and the rows.
+
+        The table of vehicles is left with one row for each.
+        """
         name = self.map.columns["vehicle"].names[0]
-        tracks, vehicles = self.tables[TRACKS], self.tables.get(VEHICLES)
-        given = tracks.columns[name] = _as_numbers(tracks.columns[name])
+        numbers = _as_numbers(tracks.columns[name])
+        vehicles = self.tables.get(VEHICLES)
         if vehicles is not None:
-            known = vehicles.columns[name] = _as_numbers(vehicles.columns[name])
-            if known.dtype != given.dtype:  # Names among numbers: then all are names.
-                given, known = given.astype("U40"), known.astype("U40")
-                tracks.columns[name], vehicles.columns[name] = given, known
-            order = np.argsort(known, kind="stable")
-            is_new = np.ones(len(order), np.bool_)
-            is_new[order[1:]] = known[order][1:] != known[order][:-1]
-            vehicles.refused(is_new, name, "a different id in each row")
+            known = _as_numbers(vehicles.columns[name])
+            if known.dtype != numbers.dtype:  # Names among numbers: then all are names.
+                numbers = tracks.columns[name].astype("U40")
+                known = vehicles.columns[name].astype("U40")
+            vehicles = replace(vehicles, columns={**vehicles.columns, name: known})
+            self.tables[VEHICLES] = vehicles = _without_repeated(vehicles, name)
             file = self.map.files[VEHICLES].strip("_").partition(".")[0]
-            tracks.refused(np.isin(given, known), name, f"an id of {file}")
-        ids, vehicle = np.unique(given[line], return_inverse=True)
-        return ids, vehicle
+            is_known = np.isin(numbers, vehicles.columns[name])
+            tracks.check(is_known, name, f"an id of {file}")
+        ids, vehicle = np.unique(numbers, return_inverse=True)
+        return ids, vehicle, replace(tracks, columns={**tracks.columns, name: numbers})
 
-    def check_vehicles(self) -> None:
-        """Refuse sizes that no vehicle has, but of those that are not read, and directions."""
-        types = self.cell("type")
+    def of_vehicles(self, cells: NDArray[Any], ids: NDArray[Any]) -> NDArray[Any]:
+        """Values for some ids, from those of each row of the table of vehicles."""
+        keys = self.tables[VEHICLES].columns[self.map.columns["vehicle"].names[0]]
+        order = np.argsort(keys, kind="stable")
+        return cells[order[np.searchsorted(keys[order], ids)]]
+
+    def type_codes(self, tracks: _Table, vehicle: I64, ids: NDArray[Any]) -> I64:
+        """What the type of each row stands for: a kind, or a code of `column_map`."""
+        cell = self.cell("type")
+        if cell is None:
+            return np.full(tracks.num_rows, NOT_KNOWN)
+        if cell[0] is self.tables[TRACKS]:
+            return self.codes_of(tracks, cell[1])
+        return self.of_vehicles(self.codes_of(*cell), ids)[vehicle]
+
+    def codes_of(self, table: _Table, column: str) -> I64:
+        """What the words of a column of types stand for, shape (row,)."""
+        words, place = np.unique(table.columns[column], return_inverse=True)
+        codes = {"": NOT_KNOWN, **self.map.kinds}
+        is_listed = np.array([word in codes for word in words.tolist()])
+        expected = " or ".join(self.map.kinds) or "a type of the map"
+        table.check(is_listed[place], column, expected)
+        return np.array([codes.get(word, NOT_KNOWN) for word in words.tolist()], np.int64)[place]
+
+    def check_vehicles(self, tracks: _Table) -> None:
+        """Refuse sizes that no vehicle has, and directions other than 1 and 2.
+
+        Sizes of vehicles that are left out may be anything.
+        """
         for name, (least, most) in _SIZES.items():
-            found = self.cell(name)
-            if found is None:
+            if (cell := self.cell(name)) is None:
                 continue
-            table, column = found
+            table, column = cell
+            is_of_rows = table is self.tables[TRACKS]
+            table = tracks if is_of_rows else table
             size = table.columns[column] * self.map.columns[name].factor
             is_right = (size > least) & (size < most)
-            if types is not None and types[0] is table:
-                out = [one for one, kind in self.map.kinds.items() if kind == LEFT_OUT]
-                is_right |= _among(table.columns[types[1]], out)
-            table.refused(is_right, column, f"a {name}, {least:g} to {most:g} m")
-        if (found := self.cell("direction")) is not None:
-            table, column = found
-            table.refused(np.isin(table.columns[column], _DIRECTIONS), column, "1 or 2")
+            if is_of_rows:
+                is_right |= np.isnan(size)
+            elif (types := self.cell("type")) is not None and types[0] is table:
+                is_right |= self.codes_of(*types) == LEFT_OUT
+            table.check(is_right, column, f"a {name}, {least:g} to {most:g} m")
+        if (cell := self.cell("direction")) is not None:
+            table, column = cell
+            table = tracks if table is self.tables[TRACKS] else table
+            table.check(np.isin(table.columns[column], _DIRECTIONS), column, "1 or 2")
 
-    def steady(self, line: I64, ids: NDArray[Any], vehicle: I64) -> Columns:
-        """What does not change, of each vehicle: its size, its kind and where it belongs."""
-        given: Columns = {}
-        for name in _STEADY:
-            found = self.cell(name)
-            if found is None:
+    def is_repeated(
+        self,
+        tracks: _Table,
+        vehicle: I64,
+        moment: F64,
+        ids: NDArray[Any],
+        *,
+        is_missing: Mask,
+    ) -> Mask:
+        """Whether a row says again what the row before it says, shape (row,).
+
+        Args:
+            tracks: Rows in order of vehicle, instant, and whether a quantity is missing.
+            vehicle: Place of the vehicle of each row, shape (row,).
+            moment: Instant of each row, same shape [frames].
+            ids: The vehicles.
+            is_missing: Whether a quantity is missing in each row, same shape.
+
+        Raises:
+            ImportFormatError: Two rows of a vehicle at one time differ.
+        """
+        is_same_time = np.append(False, (np.diff(vehicle) == 0) & (np.diff(moment) <= ON_GRID))
+        later = np.flatnonzero(is_same_time & ~is_missing)
+        is_equal = np.ones(len(later), np.bool_)
+        names = [name for name in tracks.columns if name not in self.map.only]
+        for name in names:
+            now, before = tracks.columns[name][later], tracks.columns[name][later - 1]
+            same = now == before
+            if now.dtype.kind == "f":
+                same |= np.isnan(now) & np.isnan(before)
+            is_equal &= same.astype(np.bool_)
+        if is_equal.all():
+            return is_same_time
+        row = int(later[np.argmin(is_equal)])
+        column = self.time_column
+        differing = [
+            name for name in names if tracks.columns[name][row] != tracks.columns[name][row - 1]
+        ]
+        cells = [
+            f"{name} {tracks.columns[name][k]}" for name in differing[:1] for k in (row - 1, row)
+        ]
+        raise refused_cell(
+            tracks.where,
+            int(tracks.line[row]),
+            column,
+            f"another {self.time_name} of vehicle {ids[vehicle[row]]} than in line "
+            f"{tracks.line[row - 1] + 2}, or the same values",
+            f"{self.time_name} {tracks.columns[column][row]:g} again, with {' and '.join(cells)} "
+            "(choose a part: --only COLUMN=VALUE)",
+        )
+
+    @property
+    def time_name(self) -> str:
+        """The quantity that says when a row is: frame or time."""
+        return "frame" if "frame" in self.map.columns else "time"
+
+    @property
+    def time_column(self) -> str:
+        """The column of `time_name`."""
+        return self.map.columns[self.time_name].names[0]
+
+    def check_frames(
+        self, tracks: _Table, vehicle: I64, moment: F64, ids: NDArray[Any], rows: Mask
+    ) -> None:
+        """Refuse a vehicle without a row in a frame between its first and its last."""
+        line, vehicle, moment = tracks.line[rows], vehicle[rows], moment[rows]
+        is_wrong = (np.diff(vehicle) == 0) & (np.abs(np.diff(moment) - 1.0) > ON_GRID)
+        if not is_wrong.any():
+            return
+        row = int(np.argmax(is_wrong)) + 1
+        frames = tracks.columns[self.time_column][rows]
+        raise refused_cell(
+            tracks.where,
+            int(line[row]),
+            self.time_column,
+            f"frame {frames[row - 1] + 1:g} of vehicle {ids[vehicle[row]]}",
+            f"{self.time_name} {frames[row]:g}",
+        )
+
+    def about_tracks(
+        self, tracks: _Table, track: I64, ids: NDArray[Any], type_code: I64
+    ) -> _OfTracks:
+        """What does not change within a track.
+
+        Args:
+            tracks: The rows.
+            track: Number of the track of each row, growing, shape (row,).
+            ids: Vehicle of each track.
+            type_code: As of `type_codes`, shape (row,).
+        """
+        count = len(ids)
+        sizes: dict[str, F64] = {}
+        warnings: list[str] = []
+        for name in _SIZES:
+            cell = self.cell(name)
+            if cell is None:
+                sizes[name] = np.full(count, getattr(self.map, name), np.float64)
                 continue
-            table, column = found
-            cells = table.columns[column]
+            table, column = cell
+            factor = self.map.columns[name].factor
+            of_tracks = None
+            if column in tracks.columns:
+                of_tracks = _medians(tracks.columns[column], track, count) * factor
             if table is self.tables[TRACKS]:
-                first = np.zeros(len(ids), np.int64)
-                first[vehicle[::-1]] = line[::-1]
-                given[name] = (
-                    _medians(cells[line], vehicle, len(ids)) if name in _SIZES else cells[first]
-                )
-            else:
-                key = self.map.columns["vehicle"].names[0]
-                order = np.argsort(table.columns[key], kind="stable")
-                given[name] = cells[order[np.searchsorted(table.columns[key][order], ids)]]
-        sizes = {
-            name: given[name] * self.map.columns[name].factor
-            if name in given
-            else np.full(len(ids), getattr(self.map, name))
-            for name in _SIZES
-        }
-        more = {"direction": given["direction"]} if "direction" in given else {}
-        return {**sizes, "kind": self.kinds(sizes["length"], given.get("type")), **more}
+                assert of_tracks is not None
+                first_row = np.searchsorted(track, np.arange(count))
+                is_right = np.ones(tracks.num_rows, np.bool_)
+                is_right[first_row] = ~np.isnan(of_tracks)
+                tracks.check(is_right, column, f"a {name} in one of the rows of the vehicle")
+                sizes[name] = of_tracks
+                continue
+            sizes[name] = self.of_vehicles(table.columns[column], ids) * factor
+            if of_tracks is not None:
+                warnings += compare_sizes(column, of_tracks, sizes[name])
+        kind, is_kind_known = self.kinds(sizes["length"], _most_frequent(type_code, track, count))
+        return _OfTracks(
+            length=sizes["length"],
+            width=sizes["width"],
+            kind=kind,
+            is_kind_known=is_kind_known,
+            direction=self.directions(tracks, track, ids),
+            warnings=warnings,
+        )
 
-    def kinds(self, length: F64, types: NDArray[Any] | None) -> NDArray[np.int64]:
-        """The kind of each vehicle."""
-        nothing = np.zeros(len(length), np.bool_)
-        if types is None:
-            return kinds_by_length(length, is_truck=nothing, is_car=nothing).astype(np.int64)
-        found = self.cell("type")
-        assert found is not None
-        table, column = found
-        known = _among(table.columns[column], self.map.kinds)
-        table.refused(known, column, " or ".join(self.map.kinds) or "a type of the map")
-        kind = np.array([self.map.kinds[one] for one in types])
-        cars = kinds_by_length(length, is_truck=nothing, is_car=~nothing)
-        return np.where(kind == BY_LENGTH, cars, kind)
+    def directions(self, tracks: _Table, track: I64, ids: NDArray[Any]) -> I64 | None:
+        """Number of the carriageway of each track; None where no column has it."""
+        cell = self.cell("direction")
+        if cell is None:
+            return None
+        table, column = cell
+        if table is not self.tables[TRACKS]:
+            return self.of_vehicles(table.columns[column], ids).astype(np.int64)
+        first_row = np.searchsorted(track, np.arange(len(ids)))
+        return tracks.columns[column][first_row].astype(np.int64)
+
+    def kinds(self, length: F64, type_code: I64) -> tuple[I64, Mask]:
+        """The kind of each vehicle, and whether it is known.
+
+        A kind is not known where none is stated, and where the length contradicts it.
+
+        Args:
+            length: Shape (vehicle,) [m].
+            type_code: A kind, `BY_LENGTH` for a car, or `NOT_KNOWN`, same shape.
+        """
+        is_car, nothing = type_code == BY_LENGTH, np.zeros(len(length), np.bool_)
+        by_length = kinds_by_length(length, is_truck=nothing, is_car=is_car).astype(np.int64)
+        kind = np.where(type_code >= 0, type_code, by_length)
+        is_known = (type_code != NOT_KNOWN) & may_be_kind(kind, length)
+        if self.cell("type") is None:  # Then no kind is known, which `Rows` says by another way.
+            is_known[:] = True
+        return kind, is_known
 
     def about(self) -> dict[str, Any]:
         """What holds for the whole recording."""
@@ -293,12 +554,13 @@ class _Joining:
             return {}
         table = self.tables[RECORDING]
         if table.num_rows != 1:
-            raise refused(table.where, "table", "one row", f"{table.num_rows} rows")
+            got = f"{table.num_rows} rows (choose a part: --only COLUMN=VALUE)"
+            raise refused(table.where, "table", "one row", got)
         about: dict[str, Any] = {}
-        for name, one in self.map.columns.items():
-            if one.table == RECORDING:
-                cell = table.columns[one.names[0]][0]
-                about[name] = cell if name in _WORDS else float(cell) * one.factor
+        for name, column in self.map.columns.items():
+            if column.table == RECORDING:
+                cell = table.columns[column.names[0]][0]
+                about[name] = cell if name in _WORDS else float(cell) * column.factor
         if "frame_rate" in about:
             self.check_rate(table, about["frame_rate"])
         return about
@@ -310,26 +572,24 @@ class _Joining:
         if self.map.is_exact:
             is_right = is_right and abs(interval - round(interval)) < 1e-9
         expected = "1 to 100 frames a second, of whole milliseconds"
-        table.refused(np.array([is_right]), self.map.columns["frame_rate"].names[0], expected)
+        table.check(np.array([is_right]), self.map.columns["frame_rate"].names[0], expected)
 
-    def moments(self, line: I64, vehicle: I64, about: Mapping[str, Any]) -> tuple[F64, int]:
+    def moments(self, tracks: _Table, vehicle: I64, about: Mapping[str, Any]) -> tuple[F64, int]:
         """The instant of each row in frames, and the time between two frames [ms]."""
-        name = "frame" if "frame" in self.map.columns else "time"
-        one = self.map.columns[name]
-        given = self.tables[TRACKS].columns[one.names[0]][line]
-        if name == "frame":
+        cells = tracks.columns[self.time_column]
+        if self.time_name == "frame":
             exact = 1000.0 / float(about.get("frame_rate") or self.map.frames_per_second or 1.0)
-            moment = given * exact
+            moment = cells * exact
         else:
-            moment = (given - given.min()) * (one.factor * 1000.0)
+            moment = (cells - cells.min()) * (self.map.columns["time"].factor * 1000.0)
             order = np.lexsort((moment, vehicle))
             apart = np.diff(moment[order])[np.diff(vehicle[order]) == 0]
             apart = apart[apart > 0]
             exact = float(np.median(apart)) if len(apart) else 0.0
         if not INTERVALS_MS[0] <= exact <= INTERVALS_MS[1]:
             raise refused(
-                self.tables[TRACKS].where,
-                f"column {one.names[0]}",
+                tracks.where,
+                f"column {self.time_column}",
                 f"{INTERVALS_MS[0]:g} to {INTERVALS_MS[1]:g} ms between two states",
                 f"{exact:g} ms",
             )
@@ -338,57 +598,81 @@ class _Joining:
         moment = moment / interval
         if np.ptp(moment) > _MOST_FRAMES:
             raise refused(
-                self.tables[TRACKS].where,
-                f"column {one.names[0]}",
+                tracks.where,
+                f"column {self.time_column}",
                 f"at most {_MOST_FRAMES:,} frames from the first to the last",
                 f"{np.ptp(moment):,.0f} (choose a part: --only COLUMN=VALUE)",
             )
         return moment, interval
 
-    def check_order(self, line: I64, vehicle: I64, moment: F64, ids: NDArray[Any]) -> None:
-        """Refuse a vehicle that is twice at one time, and one that is missing where none is."""
-        apart = np.diff(moment)
-        wrong = np.abs(apart - 1.0) > ON_GRID if self.map.is_exact else apart <= 0.0
-        wrong = np.flatnonzero((np.diff(vehicle) == 0) & wrong)
-        if not len(wrong):
-            return
-        row, tracks = int(wrong[0]) + 1, self.tables[TRACKS]
-        name = "frame" if "frame" in self.map.columns else "time"
-        column = self.map.columns[name].names[0]
-        expected = f"another {name} of vehicle {ids[vehicle[row]]} than in the row before"
-        got = tracks.columns[column][line[row]]
-        if self.map.is_exact:
-            before = tracks.columns[column][line[row - 1]]
-            expected = f"frame {before + 1} of vehicle {ids[vehicle[row]]}"
-        raise refused_cell(
-            tracks.where,
-            int(line[row]),
-            column,
-            expected + ("" if self.map.is_exact else " (choose a part: --only COLUMN=VALUE)"),
-            f"{name} {got}",
-        )
-
-    def values(self, line: I64, steady: Columns, vehicle: I64) -> dict[str, F64]:
-        """Everything that changes, as numbers in SI units, with y to the left of x."""
-        tracks = self.tables[TRACKS].columns
+    def values(self, tracks: _Table, silent: Iterable[str]) -> dict[str, F64]:
+        """Quantities that change, as numbers in SI units, with the axes of the table."""
         values: dict[str, F64] = {}
-        for name, one in self.map.columns.items():
-            if one.table == TRACKS and name not in (*_STEADY, "vehicle", "frame", "time", "lane"):
-                values[name] = np.mean([tracks[each][line] for each in one.names], axis=0)
-                values[name] = values[name] * one.factor
+        for name in self.changing:
+            if name not in silent:
+                column = self.map.columns[name]
+                mean = np.mean([tracks.columns[one] for one in column.names], axis=0)
+                values[name] = mean * column.factor
+        return values
+
+    def oriented(self, values: dict[str, F64], about: _OfTracks, track: I64) -> dict[str, F64]:
+        """The same, of centres where a corner is stated, with y to the left of x."""
+        values = dict(values)
         if self.map.point == "corner":
-            values["x"] = values["x"] + steady["length"][vehicle] * 0.5
-            values["y"] = values["y"] + steady["width"][vehicle] * 0.5
+            values["x"] = values["x"] + about.length[track] * 0.5
+            values["y"] = values["y"] + about.width[track] * 0.5
         if not self.map.y_is_left:
             for name in ("y", "vy", "ay", "heading", "yaw_rate"):
                 if name in values:
                     values[name] = -values[name]
         return values
 
-    def words(self, name: str, line: I64) -> NDArray[Any] | None:
+    def words(self, name: str, tracks: _Table) -> NDArray[Any] | None:
         """A column of words, None where there is none."""
-        found = self.cell(name)
-        return None if found is None else found[0].columns[found[1]][line]
+        cell = self.cell(name)
+        return None if cell is None else tracks.columns[cell[1]]
+
+
+def _tracks(vehicle: I64, moment: F64, values: Mapping[str, F64], interval_ms: int) -> I64:
+    """Number of the track of each row: rows of a vehicle without a gap or a jump, shape (row,).
+
+    Args:
+        vehicle: Place of the vehicle of each row, growing, shape (row,).
+        moment: Instant of each row, growing within a vehicle, same shape [frames].
+        values: Positions x and y, same shape [m].
+        interval_ms: Length of a frame [ms].
+    """
+    is_same = np.diff(vehicle) == 0
+    apart = np.where(is_same, np.diff(moment), 1.0)
+    speed = np.hypot(np.diff(values["x"]), np.diff(values["y"])) / (apart * interval_ms * 1e-3)
+    usual = float(np.median(speed[is_same])) if is_same.any() else 0.0
+    is_jump = speed > max(_MAX_SPEED, _MAX_SPEED_RATIO * usual)
+    return np.append(0, np.cumsum(~is_same | (apart > TORN) | is_jump))
+
+
+def _without_repeated(vehicles: _Table, name: str) -> _Table:
+    """The table of vehicles without rows that say the same again.
+
+    Raises:
+        ImportFormatError: Two rows of a vehicle differ.
+    """
+    order = np.argsort(vehicles.columns[name], kind="stable")
+    cells = {each: column[order] for each, column in vehicles.columns.items()}
+    is_same_id = np.append(False, cells[name][1:] == cells[name][:-1])
+    is_equal = np.ones(len(order), np.bool_)
+    for column in cells.values():
+        same = column[1:] == column[:-1]
+        if column.dtype.kind == "f":
+            same |= np.isnan(column[1:]) & np.isnan(column[:-1])
+        is_equal[1:] &= same.astype(np.bool_)
+    is_right = np.ones(len(order), np.bool_)
+    is_right[order] = ~is_same_id | is_equal
+    vehicles.check(
+        is_right, name, "a different id in each row (choose a part: --only COLUMN=VALUE)"
+    )
+    is_first = np.ones(len(order), np.bool_)
+    is_first[order] = ~is_same_id
+    return vehicles.kept(is_first)
 
 
 def _as_numbers(names: NDArray[Any]) -> NDArray[Any]:
@@ -399,16 +683,25 @@ def _as_numbers(names: NDArray[Any]) -> NDArray[Any]:
         return names.astype("U40")  # Of fixed size, however long a name is.
 
 
-def _among(words: NDArray[Any], known: Iterable[str]) -> NDArray[np.bool_]:
-    """Which words are among some, shape (row,)."""
-    found, place = np.unique(words, return_inverse=True)
-    return np.array([one in set(known) for one in found.tolist()])[place]
-
-
-def _medians(values: NDArray[Any], group: I64, count: int) -> F64:
-    """The median of each group, shape (group,)."""
-    order = np.lexsort((values, group))
+def _medians(values: F64, group: I64, count: int) -> F64:
+    """The median of the numbers of each group, NaN without any, shape (group,)."""
+    is_number = ~np.isnan(values)
+    values, group = values[is_number], group[is_number]
     size = np.bincount(group, minlength=count)
-    first = np.cumsum(size) - size
-    low, high = first + (size - 1) // 2, first + size // 2
-    return (values[order][low] + values[order][high]) * 0.5
+    if not len(values):
+        return np.full(count, np.nan)
+    order = np.lexsort((values, group))
+    first = np.minimum(np.cumsum(size) - size, len(values) - 1)
+    low = np.minimum(first + np.maximum(size - 1, 0) // 2, len(values) - 1)
+    high = np.minimum(first + size // 2, len(values) - 1)
+    median = (values[order][low] + values[order][high]) * 0.5
+    return np.where(size > 0, median, np.nan)
+
+
+def _most_frequent(codes: I64, group: I64, count: int) -> I64:
+    """The most frequent code of each group but `NOT_KNOWN`, which stands where no other does."""
+    kinds = np.unique(codes)
+    votes = np.zeros((count, len(kinds)), np.int64)
+    np.add.at(votes, (group, np.searchsorted(kinds, codes)), 1)
+    votes[:, kinds == NOT_KNOWN] = 0
+    return np.where(votes.any(axis=1), kinds[votes.argmax(axis=1)], NOT_KNOWN)

@@ -11,12 +11,13 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking.core.arrays import F64, I64, U8
+    from overtaking.core.arrays import F64, I64, U8, Mask
 
 ON_GRID = 1e-3
 """Instants this near a frame are that frame's: 3 mm at 30 m/s and 10 frames a second [frames]."""
 
-_TORN = 1.5  # A vehicle that is away for longer, in frames, has two tracks.
+TORN = 1.5
+"""A vehicle that is away for longer has two tracks [frames]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,7 @@ class Rows:
             numbered in the order of these; of a vehicle that was away, the later tracks have
             numbers beyond all others.
         kind: `VehicleKind`, same shape.
+        is_kind_known: Whether the kind is stated and agrees with the length, same shape.
         length: Same shape [m].
         width: Same shape [m].
         direction: Number of the carriageway, same shape; None where none is given.
@@ -40,11 +42,13 @@ class Rows:
         lane: Name of the lane, shape (row,); None where none is given.
         about: What holds for the whole recording, by the names of `QUANTITIES`.
         notes: What was decided or measured.
+        warnings: Sentences about columns that contradict each other.
     """
 
     where: str
     ids: I64
     kind: U8
+    is_kind_known: Mask
     length: F64
     width: F64
     direction: I64 | None
@@ -55,6 +59,7 @@ class Rows:
     lane: NDArray[Any] | None
     about: dict[str, Any]
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
+    warnings: tuple[str, ...] = ()
 
     @property
     def vehicle(self) -> I64:
@@ -91,7 +96,7 @@ def at_whole_frames(vehicle: I64, moment: F64, values: dict[str, F64]) -> Grid:
         moment: Instant in frames, growing within a vehicle, same shape.
         values: What is interpolated, same shape.
     """
-    torn = (np.diff(vehicle) != 0) | (np.diff(moment) > _TORN)
+    torn = (np.diff(vehicle) != 0) | (np.diff(moment) > TORN)
     begin = np.append(0, np.flatnonzero(torn) + 1)
     frame = np.rint(moment)
     if (np.abs(moment - frame) <= ON_GRID).all():

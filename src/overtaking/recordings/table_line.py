@@ -14,7 +14,7 @@ import numpy as np
 
 from overtaking.model.line import ReferenceLine
 from overtaking.recordings.fitting import Fitted, fitted
-from overtaking.recordings.table_files import refused
+from overtaking.recordings.table_errors import refused
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

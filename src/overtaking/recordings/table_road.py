@@ -18,6 +18,7 @@ from overtaking.model.course import Course
 from overtaking.model.line import Piece, ReferenceLine
 from overtaking.model.road import (
     MAX_LANES,
+    MAX_ORIGIN,
     MIN_LANE_WIDTH,
     DrivingSide,
     Lane,
@@ -26,7 +27,7 @@ from overtaking.model.road import (
 )
 from overtaking.recordings.fitting import is_straight
 from overtaking.recordings.limits import NO_LIMIT
-from overtaking.recordings.table_files import refused
+from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_line import line_of_traffic
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
     from overtaking.recordings.column_map import ColumnMap
     from overtaking.recordings.rows import Rows
 
+
+LANES_FITTED = "traffic, equally wide"
+"""Note of a road whose lanes are the equally wide ones that fit the traffic."""
 
 WIDTHS = np.arange(2.75, 4.26, 0.01)
 """Widths of lanes that are looked for [m]."""
@@ -65,7 +69,6 @@ class Located:
         road: The road.
         s: Along it, shape (row,) [m].
         d: To the left of it, same shape [m].
-        shift: What is taken off world coordinates, shape (2,) [m].
         unknown: What is not known of the road, names of `UNKNOWNS`.
         notes: Where it comes from.
     """
@@ -73,7 +76,6 @@ class Located:
     road: Road
     s: F64
     d: F64
-    shift: F64
     unknown: frozenset[str]
     notes: dict[str, Any]
 
@@ -92,12 +94,11 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
     """
     x, y = rows.values["x"], rows.values["y"]
     if road is not None:
-        s, d = road.road_coordinates(x, y)
+        s, d = road.road_coordinates(*road.from_source(x, y))
         notes = {"lanes_from": f"road {road.name}"}
-        return Located(road=road, s=s, d=d, shift=np.zeros(2), unknown=frozenset(), notes=notes)
-    shift = np.round(np.array([x.min(), y.min()]) / 1000.0) * 1000.0
-    shift = shift if max(np.abs(x).max(), np.abs(y).max()) > _FAR else np.zeros(2)
-    x, y = x - shift[0], y - shift[1]
+        return Located(road=road, s=s, d=d, unknown=frozenset(), notes=notes)
+    origin = far_origin(x, y)
+    x, y = x - origin[0], y - origin[1]
     stated = columns.road
     given = stated.get("heading_deg")
     heading = _direction(rows, x, y) if given is None else float(np.deg2rad(given))
@@ -110,13 +111,18 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         along, across = ReferenceLine.of(line.pieces).road_coordinates(x, y)
         notes["line_pieces"], notes["line_off_m"] = len(line.pieces), round(line.miss, 3)
     if "borders_m" in stated:
-        borders, notes["lanes_from"] = _stated_borders(stated["borders_m"]), "map of columns"
+        # Stated borders are offsets in the coordinates of the table.
+        offset = origin[1] * cosine - origin[0] * sine
+        borders, notes["lanes_from"] = (
+            _stated_borders(stated["borders_m"]) - offset,
+            "map of columns",
+        )
     elif rows.lane is not None and "lanes" in stated:
         borders = _named_borders(rows, across, [f"{one}" for one in stated["lanes"]])
         notes["lanes_from"] = "traffic, by the named lanes"
     else:
         borders, fit = _comb(rows.where, across[_forward(rows, along)])
-        notes |= {"lanes_from": "traffic, equally wide", "lane_fit": round(fit, 3)}
+        notes |= {"lanes_from": LANES_FITTED, "lane_fit": round(fit, 3)}
     if line is None:
         first, middle = float(along.min()) - _BEYOND, float(borders[0] + borders[-1]) * 0.5
         length = float(along.max()) + _BEYOND - first
@@ -124,16 +130,28 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         pieces = (Piece(*begin, heading, max(length, 1.0)),)
     else:
         first, middle, pieces = 0.0, 0.0, line.pieces
-    made = _road(rows, columns, borders - middle, pieces)
+    made = _road(rows, columns, borders - middle, pieces, origin)
     notes |= {"lane_widths_m": np.round(np.diff(borders), 2).tolist()}
     return Located(
         road=made,
         s=along - first,
         d=across - middle,
-        shift=shift,
         unknown=_unknown(rows, columns),
         notes=notes,
     )
+
+
+def far_origin(x: F64, y: F64) -> tuple[float, float]:
+    """Origin to take off absolute coordinates such as UTM, zeros for near ones [m].
+
+    Args:
+        x: Any shape [m].
+        y: Any shape [m].
+    """
+    if max(np.abs(x).max(), np.abs(y).max()) <= _FAR:
+        return 0.0, 0.0
+    # Whole kilometres keep every digit of the file.
+    return float(np.round(x.min() / 1000.0) * 1000.0), float(np.round(y.min() / 1000.0) * 1000.0)
 
 
 def bend_of(rows: Rows, s: F64, d: F64) -> float:
@@ -228,7 +246,7 @@ def _stated_borders(given: list[Any]) -> F64:
         is_right = borders.ndim == 1 and len(borders) > 1 and (np.diff(borders) > 0.0).all()
     except (ValueError, TypeError):
         borders, is_right = np.zeros(0), False
-    if is_right and np.abs(borders).max() < _FAR:
+    if is_right and np.abs(borders).max() < MAX_ORIGIN:
         return borders
     raise ConfigError.of(
         what="road.borders_m",
@@ -244,8 +262,9 @@ def _road(
     columns: ColumnMap,
     borders: F64,
     pieces: tuple[Piece, ...],
+    origin: tuple[float, float],
 ) -> Road:
-    """The road between borders that are told from its line."""
+    """The road between borders that are counted from its line, in a world with an origin."""
     side = columns.road.get("driving_side", "right")
     if side not in ("right", "left"):
         raise ConfigError.not_among("road.driving_side", "map of columns", ("right", "left"), side)
@@ -273,6 +292,8 @@ def _road(
             x0=pieces[0].x,
             y0=pieces[0].y,
             heading=pieces[0].heading,
+            origin_x=origin[0],
+            origin_y=origin[1],
             speed_limit=NO_LIMIT if limit is None or limit < 0.0 else limit,
             course=None if is_straight(pieces) else Course(line=pieces),
         )

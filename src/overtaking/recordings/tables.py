@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.core.errors import ConfigError
+from overtaking.model.road import DrivingSide
 from overtaking.recordings.column_map import ColumnMap, column_map
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
@@ -20,9 +22,11 @@ from overtaking.recordings.recording import (
     on_road,
     slope,
 )
+from overtaking.recordings.recording_checks import check_lanes, check_rows, issue_warnings
 from overtaking.recordings.row_tables import read_rows
-from overtaking.recordings.table_files import refused
-from overtaking.recordings.table_road import check_straight, located
+from overtaking.recordings.table_errors import refused
+from overtaking.recordings.table_road import LANES_FITTED, check_straight, located
+from overtaking.recordings.table_streams import uncompressed_name
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -42,6 +46,7 @@ def read_table(
     *,
     road: Road | None = None,
     only: Mapping[str, str] | None = None,
+    driving_side: str | None = None,
 ) -> Recording:
     """The traffic in a table, or in the three of highD's family.
 
@@ -51,15 +56,45 @@ def read_table(
         road: The road, in the axes of the table; by default what the map says of it, and else
             lanes are inferred from the traffic.
         only: Values that columns must have.
+        driving_side: Side that traffic keeps to, "right" or "left", in place of that of the map of
+            columns.
 
     Raises:
         ImportFormatError: A file is missing or damaged, or no straight road can be inferred; the
             message names line and column.
         ConfigError: The map is wrong.
     """
-    chosen = column_map(columns)
+    chosen = with_driving_side(column_map(columns), driving_side, road)
     rows = read_rows(Path(path), chosen, only)
-    return recording_of(rows, chosen, Path(path).stem, road=road)
+    name = Path(uncompressed_name(Path(path))).stem
+    return recording_of(rows, chosen, name, road=road)
+
+
+def with_driving_side(columns: ColumnMap, side: str | None, road: Road | None) -> ColumnMap:
+    """A map of columns with the side of traffic that the user states.
+
+    Args:
+        columns: The map.
+        side: "right" or "left", None to leave it as it is.
+        road: The road, if it is known; it has a side already.
+
+    Raises:
+        ConfigError: It is no side, or not that of the road.
+    """
+    if side is None:
+        return columns
+    sides = [one.value for one in DrivingSide]
+    if side not in sides:
+        raise ConfigError.not_among("driving side", "import", sides, side)
+    if road is not None and road.driving_side.value != side:
+        raise ConfigError.of(
+            what="driving side",
+            where=f"road {road.name}",
+            expected=road.driving_side.value,
+            got=side,
+            next_step="leave the side out, or correct the rule of the road in its map",
+        )
+    return replace(columns, road={**columns.road, "driving_side": side})
 
 
 def recording_of(
@@ -77,6 +112,8 @@ def recording_of(
         ImportFormatError: No straight road can be inferred, or nobody drives along it.
         ConfigError: The map is wrong.
     """
+    sentences = check_rows(rows)
+    issue_warnings(rows.where, sentences)
     place = located(rows, columns, road)
     if not np.ptp(place.s) < _WIDEST:
         raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
@@ -85,6 +122,10 @@ def recording_of(
     if columns.point == "front":
         driven = _centred(driven, place.road)
     there = on_road(place.road, driven.s, driven.d)
+    if place.notes["lanes_from"] == LANES_FITTED:
+        of_lanes = check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
+        issue_warnings(rows.where, of_lanes)
+        sentences = [*sentences, *of_lanes]
     ways = by_ways(kept(driven, there), place.road)
     if not ways.along:
         oncoming = ways.oncoming + ways.left_out
@@ -107,9 +148,10 @@ def recording_of(
             "straightening_m": bend,
             "states": ways.tracks.num_rows,
             "states_off_the_road": driven.num_rows - int(there.sum()),
-            "world_shift_m": place.shift.tolist(),
+            "world_shift_m": [place.road.origin_x, place.road.origin_y],
             "derived": derived(columns),
             "columns": {"source": columns.source, "tested": columns.is_tested},
+            **({"warnings": sentences} if sentences else {}),
         },
     )
 
@@ -164,6 +206,7 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64) -> Tracks:
     return Tracks(
         ids=rows.ids,
         kind=rows.kind.astype(np.uint8),
+        is_kind_known=rows.is_kind_known,
         length=rows.length,
         width=rows.width,
         carriageway=np.zeros(len(rows.ids), np.int64),

@@ -224,7 +224,7 @@ def with_lane(**changes) -> tuple[Lane, ...]:
         ({"heading": 7.0}, "heading"),
         ({"heading": math.nan}, "heading"),
         ({"x0": math.inf}, "x0"),
-        ({"x0": 5_335_000.0}, "x0: expected -2e+06 to 2e+06 m, got 5.335e+06"),
+        ({"x0": 5_335_000.0}, "x0: expected -1.8e+06 to 1.8e+06 m, got 5.335e+06"),
         ({"origin_y": math.nan}, "origin_y"),
         ({"y0": math.nan}, "y0"),
         ({"edge_d": -math.inf}, "edge_d"),

@@ -178,6 +178,7 @@ def test_of_a_track_that_leaves_the_road_the_longest_piece_stays():
     tracks = Tracks(
         ids=np.array([4, 8]),
         kind=np.zeros(2, np.uint8),
+        is_kind_known=np.ones(2, np.bool_),
         length=np.ones(2),
         width=np.ones(2),
         carriageway=np.zeros(2, np.int64),

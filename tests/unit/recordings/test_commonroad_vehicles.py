@@ -36,7 +36,7 @@ def test_pedestrians_and_predictions_without_a_path_are_left_out_and_counted(wri
     assert found.notes["obstacles_left_out"] == {"pedestrian": 1}
 
 
-def test_types_follow_length_because_recordings_call_everything_a_car(write):
+def test_a_kind_that_the_length_contradicts_is_not_known(write):
     movers = [
         Mover(number=k, s=40.0 * k, length=length, kind=kind)
         for k, (length, kind) in enumerate(
@@ -52,7 +52,8 @@ def test_types_follow_length_because_recordings_call_everything_a_car(write):
         )
     ]
     found = read_commonroad(write(commonroad(movers)))
-    assert found.tracks.kind.tolist() == [0, 1, 2, 4, 4, 5]
+    assert found.tracks.kind.tolist() == [0, 1, 2, 2, 4, 5]
+    assert found.tracks.is_kind_known.tolist() == [True, True, True, False, True, True]
 
 
 ONCOMING = (

@@ -314,7 +314,8 @@ def test_ngsims_text_without_names_is_read_as_its_table_is(tmp_path):
 
 def test_rows_can_be_chosen_by_the_value_of_a_column(tmp_path):
     path, text = tmp_path / "ngsim.csv", ngsim(TRAFFIC)
-    other = text.replace("us-101", "i-80").split("\n", 1)[1]
+    farther = [replace(one, s=one.s + 30.0) for one in TRAFFIC]
+    other = ngsim(farther).replace("us-101", "i-80").split("\n", 1)[1]
     path.write_text(text + other, encoding="utf-8")
     with pytest.raises(ImportFormatError, match="--only"):
         read_table(path, "ngsim")
@@ -373,7 +374,7 @@ def test_a_column_whose_name_is_no_text_is_refused(tmp_path):
 def test_a_bad_cell_is_named(tmp_path):
     table = pd.DataFrame(states())
     for column, value, message in (
-        ("x", float("nan"), "line 5, column x: expected a number"),
+        ("x", float("inf"), "line 5, column x: expected a number"),
         ("length", 0.0, "line 5, column length: expected a length, 0.1 to 50 m"),
         ("t", 1e15, "line 5, column t: expected a number of size at most"),
         ("t", 0.0, "line 5, column t: expected another time of vehicle 7"),

@@ -92,12 +92,14 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
         # Indices are faster here than a mask.
         return values.reshape(-1).take(filled)
 
-    computed = {
+    computed: dict[str, Given] = {
         "simulation": numbers[simulation],
         "vehicle": slot.astype(np.uint8),
         "role": (slot != Role.EGO).astype(np.int32),
         "start_lane_id": start_lane_ids(scenario.road, rows(scenario.start_lane)),
     }
+    if (is_known := trajectories.is_kind_known) is not None:
+        computed["kind"] = Masked(rows(scenario.vehicles.kind), ~rows(is_known))
     return build("vehicles", trajectories, rows, computed, trajectories.unknown)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import Mask
 from overtaking.core.errors import SchemaError
 from overtaking.data.tables.arrow import column_to_numpy, to_arrow
 from overtaking.data.tables.columns import Column, codes, names_of
@@ -109,11 +110,20 @@ def restore(
         percepts=_percepts(tables),
         trace_hash=np.frombuffer(hashes, dtype="<u4").reshape(-1, 4).astype(np.uint32),
         unknown=frozenset(unknown),
+        is_kind_known=_known_kinds(tables["vehicles"], in_vehicles, unknown),
         actions=restore_actions(tables),
     )
     if tables["states"].num_rows == np.count_nonzero(restored.state_valid):
         return restored
     return restored.replace(present=_Grid.of(tables, "states", "vehicle", "frame").present)
+
+
+def _known_kinds(table: pa.Table, grid: "_Grid", unknown: Collection[str]) -> Mask | None:
+    """Whether the kind of each vehicle is known; as in `Trajectories`."""
+    column = table["kind"]
+    if "kinds" in unknown or not column.null_count:
+        return None
+    return grid.filled(column.is_valid().to_numpy(), True)
 
 
 def restore_actions(tables: Tables) -> Actions | None:

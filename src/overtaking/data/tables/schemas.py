@@ -398,6 +398,8 @@ def schema_of(table: str, unknown: Collection[str] = (), *, recorded: bool = Fal
     silent = {one.name for one in COLUMNS[table] if one.is_silent(unknown)}
     if recorded and table == "simulations":
         silent.add("seed")
+    if "bodies" in unknown:  # A recording, which may know the kinds of some vehicles only.
+        silent |= {one.name for one in COLUMNS[table] if "kinds" in one.needs}
     schema = SCHEMAS[table]
     if not silent:
         return schema

@@ -116,7 +116,10 @@ def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -
 
 
 def _doubt(one: Labelled, rule: Rule, policies: Sequence[Policy], pack: Pack) -> Doubt:
-    missing = (rule.needs | rule.partly) & one.trajectories.unknown
+    unknown = one.trajectories.unknown
+    if one.trajectories.is_kind_known is not None and not one.trajectories.is_kind_known.all():
+        unknown = unknown | {"kinds"}
+    missing = (rule.needs | rule.partly) & unknown
     unread = not pack.trusts_hearsay and rule.text is not Text.READ
     return Doubt(
         rule=rule,

@@ -1,7 +1,7 @@
 """What a rule and a pack of rules are, and what they say of a batch."""
 
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Self
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import F32, U8, Mask
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Belief, Case, Check, Findings, Severity, Verdict
+from overtaking.model.vehicles import VehicleKind, may_be_kind
 from overtaking.world import constants
 
 
@@ -270,7 +271,46 @@ def _doubted(found: Check, inside: Mask) -> Check:
 
 
 def _judged(rule: Rule, case: Case) -> Check:
-    """What a rule says of a batch that was measured without error."""
+    """The findings of a rule on a batch that was measured without error."""
+    is_known = case.trajectories.is_kind_known
+    if is_known is None or "kinds" not in rule.needs | rule.partly:
+        return _judged_as_stated(rule, case)
+    return _decided_by_all([_judged_as_stated(rule, one) for one in _possible_kinds(case)])
+
+
+def _possible_kinds(case: Case) -> Iterator[Case]:
+    """The batch with every kind that the vehicles of unknown kind may have by their length.
+
+    A car and a truck are always among them: lengths are measured, and may be the wrong part of a
+    contradiction.
+    """
+    run = case.trajectories
+    vehicles = run.scenario.vehicles
+    car = np.uint8(VehicleKind.M)
+    for kind in (car, VehicleKind.T, VehicleKind.V, VehicleKind.MC, VehicleKind.B):
+        may_be = may_be_kind(kind, vehicles.length) | (kind == VehicleKind.T)
+        possible = np.where(may_be, np.uint8(kind), car)
+        kinds = np.where(run.known_kinds, vehicles.kind, possible)
+        scenario = run.scenario.replace(vehicles=vehicles.replace(kind=kinds))
+        yield case.replace(trajectories=run.replace(scenario=scenario))
+
+
+def _decided_by_all(checks: Sequence[Check]) -> Check:
+    """The finding of several checks, undecidable in simulations in which their verdicts differ.
+
+    Where they agree, it is the one with the smallest margin.
+    """
+    margins = np.stack([np.abs(one.margin) for one in checks])
+    choice = margins.argmin(axis=0)
+    names = [field.name for field in dataclasses.fields(Check)]
+    stacked = {name: np.stack([getattr(one, name) for one in checks]) for name in names}
+    columns = np.arange(len(choice))
+    found = Check(**{name: values[choice, columns] for name, values in stacked.items()})
+    return _doubted(found, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
+
+
+def _judged_as_stated(rule: Rule, case: Case) -> Check:
+    """The findings of a rule if every vehicle is of the kind that the batch states."""
     found = rule.check(case)
     if rule.needs & case.trajectories.unknown:
         return _undecided(found)

@@ -20,6 +20,7 @@ from overtaking.model.trajectory import (
     Percepts,
     States,
     Trajectories,
+    to_integers,
 )
 from overtaking.simulators.sumo.traffic import oncoming
 
@@ -83,7 +84,9 @@ class Recording:
         for slot, (partner, time_ms, closing) in run.contacts.items():
             self._partner[row, slot] = partner
             self._contact["time"][row, slot] = time_ms
-            self._contact["closing_speed"][row, slot] = _steps(closing, "speed")
+            self._contact["closing_speed"][row, slot] = to_integers(
+                "speed", np.asarray(closing) * (1.0 / STEPS["speed"]), "SUMO"
+            )
         self._hash[row] = self._digest(row, count)
 
     def finish(self) -> Trajectories:
@@ -140,16 +143,12 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
         "accel_lon": accel,
         "accel_lat": road.side * sideways,
     }
-    values = {name: _steps(value, name) for name, value in numbers.items()}
+    values = {
+        name: to_integers(name, np.asarray(value) * (1.0 / STEPS[name]), "SUMO")
+        for name, value in numbers.items()
+    }
     values |= {"lane": _lane(road, left), "lights": _lights(road, signals)}
     return {name: np.where(filled, array, 0) for name, array in values.items()}
-
-
-def _steps(value: Any, name: str) -> Any:
-    """A number in steps of a column of `States`, half to even, clamped to what it holds."""
-    limit = np.iinfo(STATE_TYPES[name]).max
-    steps = np.clip(np.asarray(value) * (1.0 / STEPS[name]), -limit, limit)
-    return np.rint(steps).astype(STATE_TYPES[name])
 
 
 def _lane(road: Road, d: F64) -> NDArray[np.int64]:

@@ -1,0 +1,124 @@
+"""Files of tables as streams of bytes: compressed ones are decompressed up to a bound."""
+
+from __future__ import annotations
+
+import io
+import lzma
+import stat
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
+
+import pyarrow as pa
+
+from overtaking.recordings.table_errors import refused
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+    from pathlib import Path
+
+MAX_BYTES = 1 << 31
+"""Larger files are refused; the largest of highD has some 200 MB, NGSIM's of all sites 1.5 GB."""
+
+_MAX_EXPANSION, _SMALL_BYTES = 100, 1 << 24
+"""Cells of a compressed file may take so many times its size, and always 16 MB: a few bytes can
+stand for any number of rows."""
+
+COMPRESSED_SUFFIXES = (".gz", ".bz2", ".xz", ".zst", ".lz4")
+"""Endings of the names of compressed files; what a file is is told by its first bytes."""
+
+_MAGIC = {
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bz2",
+    b"\xfd7zXZ\x00": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"\x04\x22\x4d\x18": "lz4",
+}
+_ARCHIVES = {
+    b"PK\x03\x04": "a zip archive",
+    b"7z\xbc\xaf": "a 7z archive",
+    b"Rar!": "a RAR archive",
+}
+_LONGEST_MAGIC = 8
+
+
+def uncompressed_name(path: Path) -> str:
+    """Name of a file without the ending of its compression, such as `.gz`."""
+    return path.name.removesuffix(path.suffix) if is_compressed_name(path) else path.name
+
+
+def is_compressed_name(path: Path) -> bool:
+    """Whether the name of a file ends as those of compressed files do."""
+    return path.suffix.lower() in COMPRESSED_SUFFIXES
+
+
+def max_cell_bytes(path: Path) -> int:
+    """Memory that the cells of a compressed file may take [bytes]."""
+    return min(max(_MAX_EXPANSION * path.stat().st_size, _SMALL_BYTES), MAX_BYTES)
+
+
+@contextmanager
+def open_bytes(path: Path) -> Generator[BinaryIO]:
+    """The bytes of a file, decompressed where it is compressed.
+
+    Args:
+        path: A plain file of at most `MAX_BYTES`; compressed by gzip, bzip2, xz, Zstandard or LZ4,
+            or not at all.
+
+    Raises:
+        ImportFormatError: The file is not readable, damaged, too large, or holds more bytes than
+            its size allows; also while the caller reads from it.
+    """
+    try:
+        about = path.stat()
+        if not stat.S_ISREG(about.st_mode):
+            raise refused(path, "file", "a readable file", "no plain file")
+        if about.st_size > MAX_BYTES:
+            expected = f"at most {MAX_BYTES} bytes"
+            raise refused(path, "file", expected, f"{about.st_size} bytes")
+        with path.open("rb") as file:
+            first = file.read(_LONGEST_MAGIC)
+            file.seek(0)
+            if archive := _kind(first, _ARCHIVES):
+                raise refused(path, "file", "a table, compressed or not", f"{archive}: unpack it")
+            kind = _kind(first, _MAGIC)
+            stream = file if kind is None else _BoundedStream(_decompressed(file, kind), path)
+            yield cast("BinaryIO", stream)
+    except (lzma.LZMAError, EOFError, OSError) as error:
+        got = getattr(error, "strerror", None) or str(error)
+        raise refused(path, "file", "a readable file", got) from None
+
+
+def _kind(first: bytes, kinds: dict[bytes, str]) -> str | None:
+    """What the first bytes of a file say that it is."""
+    return next((kind for magic, kind in kinds.items() if first.startswith(magic)), None)
+
+
+def _decompressed(file: BinaryIO, kind: str) -> BinaryIO:
+    """The content of a compressed file."""
+    if kind == "xz":  # Arrow has no decoder for it.
+        return cast("BinaryIO", lzma.LZMAFile(file))
+    return cast("BinaryIO", pa.CompressedInputStream(pa.PythonFile(file, mode="r"), kind))
+
+
+class _BoundedStream(io.RawIOBase):
+    """A stream that refuses to give more bytes than a compressed file of that size may hold."""
+
+    def __init__(self, source: BinaryIO, path: Path) -> None:
+        super().__init__()
+        self._source, self._path = source, path
+        self._left = max_cell_bytes(path)
+
+    def readable(self) -> bool:
+        """Whether bytes can be read: always."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into a buffer; returns the number of bytes, 0 at the end."""
+        data = self._source.read(len(buffer))
+        self._left -= len(data)
+        if self._left < 0:
+            most = max_cell_bytes(self._path) >> 20
+            expected = f"at most {most} MB of text in a file of that size"
+            raise refused(self._path, "file", expected, "more")
+        buffer[: len(data)] = data
+        return len(data)
