@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import open_table
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -109,6 +108,8 @@ def _drawn_limits(values: dict[str, Any]) -> "Group":
     """The limits for people."""
     from rich.console import Group
     from rich.text import Text
+
+    from overtaking.cli.tables import open_table
 
     table = open_table("km/h>", "changed>", "of>", title="Forced lane changes")
     for row in values["forced_lane_changes"]:

@@ -7,7 +7,6 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import facts
 from overtaking.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -129,6 +128,7 @@ def import_recording(
     """
     from overtaking import api
     from overtaking.cli import arguments
+    from overtaking.cli.tables import facts
 
     if template:
         api.write_column_map(file, out)
@@ -217,6 +217,7 @@ def render(values: dict[str, Any]) -> "RenderableType":
     from rich.console import Group
 
     from overtaking.cli.summary import show_command
+    from overtaking.cli.tables import facts
 
     rows = [("recording", f"{values['recording']} ({values['format']})")]
     for name, value in (values["counts"] | values["notes"]).items():

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -110,6 +109,8 @@ def of_rules(data: "Dataset") -> dict[str, dict[str, int]]:
 def render(values: dict[str, Any]) -> "RenderableType":
     """The classes, a column for each policy, and what each rule finds."""
     from rich.console import Group
+
+    from overtaking.cli.tables import drawn_rows
 
     classes = values["classes"]
     names = dict.fromkeys(name for one in classes.values() for name in one)

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -106,6 +105,8 @@ def render_curve(values: dict[str, Any]) -> "RenderableType":
     """Shares by tolerance, and the rules."""
     from rich.console import Group
 
+    from overtaking.cli.tables import drawn_rows
+
     title = (
         f"{values['overtakes']:,} overtakes by {values['rule_set']}, policy {values['policy']}: "
         f"{values['legal']:,} legal ({values['legal_share']:.1%})"
@@ -135,6 +136,8 @@ def render_curve(values: dict[str, Any]) -> "RenderableType":
 def render_comparison(values: dict[str, Any]) -> "RenderableType":
     """Legal overtakes by law and policy, and where laws part."""
     from rich.console import Group
+
+    from overtaking.cli.tables import drawn_rows
 
     names = dict.fromkeys(name for one in values["laws"] for name in one["classes"])
     rows = [

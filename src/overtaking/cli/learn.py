@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import result_table
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -105,6 +104,7 @@ def _drawn_factors(found: "FactorsFound") -> "Group":
     from rich.console import Group
 
     from overtaking.analysis.learning import tables
+    from overtaking.cli.tables import result_table
 
     shown = [tables.model_table, tables.confusion_table, tables.ranking_table]
     shown += [tables.leakage_table] if found.leakage else []
@@ -117,6 +117,7 @@ def _drawn_rules(found: "RulesFound") -> "Group":
     from rich.text import Text
 
     from overtaking.analysis.learning.tables import comparison_table, rule_table
+    from overtaking.cli.tables import result_table
 
     lines = [
         f"learned from {found.num_learned_from:,} simulations; accuracy on all "

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import drawn_rows
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -149,6 +148,8 @@ def _drawn(
     """The table, and below it corrections, doubts and remarks."""
     from rich.console import Group
     from rich.text import Text
+
+    from overtaking.cli.tables import drawn_rows
 
     table = drawn_rows(header, rows)
     return Group(table, Text("\n".join(_notes(found["rows"]))))

@@ -7,7 +7,6 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import drawn_rows
 from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
@@ -48,6 +47,7 @@ def ask(
     """Query simulations in logic, or prove why one is illegal."""
     from overtaking import api
     from overtaking.cli import arguments
+    from overtaking.cli.tables import drawn_rows
 
     _check_one(query, why, predicates)
     if predicates:
@@ -99,6 +99,8 @@ def render(values: dict[str, Any]) -> "Group":
     """The answers as a table, frames with their times."""
     from rich.console import Group
     from rich.text import Text
+
+    from overtaking.cli.tables import drawn_rows
 
     columns, interval_ms = values["columns"], values["frame_interval_ms"]
     rows = [

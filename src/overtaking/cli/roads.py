@@ -9,7 +9,6 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.core.units import kmh_from_mps
-from overtaking.model.course import MAX_SPEED_LIMIT
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -126,6 +125,8 @@ def render(values: dict[str, Any]) -> "Group":
 
 def _limit(limit_kmh: float) -> str:
     """A limit, or that there is none, which the highest limit of the model stands for."""
+    from overtaking.model.course import MAX_SPEED_LIMIT  # Loads NumPy, which help does not need.
+
     return "none" if limit_kmh >= kmh_from_mps(MAX_SPEED_LIMIT) else f"{limit_kmh:.0f}"
 
 

@@ -7,7 +7,6 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output, json_of
-from overtaking.cli.tables import drawn_rows
 from overtaking.core.checks import check_name
 from overtaking.core.words import counted
 
@@ -70,6 +69,8 @@ def render(values: dict[str, Any]) -> "Group":
     """The rows as a table."""
     from rich.console import Group
     from rich.text import Text
+
+    from overtaking.cli.tables import drawn_rows
 
     rows = [[shown(cell) for cell in row] for row in values["rows"]]
     table = drawn_rows([shown(name) for name in values["columns"]], rows)

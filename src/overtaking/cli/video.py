@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import open_table
 from overtaking.core.errors import ConfigError
 from overtaking.core.words import counted
 
@@ -87,6 +86,8 @@ def values_of(films: "list[Video]") -> dict[str, Any]:
 
 def render(values: dict[str, Any]) -> "FittingTable":
     """Summary of the films as a table."""
+    from overtaking.cli.tables import open_table
+
     films = values["films"]
     table = open_table("", "", "", "")
     for film in films[:_MOST_LISTED]:

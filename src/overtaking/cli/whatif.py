@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
-from overtaking.cli.tables import drawn_rows, facts
 from overtaking.core.checks import check_name
 
 if TYPE_CHECKING:
@@ -206,6 +205,8 @@ def values_of_twin(one: "Twin", policy: str) -> dict[str, Any]:
 
 def render_twin(values: dict[str, Any]) -> "RenderableType":
     """Twins as a table."""
+    from overtaking.cli.tables import facts
+
     start = values["effect"] == "total"
     since = "drawn again from the start" if start else f"from {values['since_s']:.2f} s on"
     rows: list[tuple[str, object]] = [
@@ -245,6 +246,7 @@ def render_fan(values: dict[str, Any]) -> "RenderableType":
     from rich.console import Group
     from rich.text import Text
 
+    from overtaking.cli.tables import drawn_rows
     from overtaking.show.futures import GIVEN_WORDS
 
     names = list(values["instants"][0]["shares"]) if values["instants"] else []
@@ -295,6 +297,8 @@ def render_enough(values: dict[str, Any]) -> "RenderableType":
     """What would have been enough, as a table."""
     from rich.console import Group
     from rich.text import Text
+
+    from overtaking.cli.tables import drawn_rows
 
     rows = []
     for one in values["quantities"]:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from overtaking.core.checks import check_name
+from overtaking.core.summary import Summarized
 from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of, unit_of
 from overtaking.data.tables.names import POLICY_NAMES, READINGS
@@ -123,7 +124,7 @@ def _cells(table: pd.DataFrame, columns: tuple[str, ...]) -> list[object]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Verdict(Summarized):
     """The labels of one simulation.
 
     Attributes:
@@ -148,6 +149,16 @@ class Verdict:
     def broken(self) -> pd.DataFrame:
         """The rules that are broken."""
         return self.rules[self.rules["verdict"] == "illegal"]
+
+    def summary(self) -> dict[str, object]:
+        """Names and values to show: how the simulation ended, its classes, the broken rules."""
+        return {
+            "simulation": self.simulation,
+            "outcome": self.outcome,
+            "detail": self.detail,
+            **{f"class_{policy}": name for policy, name in self.classes.items()},
+            "broken": ", ".join(map(str, self.broken.index)) or "no rule",
+        }
 
 
 def verdict_of(

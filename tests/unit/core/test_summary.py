@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
+import pandas as pd
 import pytest
 
 import overtaking as ot
+from overtaking.data.views import Verdict
 
 SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
 SAMPLED = "profile='pinto2023-physical', road='town06', seed=1, simulations=3, vehicles=6"
@@ -40,3 +42,22 @@ def test_a_notebook_gets_a_table_with_headers_and_a_caption(labelled):
     assert rows["profile"] == "<b>&"
     assert rows["simulations"] == "3"
     assert {cell.get("scope") for cell in table.iter("th")} == {"row"}
+
+
+def test_a_verdict_is_a_line_in_a_terminal_and_a_table_in_a_notebook():
+    rules = pd.DataFrame({"verdict": ["illegal", "legal", "illegal"]}, index=["L3", "L4", "L12"])
+    verdict = Verdict(
+        simulation=3,
+        outcome="completed",
+        detail="returned",
+        classes={"paper": "Success_I"},
+        phases={"t_a": 1.8},
+        rules=rules,
+    )
+    assert repr(verdict) == (
+        "Verdict(simulation=3, outcome='completed', detail='returned', "
+        "class_paper='Success_I', broken='L3, L12')"
+    )
+    page = verdict._repr_html_()
+    assert page.startswith("<table><caption>Verdict</caption>")
+    assert '<th scope="row">broken</th><td>L3, L12</td>' in page
