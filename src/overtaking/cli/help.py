@@ -68,9 +68,9 @@ class HelpCommand(TyperCommand):
         example = (self.epilog or "").partition(EXAMPLE)[2]
         words = shlex.split(example, posix=False)  # Keeps the quotes.
         formatter.write_paragraph()
-        formatter.write("Example:\n")
-        for line in fold_command(words, formatter.width, "  "):
-            formatter.write(f"{line}\n")
+        formatter.write("  Example:\n")
+        for line in fold_command(words, formatter.width - 4):
+            formatter.write(f"    {line}\n")
 
 
 class HelpGroup(TyperGroup):
