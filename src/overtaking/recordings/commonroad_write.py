@@ -219,11 +219,19 @@ def _bound(
 ) -> Iterator[str]:
     """One border of a lanelet."""
     yield f"<{name}>"
-    for x, y in zip(*road.world(s, d), strict=True):
+    for x, y in zip(*_source_points(road, s, d), strict=True):
         yield f"<point><x>{x:.6f}</x><y>{y:.6f}</y></point>"
     if mark in _MARKS:
         yield f"<lineMarking>{_MARKS[mark]}</lineMarking>"
     yield f"</{name}>"
+
+
+def _source_points(
+    road: Road, s: NDArray[np.float64], d: NDArray[np.float64] | float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points of a road in the coordinates of the file that it comes from [m]."""
+    points = road.world(s, d)
+    return road.to_source(*points) if road.origin_x or road.origin_y else points
 
 
 def _sign(limit: float, number: int) -> str:
@@ -242,7 +250,8 @@ def _obstacle(trajectories: Trajectories, place: int, slot: int) -> Iterator[str
     if not len(frames):
         return
     kind = VehicleKind(bodies.kind[place, slot])
-    word = "unknown" if "kinds" in trajectories.unknown else _TYPES.get(kind, "car")
+    is_known = bool(trajectories.known_kinds[place, slot])
+    word = _TYPES.get(kind, "car") if is_known else "unknown"
     yield f'<dynamicObstacle id="{FIRST_OBSTACLE + slot}"><type>{word}</type><shape><rectangle>'
     yield f"<length>{bodies.length[place, slot]:.4f}</length>"
     yield f"<width>{bodies.width[place, slot]:.4f}</width></rectangle></shape>"
@@ -264,7 +273,7 @@ def _states(
         return getattr(recorded, name)[place, slot, frames] * STEPS[name]
 
     # Not the recorded world: that of a recording bends with its road, the lanelets here may not.
-    x, y = trajectories.road.world(column("s"), column("d"))
+    x, y = _source_points(trajectories.road, column("s"), column("d"))
     heading, speed = column("heading"), column("speed")
     accel, yaw_rate = column("accel_lon"), column("yaw_rate")
     turns = "yaw_rate" not in trajectories.unknown

@@ -61,7 +61,8 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
 
     Args:
         road: The road. `read_opendrive` gives it back, under the name of the file; places and sight
-            are left out.
+            are left out. The origin of its coordinates is the offset in the header, so that
+            simulators, which compute in float32, have small coordinates.
         road_id: Its id in the file.
 
     Raises:
@@ -79,7 +80,7 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         f'<OpenDRIVE><header revMajor="1" revMinor="7" name={name} version="1.00">'
-        f"<geoReference><![CDATA[{_NO_PLACE}]]></geoReference></header>\n"
+        f"<geoReference><![CDATA[{_NO_PLACE}]]></geoReference>{_offset(road)}</header>\n"
         f'<road name={name} length="{road.length!r}" id={quoted(road_id)} junction="-1"'
         f' rule="{rule}">\n'
         f"{''.join(_types(road, along=along))}\n"
@@ -89,6 +90,13 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
         f"{sections}</lanes>\n"
         "</road></OpenDRIVE>\n"
     )
+
+
+def _offset(road: Road) -> str:
+    """The element of the offset of the file's coordinates from those of the source, if any."""
+    if not (road.origin_x or road.origin_y):
+        return ""
+    return f'<offset x="{road.origin_x!r}" y="{road.origin_y!r}" z="0" hdg="0"/>'
 
 
 def covering(road: Road, begin: float, end: float) -> Road:

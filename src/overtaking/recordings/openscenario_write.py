@@ -201,7 +201,8 @@ def _vehicle(trajectories: Trajectories, place: int, one: _Track) -> Iterator[st
         return float(getattr(bodies, name)[place, one.slot])
 
     kind = VehicleKind(int(of("kind")))
-    category = "car" if "kinds" in trajectories.unknown else _CATEGORIES.get(kind, "car")
+    is_known = bool(trajectories.known_kinds[place, one.slot])
+    category = _CATEGORIES.get(kind, "car") if is_known else "car"
     axle = (
         f'trackWidth="{of("track_width"):.4f}" wheelDiameter="{_WHEEL_DIAMETER}"'
         f' positionZ="{_WHEEL_DIAMETER / 2}"'

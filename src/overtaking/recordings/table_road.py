@@ -27,6 +27,7 @@ from overtaking.model.road import (
 )
 from overtaking.recordings.fitting import is_straight
 from overtaking.recordings.limits import NO_LIMIT
+from overtaking.recordings.origins import origin_near
 from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_line import line_of_traffic
 
@@ -56,7 +57,6 @@ MOST_BEND = 0.5
 half of the room that a car has beside it in a lane [m]."""
 
 _LEAST_WAY = 20.0  # Shorter ways have no direction that is worth counting [m].
-_FAR = 1.0e6  # World coordinates beyond this are shifted: millimetres in int32 end at 2147 km.
 _BEYOND = 25.0  # Road before the first and after the last position: the longest body fits [m].
 _SAMPLE = 20_000
 
@@ -97,7 +97,7 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         s, d = road.road_coordinates(*road.from_source(x, y))
         notes = {"lanes_from": f"road {road.name}"}
         return Located(road=road, s=s, d=d, unknown=frozenset(), notes=notes)
-    origin = far_origin(x, y)
+    origin = origin_near(x, y)
     x, y = x - origin[0], y - origin[1]
     stated = columns.road
     given = stated.get("heading_deg")
@@ -139,19 +139,6 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         unknown=_unknown(rows, columns),
         notes=notes,
     )
-
-
-def far_origin(x: F64, y: F64) -> tuple[float, float]:
-    """Origin to take off absolute coordinates such as UTM, zeros for near ones [m].
-
-    Args:
-        x: Any shape [m].
-        y: Any shape [m].
-    """
-    if max(np.abs(x).max(), np.abs(y).max()) <= _FAR:
-        return 0.0, 0.0
-    # Whole kilometres keep every digit of the file.
-    return float(np.round(x.min() / 1000.0) * 1000.0), float(np.round(y.min() / 1000.0) * 1000.0)
 
 
 def bend_of(rows: Rows, s: F64, d: F64) -> float:

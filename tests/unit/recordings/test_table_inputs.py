@@ -6,6 +6,7 @@ import bz2
 import gzip
 import lzma
 import math
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ from overtaking.model.labels import Verdict
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.limits import NO_LIMIT
+from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.recordings.pinto2023 import read_table as read_paper
 from overtaking.recordings.pinto2023 import write_table
 from overtaking.recordings.scenes import scenes
@@ -464,3 +466,37 @@ def test_kinds_that_are_not_known_are_null_in_data_sets_and_unknown_when_loaded(
     assert np.array_equal(one.findings.verdict, two.findings.verdict)
     kinds = data.vehicles()["kind"]
     assert 0 < kinds.isna().sum() < len(kinds)
+
+
+# Exports
+
+
+def test_exports_have_the_coordinates_of_the_source(tmp_path, frame):
+    path = tmp_path / "t.csv"
+    absolute = frame.assign(x=frame.x + 691_000.0, y=frame.y + 5_335_000.0)
+    absolute.to_csv(path, index=False)
+    content = {**MAP, "road": {"kind": "motorway"}}
+    data = api.import_recording("table", path, tmp_path / "data", columns=content)
+    assert (data.road.origin_x, data.road.origin_y) == (691_000.0, 5_335_000.0)
+    api.export(data, tmp_path / "scenes", file_format="commonroad")
+    text = min((tmp_path / "scenes").glob("*.xml")).read_text(encoding="utf-8")
+    x, y = (
+        np.array(re.findall(rf"<{axis}>([-0-9.]+)</{axis}>", text.partition("<dynamicO")[2]), float)
+        for axis in "xy"
+    )
+    assert absolute.x.min() - 0.01 <= x.min() <= x.max() <= absolute.x.max() + 0.01
+    assert absolute.y.min() - 0.01 <= y.min() <= y.max() <= absolute.y.max() + 0.01
+    header = write_opendrive(data.road).partition("</header>")[0]
+    assert '<offset x="691000.0" y="5335000.0" z="0" hdg="0"/>' in header
+
+
+def test_a_vehicle_of_unknown_kind_is_unknown_in_a_commonroad_file(tmp_path, frame):
+    path = tmp_path / "t.csv"
+    frame.loc[frame.id == 7, "length"] = 7.07
+    frame.to_csv(path, index=False)
+    data = api.import_recording("table", path, tmp_path / "data", columns=MAP)
+    api.export(data, tmp_path / "scenes", file_format="commonroad")
+    text = min((tmp_path / "scenes").glob("*.xml")).read_text(encoding="utf-8")
+    types = re.findall(r"<dynamicObstacle id=\"(\d+)\"><type>(\w+)</type>", text)
+    assert types[0] == ("1000", "unknown")
+    assert types[1] == ("1001", "car")
