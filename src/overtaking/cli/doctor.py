@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import platform
-import re
 import shutil
 from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core import processors
-from overtaking.core.extras import PACKAGE, extras, install_command
+from overtaking.core.extras import PACKAGE, install_command, pip_command, requirements
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
 Values = dict[str, Any]
 
-LIBRARIES = ("numpy", "pandas", "pyarrow", "pydantic", "rich", "typer")
 MIN_FREE_BYTES = 1_000_000_000  # A data set of the paper's size takes a hundredth of that.
 _BYTES_PER_GB = 1e9
 _AGAIN = "install overtaking again, in a clone by: make build"
@@ -38,13 +36,18 @@ def diagnose(folder: Path) -> Values:
         "overtaking": metadata.version(PACKAGE),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "libraries": {name: _version(name) for name in LIBRARIES},
+        "libraries": _versions(""),
         "engine": _engine(),
         "threads": _threads(),
         "disk": _disk(folder),
         "extras": _extras(),
     }
     return {**values, "findings": _findings(values)}
+
+
+def _versions(extra: str) -> dict[str, str | None]:
+    """Installed version of each package of an extra, or of those that are always needed."""
+    return {one.package: _version(one.package) for one in requirements() if one.extra == extra}
 
 
 def _version(distribution: str) -> str | None:
@@ -90,16 +93,28 @@ def _disk(folder: Path) -> Values:
 
 def _extras() -> dict[str, Values]:
     """Every extra with its packages, and the command that installs the missing ones."""
-    found: dict[str, Values] = {}
-    for extra, requirements in extras().items():
-        names = [re.split(r"[^\w.-]", one, maxsplit=1)[0] for one in requirements]
-        packages = {name: _version(name) for name in names}
-        found[extra] = {
+    extras: dict[str, Values] = {}
+    for extra in dict.fromkeys(one.extra for one in requirements() if one.extra):
+        packages = _versions(extra)
+        extras[extra] = {
             "packages": packages,
             "installed": all(packages.values()),
             "install": install_command(extra),
         }
-    return found
+    return extras
+
+
+def _outdated() -> list[str]:
+    """A line for each installed package that is older than this one needs."""
+    lines: list[str] = []
+    for one in requirements():
+        version = _version(one.package)
+        if version is not None and one.is_newer_than(version):
+            needed = f"{one.specifier} is needed"
+            needed += f" for the extra [{one.extra}]" if one.extra else ""
+            command = pip_command(one.specifier)
+            lines.append(f"{one.package} {version} is installed, {needed}; run: {command}")
+    return lines
 
 
 def _findings(values: Values) -> list[str]:
@@ -110,6 +125,7 @@ def _findings(values: Values) -> list[str]:
         for name, version in values["libraries"].items()
         if version is None
     ]
+    findings += _outdated()
     if not engine["loaded"]:
         findings.append(f"the engine does not load ({engine['error']}); {_AGAIN}")
     if not disk["writable"]:

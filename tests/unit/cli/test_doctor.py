@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from overtaking.cli import doctor
-from overtaking.core.extras import install_command
+from overtaking.core.extras import Requirement, install_command, requirements
 
 
 def page(values, *, encoding="utf-8", width=80) -> str:
@@ -63,9 +63,59 @@ def test_an_extra_that_is_missing_comes_with_the_command_that_installs_it(tmp_pa
 
 
 def test_a_library_that_is_missing_is_a_finding(tmp_path, monkeypatch):
-    monkeypatch.setattr(doctor, "LIBRARIES", ("numpy", "no-such-library"))
+    needed = Requirement("no-such-library", "no-such-library>=1", "")
+    monkeypatch.setattr(doctor, "requirements", lambda: (*requirements(), needed))
     (finding,) = doctor.diagnose(tmp_path)["findings"]
     assert finding.startswith("no-such-library is missing; install")
+
+
+def test_the_libraries_are_those_that_the_package_needs(tmp_path):
+    libraries = doctor.diagnose(tmp_path)["libraries"]
+    assert {"numpy", "pandas", "pyarrow", "msgpack"} <= libraries.keys()
+    assert "duckdb" not in libraries
+
+
+@pytest.mark.parametrize(
+    ("package", "installed", "needed"),
+    [
+        ("matplotlib", "3.9.4", "matplotlib>=3.10"),
+        ("numpy", "1.26.4", "numpy>=2"),
+        ("pyarrow", "9.0.0", "pyarrow>=18"),
+    ],
+)
+def test_a_library_that_is_too_old_is_a_finding(
+    tmp_path, monkeypatch, package: str, installed: str, needed: str
+):
+    real, extra = metadata.version, "" if package != "matplotlib" else "plots"
+    monkeypatch.setattr(doctor, "requirements", lambda: (Requirement(package, needed, extra),))
+    monkeypatch.setattr(
+        metadata, "version", lambda name: installed if name == package else real(name)
+    )
+    monkeypatch.setattr(doctor, "_extras", dict)
+    values = doctor.diagnose(tmp_path)
+    (finding,) = values["findings"]
+    for_extra = " for the extra [plots]" if extra else ""
+    assert finding.startswith(f"{package} {installed} is installed, {needed} is needed{for_extra};")
+    assert finding.endswith(f"-m pip install '{needed}'")
+    assert package in page(values)
+
+
+@pytest.mark.parametrize(
+    ("version", "is_older"),
+    [
+        ("3.9.4", True),
+        ("3.10", False),
+        ("3.10.0", False),
+        ("3.10.0rc1", False),
+        ("3.11.2.post1", False),
+        ("4", False),
+        ("3", True),
+    ],
+)
+def test_versions_are_compared_by_their_numbers(version: str, is_older: bool):
+    assert Requirement("p", "p>=3.10", "").is_newer_than(version) == is_older
+    assert Requirement("p", "p==3.10.0", "").is_newer_than(version) == is_older
+    assert not Requirement("p", "p", "").is_newer_than(version)
 
 
 def test_an_engine_that_does_not_load_is_a_finding(tmp_path, monkeypatch):
