@@ -14,9 +14,8 @@ import numpy as np
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
-from overtaking.model.batch import Batch
+from overtaking.model.batch import AxisEnd, Batch, FieldSpec, batch_fields
 from overtaking.model.checks import check
-from overtaking.model.values import Range
 
 Call = tuple[str, dict[str, Any]]
 """A function, or a method of the data set, and its arguments."""
@@ -129,16 +128,16 @@ def _damaged_batch(batch: Batch, chance: random.Random) -> Any:
     if isinstance(value, Batch) and chance.random() < 0.95:
         return batch.replace(**{field.name: _damaged_batch(value, chance)})
     if isinstance(value, np.ndarray) and chance.random() < 0.95:
-        allowed = field.metadata.get("range")
-        return batch.replace(**{field.name: _damaged_array(value, allowed, field.name, chance)})
+        spec = batch_fields(type(batch))[field.name].spec
+        return batch.replace(**{field.name: _damaged_array(value, spec, field.name, chance)})
     return batch.replace(**{field.name: chance.choice(HOSTILE)})
 
 
-def _damaged_array(array: Any, allowed: Range | None, name: str, chance: random.Random) -> Any:
+def _damaged_array(array: Any, spec: FieldSpec, name: str, chance: random.Random) -> Any:
     how = chance.random()
-    if how < 0.3 and allowed is not None and not isinstance(allowed.high, str):
-        high = min(allowed.high, LONGEST_S) if name == "horizon" else allowed.high
-        low = max(allowed.low, 1e-3) if allowed.is_open else allowed.low
+    if how < 0.3 and spec.is_bounded and not isinstance(spec.high, AxisEnd):
+        high = min(spec.high, LONGEST_S) if name == "horizon" else spec.high
+        low = max(spec.low, 1e-3) if spec.low_is_open else spec.low
         ends = (low, high, chance.uniform(low, high))
         return _filled(array, chance.choice(ends), chance)
     if how < 0.7:

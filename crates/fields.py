@@ -11,8 +11,8 @@ import textwrap
 from pathlib import Path
 
 from overtaking.core.units import STEPS
+from overtaking.model.batch import batch_fields
 from overtaking.model.trajectory import States
-from overtaking.model.values import declarations
 from overtaking.world.constants import CONSTANT_FIELDS
 from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
 
@@ -81,9 +81,9 @@ def _listed(names: tuple[str, ...]) -> str:
 
 def _states() -> str:
     lines: list[str] = []
-    for name, one in declarations(States).items():
-        unit = f" [{one.unit}]" if one.unit in STEPS else ""
-        lines += [f"/// {one.meaning}{unit}.", f"{name}: {TYPES[str(one.dtype)]},"]
+    for name, field in batch_fields(States).items():
+        unit = f" [{field.spec.unit}]" if field.spec.unit in STEPS else ""
+        lines += [f"/// {field.spec.meaning}{unit}.", f"{name}: {TYPES[str(field.dtype)]},"]
     return textwrap.indent("\n".join(lines), " " * 12)
 
 

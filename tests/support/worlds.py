@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from overtaking.knowledge import VEHICLE_CLASS_ORDER, vehicle_classes
+from overtaking.model.batch import batch_fields
 from overtaking.model.drivers import Drivers
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.model.scenario import SLOTS, Scenario
-from overtaking.model.values import declarations
 from overtaking.model.vehicles import Colour, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 
@@ -26,7 +26,7 @@ SAME_NAME = (
     "spray_factor", "lamp_separation",
 )  # fmt: skip
 
-CALM_DRIVER: dict[str, float] = dict.fromkeys(declarations(Drivers), 1.0) | {
+CALM_DRIVER: dict[str, float] = dict.fromkeys(batch_fields(Drivers), 1.0) | {
     "desired_speed": 30.0, "time_gap": 1.2, "min_gap": 2.0, "accel": 1.5, "decel": 2.0,
     "reaction_time": 0.0, "caution": 0.0, "politeness": 0.2, "lane_change_threshold": 1e9,
     "right_bias": 0.2, "safe_decel": 4.0, "lane_change_duration": 5.0, "passing_gain": 1e6,

@@ -11,10 +11,10 @@ from typing import Annotated, Any
 from overtaking.core.errors import ConfigError
 from overtaking.data.recipe import Simulator
 from overtaking.model.actions import Actions
+from overtaking.model.batch import FieldSpec
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import Trajectories
-from overtaking.model.values import Range
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import Spec
 from overtaking.sim.version import MODEL_VERSION
@@ -23,10 +23,10 @@ from overtaking.world.parameters import parameters
 Profile = str | Path | Mapping[str, Any] | Spec
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
 
-Seed = Annotated[int, Range(0, 2**64 - 1)]
+Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
 """Key of all random numbers."""
 
-Count = Annotated[int, Range(1, 1_000_000)]
+Count = Annotated[int, FieldSpec(low=1, high=1_000_000)]
 """A number of simulations that are not written down."""
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")

@@ -26,9 +26,9 @@ from overtaking.data.recipe import Keep, Recipe
 from overtaking.data.verdicts import written
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import Pack
+from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import checked
 from overtaking.model.road import Road
-from overtaking.model.values import Range
 from overtaking.sim.driving import Driver
 
 
@@ -218,8 +218,8 @@ def load(path: str | Path | Dataset) -> Dataset:
 def relabel(
     data: str | Path,
     *,
-    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> Dataset:
     """Write the labels of a data set again, by the rules of this version.
@@ -248,8 +248,8 @@ def judged(
     *,
     policies: Sequence[str] | None = None,
     out: str | Path | None = None,
-    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
     """Judge a data set by another law or other policies; nothing in it changes.

@@ -13,8 +13,8 @@ from overtaking.data.load import Dataset
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
 from overtaking.labels.law import Errors, Pack, Policy
+from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import checked
-from overtaking.model.values import Range
 
 if TYPE_CHECKING:
     from overtaking.analysis.law.curve import Curve
@@ -30,8 +30,8 @@ def law_curve(
     *,
     law: str = LAWS[0],
     policy: str = "paper",
-    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> "Curve":
     """Count the completed overtakes that are legal as tolerances grow; nothing is written.
@@ -63,8 +63,8 @@ def law_compare(
     laws: Sequence[str] = LAWS,
     *,
     policies: Sequence[str] = ("paper", "default", "strict", "serious", "enforced"),
-    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Judge the same overtakes by several laws and find where they differ; nothing is written.
@@ -117,8 +117,8 @@ def law_explain(
     law: str = LAWS[0],
     policies: Sequence[str] | None = None,
     rules: Sequence[str] | None = None,
-    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
 ) -> list[dict[str, Any]]:
     """Explain each verdict on one simulation in a paragraph.
 

@@ -12,10 +12,10 @@ from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled
+from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
-from overtaking.model.values import Range
 
 if TYPE_CHECKING:
     from overtaking.analysis.database.query import Answer
@@ -186,7 +186,7 @@ def serve_view(
     data: str | Path | Dataset,
     *,
     policy: str = "paper",
-    port: Annotated[int, Range(0, 65535)] = 0,
+    port: Annotated[int, FieldSpec(low=0, high=65535)] = 0,
     ready: Callable[[str], None] | None = None,
 ) -> None:
     """Show a whole data set in the browser of this machine, until the process is interrupted.

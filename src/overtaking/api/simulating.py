@@ -25,14 +25,13 @@ from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
 from overtaking.labels.law import PORTUGAL, Errors, Pack
 from overtaking.labels.law import lacking as rules_lacking
-from overtaking.model.batch import concatenate
+from overtaking.model.batch import FieldSpec, concatenate
 from overtaking.model.changes import Change
 from overtaking.model.checks import check, checked
 from overtaking.model.decision import Decision
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_VEHICLES, Scenario
 from overtaking.model.trajectory import BYTES_PER_STATE, Trajectories
-from overtaking.model.values import Range
 from overtaking.model.weather import Weather
 from overtaking.sim.branch import branch as branched
 from overtaking.sim.branch import changed
@@ -49,10 +48,10 @@ MAX_SAMPLED = 100_000_000
 @checked
 def sample(
     profile: Profile,
-    simulations: Annotated[int, Range(0, MAX_SAMPLED)],
+    simulations: Annotated[int, FieldSpec(low=0, high=MAX_SAMPLED)],
     seed: Seed,
     *,
-    first: Annotated[int, Range(0, 2**63)] = 0,
+    first: Annotated[int, FieldSpec(low=0, high=2**63)] = 0,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
 ) -> Scenario:
@@ -144,8 +143,8 @@ def branch(
 def label(
     runs: Trajectories,
     *,
-    position_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, Range(0.0, MOST_ERROR)] = 0.0,
+    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     law: str | Pack = PORTUGAL,
     policies: Sequence[str] | None = None,
 ) -> Labelled:

@@ -8,10 +8,10 @@ from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
 from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
+from overtaking.model.batch import FieldSpec
 from overtaking.model.changes import Change
 from overtaking.model.checks import argument, checked
 from overtaking.model.trajectory import Trajectories
-from overtaking.model.values import Range
 
 if TYPE_CHECKING:
     from overtaking.analysis.whatif.enough import Enough
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from overtaking.analysis.whatif.scenes import Scene
     from overtaking.analysis.whatif.twin import Twin
 
-Futures = Annotated[int, Range(1, 100_000)]
+Futures = Annotated[int, FieldSpec(low=1, high=100_000)]
 """Futures at each instant of a fan."""
 
 
@@ -72,7 +72,7 @@ def fan(
     *,
     given: str = "truth",
     futures: Futures = 25,
-    every: Annotated[float, Range(0.05, 100.0)] = 0.5,
+    every: Annotated[float, FieldSpec(low=0.05, high=100.0)] = 0.5,
     policy: str = "paper",
     progress: Progress | None = None,
 ) -> "Fan":

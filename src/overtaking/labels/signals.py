@@ -16,14 +16,13 @@ from overtaking.core.arrays import F32, U8, IndexArray
 from overtaking.core.elementary import as_f32, log, maximum
 from overtaking.core.memory import Buffers, Layout, empty
 from overtaking.labels.instants import METRES, borders_of, half_window, oncoming, side_of, slot_of
-from overtaking.model.batch import Batch
+from overtaking.model.batch import Batch, batch_fields
 from overtaking.model.labels import Case
 from overtaking.model.once import once
 from overtaking.model.road import MAX_LANES
 from overtaking.model.safety import Encounter
 from overtaking.model.signals import Around, Signals, TargetSignals
 from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
-from overtaking.model.values import declarations
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.conditions import outlook
@@ -294,7 +293,7 @@ def _target(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Arrays:
 
 def _target_names() -> list[str]:
     """The signals of the target that have a value for each frame."""
-    return [name for name in declarations(TargetSignals) if name not in ("vehicle", "length")]
+    return [name for name in batch_fields(TargetSignals) if name not in ("vehicle", "length")]
 
 
 def _room(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Arrays:
@@ -309,7 +308,7 @@ def _layout(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) 
     """Names, shapes and types of some fields of a batch."""
     simulations, frames = trajectories.stage.shape
     whole, narrow = (simulations, len(Around), frames), (simulations, frames)
-    kinds, wide = declarations(cls), _OF_NEIGHBOURS if cls is Signals else ()
+    kinds, wide = batch_fields(cls), _OF_NEIGHBOURS if cls is Signals else ()
     return tuple(
         (name, whole if name in wide else narrow, np.dtype(kinds[name].dtype)) for name in names
     )

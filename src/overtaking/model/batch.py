@@ -1,9 +1,27 @@
-"""What all frozen batches (struct of arrays) share."""
+"""What all frozen batches (struct of arrays) share, and how their fields are declared.
+
+A field is declared in its annotation: `Annotated[F32, FieldSpec("Gap to the leader", "m")]`.
+`model.checks` checks values by these declarations; specifications, table columns and reference
+pages read them.
+"""
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +31,185 @@ from overtaking.core.errors import ConfigError, NoSuchSimulationError
 from overtaking.core.summary import Summarized
 
 B = TypeVar("B", bound="Batch")
+
+
+Axes = tuple[str | int, ...]
+"""Names of the axes of an array; a number is a fixed length."""
+
+_ARRAY_ORIGINS = (np.ndarray, get_origin(NDArray[Any]))
+"""What `NDArray[…]` is made of at run time, which depends on the version of NumPy."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisEnd:
+    """An upper limit: the last index of an axis, which is its length less one."""
+
+    axis: str
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnName:
+    """Name of a table column, without its unit; for a nested batch, the prefix of its columns.
+
+    Attributes:
+        name: The name; empty for the name of the field.
+        prefix: Text before the name, such as "ego_".
+    """
+
+    name: str = ""
+    prefix: str = ""
+
+    def for_field(self, field_name: str) -> str:
+        """The name for a field."""
+        return self.prefix + (self.name or field_name)
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSpec:
+    """What a field of a batch holds, and the table column that is written from it.
+
+    Attributes:
+        meaning: A phrase without unit and full stop.
+        unit: Unit; "1" for plain numbers, codes and flags.
+        low: Smallest value.
+        high: Largest value.
+        low_is_open: Whether `low` itself is excluded.
+        missing: One value outside the range that stands for "none".
+        axes: Axes of the array; those of its class (`Batch.AXES`) if left out.
+        column: Name of the column; None for a field that is not written.
+        null_unless: Path of the flag or count that says where there is a value: from the outermost
+            batch, or from this one if it begins with a dot.
+        needs: What a recording must state for this field, names of `model.trajectory.UNKNOWNS`.
+        names: Names of the codes of an enumeration.
+        since: Version of the tables that its column came with.
+    """
+
+    meaning: str = ""
+    unit: str = "1"
+    low: float = -math.inf
+    high: float | AxisEnd = math.inf
+    _: KW_ONLY
+    low_is_open: bool = False
+    missing: int | None = None
+    axes: Axes | None = None
+    column: ColumnName | None = ColumnName()
+    null_unless: str = ""
+    needs: Sequence[str] = ()
+    names: Sequence[str] = ()
+    since: int = 1
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether values are checked against a range; every range has a finite end."""
+        return self.low > -math.inf or self.high != math.inf
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest value, if the largest one is a number.
+
+        Raises:
+            TypeError: The largest value depends on the length of an axis.
+        """
+        if isinstance(self.high, AxisEnd):
+            raise TypeError(f"the largest value depends on the axis {self.high.axis}")
+        return self.low, self.high
+
+
+@dataclass(frozen=True, slots=True)
+class BatchField:
+    """A field of a batch: its declaration with the defaults of its class filled in.
+
+    Attributes:
+        name: Name of the field.
+        spec: Its declaration.
+        axes: Axes of the array.
+        dtype: The dtype of an array; None for anything else.
+        type: Its type, without what `Annotated` attaches to it.
+        column: Name of its column, without the unit; None if it is not written.
+    """
+
+    name: str
+    spec: FieldSpec
+    axes: Axes
+    dtype: np.dtype[Any] | None
+    type: Any
+    column: str | None
+
+    @property
+    def is_flag(self) -> bool:
+        """Whether its values are yes or no."""
+        return self.dtype == np.bool_
+
+    @property
+    def is_optional(self) -> bool:
+        """Whether it may be None."""
+        return NoneType in union_members(self.type)
+
+
+@cache
+def batch_fields(cls: type) -> Mapping[str, BatchField]:
+    """The declared fields of a dataclass by name, in their order.
+
+    Raises:
+        TypeError: A field is an array without a dtype.
+    """
+    axes = getattr(cls, "AXES", ())
+    declared = {
+        field.name: field_from_annotation(field.name, field.type, axes)
+        for field in dataclasses.fields(cls)
+    }
+    for name, field in declared.items():
+        origins = {get_origin(member) for member in union_members(field.type)}
+        if field.dtype is None and not origins.isdisjoint(_ARRAY_ORIGINS):
+            raise TypeError(f"{cls.__name__}.{name}: expected an array type of core.arrays")
+    return declared
+
+
+def field_from_annotation(name: str, annotation: Any, axes: Axes = ()) -> BatchField:
+    """A field, or a parameter of a function, as its annotation declares it.
+
+    Args:
+        name: Its name.
+        annotation: Its annotation, a type or `Annotated` with a `FieldSpec`.
+        axes: Axes of an array whose declaration names none.
+    """
+    metadata = tuple(_metadata(annotation))
+    spec = next((item for item in metadata if isinstance(item, FieldSpec)), FieldSpec())
+    return BatchField(
+        name=name,
+        spec=spec,
+        axes=axes if spec.axes is None else spec.axes,
+        dtype=declared_dtype(annotation),
+        type=without_metadata(annotation),
+        column=None if spec.column is None else spec.column.for_field(name),
+    )
+
+
+def declared_dtype(annotation: Any) -> np.dtype[Any] | None:
+    """The dtype that an array type of `core.arrays` declares; None for any other annotation."""
+    return next((item for item in _metadata(annotation) if isinstance(item, np.dtype)), None)
+
+
+def without_metadata(annotation: Any) -> Any:
+    """The type that an annotation names."""
+    return annotation.__origin__ if get_origin(annotation) is Annotated else annotation
+
+
+def union_members(annotation: Any) -> tuple[Any, ...]:
+    """The members of a union, or the type itself."""
+    is_union = get_origin(annotation) in (Union, UnionType)
+    return get_args(annotation) if is_union else (annotation,)
+
+
+def _metadata(annotation: Any) -> Iterator[object]:
+    """What `Annotated` attaches to an annotation, then to the members of its union."""
+    # The annotation itself comes first, as its `FieldSpec` counts, such as that of
+    # `Annotated[F32 | None, FieldSpec(…)]`. Python joins the metadata of nested `Annotated`.
+    if get_origin(annotation) is Annotated:
+        yield from annotation.__metadata__
+    for member in union_members(without_metadata(annotation)):
+        if get_origin(member) is Annotated:
+            yield from member.__metadata__
 
 
 @dataclass(frozen=True, slots=True)

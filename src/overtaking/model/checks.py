@@ -1,38 +1,67 @@
-"""Checks input once, at the door: fields of batches, arguments of public functions."""
+"""Checks of batches and of the arguments of public functions."""
 
 import inspect
+import math
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, wraps
-from typing import Annotated, Any, NoReturn, ParamSpec, TypeVar, get_args, get_origin
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, get_args, get_origin
 from typing import get_type_hints as type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.core.arrays import Mask
 from overtaking.core.errors import ConfigError
-from overtaking.model import values
-from overtaking.model.batch import Batch
-from overtaking.model.values import Axes, Declaration, Range
+from overtaking.model.batch import (
+    Axes,
+    AxisEnd,
+    Batch,
+    BatchField,
+    FieldSpec,
+    batch_fields,
+    declared_dtype,
+    field_from_annotation,
+    union_members,
+    without_metadata,
+)
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
+_NO_MATCH = object()
+"""Result of `_converted` for a value of another type."""
 
-def check(one: Any, where: str, name: str = "") -> None:
-    """Hold a dataclass, and the batches in it, to the types, axes and ranges that they declare.
+_PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
+    int: (Integral, "a whole number"),
+    float: (Real, "a number"),
+    bool: (bool | np.bool_, "True or False"),
+    str: (str, "a text"),
+    Path: (Path, "a path"),
+    types.NoneType: (types.NoneType, "None"),
+}
+"""Required type of a plain value, and its name in messages."""
+
+
+def check(batch: Any, where: str, name: str = "") -> None:
+    """Check a dataclass, and the batches in it, against the fields that they declare.
 
     Args:
-        one: A batch, or another dataclass.
-        where: The function or object that needs it, for the message.
-        name: Name of the argument, empty where fields are named alone.
+        batch: A batch, or another dataclass.
+        where: The function or object that takes it, for the message.
+        name: Name of the argument; empty if fields are named without it.
 
     Raises:
-        ConfigError: A field holds something else; the message names the first place.
+        ConfigError: A field holds something else. The message names the first one and, in an
+            array, the first element.
     """
-    door = _Door(where)
-    door.check_types(one, name)
-    door.check_values(one, name)
+    checker = _BatchChecker(where)
+    # Structure first: a range may end at the length of an axis, which any field can set, and
+    # constraints need arrays of matching shapes.
+    checker.check_structure(batch, name)
+    checker.check_values(batch, name)
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
@@ -69,129 +98,239 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     return called
 
 
-def argument(value: Any, hint: Any, where: str, name: str) -> Any:
-    """One argument, held to its annotation.
+def argument(value: Any, annotation: Any, where: str, name: str) -> Any:
+    """Check an argument against its annotation.
 
     Args:
         value: The argument.
-        hint: Its annotation.
+        annotation: The annotation of the parameter, with its range if it has one.
         where: The function.
         name: The parameter.
 
     Returns:
-        The argument, or a tuple of the items of an iterable.
+        The argument. Iterables are returned as tuples, because some can be read only once.
 
     Raises:
-        ConfigError: It is something else.
+        ConfigError: It is of another type or out of range.
     """
-    taken = _Door(where).plain(value, hint, name)
-    if isinstance(taken, Batch) and not taken.IS_DERIVED:
-        check(taken, where, name)
-    return taken
+    checked_value = _BatchChecker(where).check_value(
+        field_from_annotation(name, annotation), value, name
+    )
+    if isinstance(checked_value, Batch) and not checked_value.IS_DERIVED:
+        check(checked_value, where, name)
+    return checked_value
 
 
-class _Door:
-    """The checks of one call."""
+class _BatchChecker:
+    """Checks one argument. All arrays in a batch must agree on the length of each axis."""
 
     def __init__(self, where: str) -> None:
         self._where = where
-        self._sizes: dict[str | int, tuple[int, str]] = {}  # Length, and the field that has it.
+        # Length of each axis, and the field that set it: the first array decides.
+        self._axis_lengths: dict[str | int, tuple[int, str]] = {}
 
-    def check_types(self, one: Any, name: str) -> None:
+    def check_structure(self, batch: Any, path: str) -> None:
         """Refuse fields of another type, dtype or shape."""
-        for field, value, path in _fields(one, name):
-            if field.dtype is not None and not (field.is_optional and value is None):
-                self._check_array(value, field, path)
+        for field, value, field_path in _fields_of(batch, path):
+            if field.dtype is not None:
+                if not (field.is_optional and value is None):
+                    self._check_array(field, value, field_path)
                 continue
-            self.plain(value, field.type, path)
+            self.check_value(field, value, field_path)
             if isinstance(value, Batch):
-                self.check_types(value, path)
-            elif field.range is not None:
-                self._check_number(value, field.range, path)
-        if isinstance(one, Batch):
-            self._sizes |= {axis: (size, "road") for axis, size in one.sizes().items()}
+                self.check_structure(value, field_path)
+        if isinstance(batch, Batch):
+            self._axis_lengths |= {axis: (size, "road") for axis, size in batch.sizes().items()}
 
-    def check_values(self, one: Any, name: str) -> None:
+    def check_values(self, batch: Any, path: str) -> None:
         """Refuse arrays with a value out of range, and batches that break a constraint."""
-        if not isinstance(one, Batch):
+        if not isinstance(batch, Batch):
             return
-        for field, value, path in _fields(one, name):
+        for field, value, field_path in _fields_of(batch, path):
             if isinstance(value, Batch):
-                self.check_values(value, path)
-            elif isinstance(value, np.ndarray) and field.range is not None:
-                self._check_range(value, field, field.range, path)
-        for demand in one.constraints():
-            if np.any(demand.broken):
-                index = _first(demand.broken)
-                axes = values.declarations(type(one))[demand.field].axes
-                got = _at(index, demand.got[index], axes)
-                self._refuse(_path(name, demand.field), demand.expected, got)
+                self.check_values(value, field_path)
+            elif isinstance(value, np.ndarray) and field.spec.is_bounded:
+                self._check_range(field, value, field_path)
+        for constraint in batch.constraints():
+            if np.any(constraint.broken):
+                index = _first_true(constraint.broken)
+                axes = batch_fields(type(batch))[constraint.field].axes
+                got = _describe_element(constraint.got[index], index, axes)
+                raise self._error(_join(path, constraint.field), constraint.expected, got)
 
-    def plain(self, value: Any, hint: Any, name: str) -> Any:
-        """A value of an annotated type; iterables become tuples."""
-        extras: list[Range] = []
-        if get_origin(hint) is Annotated:
-            hint, *extras = get_args(hint)
-        taken = values.taken(value, hint)
-        if taken is values.REFUSED:
-            self._refuse(name, values.expected(hint), values.shown(value))
-        for allowed in extras:
-            self._check_number(value, allowed, name)
-        return taken
+    def check_value(self, field: BatchField, value: Any, path: str) -> Any:
+        """A value that is no array, of the declared type and in range; iterables become tuples."""
+        converted = _converted(value, field.type)
+        if converted is _NO_MATCH:
+            raise self._error(path, _describe_type(field.type), _describe_value(value))
+        if field.spec.is_bounded and value is not None:
+            high = self._upper_limit(field)
+            if not _is_in_range(field.spec, high, value):
+                raise self._error(path, _describe_range(field.spec, high), _format_number(value))
+        return converted
 
-    def _check_number(self, value: Any, allowed: Range, name: str) -> None:
-        high = self._high(allowed)
-        if value is not None and allowed.outside(value, high):
-            self._refuse(name, allowed.described(high), values.number(value))
-
-    def _check_array(self, value: Any, field: Declaration, name: str) -> None:
-        axes = ", ".join(str(axis) for axis in field.axes)
-        expected = f"an array of {field.dtype} with the axes ({axes})"
+    def _check_array(self, field: BatchField, value: Any, path: str) -> None:
+        expected = f"an array of {field.dtype} with the axes ({', '.join(map(str, field.axes))})"
+        # Subclasses are refused, because matrices and masked arrays compute differently.
         if type(value) not in (np.ndarray, np.memmap) or value.dtype != field.dtype:
-            self._refuse(name, expected, values.shown(value))
+            raise self._error(path, expected, _describe_value(value))
         if value.ndim != len(field.axes):
-            self._refuse(name, expected, f"the shape {value.shape}")
+            raise self._error(path, expected, f"the shape {value.shape}")
         for axis, size in zip(field.axes, value.shape, strict=True):
-            default = (axis, "") if isinstance(axis, int) else (size, name)
-            length, by = self._sizes.setdefault(axis, default)
+            default = (axis, "") if isinstance(axis, int) else (size, path)
+            length, set_by = self._axis_lengths.setdefault(axis, default)
             if size != length:
-                end = f", as {by} has" if by else ""
-                self._refuse(name, f"length {length} along {axis}{end}", size)
+                reason = f", as {set_by} has" if set_by else ""
+                raise self._error(path, f"length {length} along {axis}{reason}", size)
 
-    def _check_range(
-        self, array: NDArray[Any], field: Declaration, allowed: Range, name: str
-    ) -> None:
-        high = self._high(allowed)
-        if not allowed.holds_all(array, high):
-            index = _first(allowed.outside(array, high))
-            self._refuse(name, allowed.described(high), _at(index, array[index], field.axes))
+    def _check_range(self, field: BatchField, values: NDArray[Any], path: str) -> None:
+        high = self._upper_limit(field)
+        if not _all_in_range(field.spec, high, values):
+            index = _first_true(~_is_in_range(field.spec, high, values))
+            got = _describe_element(values[index], index, field.axes)
+            raise self._error(path, _describe_range(field.spec, high), got)
 
-    def _high(self, allowed: Range) -> float:
-        return self._sizes[allowed.high][0] - 1 if isinstance(allowed.high, str) else allowed.high
+    def _upper_limit(self, field: BatchField) -> float:
+        """The largest value; for the indices of an axis, its length less one."""
+        high = field.spec.high
+        return self._axis_lengths[high.axis][0] - 1 if isinstance(high, AxisEnd) else high
 
-    def _refuse(self, what: str, expected: str, got: object) -> NoReturn:
-        raise ConfigError.of(
+    def _error(self, what: str, expected: str, got: object) -> ConfigError:
+        return ConfigError.of(
             what=what, where=self._where, expected=expected, got=got, next_step="correct it"
         )
 
 
-def _fields(one: Any, name: str) -> Iterator[tuple[Declaration, Any, str]]:
-    """The fields of a dataclass: what they declare, what they hold, and where they are."""
-    for field, declared in values.declarations(type(one)).items():
-        yield declared, getattr(one, field), _path(name, field)
+def _fields_of(batch: Any, path: str) -> Iterator[tuple[BatchField, Any, str]]:
+    """Each declared field, its value, and its path, such as `scenario.weather.rain`."""
+    for name, field in batch_fields(type(batch)).items():
+        yield field, getattr(batch, name), _join(path, name)
 
 
-def _path(name: str, field: str) -> str:
-    return f"{name}.{field}" if name else field
+def _is_in_range(spec: FieldSpec, high: float, values: Any) -> Any:
+    """Whether each value is in the range; NaN never is."""
+    is_above = values > spec.low if spec.low_is_open else values >= spec.low
+    is_inside = is_above & (values <= high)
+    return is_inside if spec.missing is None else is_inside | (values == spec.missing)
 
 
-def _first(wrong: NDArray[np.bool_]) -> tuple[int, ...]:
-    """The first place of an array that is true."""
-    return tuple(int(i) for i in np.unravel_index(int(wrong.argmax()), wrong.shape))
+def _all_in_range(spec: FieldSpec, high: float, values: NDArray[Any]) -> bool:
+    """Whether every value is in the range."""
+    if spec.missing is None and not spec.low_is_open:
+        # Two reductions and no mask: most arrays, and the large ones, take this path. With a NaN
+        # both results are NaN, and no comparison with NaN is true.
+        return not values.size or bool(spec.low <= values.min() and values.max() <= high)
+    return bool(np.all(_is_in_range(spec, high, values)))
 
 
-def _at(index: tuple[int, ...], value: Any, axes: Axes) -> str:
+def _describe_range(spec: FieldSpec, high: float) -> str:
+    """The range in words, such as `0 to 60 s`, or `-31416 to 31416 steps of 0.1 mrad`."""
+    if spec.unit == "1":
+        unit = ""
+    elif spec.unit.startswith("0."):
+        unit = f" steps of {spec.unit}"
+    else:
+        unit = f" {spec.unit}"
+    if high == math.inf:
+        return f"{_format_number(spec.low)}{unit} or more"
+    if spec.low_is_open:
+        return f"more than {_format_number(spec.low)} and at most {_format_number(high)}{unit}"
+    alternative = "" if spec.missing is None else f", or {spec.missing}"
+    return f"{_format_number(spec.low)} to {_format_number(high)}{unit}{alternative}"
+
+
+def _join(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def _first_true(mask: Mask) -> tuple[int, ...]:
+    return tuple(int(i) for i in np.unravel_index(int(mask.argmax()), mask.shape))
+
+
+def _describe_element(value: Any, index: tuple[int, ...], axes: Axes) -> str:
     """A value and its place, such as `-5 in simulation 3, vehicle 2`."""
     names = [axis if isinstance(axis, str) else "entry" for axis in axes]
-    text = ", ".join(f"{name} {i}" for name, i in zip(names, index, strict=False))
-    return f"{values.number(value)} in {text}" if text else values.number(value)
+    place = ", ".join(f"{name} {i}" for name, i in zip(names, index, strict=False))
+    return f"{_format_number(value)} in {place}" if place else _format_number(value)
+
+
+def _converted(value: Any, annotation: Any) -> Any:
+    """A value of an annotated type, or `_NO_MATCH`; iterables become tuples."""
+    if len(members := union_members(annotation)) > 1:
+        results = (_converted(value, member) for member in members)
+        return next((result for result in results if result is not _NO_MATCH), _NO_MATCH)
+    if (dtype := declared_dtype(annotation)) is not None:
+        return value if isinstance(value, np.ndarray) and value.dtype == dtype else _NO_MATCH
+    bare = without_metadata(annotation)
+    origin, inner = get_origin(bare) or bare, get_args(bare)
+    if bare in _PLAIN_TYPES:
+        return value if _is_plain(value, bare) else _NO_MATCH
+    if bare is Any or (origin is Callable and callable(value)):
+        return value
+    if isinstance(value, str) or not isinstance(value, origin):
+        return _NO_MATCH
+    if inner and issubclass(origin, Mapping):
+        has_keys = all(_converted(key, inner[0]) is not _NO_MATCH for key in value)
+        return value if has_keys else _NO_MATCH
+    return _converted_elements(value, inner) if inner else value
+
+
+def _is_plain(value: Any, plain_type: Any) -> bool:
+    """Whether a value is a number, text, path, flag or None, as the type says."""
+    if isinstance(value, bool | np.bool_):
+        return plain_type is bool
+    if isinstance(value, str | Path) and "\0" in str(value):  # No file has such a name.
+        return False
+    return isinstance(value, _PLAIN_TYPES[plain_type][0])
+
+
+def _converted_elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
+    """The elements of an iterable; in a tuple of fixed length each has a type of its own."""
+    try:
+        elements = tuple(value)
+    except TypeError:  # An array without axes.
+        return _NO_MATCH
+    has_fixed_length = len(inner) > 1 and inner[-1] is not Ellipsis
+    element_types = inner if has_fixed_length else inner[:1] * len(elements)
+    if len(element_types) != len(elements):
+        return _NO_MATCH
+    results = tuple(
+        _converted(element, element_type)
+        for element, element_type in zip(elements, element_types, strict=True)
+    )
+    return _NO_MATCH if any(result is _NO_MATCH for result in results) else results
+
+
+def _describe_type(annotation: Any) -> str:
+    """An annotation in words."""
+    if len(members := union_members(annotation)) > 1:
+        *others, last = dict.fromkeys(_describe_type(member) for member in members)
+        return f"{', '.join(others)} or {last}" if others else last
+    if (dtype := declared_dtype(annotation)) is not None:
+        return f"an array of {dtype}"
+    bare = without_metadata(annotation)
+    origin, inner = get_origin(bare) or bare, get_args(bare)
+    if bare in _PLAIN_TYPES:
+        return _PLAIN_TYPES[bare][1]
+    if origin is Callable:
+        return "a function"
+    if inner and issubclass(origin, Mapping):
+        return f"a {origin.__name__} whose keys are each {_describe_type(inner[0])}"
+    if inner and issubclass(origin, Iterable):
+        return f"several values, each of them {_describe_type(inner[0])}"
+    return f"a {origin.__name__}"
+
+
+def _describe_value(value: Any) -> str:
+    """A short description of any value."""
+    if isinstance(value, np.ndarray):
+        return f"a {type(value).__name__} of {value.dtype} with the shape {value.shape}"
+    if value is None or isinstance(value, str | Path | Real):
+        return repr(value)
+    return f"a {type(value).__name__}"
+
+
+def _format_number(value: Any) -> str:
+    """A number, short; anything else as it is."""
+    is_whole = isinstance(value, Integral) or not isinstance(value, Real)
+    return str(value) if is_whole else f"{value:g}"

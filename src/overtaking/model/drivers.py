@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.model.batch import Batch
-from overtaking.model.values import Range, declarations, documented, meant, within
+from overtaking.model.batch import Batch, FieldSpec, batch_fields
+from overtaking.model.values import documented, meant, within
 
 _NEVER = 1e9
 """Largest threshold: it disables the behaviour."""
@@ -95,7 +95,7 @@ class Drivers(Batch):
     ]
 
 
-DRIVER_RANGES: dict[str, Range] = {
-    name: one.range for name, one in declarations(Drivers).items() if one.range is not None
+DRIVER_RANGES: dict[str, FieldSpec] = {
+    name: field.spec for name, field in batch_fields(Drivers).items() if field.spec.is_bounded
 }
-"""Range of each number, for code that makes drivers."""
+"""Declaration of each number with a range, for code that makes drivers."""

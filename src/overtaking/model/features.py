@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.knowledge import terms
-from overtaking.model.batch import Batch
-from overtaking.model.values import Declaration, documented, meant
+from overtaking.model.batch import Batch, FieldSpec
+from overtaking.model.values import documented, meant
 from overtaking.model.vehicles import VehicleKind
 
 
-def _paper(code: str, unit: str = "1", **declared: Any) -> Declaration:
+def _paper(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
     """Declaration of a feature; its words are those of `knowledge/data/terms.toml`."""
     return meant(terms("features")[code].meaning, unit, column=code, **declared)
 

@@ -19,11 +19,11 @@ from overtaking.core import units
 from overtaking.core.arrays import I16, I32, U8, U32, Mask
 from overtaking.core.errors import SchemaError
 from overtaking.model.actions import Actions
-from overtaking.model.batch import Batch, Constraint
+from overtaking.model.batch import Batch, Constraint, batch_fields
 from overtaking.model.changes import Branched
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
-from overtaking.model.values import along, declarations, documented, meant, within
+from overtaking.model.values import along, documented, meant, within
 
 NO_VEHICLE = np.uint8(255)
 """Slot number where there is no vehicle to name; a null in every table."""
@@ -137,13 +137,15 @@ class States(Batch):
     lights: Annotated[U8, within(0, sum(Lights), meaning="`Lights` bits", column=None)]
 
 
-STATE_TYPES = {name: one.dtype.type for name, one in declarations(States).items() if one.dtype}
+STATE_TYPES = {
+    name: field.dtype.type for name, field in batch_fields(States).items() if field.dtype
+}
 """Type of the numbers of each field of `States`, in their order."""
 
 STEPS = {
-    name: 1.0 / units.STEPS[one.unit][1]
-    for name, one in declarations(States).items()
-    if one.unit in units.STEPS
+    name: 1.0 / units.STEPS[field.spec.unit][1]
+    for name, field in batch_fields(States).items()
+    if field.spec.unit in units.STEPS
 }
 """Size of a step of each number in `States` [SI units]."""
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.arrays import F32, U8, Mask
+from overtaking.model.batch import batch_fields
 from overtaking.model.drivers import Drivers
-from overtaking.model.values import declarations
 from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.bodies import typical_bodies
@@ -41,8 +41,8 @@ def assumed_bodies(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpe
 def assumed_drivers(shape: tuple[int, int]) -> Drivers:
     """Assumed drivers of recorded vehicles, shape (simulation, vehicle)."""
     values: dict[str, Any] = {
-        name: np.zeros(shape, np.bool_) if one.is_flag else np.ones(shape, np.float32)
-        for name, one in declarations(Drivers).items()
+        name: np.zeros(shape, np.bool_) if field.is_flag else np.ones(shape, np.float32)
+        for name, field in batch_fields(Drivers).items()
     }
     return Drivers(**values)
 

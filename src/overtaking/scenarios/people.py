@@ -76,8 +76,8 @@ def drivers_of(traits: dict[str, F32], came_with: F32, max_speed: F32) -> Driver
 def drivers_with(traits: dict[str, F32], desired_speed: F32) -> Drivers:
     """Drivers who want given speeds, shape (simulation, vehicle) [m/s]."""
     kept: dict[str, Any] = {
-        name: traits[name] > 0 if declared.is_flag else traits[name]
-        for name, declared in KEPT_TRAITS.items()
+        name: traits[name] > 0 if field.is_flag else traits[name]
+        for name, field in KEPT_TRAITS.items()
     }
     return Drivers(desired_speed=desired_speed, **kept)
 

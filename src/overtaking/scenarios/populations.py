@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from overtaking.core.arrays import Mask
 from overtaking.core.elementary import as_f32
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge import (
@@ -15,30 +14,24 @@ from overtaking.knowledge import (
     vehicle_classes,
 )
 from overtaking.knowledge.reader import load
+from overtaking.model.batch import FieldSpec, batch_fields
 from overtaking.model.drivers import Drivers
-from overtaking.model.values import Declaration, declarations
 
 _FILE = "drivers.toml"
 
 SPEED_TRAITS = {
-    "cruise_factor": Declaration(
-        meaning="Desired speed of the traffic over the speed drawn for it"
-    ),
-    "speed_over_leader": Declaration(
-        meaning="How much faster than its leader an ego wants to drive", unit="m/s"
-    ),
-    "wants_to_overtake": Declaration(
-        meaning="Whether an ego wants to drive faster than its leader at all", type=Mask
-    ),
+    "cruise_factor": FieldSpec("Desired speed of the traffic over the speed drawn for it"),
+    "speed_over_leader": FieldSpec("How much faster than its leader an ego wants to drive", "m/s"),
+    "wants_to_overtake": FieldSpec("Whether an ego wants to drive faster than its leader at all"),
 }
 """The traits that `Drivers.desired_speed` is made from; it does not keep them."""
 
 KEPT_TRAITS = {
-    name: declared for name, declared in declarations(Drivers).items() if name != "desired_speed"
+    name: field for name, field in batch_fields(Drivers).items() if name != "desired_speed"
 }
 """The traits that are fields of `Drivers`."""
 
-TRAITS = KEPT_TRAITS | SPEED_TRAITS
+TRAITS = {name: field.spec for name, field in KEPT_TRAITS.items()} | SPEED_TRAITS
 """Every trait that is drawn."""
 
 CLASS_FACTORS = {

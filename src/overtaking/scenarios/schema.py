@@ -246,10 +246,11 @@ class IndependentWeather(Section):
 def _fixable() -> dict[str, Any]:
     """A key for each number of `Drivers` that is drawn, with the range of the field."""
     keys: dict[str, Any] = {}
-    for name, declared in KEPT_TRAITS.items():
-        if (allowed := declared.range) is not None:
-            limits = Field(ge=allowed.low, le=float(allowed.high))
-            keys[name + SUFFIXES[declared.unit]] = (Annotated[float | None, limits], None)
+    for name, field in KEPT_TRAITS.items():
+        if field.spec.is_bounded:
+            low, high = field.spec.limits
+            limits = Field(ge=low, le=high)
+            keys[name + SUFFIXES[field.spec.unit]] = (Annotated[float | None, limits], None)
     return keys
 
 
@@ -263,11 +264,11 @@ class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixable())):
     def values(self) -> dict[str, float]:
         """What is fixed, by the names of `model.drivers.Drivers`."""
         given = self.model_dump(exclude_none=True)
-        keys = {name + SUFFIXES[declared.unit]: name for name, declared in KEPT_TRAITS.items()}
+        keys = {name + SUFFIXES[field.spec.unit]: name for name, field in KEPT_TRAITS.items()}
         return {keys[key]: value for key, value in given.items()}
 
 
-_SCALABLE = tuple(name for name, declared in KEPT_TRAITS.items() if not declared.is_flag)
+_SCALABLE = tuple(name for name, field in KEPT_TRAITS.items() if not field.is_flag)
 
 
 def _scalable(factors: dict[str, float]) -> dict[str, float]:
@@ -296,12 +297,14 @@ class People(Section):
     def _scaled_inside(self) -> Self:
         fixed = self.fixed.values()
         for name, factor in (self.scale or {}).items():
-            value, allowed = fixed.get(name), DRIVER_RANGES[name]
+            value, spec = fixed.get(name), DRIVER_RANGES[name]
+            lowest, highest = spec.limits
+            unit = "" if spec.unit == "1" else f" {spec.unit}"
             low, high = drawn_range(self.population, name) if value is None else (value, value)
-            if factor * low < allowed.low or factor * high > float(allowed.high):
+            if factor * low < lowest or factor * high > highest:
                 raise complaint(
-                    f"a factor that keeps {low:g} to {high:g} within {allowed.low:g} to"
-                    f" {allowed.high:g} {allowed.unit}".rstrip(),
+                    f"a factor that keeps {low:g} to {high:g} within {lowest:g} to"
+                    f" {highest:g}{unit}",
                     "choose one nearer to 1",
                     key=f"scale.{name}",
                     got=factor,

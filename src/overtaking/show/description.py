@@ -13,9 +13,9 @@ from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
 from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.model.batch import batch_fields
 from overtaking.model.oncoming import Oncoming
 from overtaking.model.trajectory import Stage
-from overtaking.model.values import declarations
 from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
@@ -100,9 +100,9 @@ def _oncoming(labelled: Labelled) -> Values:
         return {}
     measures = labelled.safety.oncoming
     values = {
-        name + SUFFIXES[one.unit]: plain(getattr(measures, name)[0])
-        for name, one in declarations(Oncoming).items()
-        if one.column
+        name + SUFFIXES[field.spec.unit]: plain(getattr(measures, name)[0])
+        for name, field in batch_fields(Oncoming).items()
+        if field.column
     }
     there = bool(measures.exists[0])
     return {"oncoming": {name: _rounded(one) if there else None for name, one in values.items()}}

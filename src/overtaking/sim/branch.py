@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from overtaking.core.arrays import F32, U64, Mask
 from overtaking.core.errors import ConfigError
+from overtaking.model.batch import batch_fields
 from overtaking.model.changes import Branched, Change
 from overtaking.model.decision import Decision
 from overtaking.model.drivers import Drivers
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import STATE_TYPES, States, Trajectories
-from overtaking.model.values import declarations
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import Weather
 from overtaking.sim import engine
@@ -185,7 +185,7 @@ def changed(scenario: Scenario, change: Change) -> Scenario:
 
 def _drivers(drivers: Drivers, change: Change) -> Drivers:
     """Drivers with other traits of one of them."""
-    known = declarations(Drivers)
+    known = batch_fields(Drivers)
     found = {}
     for name, value in change.traits.items():
         if name not in known:

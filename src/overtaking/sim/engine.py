@@ -11,6 +11,7 @@ from overtaking import _core
 from overtaking.core.arrays import F32
 from overtaking.core.memory import Buffers, Layout
 from overtaking.model.actions import Actions
+from overtaking.model.batch import batch_fields
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     STATE_TYPES,
@@ -20,15 +21,14 @@ from overtaking.model.trajectory import (
     Trajectories,
     placed,
 )
-from overtaking.model.values import declarations
 from overtaking.world.compiled import chosen_level, constant_values
 from overtaking.world.parameters import Parameters, Turn, parameters
 
 _WIDE, _BYTE = np.int32, np.uint8
 _BELIEFS = {
-    name: _BYTE if one.dtype == bool else one.dtype.type
-    for name, one in declarations(Percepts).items()
-    if one.dtype and one.axes == Percepts.AXES
+    name: _BYTE if field.is_flag else field.dtype.type
+    for name, field in batch_fields(Percepts).items()
+    if field.dtype and field.axes == Percepts.AXES
 }
 """Types of the recorded beliefs about a neighbour; flags come as bytes."""
 

@@ -15,10 +15,10 @@ import pytest
 import overtaking as ot
 from overtaking import api
 from overtaking.core.errors import ConfigError
+from overtaking.model.batch import FieldSpec, batch_fields
 from overtaking.model.checks import check, checked
 from overtaking.model.features import Features
 from overtaking.model.safety import Safety
-from overtaking.model.values import Range, declarations
 from overtaking.scenarios import profile_names
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ def test_methods_of_a_data_set_check_their_arguments(tmp_path: Path):
 
 @checked
 def example(
-    number: Annotated[int, Range(1, 9)],
+    number: Annotated[int, FieldSpec(low=1, high=9)],
     names: Iterable[str] = (),
     *,
     size: tuple[int, int] = (1, 2),
@@ -245,11 +245,11 @@ def test_a_checked_function_keeps_its_name_and_words():
 
 @pytest.mark.parametrize("cls", [ot.Scenario, ot.Weather, ot.VehicleSpecs, ot.Drivers])
 def test_every_number_of_what_is_simulated_has_a_range(cls: type):
-    declared = declarations(cls)
+    declared = batch_fields(cls)
     without = {
         field.name
         for field in dataclasses.fields(cls)
-        if "float" in str(field.type) and declared[field.name].range is None
+        if "float" in str(field.type) and not declared[field.name].spec.is_bounded
     }
     assert without == set()
 
@@ -260,6 +260,6 @@ def test_help_lists_what_the_fields_declare():
 
 @pytest.mark.parametrize("cls", [ot.Weather, ot.VehicleSpecs, ot.Drivers, Safety, Features])
 def test_every_field_is_declared_with_its_meaning(cls: type):
-    declared = declarations(cls)
-    assert [name for name, one in declared.items() if not one.meaning] == []
+    declared = batch_fields(cls)
+    assert [name for name, field in declared.items() if not field.spec.meaning] == []
     assert declared.keys() == cls.__dataclass_fields__.keys()

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 import overtaking
 import overtaking as ot
 from overtaking.core import arrays
-from overtaking.model.batch import Batch
+from overtaking.model.batch import AxisEnd, Batch, ColumnName, FieldSpec, batch_fields
 from overtaking.model.trajectory import BYTES_PER_STATE, STATE_TYPES
-from overtaking.model.values import along, declarations, within
+from overtaking.model.values import along, meant, within
 
 TEXTS = {"Comparison"}
 """Batches with texts, whose dtype depends on their length; only this package makes them."""
@@ -65,9 +65,30 @@ def import_every_module():
     ],
 )
 def test_a_field_declares_dtype_and_axes(field, dtype, is_optional, axes):
-    declared = declarations(Example)[field]
+    declared = batch_fields(Example)[field]
     assert declared.dtype == (dtype and np.dtype(dtype))
     assert (declared.is_optional, declared.axes) == (is_optional, axes)
+
+
+def test_the_short_forms_declare_what_field_specs_do():
+    assert within(0.0, 60.0, "s", "Time gap") == FieldSpec("Time gap", "s", 0.0, 60.0)
+    assert within(0, "lane", also=255) == FieldSpec(low=0, high=AxisEnd("lane"), missing=255)
+    assert meant("Gap", "m", column="ego_{}") == FieldSpec(
+        "Gap", "m", column=ColumnName(prefix="ego_")
+    )
+    assert meant("Day or night", column="DN") == FieldSpec("Day or night", column=ColumnName("DN"))
+    assert along("simulation", 4) == FieldSpec(axes=("simulation", 4))
+
+
+def test_a_column_is_named_after_its_field():
+    assert batch_fields(Example)["lane"].column == "lane"
+    assert ColumnName(prefix="ego_").for_field("speed") == "ego_speed"
+    assert ColumnName("DN").for_field("night") == "DN"
+
+
+def test_a_range_that_ends_with_an_axis_has_no_limits():
+    with pytest.raises(TypeError, match="depends on the axis lane"):
+        _ = FieldSpec(low=0, high=AxisEnd("lane")).limits
 
 
 def test_every_array_type_declares_the_dtype_that_it_names():
@@ -80,7 +101,7 @@ def test_every_array_type_declares_the_dtype_that_it_names():
 
 def test_an_array_without_a_dtype_is_refused():
     with pytest.raises(TypeError, match=r"Undeclared\.speed: expected an array type of core"):
-        declarations(Undeclared)
+        batch_fields(Undeclared)
 
 
 @pytest.mark.ci
@@ -90,7 +111,7 @@ def test_every_array_of_every_batch_declares_its_dtype():
     assert len(classes) > 20
     for cls in classes:
         if cls.__name__ not in TEXTS:
-            assert list(declarations(cls)) == [field.name for field in dataclasses.fields(cls)]
+            assert list(batch_fields(cls)) == [field.name for field in dataclasses.fields(cls)]
 
 
 def test_recorded_states_have_the_dtypes_of_the_format():

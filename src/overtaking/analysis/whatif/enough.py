@@ -235,8 +235,9 @@ def _own_trait(scenario: Scenario, name: str) -> float:
 
 def _within_range(scenario: Scenario, name: str, size: float, steps: Values) -> Values:
     """The changes that leave a trait in its range; at 0 some mean another kind of driver."""
-    limits, found = DRIVER_RANGES[name], _own_trait(scenario, name) + size * steps
-    return steps[(found > limits.low) & (found <= float(limits.high))]
+    low, high = DRIVER_RANGES[name].limits
+    values = _own_trait(scenario, name) + size * steps
+    return steps[(values > low) & (values <= high)]
 
 
 def _ahead(slot: int, scenario: Scenario, value: float) -> Change:

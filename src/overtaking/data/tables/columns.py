@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.units import STEPS, SUFFIXES
 from overtaking.data.tables.arrow import missing_in, to_numpy
-from overtaking.model.batch import Batch
-from overtaking.model.values import Declaration, declarations
+from overtaking.model.batch import Batch, BatchField, batch_fields
 
 FLOAT, DOUBLE, BOOL, TEXT = pa.float32(), pa.float64(), pa.bool_(), pa.string()
 BYTE, SHORT, INT, LONG, ULONG = pa.uint8(), pa.int16(), pa.int32(), pa.int64(), pa.uint64()
@@ -152,7 +151,7 @@ def declared(
 
     Args:
         path: Where the table's batch has this one, dotted; empty if it is the same.
-        cls: Its class; see `model.values.Declaration`.
+        cls: Its class; see `model.batch.FieldSpec`.
         only: Names of the fields that are wanted; all of them if empty.
         without: Names of fields that are left out.
         kinds: Types of columns that are not those of their fields.
@@ -162,42 +161,44 @@ def declared(
             those that need something, and in those without a value everywhere.
     """
     found: list[Column] = []
-    for name, one in declarations(cls).items():
-        if one.column is None or name in without or (only and name not in only):
+    for name, field in batch_fields(cls).items():
+        if field.column is None or name in without or (only and name not in only):
             continue
-        where = f"{path}.{name}".lstrip(".")
-        if one.dtype is None:
-            found += _nested(where, one.type, one)
+        spec, where = field.spec, f"{path}.{name}".lstrip(".")
+        if field.dtype is None:
+            found += _nested(where, field.type, field)
             continue
-        present = f"{path}{one.present}".lstrip(".") if one.present[:1] == "." else one.present
+        present = spec.null_unless
+        if present.startswith("."):
+            present = f"{path}{present}".lstrip(".")
         if isinstance(nullable, bool):
             is_nullable = nullable or bool(present)
         else:
-            is_nullable = name in nullable or bool(present or one.needs)
+            is_nullable = name in nullable or bool(present or spec.needs)
         found.append(
             column(
-                one.column,
-                tuple(one.names) or kinds.get(name) or pa.from_numpy_dtype(one.dtype),
-                one.meaning,
-                units.get(name, one.unit),
+                field.column,
+                tuple(spec.names) or kinds.get(name) or pa.from_numpy_dtype(field.dtype),
+                spec.meaning,
+                units.get(name, spec.unit),
                 path=where,
                 nullable=is_nullable,
                 present=present,
-                needs=[*needs, *one.needs],
-                since=one.since,
+                needs=[*needs, *spec.needs],
+                since=spec.since,
             )
         )
     return found
 
 
-def _nested(path: str, cls: type[Batch], outer: Declaration) -> list[Column]:
+def _nested(path: str, cls: type[Batch], outer: BatchField) -> list[Column]:
     """The columns of a batch in a batch, whose names and meanings extend those of its parts."""
     found: list[Column] = []
     for one in declared(path, cls):
-        meaning = f"{one.field.metadata[b'description'].decode()}; {outer.meaning}"
+        meaning = f"{one.field.metadata[b'description'].decode()}; {outer.spec.meaning}"
         metadata = one.field.metadata | {b"description": meaning.encode()}
         field = one.field.with_name(f"{outer.column}_{one.name}").with_metadata(metadata)
-        since = max(one.since, outer.since)
+        since = max(one.since, outer.spec.since)
         found.append(dataclasses.replace(one, field=field, since=since))
     return found
 

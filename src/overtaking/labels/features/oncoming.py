@@ -9,10 +9,10 @@ from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law.opposite import on_the_other_side
 from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.sight import shown_sight, unseen_speed
+from overtaking.model.batch import batch_fields
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Case
 from overtaking.model.oncoming import Oncoming
-from overtaking.model.values import declarations
 
 _NONE = np.float32(np.nan)
 _LEAST_SPEED = np.float32(0.1)  # Keeps times finite [m/s].
@@ -44,8 +44,8 @@ def oncoming_measures(case: Case) -> Oncoming:
 def _nothing(count: int) -> Oncoming:
     """Nothing measured in any simulation."""
     empty: dict[str, Any] = {
-        name: np.zeros(count, np.bool_) if one.is_flag else np.full(count, _NONE)
-        for name, one in declarations(Oncoming).items()
+        name: np.zeros(count, np.bool_) if field.is_flag else np.full(count, _NONE)
+        for name, field in batch_fields(Oncoming).items()
     }
     return Oncoming(**empty)
 
