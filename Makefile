@@ -19,6 +19,8 @@ PACKAGES := dev
 # The SIMD levels that are wanted, and those of the engine that is there.
 LEVELS := $(or $(OVERTAKING_LEVELS),all)
 BUILT   = $(shell cat $(VENV)/.engine 2>/dev/null)
+# What `make test-pythons` tries: versions such as `3.12 3.13`, or `newest --quick`, which CI runs.
+PYTHONS ?=
 # How often `make test-all` runs the property tests, each time with other examples.
 ROUNDS ?= 20
 # `make lock LOCK_FLAGS=--upgrade` moves every package to its newest version.
@@ -52,7 +54,7 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes \
            --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 LOCK    := $(COMPILE) pyproject.toml
 
-.PHONY: help demo test test-ci test-qc test-rl test-all checks check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
+.PHONY: help demo test test-ci test-pythons test-lowest test-qc test-rl test-all checks check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
         lock build dev qc rl format clean more-levels
 
 help:  ## List what can be made
@@ -85,6 +87,12 @@ checks:
 
 test-ci: dev  ## The tests that take long: kills, memory, Ray, CARLA, SUMO, browser; CI runs them too
 	$(BIN)/python -m pytest $(CI_FLAGS) -m "ci and not soak"
+
+test-pythons: $(VENV)/.engine  ## Install the package for each supported Python without lock files, run the examples of its help and make demo
+	$(BIN)/python tests/try_pythons.py $(PYTHONS)
+
+test-lowest: $(VENV)/.engine  ## The same on 3.11 with the lowest versions that pyproject.toml permits (needs uv)
+	$(BIN)/python tests/try_pythons.py --lowest 3.11
 
 test-qc: dev qc  ## Ask the checkers of ASAM for issues of exported files, in .venv-qc
 	$(BIN)/python -m pytest -m qc

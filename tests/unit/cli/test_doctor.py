@@ -80,7 +80,7 @@ def test_the_libraries_are_those_that_the_package_needs(tmp_path):
     [
         ("matplotlib", "3.9.4", "matplotlib>=3.10"),
         ("numpy", "1.26.4", "numpy>=2"),
-        ("pyarrow", "9.0.0", "pyarrow>=18"),
+        ("pyarrow", "9.0.0", "pyarrow>=19.0.1"),
     ],
 )
 def test_a_library_that_is_too_old_is_a_finding(
