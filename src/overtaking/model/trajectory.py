@@ -156,12 +156,8 @@ integers hold, although no vehicle does; such values are cut off at the largest 
 
 def largest_state(name: str) -> float:
     """Largest size of a field of `States` that its integers hold [SI units]."""
-    one = declarations(States)[name]
-    assert one.dtype is not None
-    most = float(np.iinfo(one.dtype).max)
-    if one.range is not None and not isinstance(one.range.high, str):
-        most = min(most, one.range.high)
-    return most * STEPS[name]
+    _, high = batch_fields(States)[name].spec.limits
+    return min(float(np.iinfo(STATE_TYPES[name]).max), high) * STEPS[name]
 
 
 def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[Any]:
