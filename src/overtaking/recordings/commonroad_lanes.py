@@ -1,6 +1,6 @@
 """CommonRoad's lanelets: which of them, side by side and end to end, make one road."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import Self
@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64
+from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import MIN_LANE_WIDTH, RoadMark
-from overtaking.recordings.countries import limit_in_mps
+from overtaking.recordings.countries import from_sign, limit_in_mps
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.xml import Element
 
@@ -46,6 +47,14 @@ _KINDS = {
     "exitRamp": "exit",
 }
 """CommonRoad's types of lanelets that are no lanes for all, as OpenDRIVE's types of lanes."""
+
+_UNITS: dict[str, Callable[[float], float]] = {
+    "km/h": mps_from_kmh,
+    "kmh": mps_from_kmh,
+    "mph": lambda number: from_sign(number, "mph"),
+    "m/s": float,
+}
+"""From the units that some writers put behind the number of a limit to m/s."""
 
 _ROAD_KINDS = (DRIVING, "entry", "exit")  # What a road can be made of, each kind by itself.
 _DRIVERS = frozenset({"vehicle", "car"})  # Users without whom a lanelet is no driving lane.
@@ -174,7 +183,7 @@ def stated_limit(element: Element, unit: str) -> float | None:
 
     Args:
         element: The element. The format wants m/s; a value that no limit in m/s has is the number
-            on the sign.
+            on the sign, and some writers name the unit, as in 30kmh or 25mph.
         unit: The unit on the speed signs of the country.
 
     Raises:
@@ -182,7 +191,13 @@ def stated_limit(element: Element, unit: str) -> float | None:
     """
     if element.text.lower() in ("inf", "infinity"):
         return NO_LIMIT
-    limit = limit_in_mps(element.value(), unit)
+    text = element.text.strip().lower()
+    named = next((name for name in _UNITS if text.endswith(name)), None)
+    if named is None:
+        limit = limit_in_mps(element.value(), unit)
+    else:
+        number = element.parse_number(text.removesuffix(named), what="text")
+        limit = _UNITS[named](number)
     if limit > NO_LIMIT:
         raise element.error("is no speed limit", f"at most {NO_LIMIT:g} m/s", f"{limit:g} m/s")
     return limit if limit > 0.0 else None

@@ -212,12 +212,14 @@ class Profile:
         Args:
             entries: The elements.
             origin: What their stations are counted from [m].
-            station: Attribute with the station: `s` or `sOffset`.
+            station: Attribute with the station, `s` or `sOffset`; 0 where it is missing.
 
         Raises:
             ImportFormatError: The stations do not ascend.
         """
-        pieces = tuple(Cubic.of(entry, origin + entry.number(station)) for entry in entries)
+        pieces = tuple(
+            Cubic.of(entry, origin + entry.number(station, default=0.0)) for entry in entries
+        )
         for before, after in pairwise(pieces):
             if after.start < before.start:
                 raise out_of_order(after.element, station)
@@ -275,7 +277,8 @@ class Records:
 
 def out_of_order(element: Element, station: str) -> Exception:
     """The error for an entry that starts before the one that stands above it."""
-    return element.error(f"attribute {station}", "ascending values", element.attribute(station))
+    got = element.attribute(station, default="none")
+    return element.error(f"attribute {station}", "ascending values", got)
 
 
 def grade_of(road: Element, length: float) -> tuple[tuple[float, float], ...]:

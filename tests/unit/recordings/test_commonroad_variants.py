@@ -190,6 +190,9 @@ def test_the_speed_signs_of_each_country_post_a_limit_in_metres_per_second(write
         ("DEU", "274-80", None, mps_from_kmh(80.0)),
         ("FRA", "B14", "110", mps_from_kmh(110.0)),
         ("DEU", "274", "inf", NO_LIMIT),
+        ("CHN", "274", "30kmh", mps_from_kmh(30.0)),
+        ("DEU", "274", "130 km/h", mps_from_kmh(130.0)),
+        ("ZAM", "274", "25mph", 25 * 0.44704),
     ],
 )
 def test_a_number_that_is_no_limit_in_metres_per_second_is_the_number_on_the_sign(
@@ -310,3 +313,10 @@ def test_a_road_far_from_the_origin_keeps_its_coordinates(write):
         assert abs(y[0]) == pytest.approx(0.5 * WIDTH + far[1], abs=1e-3)
         start = found.road.to_source(*found.road.world(0.0, 0.0))
         assert abs(start[0] - far[0]) < 20.0
+
+
+def test_a_length_that_contradicts_the_type_makes_the_type_unknown(write):
+    """A "car" of 7.07 m is neither a car nor a truck for sure; one of 4.5 m is a car."""
+    movers = [Mover(number=1, length=7.07), Mover(number=2, s=60.0, length=4.5)]
+    tracks = read_commonroad(write(commonroad(movers))).tracks
+    assert tracks.is_kind_known.tolist() == [False, True]

@@ -298,3 +298,9 @@ def test_a_polyline_of_scenariogeneration_is_read(tmp_path):
     assert found.length == pytest.approx(400.0)
     end_x, end_y = found.world([400.0], [0.0])
     assert (end_x[0], end_y[0]) == pytest.approx((x, y), abs=1e-6)
+
+
+def test_a_missing_offset_is_that_of_the_beginning(tmp_path):
+    bare = '<width a="3.5" b="0" c="0" d="0"/>'
+    found = read(tmp_path, road(sections=section(right=[lane(-1, width=bare), lane(-2)])))
+    assert [each.width for each in found.lanes] == [3.5, 3.5]
