@@ -231,14 +231,6 @@ class Fleet:
             for obstacle in self._obstacles.values()
         )
 
-    def is_free_for(self, obstacle: Obstacle) -> bool:
-        """Whether no vehicle is in the place of a new obstacle."""
-        return obstacle.high - obstacle.low < CLEARANCE or not any(
-            _is_level(self[vehicle].body, self[vehicle].height, obstacle)
-            and overlap(_sides(obstacle), obstacle.motion, self[vehicle].body, at)
-            for vehicle, at in self.motions().items()
-        )
-
     def advance(
         self,
         duration: float,
