@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import Mask
 from overtaking.data.tables import names
 from overtaking.data.tables.arrow import Array, Masked
-from overtaking.data.tables.build import Rows, Texts, build, read_columns
+from overtaking.data.tables.build import Given, Rows, Texts, build, read_columns
 from overtaking.data.tables.encode import Numbers, encode
 from overtaking.data.tables.schemas import COLUMNS, LABEL_TABLES
+from overtaking.labels.instants import slot_of
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.batch import concatenate
 from overtaking.model.events import NEVER
 from overtaking.model.labels import Check, Verdict
 from overtaking.model.safety import MANOEUVRE_MEASURES, MOMENTS
+from overtaking.model.signals import Around
 from overtaking.model.trajectory import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
 
@@ -174,7 +176,33 @@ def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
 def decisions(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation: the state when the overtake began, or might have begun."""
     found, unknown = labelled.decisions, labelled.trajectories.unknown
-    return build("decisions", found, lambda values: values, {"simulation": numbers}, unknown)
+    computed: dict[str, Given] = {"simulation": numbers, **_of_known_kinds(labelled)}
+    return build("decisions", found, lambda values: values, computed, unknown)
+
+
+def _of_known_kinds(labelled: Labelled) -> dict[str, Given]:
+    """Columns of `decisions` that depend on kinds, null where a kind is not known."""
+    run, found = labelled.trajectories, labelled.decisions
+    if run.is_kind_known is None:
+        return {}
+    rows = np.arange(len(found.frame))
+    ahead = labelled.signals.vehicle[rows, Around.LEADER, np.maximum(found.frame, 0)]
+    is_known = {
+        "ego": run.known_kinds[:, Role.EGO],
+        "law": run.known_kinds[:, Role.EGO],
+        "ahead": run.known_kinds[rows, slot_of(ahead)],
+        "oncoming": run.known_kinds.all(axis=1),
+    }
+    columns = [one for one in COLUMNS["decisions"] if "kinds" in one.needs]
+    columns = [one for one in columns if not one.is_silent(run.unknown)]
+    made: dict[str, Given] = {}
+    for name, one in read_columns(columns, found, lambda values: values).items():
+        is_null = ~is_known[name.partition("_")[0]]
+        if isinstance(one, Masked):
+            made[name] = Masked(one.values, one.missing | is_null)
+        elif not isinstance(one, Texts):
+            made[name] = Masked(one, is_null)
+    return made
 
 
 def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
