@@ -124,7 +124,7 @@ def test_every_figure_and_table_is_there_as_files(found: dict[str, Any]):
     assert {one for one in found["figures"] if not one.startswith("example-")} == FIGURES
     assert set(found["tables"]) == TABLES
     assert {path.name for path in (folder / "figures").iterdir()} == {
-        f"{name}.{kind}" for name in found["figures"] for kind in ("svg", "png")
+        f"{name}.{kind}" for name in found["figures"] for kind in ("svg", "pdf", "png")
     }
     assert {path.name for path in (folder / "tables").iterdir()} == {
         f"{name}.{kind}" for name in TABLES for kind in ("tex", "csv")
