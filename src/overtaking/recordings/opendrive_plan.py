@@ -1,4 +1,4 @@
-"""The reference line of an OpenDRIVE road: lines, arcs, clothoids and parametric cubics."""
+"""The reference line of an OpenDRIVE road: lines, arcs, clothoids and cubics."""
 
 import itertools
 import math
@@ -294,6 +294,31 @@ def _cubic(piece: Piece, shape: Element) -> list[Piece]:
     return chain
 
 
+def _cubic_by_abscissa(piece: Piece, shape: Element) -> list[Piece]:
+    """A `<poly3>` of OpenDRIVE 1.4: the offset to the left is a cubic of the way ahead."""
+    left = Polynomial([shape.number(name) for name in "abcd"])
+    slope, second = left.deriv(), left.deriv().deriv()
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+
+    def length(end: float) -> float:
+        speed = np.hypot(1.0, slope(0.5 * end * (nodes + 1.0)))
+        return 0.5 * end * float((weights * speed).sum())
+
+    low, high = 0.0, piece.length  # The curve is at least as long as its way ahead.
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if length(middle) < piece.length else (low, middle)
+
+    def curve(p: F64) -> Curve:
+        speed = np.hypot(1.0, slope(p))
+        if np.any(np.abs(second(p)) > MAX_CURVATURE * speed**3):
+            raise unfit(shape, "bends", f"at most {MAX_CURVATURE:g} /m", "a sharper bend")
+        heading = piece.heading + np.arctan(slope(p))
+        return Curve(*_placed(piece, p, left(p)), heading, second(p) / speed**3, speed)
+
+    return _followed(curve, high, shape)
+
+
 def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> list[Piece]:
     """A chain of clothoids along a curve, none of which ends more than `MAX_MISFIT` beside it.
 
@@ -334,6 +359,7 @@ _SHAPES: dict[str, Callable[[Piece, Element], list[Piece]]] = {
     "arc": _arc,
     "spiral": _spiral,
     "paramPoly3": _cubic,
+    "poly3": _cubic_by_abscissa,
 }
 """How each shape is read, by its element."""
 

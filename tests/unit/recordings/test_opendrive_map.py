@@ -112,8 +112,7 @@ def test_each_road_comes_with_its_lanes_slope_and_refusal(tmp_path: Path) -> Non
             r"at most 0.05 m and 0.1 rad .* got 1.000 m and 0.0000 rad",
         ),
         (
-            '<geometry s="0" x="0" y="0" hdg="0" length="5">'
-            '<poly3 a="0" b="0" c="0" d="0"/></geometry>',
+            '<geometry s="0" x="0" y="0" hdg="0" length="5"><bezier/></geometry>',
             "expected line or arc or spiral or paramPoly3",
         ),
         (

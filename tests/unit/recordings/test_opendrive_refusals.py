@@ -45,7 +45,7 @@ SLOWER = '<speed max="20"/>'
         (
             road(plan=LINE.replace("<line/>", "")),
             "geometry",
-            "has no shape that is known: expected line or arc or spiral or paramPoly3, got 0 ",
+            "expected line or arc or spiral or paramPoly3 or poly3, got 0 of them",
         ),
         (
             road(plan=LINE.replace("<line/>", '<paramPoly3 aU="0"/>')),
@@ -54,8 +54,8 @@ SLOWER = '<speed max="20"/>'
         ),
         (
             road(plan=LINE.replace("<line/>", '<poly3 a="0"/>')),
-            "geometry",
-            "has no shape that is known: expected line or arc or spiral or paramPoly3",
+            "poly3",
+            "expected an attribute b, got none",
         ),
         (
             road(plan=LINE.replace("<line/>", '<arc curvature="0.2"/>')),

@@ -304,3 +304,14 @@ def test_a_missing_offset_is_that_of_the_beginning(tmp_path):
     bare = '<width a="3.5" b="0" c="0" d="0"/>'
     found = read(tmp_path, road(sections=section(right=[lane(-1, width=bare), lane(-2)])))
     assert [each.width for each in found.lanes] == [3.5, 3.5]
+
+
+def test_a_cubic_by_abscissa_is_followed(tmp_path):
+    """The line is 500 m long and its points have the offsets of the polynomial."""
+    shape = '<poly3 a="0" b="0" c="2e-4" d="-1e-7"/>'
+    plan = f'<geometry s="0" x="5" y="-3" hdg="0" length="500">{shape}</geometry>'
+    found = read(tmp_path, road(plan=plan))
+    assert found.length == pytest.approx(500.0, abs=0.01)
+    x, y = found.world(np.linspace(0.0, found.length, 11), 0.0)
+    ahead = x - 5.0
+    assert y + 3.0 == pytest.approx(2e-4 * ahead**2 - 1e-7 * ahead**3, abs=2e-3)
