@@ -412,9 +412,9 @@ def _check_accelerations(rows: Rows, movement: _Movement) -> list[str]:
 def _by_factor(ratio: float) -> str:
     """The end of a sentence about a ratio: the factor, and the units that it stands between."""
     for factor, units in FACTORS.items():
-        for value, shown in ((factor, f"{factor:.5g}"), (1.0 / factor, f"1/{factor:.5g}")):
+        for value, text in ((factor, f"{factor:.5g}"), (1.0 / factor, f"1/{factor:.5g}")):
             if abs(math.log(ratio / value)) <= _FACTOR_TOLERANCE:
-                return f": likely the factor {shown} ({units})"
+                return f": likely the factor {text} ({units})"
     return f" by a factor of {ratio:.3g}, which is between no two usual units"
 
 

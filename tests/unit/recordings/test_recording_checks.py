@@ -88,23 +88,23 @@ def test_a_sound_table_is_not_warned_about(frame):
     ],
 )
 def test_speeds_in_another_unit_are_named_by_the_factor(frame, factor, name):
-    told = sentence(frame.assign(v=frame.v * factor), speed="v [m/s]")
-    assert told.startswith("speed and positions")
-    assert f"likely the factor {name}" in told
+    warning = sentence(frame.assign(v=frame.v * factor), speed="v [m/s]")
+    assert warning.startswith("speed and positions")
+    assert f"likely the factor {name}" in warning
 
 
 @pytest.mark.parametrize("factor", [3.6, 0.3048])
 def test_components_of_the_speed_in_another_unit_are_named_by_the_factor(frame, factor):
     wrong = frame.assign(vx=frame.vx * factor, vy=frame.vy * factor)
-    told = sentence(wrong, vx="vx [m/s]", vy="vy [m/s]")
-    assert f"likely the factor {factor:g} (" in told
+    warning = sentence(wrong, vx="vx [m/s]", vy="vy [m/s]")
+    assert f"likely the factor {factor:g} (" in warning
 
 
 def test_positions_in_feet_are_found_by_speeds(frame):
     wrong = frame.assign(x=frame.x / 0.3048, y=frame.y / 0.3048)
-    told = sentence(wrong, speed="v [m/s]")
-    assert "likely the factor 0.3048" in told
-    assert "points to the unit of x and y" in told
+    warning = sentence(wrong, speed="v [m/s]")
+    assert "likely the factor 0.3048" in warning
+    assert "points to the unit of x and y" in warning
 
 
 def test_positions_in_feet_are_found_by_the_speed_of_traffic():
@@ -123,9 +123,9 @@ def test_positions_of_slow_traffic_in_feet_are_found_by_its_lanes():
 
 @pytest.mark.parametrize("factor", [0.3048, 1 / 0.3048])
 def test_sizes_in_another_unit_are_named_by_the_factor(frame, factor):
-    told = sentence(frame.assign(length=frame.length * factor, width=frame.width * factor))
-    assert told.startswith("width: vehicles are")
-    assert "0.3048 (feet and metres)" in told
+    warning = sentence(frame.assign(length=frame.length * factor, width=frame.width * factor))
+    assert warning.startswith("width: vehicles are")
+    assert "0.3048 (feet and metres)" in warning
 
 
 def test_length_and_width_that_are_swapped_are_named(frame):
@@ -147,39 +147,39 @@ def test_the_convention_of_headings_is_named(frame, heading, name):
     turned = frame.assign(heading=heading(frame.heading + 0.4))
     cosine, sine = np.cos(0.4), np.sin(0.4)
     x, y = turned.x * cosine - turned.y * sine, turned.x * sine + turned.y * cosine
-    told = sentence(turned.assign(x=x, y=y), heading="heading [rad]")
-    assert told.startswith("heading and positions")
-    assert f"likely {name}" in told or name in told
+    warning = sentence(turned.assign(x=x, y=y), heading="heading [rad]")
+    assert warning.startswith("heading and positions")
+    assert f"likely {name}" in warning or name in warning
 
 
 def test_radians_that_are_declared_as_degrees_are_named(frame):
     turned = frame.assign(x=-frame.y, y=frame.x, heading=frame.heading + np.pi / 2)
-    told = sentence(turned, heading="heading [deg]")
-    assert "radians where the map declares degrees" in told
+    warning = sentence(turned, heading="heading [deg]")
+    assert "radians where the map declares degrees" in warning
 
 
 def test_an_axis_that_is_flipped_is_named(frame):
     assert "sign of vy" in sentence(frame.assign(vy=-frame.vy), vx="vx [m/s]", vy="vy [m/s]")
     swapped = frame.assign(vx=frame.vy, vy=frame.vx)
-    told = sentences(swapped, vx="vx [m/s]", vy="vy [m/s]")
-    assert any("swapped" in one for one in told) or told == []
+    warning = sentences(swapped, vx="vx [m/s]", vy="vy [m/s]")
+    assert any("swapped" in one for one in warning) or warning == []
 
 
 @pytest.mark.parametrize("factor", [9.80665, 1 / 9.80665, 3.6])
 def test_accelerations_in_another_unit_are_named_by_the_factor(frame, factor):
     wrong = frame.assign(ay=frame.ay * factor, ax=frame.ax * factor)
-    told = sentences(wrong, vx="vx [m/s]", vy="vy [m/s]", ax="ax [m/s^2]", ay="ay [m/s^2]")
-    assert told
-    assert all("likely the factor" in one for one in told)
+    warning = sentences(wrong, vx="vx [m/s]", vy="vy [m/s]", ax="ax [m/s^2]", ay="ay [m/s^2]")
+    assert warning
+    assert all("likely the factor" in one for one in warning)
 
 
 def test_a_yaw_rate_in_degrees_is_named(frame):
-    told = sentence(
+    warning = sentence(
         frame.assign(yaw_rate=np.degrees(frame.yaw_rate)),
         heading="heading [rad]",
         yaw_rate="yaw_rate [rad/s]",
     )
-    assert "degrees and radians" in told
+    assert "degrees and radians" in warning
 
 
 def test_sizes_of_two_tables_are_compared(tmp_path: Path):
@@ -196,9 +196,9 @@ def test_sizes_of_two_tables_are_compared(tmp_path: Path):
     path.write_text("\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n", "utf-8")
     with pytest.warns(RecordingWarning) as caught:
         found = read_table(path, "exid")
-    told = [str(one.message) for one in caught]
-    assert [one.partition("column ")[2].partition(":")[0] for one in told] == ["length", "width"]
-    assert all("5 of 5 vehicles" in one and "1/0.3048" in one for one in told)
+    warning = [str(one.message) for one in caught]
+    assert [one.partition("column ")[2].partition(":")[0] for one in warning] == ["length", "width"]
+    assert all("5 of 5 vehicles" in one and "1/0.3048" in one for one in warning)
     assert sorted(found.tracks.length.tolist()) == [4.5, 4.5, 4.5, 4.5, 12.0]
     assert len(found.notes["warnings"]) == 2
 

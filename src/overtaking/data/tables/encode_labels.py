@@ -191,7 +191,7 @@ def _of_known_kinds(labelled: Labelled) -> dict[str, Given]:
         "ego": run.known_kinds[:, Role.EGO],
         "law": run.known_kinds[:, Role.EGO],
         "ahead": run.known_kinds[rows, slot_of(ahead)],
-        "oncoming": run.known_kinds.all(axis=1),
+        "oncoming": np.asarray(run.known_kinds.all(axis=1)),
     }
     columns = [one for one in COLUMNS["decisions"] if "kinds" in one.needs]
     columns = [one for one in columns if not one.is_silent(run.unknown)]
