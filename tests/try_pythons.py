@@ -147,7 +147,8 @@ def example(trial: Environment, name: str) -> list[str]:
     """The example in the help of a command, in words."""
     text = trial.run("overtaking", *name.split(), "--help")
     _, _, line = text.partition("\n  Example:\n")
-    words = shlex.split(" ".join(line.split()))
+    # A backslash ends a line that goes on, as in a shell.
+    words = shlex.split(" ".join(line.replace("\\\n", " ").split()))
     if words[:1] != ["overtaking"]:
         raise TrialError(f"overtaking {name} --help prints no example")
     return words
