@@ -36,6 +36,7 @@ mod passing;
 mod perception;
 mod philox;
 mod plight;
+pub mod pool;
 mod recording;
 pub mod signals;
 mod state;

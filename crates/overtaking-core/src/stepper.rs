@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::sync::{Mutex, PoisonError};
 
 use fearless_simd::Simd;
+use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use crate::block::{Block, merge};
@@ -84,6 +85,8 @@ pub struct Talk {
     pub requests: Receiver<Request>,
     /// Where observations go: one at first, and one after each request.
     pub answers: Sender<Answer>,
+    /// Threads that simulate it.
+    pub pool: &'static ThreadPool,
 }
 
 /// Simulate a batch at a SIMD level, as far as another driver takes it.
@@ -131,7 +134,8 @@ fn converse<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>, talk: &Talk) 
         places: vec![0; batch],
         owners: vec![0; batch],
         begun: 0,
-        minds: (0..=rayon::current_num_threads())
+        pool: talk.pool,
+        minds: (0..=talk.pool.current_num_threads())
             .map(|_| Mutex::new(Minds::new(simd)))
             .collect(),
     };
@@ -173,6 +177,7 @@ struct Crowd<'a, S: Simd, const N: usize> {
     owners: Vec<usize>,
     /// Shares so far.
     begun: usize,
+    pool: &'static ThreadPool,
     /// Room to think, for each thread.
     minds: Vec<Mutex<Minds<S, N>>>,
 }
@@ -217,7 +222,7 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
             .filter_map(|one| Some((one, self.outputs[rows[one]].take()?)))
             .collect();
         let old = self.shares.len();
-        for seats in shares(seats) {
+        for seats in self.pool.install(|| shares(seats)) {
             self.begin(fresh, rows, seats);
         }
         let place = |row: usize| places[row].unwrap_or(0);
@@ -298,15 +303,17 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
             })
             .collect();
         let (places, minds) = (&self.places, &self.minds);
-        portions.par_iter_mut().for_each(|(share, rows)| {
-            let thread = rayon::current_thread_index().map_or(0, |thread| thread + 1);
-            let mut minds = minds[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            let mut rows = ShareRows {
-                source,
-                places,
-                rows,
-            };
-            work(share, &mut minds, &mut rows);
+        self.pool.install(|| {
+            portions.par_iter_mut().for_each(|(share, rows)| {
+                let thread = rayon::current_thread_index().map_or(0, |thread| thread + 1);
+                let mut minds = minds[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                let mut rows = ShareRows {
+                    source,
+                    places,
+                    rows,
+                };
+                work(share, &mut minds, &mut rows);
+            });
         });
         drop(portions);
         answer

@@ -19,6 +19,7 @@ use pyo3::types::PyDict;
 use crate::Numbers;
 use crate::arrays::{expect_length, output, rows_of_two};
 use crate::recorded::{Floats, Ints, Octets, Recorded, Signals, expect_slots};
+use crate::spread::spread;
 
 /// What signals need beside the states, of each simulation.
 #[derive(FromPyObject)]
@@ -163,10 +164,10 @@ pub fn watch(
     let (filled, events) = (filled.as_slice_mut()?, events.as_slice_mut()?);
     with_outputs!(
         Outputs, signals, count * recording.frames,
-        |out| py.detach(|| {
+        |out| spread(py, || {
             core::signals(&recording, &given, level, &mut out, filled);
             core_events::events(&recording, &out.seen(), &limits, events);
-        }),
+        })?,
         lane: u8, lateral: f32, lateral_speed: f32, speed: f32, accel: f32, right_reach: f32, left_reach: f32,
         vehicle: u8, friction: f32, sight_lit: f32, sight_unlit: f32,
     );
@@ -201,7 +202,7 @@ pub fn around(
     expect_length("vehicle", vehicle.len(), PLACES * cells)?;
     with_outputs!(
         Around, outputs, cells,
-        |out| py.detach(|| core::around(&recording, vehicle, level, &mut out)),
+        |out| spread(py, || core::around(&recording, vehicle, level, &mut out))?,
         gap: f32, closing_speed: f32, lateral_gap: f32, left_occupancy: f32, left_count: u8,
     );
     Ok(())
@@ -224,7 +225,7 @@ pub fn target(
     expect_slots("target", target, recording.slots)?;
     with_outputs!(
         Target, outputs, target.len() * recording.frames,
-        |out| py.detach(|| core::target(&recording, &seen, target, level, &mut out)),
+        |out| spread(py, || core::target(&recording, &seen, target, level, &mut out))?,
         valid: bool, lead: f32, overlaps: bool, gap: f32, lateral: f32, lateral_gap: f32, lane: u8,
         speed: f32, accel: f32, lateral_speed: f32,
     );
@@ -258,7 +259,9 @@ pub fn alongside<'py>(
     expect_length("span", span.len(), 2 * target.len())?;
     expect_slots("target", target, recording.slots)?;
     let span = span.as_slice()?;
-    let found = py.detach(|| core::alongside(&recording, &seen, target, span, level));
+    let found = spread(py, || {
+        core::alongside(&recording, &seen, target, span, level)
+    })?;
     Ok((
         PyArray1::from_vec(py, found.simulation),
         PyArray1::from_vec(py, found.frame),
@@ -320,8 +323,9 @@ pub fn stretches(
             sums: out.sums.as_slice_mut()?,
         },
     );
-    py.detach(|| core_stretches::stretches(&recording, &seen, &numbers, &asked, level, answers));
-    Ok(())
+    spread(py, || {
+        core_stretches::stretches(&recording, &seen, &numbers, &asked, level, answers);
+    })
 }
 
 /// What is asked of stretches, and the rows of the answers, by name of the array, in order.
@@ -366,8 +370,7 @@ pub fn limited(
         is_most,
     };
     let (low, frames) = (low.as_slice_mut()?, frames.as_slice_mut()?);
-    py.detach(|| core_stretches::limited(&asked, level, low, frames));
-    Ok(())
+    spread(py, || core_stretches::limited(&asked, level, low, frames))
 }
 
 /// Bits of an array (simulation, time) that are set in any frame of a stretch, and in all: two rows of `out`.

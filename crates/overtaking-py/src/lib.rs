@@ -9,10 +9,12 @@ mod driven;
 mod hash;
 mod labels;
 mod recorded;
+mod spread;
 mod stepper;
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use overtaking_core::orders::{Kind, PARTS, Script};
+use overtaking_core::pool::process_pool;
 use overtaking_core::{
     Constants, Inputs, Later, MAX_KNOTS, MAX_PERCEPTS, MAX_VEHICLES, Output, SIMULATION_NAMES,
     VEHICLE_NAMES, Ways, supported, with_outputs,
@@ -23,6 +25,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{expect_length, output};
+use crate::spread::{no_threads, spread};
 
 /// The road of a batch, lateral axis towards the fast side.
 #[derive(FromPyObject)]
@@ -190,9 +193,10 @@ fn simulate(
         record_every,
         script: script.transpose()?,
     };
-    let run = |out: Output<'_>| py.detach(|| simulate_at(supported(level)?, &inputs, &later, out));
+    let level = supported(level).map_err(PyValueError::new_err)?;
+    let run = |out: Output<'_>| spread(py, || simulate_at(level, &inputs, &later, out));
     let done = with_outputs! { filled! { outputs, batch, slots, frames, run } };
-    done.map_err(PyValueError::new_err)
+    done?.map_err(PyValueError::new_err)
 }
 
 /// What another driver did, (simulation, decision, part), by the name of what it means.
@@ -252,8 +256,9 @@ fn simd_level() -> &'static str {
 
 /// Threads of the pool that simulations are spread over.
 #[pyfunction]
-fn num_threads() -> usize {
-    rayon::current_num_threads()
+fn num_threads() -> PyResult<usize> {
+    let pool = process_pool().map_err(no_threads)?;
+    Ok(pool.current_num_threads())
 }
 
 #[pymodule]

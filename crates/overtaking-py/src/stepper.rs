@@ -1,23 +1,27 @@
 //! Binding of `overtaking_core::stepper`: a batch that waits for another driver between calls.
 
+use std::mem::forget;
+use std::process::id;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::thread::{JoinHandle, spawn};
+use std::thread::{Builder, JoinHandle};
 
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyUntypedArrayMethods, ToPyArray};
 use overtaking_core::observation::{AROUND_NAMES, MEETING_NAMES, OWN_NAMES, Source, WIDTH};
 use overtaking_core::orders::{Kind, PARTS};
+use overtaking_core::pool::process_pool;
 use overtaking_core::stepper::{Answer, Fresh, Request, Talk};
 use overtaking_core::{
     Constants, Inputs, MAX_VEHICLES, SIMULATION_NAMES, VEHICLE_NAMES, supported,
 };
 use overtaking_portable::serve_at;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::arrays::expect_length;
+use crate::spread::no_threads;
 use crate::{Numbers, Road};
 
 /// What a batch is simulated from.
@@ -105,6 +109,8 @@ impl Kept {
 pub struct Stepper {
     batch: usize,
     slots: usize,
+    /// Id of the process that has the thread of the line.
+    process: u32,
     line: Mutex<Option<Line>>,
 }
 
@@ -151,15 +157,22 @@ impl Stepper {
             },
             requests: theirs,
             answers: given,
+            pool: process_pool().map_err(no_threads)?,
         };
-        let thread = spawn(move || {
+        let serve = move || {
             // Slots were checked before: then there is nothing else to refuse.
             let served = serve_at(level, &kept.inputs(), &talk);
             debug_assert!(served.is_ok());
-        });
+        };
+        let thread = Builder::new().spawn(serve).map_err(|error| {
+            no_threads(format!(
+                "threads: expected that the system starts one for each batch, got: {error}"
+            ))
+        })?;
         Ok(Self {
             batch: count,
             slots,
+            process: id(),
             line: Mutex::new(Some(Line {
                 requests,
                 answers,
@@ -219,6 +232,13 @@ impl Stepper {
         rows: usize,
         request: Option<Request>,
     ) -> PyResult<Observed<'py>> {
+        if self.process != id() {
+            return Err(PyRuntimeError::new_err(
+                "simulations that are driven: expected calls from the process that began them, got one \
+                 from a forked child, which has no copy of their threads; begin them in the child, or start \
+                 it with the method 'spawn'",
+            ));
+        }
         let answer = py.detach(|| {
             let line = self.line.lock().ok()?;
             let line = line.as_ref()?;
@@ -242,6 +262,11 @@ impl Drop for Stepper {
     /// Hang up, and wait until the memory is free.
     fn drop(&mut self) {
         let line = self.line.get_mut().ok().and_then(Option::take);
+        if self.process != id() {
+            // A forked child has no such thread: `join` would wait forever, and the channels may hold locks.
+            forget(line);
+            return;
+        }
         if let Some(Line {
             requests,
             answers,

@@ -1,5 +1,6 @@
 """Work done ahead on several threads, and handed over in order."""
 
+import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -10,13 +11,19 @@ A = TypeVar("A")
 B = TypeVar("B")
 
 
-@cache
 def pool_of(name: str, threads: int) -> ThreadPoolExecutor:
     """The threads of a name, the same ones as long as the process lives.
 
     Allocators keep memory for each thread that they have met: with new threads for every shard it
     would grow with the number of shards.
     """
+    return _process_pool(os.getpid(), name, threads)
+
+
+@cache
+def _process_pool(process: int, name: str, threads: int) -> ThreadPoolExecutor:
+    """The threads of a name in one process: a forked child has none of its parent's threads."""
+    del process  # Only a key.
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix=f"overtaking-{name}")
 
 

@@ -114,7 +114,8 @@ def run_versions(scenario: Scenario, versions: Sequence[Version], run: Run) -> T
     last = max(given.num_frames - 1, 0)
     turns: list[Turn] = []
     for one in versions:
-        if not 0 <= one.frame <= last:
+        is_beyond = one.frame > last and scenario.num_simulations > 0
+        if one.frame < 0 or is_beyond:
             raise _no_frame(last, one.frame)
         then = parameters(one.scenario)
         if one.index is not None:

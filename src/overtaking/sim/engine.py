@@ -142,7 +142,8 @@ def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str,
 
 
 def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
-    longest = int(out["num_frames"].max()) if scenario.num_simulations else 0
+    # One frame for a batch of no simulations: a minimum over no frames does not exist.
+    longest = int(out["num_frames"].max(initial=1))
     states = States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_TYPES})
     running = np.arange(longest) < out["num_frames"][:, None, None]
     there = scenario.vehicles.valid[:, :, None] & running

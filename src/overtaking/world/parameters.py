@@ -183,7 +183,7 @@ class Parameters:
     def num_frames(self) -> int:
         """Frames of the longest simulation that these parameters allow."""
         last = self.of_simulations.last_step
-        return int(last.max()) // self.record_every + 1 if last.size else 0
+        return int(last.max()) // self.record_every + 1 if last.size else 1
 
 
 Turn = tuple[int, Parameters]

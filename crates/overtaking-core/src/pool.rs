@@ -1,0 +1,56 @@
+//! The threads of this process.
+
+use std::process::id;
+use std::ptr::null_mut;
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+/// The pool of one process.
+struct ProcessPool {
+    process: u32,
+    pool: ThreadPool,
+}
+
+/// The pool that was built last, in this process or in one that forked it. An atomic pointer, since a
+/// lock that another thread holds during a fork stays locked in the child.
+static LAST_BUILT: AtomicPtr<ProcessPool> = AtomicPtr::new(null_mut());
+
+/// The thread pool of this process.
+///
+/// A forked child has none of its parent's threads, and work that it gives to their pool never starts.
+/// So each process builds a pool at its first call. A parent's pool stays in the child's memory: to
+/// drop it would wait for its threads.
+///
+/// # Errors
+/// The system starts no more threads.
+pub fn process_pool() -> Result<&'static ThreadPool, String> {
+    let last = LAST_BUILT.load(Ordering::Acquire);
+    // SAFETY: The pointer is null or comes from `Box::into_raw` below, and is never freed.
+    match unsafe { last.as_ref() } {
+        Some(built) if built.process == id() => Ok(&built.pool),
+        _ => build_pool(last),
+    }
+}
+
+/// Build the pool of this process, and store it in place of the last one.
+fn build_pool(last: *mut ProcessPool) -> Result<&'static ThreadPool, String> {
+    let pool = ThreadPoolBuilder::new()
+        .build()
+        .map_err(|error| format!("threads: expected that the system starts them, got: {error}"))?;
+    let process = id();
+    let new = Box::into_raw(Box::new(ProcessPool { process, pool }));
+    let order = (Ordering::AcqRel, Ordering::Acquire);
+    match LAST_BUILT.compare_exchange(last, new, order.0, order.1) {
+        // SAFETY: Nothing frees a pointer that was stored.
+        Ok(_) => Ok(unsafe { &(*new).pool }),
+        Err(stored) => {
+            // Another thread of this process was faster.
+            // SAFETY: `new` was not stored, so nobody else has it; `stored` is never freed.
+            unsafe {
+                drop(Box::from_raw(new));
+                Ok(&(*stored).pool)
+            }
+        }
+    }
+}
