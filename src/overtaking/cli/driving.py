@@ -8,7 +8,8 @@ from overtaking.cli.output import Output
 Policy = Annotated[
     str,
     options.option(
-        "--policy MODULE:NAME", "Policy: a function in a module or in a .py file, or a .onnx file."
+        "--policy MODULE:NAME",
+        "Policy: a function in a module or in a .py file, whose code is executed, or a .onnx file.",
     ),
 ]
 Observe = Annotated[

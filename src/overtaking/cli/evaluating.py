@@ -27,7 +27,8 @@ Policy = Annotated[
     str,
     options.option(
         "--policy NAME",
-        "Policy: human, stay or rules; module:name or file.py:name; or a file.onnx.",
+        "Policy: human, stay or rules; module:name or file.py:name, whose code is executed; "
+        "or a file.onnx.",
     ),
 ]
 Against = Annotated[

@@ -228,7 +228,7 @@ _POLICY = (
 )
 Policy = Annotated[str, option("--policy NAME", _POLICY)]
 _LAW = (
-    "Rules to judge by: pt, de, or MODULE:PACK, whose module is run; several, separated by "
+    "Rules to judge by: pt, de, or MODULE:PACK, whose code is executed; several, separated by "
     "commas, where laws are compared. The data set stays as it is."
 )
 Law = Annotated[str, option("--law NAME|MODULE:PACK", _LAW)]
