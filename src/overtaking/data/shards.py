@@ -25,7 +25,15 @@ from overtaking.data.location import Location
 from overtaking.data.manifest import Manifest, ShardRecord
 from overtaking.data.plan import Shard
 from overtaking.data.tables.digest import content_of
-from overtaking.data.tables.files import FileFacts, TableWriter, facts_of, read_notes, read_table
+from overtaking.data.tables.files import (
+    FileFacts,
+    TableWriter,
+    facts_of,
+    num_rows,
+    read_notes,
+    read_table,
+)
+from overtaking.data.tables.schemas import MOST_ROWS
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
@@ -250,6 +258,7 @@ class ShardFiles:
             facts = self._manifest.shards[shard.number].tables[table]
             if not is_intact(partial(path.open, "rb"), facts):
                 raise self._damaged(name, "others")
+            self._check_rows(path, table, shard)
             self._intact.add(name)
         return path
 
@@ -273,6 +282,25 @@ class ShardFiles:
         for shard in self.shards:
             for table in self._manifest.shards[shard.number].tables:
                 self.one(table, shard)
+
+    def _check_rows(self, path: Path, table: str, shard: Shard) -> None:
+        """Refuse a table with more rows than its simulations can have, before any is decoded.
+
+        Raises:
+            DatasetError: It has more.
+            SchemaError: The file is no Parquet file of this table.
+        """
+        if table not in MOST_ROWS:
+            return
+        most, got = MOST_ROWS[table] * shard.num_simulations, num_rows(path, table)
+        if got > most:
+            raise DatasetError.of(
+                what=f"rows of table {table}",
+                where=str(path),
+                expected=f"at most {most} for {shard.num_simulations} simulations",
+                got=got,
+                next_step="restore the file from a copy, or generate the data set again",
+            )
 
     def _fetched(self, table: str, shard: Shard) -> Path:
         if table not in self._manifest.shards[shard.number].tables:

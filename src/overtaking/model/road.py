@@ -85,7 +85,7 @@ class Lane:
         ConfigError: A value is of another type or out of range.
     """
 
-    lane_id: int
+    lane_id: Annotated[int, within(-32768, 32767)]  # Tables hold it in 16 bits.
     width: Annotated[float, within(0.0, MAX_NEIGHBOUR_WIDTH, "m", is_open=True)]
     kind: str = "driving"
     direction: Annotated[int, within(-1, 1)] = 1

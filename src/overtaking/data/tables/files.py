@@ -173,6 +173,19 @@ def read_table(path: Path, table: str) -> pa.Table:
     return _read(path, lambda: _as_today(_opened(path, table).read(), table))
 
 
+def num_rows(path: Path, table: str) -> int:
+    """Number of rows of a file by its metadata; no row is decoded.
+
+    Args:
+        path: The file.
+        table: Name of one of the `SCHEMAS`.
+
+    Raises:
+        SchemaError: The file is missing, damaged, of another table or of a newer version.
+    """
+    return _read(path, lambda: _opened(path, table).metadata.num_rows)
+
+
 def read_columns(path: Path, table: str, names: Sequence[str]) -> pa.Table:
     """Some columns of a file, all rows.
 

@@ -375,6 +375,17 @@ KEYS = {
 }
 """The columns that name a row, in the order by which the table is sorted."""
 
+MOST_ROWS = {
+    "simulations": 1,
+    "weather": 1,
+    "vehicles": _NOBODY,
+    "labels": len(names.POLICY_NAMES),
+    "features": len(names.READINGS),
+    "decisions": 1,
+    "safety": len(MOMENTS),
+}
+"""Most rows of one simulation, for tables whose keys have a fixed number of values."""
+
 SCHEMAS: dict[str, pa.Schema] = {
     table: pa.schema(
         [one.field for one in columns],
