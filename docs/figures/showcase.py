@@ -104,7 +104,7 @@ def figures(data: Dataset) -> list[Picture]:
     return [
         gallery.class_picture(found),
         gallery.pair_pictures(found)[-1],
-        gallery.overtake_picture(CLASS, number, example),
+        gallery.overtake_picture(CLASS, number, example, policy=found.sample.policy),
         gallery.distribution_pictures(found)[-1],
     ]
 

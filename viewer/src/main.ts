@@ -97,7 +97,7 @@ function readerOf(now: Shown): Reader {
 function layAll(): void {
   const now = shown();
   if (!now) return;
-  document.title = `Simulation ${state.sim}, ${now.run.values.policies[state.policy]!.class} · ${source.title}`;
+  document.title = `Simulation ${state.sim}, ${now.run.values.policies[state.policy]!.class} under ${state.policy} · ${source.title}`;
   told.lay(now, readerOf(now));
   refresh();
 }

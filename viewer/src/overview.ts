@@ -60,6 +60,7 @@ export function overview(source: Source, store: Store): Overview {
   falling.addEventListener("change", () => choose({ descending: falling.checked }));
   const clear = h("button", { type: "button", id: "clear", click: () => choose(noChoice()) }, "Clear all");
   const count = h("p", { class: "found", role: "status" });
+  const reading = h("small", {});
   const failure = h("p", { class: "failure", role: "alert" });
   const body = h("tbody", { role: "rowgroup" });
   const pages = [-1, 1].map((way) => h("button", { type: "button", click: () => turn(way as 1 | -1) }, way < 0 ? "‹ before" : "next ›"));
@@ -78,7 +79,7 @@ export function overview(source: Source, store: Store): Overview {
     h(
       "main",
       {},
-      h("div", { class: "list-head" }, h("h1", { tabindex: -1 }, source.title), count, h("label", { class: "field", for: "order" }, "Sort "), order, h("label", { class: "check", for: "falling" }, falling, " falling")),
+      h("div", { class: "list-head" }, h("h1", { tabindex: -1 }, source.title, " ", reading), count, h("label", { class: "field", for: "order" }, "Sort "), order, h("label", { class: "check", for: "falling" }, falling, " falling")),
       failure,
       trouble,
       h("div", { class: "wide", tabindex: 0, role: "region", "aria-label": "Simulations" }, h("table", { class: "simulations", role: "table" }, h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, ...head.map((one) => h("th", { scope: "col", role: "columnheader" }, one || h("span", { class: "unseen" }, "number"))))), body)),
@@ -123,8 +124,9 @@ export function overview(source: Source, store: Store): Overview {
     tell: (found, state) => {
       listed = found;
       tellCounts(values, found);
-      const reading = found.read < found.total ? ` (${thousands(found.read)} read so far)` : "";
-      write(count, `${thousands(found.found)} of ${thousands(found.total)} simulations${reading}`);
+      const progress = found.read < found.total ? ` (${thousands(found.read)} read so far)` : "";
+      write(count, `${thousands(found.found)} of ${thousands(found.total)} simulations${progress}`);
+      write(reading, `classes under the policy ${state.policy}`);
       write(failure, found.failure);
       pages.forEach((one, k) => (one.disabled = beyond(found, found.first, k ? 1 : -1) === null));
       const kept = document.activeElement?.getAttribute("data-sim");

@@ -50,7 +50,7 @@ export function telling(shown: () => Shown | null, redraw: () => void, seek: (fr
   function layWords({ run, state, words }: Shown): void {
     const name = (policy: string): Node => chip(words, run.values.policies[policy]!.class);
     const both = state.against === null ? [name(state.policy)] : [state.policy, state.against].map((one) => h("span", { class: "pair" }, h("small", {}, one), " ", name(one)));
-    title.replaceChildren(`Simulation ${run.values.simulation} `, ...both);
+    title.replaceChildren(`Simulation ${run.values.simulation} `, ...both, state.against === null ? h("small", {}, `under the policy ${state.policy}`) : "");
     const meaning = state.against === null ? h("p", { class: "meaning" }, words.classes[run.values.policies[state.policy]!.class]!.meaning) : difference(reader, state.against);
     about.replaceChildren(meaning, facts(reader));
     tellings.replaceChildren(...sections(reader));

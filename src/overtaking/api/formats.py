@@ -50,7 +50,7 @@ def export(
     file_format: str = EXPORTS[0],
     simulations: Iterable[int] | None = None,
     label: str | None = None,
-    policy: str = "paper",
+    policy: str | None = None,
     progress: Progress | None = None,
     **options: Any,
 ) -> int:
@@ -65,7 +65,8 @@ def export(
         file_format: One of `EXPORTS`.
         simulations: Numbers of the simulations to write, all by default.
         label: A class that they must have, such as `Success_L`.
-        policy: The policy that decides about the class: `paper`, `default` or `strict`.
+        policy: The policy that decides about the class: `paper`, `default` or `strict`; None for
+            the default of the profile.
         progress: Called with the number of simulations that are done, and of all.
         options: Of `asp` and `prolog`: `every` is every how many frames positions are written;
             `with_law=True` writes what only the law reads, too. Of `popper`: `about` is `legal`,
@@ -122,7 +123,7 @@ def _events(data: Dataset) -> dict[int, dict[str, float]]:
 
 
 def _chosen(
-    data: Dataset, simulations: Iterable[int] | None, label: str | None, policy: str
+    data: Dataset, simulations: Iterable[int] | None, label: str | None, policy: str | None
 ) -> NDArray[np.int64] | None:
     """The simulations to write, None for all.
 
@@ -188,7 +189,7 @@ def _export_popper(
     data: Dataset,
     out: Path,
     numbers: Any,
-    policy: str,
+    policy: str | None,
     *,
     about: str = "legal",
 ) -> int:

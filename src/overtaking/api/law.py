@@ -12,7 +12,7 @@ from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
-from overtaking.labels.law import Errors, Pack, Policy
+from overtaking.labels.law import Errors, Pack, Policy, choose_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import checked
 
@@ -29,7 +29,7 @@ def law_curve(
     data: str | Path,
     *,
     law: str = LAWS[0],
-    policy: str = "paper",
+    policy: str | None = None,
     position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     progress: Progress | None = None,
@@ -39,7 +39,7 @@ def law_curve(
     Args:
         data: Folder of a data set, or its URL.
         law: What `rules.load_pack` takes.
-        policy: Name of a policy of the law.
+        policy: Name of a policy of the law; None for the default of the profile.
         position_error: As in `label` [m].
         speed_error: As in `label` [m/s].
         progress: Called with the number of simulations that are done, and of all.
@@ -50,10 +50,10 @@ def law_curve(
     """
     from overtaking.analysis.law.curve import curve
 
-    pack = load_pack(law)
-    (chosen,) = policies_of(pack, [policy])
+    pack, source = load_pack(law), load(data)
+    (chosen,) = policies_of(pack, [choose_policy(policy, source.profile)])
     errors = errors_of(position_error, speed_error)
-    judged = _judged(load(data), [pack], [[chosen]], errors, progress)
+    judged = _judged(source, [pack], [[chosen]], errors, progress)
     return curve(((said[0], case) for _, case, said in judged), pack, chosen)
 
 

@@ -20,7 +20,7 @@ def learn_rules(
     data: Dataset | str | Path,
     about: str = "legal",
     *,
-    policy: str = "paper",
+    policy: str | None = None,
     seed: int = 1,
     max_rules: int = 12,
     max_conditions: int = 3,
@@ -31,7 +31,8 @@ def learn_rules(
     Args:
         data: The data set, or its folder.
         about: `legal`, `collision`, or `start`: that this is no time to begin.
-        policy: Which rules of law decide about the class: `paper`, `default` or `strict`.
+        policy: Which rules of law decide about the class: `paper`, `default` or `strict`; None
+            for the default of the profile.
         seed: Of the split into training and held-out simulations, and of the black box.
         max_rules: How many rules at most.
         max_conditions: How many conditions a rule may have.
@@ -71,7 +72,7 @@ def learn_factors(
     about: str = "outcome",
     *,
     features: Iterable[str] = (),
-    policy: str = "paper",
+    policy: str | None = None,
     seed: int = 1,
     repeats: int = 1,
     show_leakage: bool = False,
@@ -83,7 +84,8 @@ def learn_factors(
         data: The data set, or its folder.
         about: `outcome` for the class; or `legal`, `collision`, `start`.
         features: Factors or single attributes to use; all factors if none.
-        policy: Which rules of law decide about the class: `paper`, `default` or `strict`.
+        policy: Which rules of law decide about the class: `paper`, `default` or `strict`; None
+            for the default of the profile.
         seed: Of all choices.
         repeats: How often the factors are ranked, each time on other simulations.
         show_leakage: Whether to show what features would fake that are known only afterwards.

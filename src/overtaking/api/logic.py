@@ -21,7 +21,7 @@ def ask(
     *,
     simulations: Iterable[int] | None = None,
     label: str | None = None,
-    policy: str = "paper",
+    policy: str | None = None,
     every: int = 10,
     max_rows: int = 10_000,
     timeout_s: float = 600.0,
@@ -36,7 +36,8 @@ def ask(
             simulation is asked on its own; the query can neither read nor write anything else.
         simulations: Numbers of the simulations to ask, all of them if left out.
         label: A class that they must have.
-        policy: Whose classes are meant: `paper`, `default` or `strict`.
+        policy: Whose classes are meant: `paper`, `default` or `strict`; None for the
+            default of the profile.
         every: Every how many frames positions are looked at, beside those in which something
             changes.
         max_rows: How many answers to give at most.

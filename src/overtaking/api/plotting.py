@@ -18,7 +18,7 @@ def plot(
     out: str | Path | None = None,
     ax: Any = None,
     width: str = "page",
-    policy: str = "paper",
+    policy: str | None = None,
 ) -> "Figure":
     """Draw a figure of a data set or of a result.
 
@@ -32,7 +32,8 @@ def plot(
         ax: Axes of Matplotlib to draw into, of a figure with single axes.
         width: `column` or `page`: 3.5 or 7.16 inches, one or both columns of a paper. The figure is
             laid out for it, with letters of the same size.
-        policy: Which rules decide about the classes of a data set or of twins.
+        policy: Which rules decide about the classes of a data set or of twins; None for the default
+            of the profile.
 
     Returns:
         The figure of Matplotlib, or that of `ax`.

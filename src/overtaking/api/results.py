@@ -12,6 +12,7 @@ from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled
+from overtaking.labels.law import choose_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 def statistics(
     data: Dataset | str | Path,
     *,
-    policy: str = "paper",
+    policy: str | None = None,
     reading: str | None = None,
     weighted: bool = False,
 ) -> "Statistics":
@@ -40,7 +41,8 @@ def statistics(
 
     Args:
         data: The data set, or its folder.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+            default of the profile.
         reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
         weighted: Whether to count each simulation by its importance weight.
 
@@ -52,8 +54,9 @@ def statistics(
     from overtaking.analysis.stats.results import statistics as computed
 
     source = load(data)
-    frame = source.features(policy, reading=reading)
-    return computed(frame, policy=policy, reading=reading, weighted=weighted)
+    chosen = choose_policy(policy, source.profile)
+    frame = source.features(chosen, reading=reading)
+    return computed(frame, policy=chosen, reading=reading, weighted=weighted)
 
 
 @checked
@@ -61,7 +64,7 @@ def write_report(
     data: Dataset | str | Path,
     out: str | Path | None = None,
     *,
-    policy: str = "paper",
+    policy: str | None = None,
     reading: str | None = None,
     weighted: bool = False,
     learn: bool = False,
@@ -73,7 +76,8 @@ def write_report(
         data: The data set, or its folder.
         out: Folder for the page, its figures and tables; `report` in that of the data set if not
             given. Files of an earlier report are replaced.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+            default of the profile.
         reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
         weighted: Whether to count each simulation by its importance weight.
         learn: Whether to learn rules and factors too, which takes minutes.
@@ -108,7 +112,7 @@ def film(
     out: str | Path | None = None,
     *,
     simulations: Iterable[int] | str = "one-per-class",
-    policy: str = "paper",
+    policy: str | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> "list[Video]":
@@ -121,8 +125,8 @@ def film(
             working folder.
         simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
             or `one-per-class`: the first of each class that lasts 2 s or more.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`. Breaches of
-            other rules are grey.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+            default of the profile. Breaches of other rules are grey.
         threads: How many films are made beside each other; all processors if not given.
         progress: Called with the number of films that are done, and of all.
 
@@ -149,7 +153,7 @@ def write_view(
     out: str | Path,
     *,
     simulations: Iterable[int] | str = "one-per-class",
-    policy: str = "paper",
+    policy: str | None = None,
     progress: Progress | None = None,
     say: Callable[[int], None] | None = None,
 ) -> "ViewPage":
@@ -162,7 +166,7 @@ def write_view(
         simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
             or `one-per-class`: the first of each class that lasts 2 s or more.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or
-            `strict`. The page can change it.
+            `strict`; None for the default of the profile. The page can change it.
         progress: Called with the number of simulations that are done, and of all.
         say: Called with the size of a large page before it is written [bytes].
 
@@ -185,7 +189,7 @@ def write_view(
 def serve_view(
     data: str | Path | Dataset,
     *,
-    policy: str = "paper",
+    policy: str | None = None,
     port: Annotated[int, FieldSpec(low=0, high=65535)] = 0,
     ready: Callable[[str], None] | None = None,
 ) -> None:
@@ -196,7 +200,7 @@ def serve_view(
     Args:
         data: The data set, or its folder.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or
-            `strict`. The page can change it.
+            `strict`; None for the default of the profile. The page can change it.
         port: To listen on; 0 lets the system choose.
         ready: Called with the address of the page when it can be opened. Its token opens it once.
 

@@ -8,6 +8,7 @@ from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
 from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
+from overtaking.labels.law import choose_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.changes import Change
 from overtaking.model.checks import argument, checked
@@ -73,7 +74,7 @@ def fan(
     given: str = "truth",
     futures: Futures = 25,
     every: Annotated[float, FieldSpec(low=0.05, high=100.0)] = 0.5,
-    policy: str = "paper",
+    policy: str | None = None,
     progress: Progress | None = None,
 ) -> "Fan":
     """Outcomes of an overtake that begins at each instant of a simulation.
@@ -85,7 +86,8 @@ def fan(
             unnoticed vehicles drawn anew, in agreement with what the ego notices when it begins.
         futures: At each instant; fewer where too few worlds agree.
         every: Time between two instants [s].
-        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+            default of the profile.
         progress: Called with the number of instants that are done, and of all.
 
     Returns:
@@ -110,7 +112,7 @@ def enough(
     simulation: int,
     *,
     goal: str = "lawful",
-    policy: str = "paper",
+    policy: str | None = None,
     progress: Progress | None = None,
 ) -> "Enough":
     """Changes of one quantity that would have made a simulation lawful or safe, each simulated.
@@ -120,7 +122,8 @@ def enough(
         simulation: Its number.
         goal: `lawful`: completed without a breach that the policy counts; `safe`: without collision
             and on the road.
-        policy: Which rules decide: `paper`, `default` or `strict`.
+        policy: Which rules decide: `paper`, `default` or `strict`; None for the
+            default of the profile.
         progress: Called with the number of quantities that are done, and of all.
 
     Raises:
@@ -205,13 +208,14 @@ def _scene(data: Dataset | str | Path, simulation: int) -> "Scene":
 
 
 @checked
-def film_twin(found: Any, out: str | Path, *, policy: str = "paper") -> Path:
+def film_twin(found: Any, out: str | Path, *, policy: str | None = None) -> Path:
     """Film a simulation above its twin, as an mp4 file.
 
     Args:
         found: What `twin` returned.
         out: The file, replaced as a whole; its folder exists.
-        policy: Which rules decide about the classes: `paper`, `default` or `strict`.
+        policy: Which rules decide about the classes: `paper`, `default` or `strict`; None for the
+            default of the profile.
 
     Raises:
         ConfigError: Something else is given, or there is no such policy.
@@ -225,5 +229,6 @@ def film_twin(found: Any, out: str | Path, *, policy: str = "paper") -> Path:
 
     require()
     one, path = argument(found, Twin, "film_twin", "found"), Path(out)
-    write_film(TwinFilm(one, policy), path, title=f"Simulation {one.number} and its twin")
+    title = f"Simulation {one.number} and its twin, policy {choose_policy(policy, one.profile)}"
+    write_film(TwinFilm(one, policy), path, title=title)
     return path

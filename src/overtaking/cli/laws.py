@@ -18,7 +18,7 @@ def curve(
     output: Output,
     data: options.Data,
     law: options.Law = "pt",
-    policy: options.Policy = "paper",
+    policy: options.Policy = None,
     plot: options.Plot = None,
     position_error: options.PositionError = None,
     speed_error: options.SpeedError = None,

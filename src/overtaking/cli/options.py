@@ -222,11 +222,14 @@ AllowMissing = Annotated[
     bool,
     option("--allow-missing", "With --balance: write the data set even if a class is too rare."),
 ]
-_POLICY = (
-    "Policy that decides on the class: paper, default or strict; law knows serious and "
-    "enforced too."
-)
-Policy = Annotated[str, option("--policy NAME", _POLICY)]
+Policy = Annotated[
+    str | None,
+    option(
+        "--policy NAME",
+        "Policy that decides on the class: paper, default or strict; law knows serious and "
+        "enforced too.  [default: default; paper for pinto2023 and pinto2023-physical]",
+    ),
+]
 _LAW = (
     "Rules to judge by: pt, de, or MODULE:PACK, whose code is executed; several, separated by "
     "commas, where laws are compared. The data set stays as it is."
@@ -241,7 +244,6 @@ Policies = Annotated[str, option("--policies NAME,NAME", _POLICIES)]
 OpenPolicies = Annotated[
     str | None, option("--policies NAME,NAME", f"{_POLICIES}  [default: paper,default,strict]")
 ]
-OpenPolicy = Annotated[str | None, option("--policy NAME", f"{_POLICY}  [default: paper]")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,7 +252,7 @@ class Balancing:
 
     balance: Balance = False
     by: BalanceBy = None
-    policy: OpenPolicy = None
+    policy: Policy = None
     candidates: BalanceCandidates = None
     allows_missing: AllowMissing = False
 
@@ -299,7 +301,7 @@ class Chosen:
 
     simulations: ChosenSimulations = None
     label: ChosenClass = None
-    policy: OpenPolicy = None
+    policy: Policy = None
     every: EveryFrames = None
 
 
@@ -320,7 +322,7 @@ class Shown:
         ),
     ] = False
     every: Annotated[bool, option("--all", "Every simulation.")] = False
-    policy: OpenPolicy = None
+    policy: Policy = None
 
 
 ROWS = "Rows to return at most."

@@ -105,7 +105,9 @@ def _heading(values: Values, glyphs: Glyphs) -> Iterator[RenderableType]:
     grid.add_row("Road", road_words(values["road"]))
     grid.add_row("Weather", weather_words(values["weather"]))
     grid.add_row("Outcome", Text(outcome_words(values), style="bold"))
-    classes = (f"{name} {one['class']}" for name, one in values["policies"].items())
+    default = values["policy"]
+    others = [name for name in values["policies"] if name != default]
+    classes = (f"{values['policies'][name]['class']} under {name}" for name in (default, *others))
     grid.add_row("Class", ", ".join(classes))
     for name in dict.fromkeys(one["class"] for one in values["policies"].values()):
         grid.add_row("", Text(f"{name}: {terms('classes')[name].meaning}", style="dim"))

@@ -35,7 +35,7 @@ def stats(
     output: Output,
     data: options.Data,
     weighted: Weighted = False,
-    policy: options.Policy = "paper",
+    policy: options.Policy = None,
     reading: Reading = None,
     written: Written = "text",
 ) -> None:
@@ -56,7 +56,7 @@ def report(
     data: options.Data,
     out: Folder = None,
     weighted: Weighted = False,
-    policy: options.Policy = "paper",
+    policy: options.Policy = None,
     reading: Reading = None,
     learn: Learn = False,
 ) -> None:

@@ -35,7 +35,7 @@ def video(
             data,
             out,
             simulations=choice(shown, "video"),
-            policy=shown.policy or "paper",
+            policy=shown.policy,
             threads=threads,
             progress=meter,
         )

@@ -64,7 +64,7 @@ def _serve(output: Output, data: str, shown: options.Shown, port: int, *, opens:
         if opens:
             webbrowser.open(url)
 
-    api.serve_view(data, policy=shown.policy or "paper", port=port, ready=ready)
+    api.serve_view(data, policy=shown.policy, port=port, ready=ready)
 
 
 def _write(output: Output, data: str, shown: options.Shown, export: Path) -> None:
@@ -75,7 +75,7 @@ def _write(output: Output, data: str, shown: options.Shown, export: Path) -> Non
             data,
             export,
             simulations=choice(shown, "view"),
-            policy=shown.policy or "paper",
+            policy=shown.policy,
             progress=meter,
             say=lambda size: output.say(f"the page takes {_amount(size)}: {export}"),
         )

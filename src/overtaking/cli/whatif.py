@@ -80,7 +80,7 @@ def twin(
     delay: Delay = None,
     at: At = 0.0,
     start: From = "state",
-    policy: options.Policy = "paper",
+    policy: options.Policy = None,
     film: Film = None,
     plot: options.Plot = None,
     out: Save = None,
@@ -123,7 +123,7 @@ def fan(
     given: Given = "truth",
     futures: Futures = 25,
     every: Every = 0.5,
-    policy: options.Policy = "paper",
+    policy: options.Policy = None,
     plot: options.Plot = None,
 ) -> None:
     """Show the outcomes of an overtake begun at each instant.
@@ -156,7 +156,7 @@ def enough(
     data: options.Data,
     simulation: options.Number,
     goal: Goal = "lawful",
-    policy: options.Policy = "paper",
+    policy: options.Policy = None,
 ) -> None:
     """Find single changes that make a simulation lawful or safe.
 
@@ -171,10 +171,12 @@ def enough(
     output.result(values, lambda _: render_enough(values))
 
 
-def values_of_twin(one: "Twin", policy: str) -> dict[str, Any]:
-    """Twins as plain values."""
+def values_of_twin(one: "Twin", policy: str | None) -> dict[str, Any]:
+    """Twins as plain values; without a policy, under the default of their profile."""
     from overtaking.analysis.whatif.scenes import class_of
+    from overtaking.labels.law import choose_policy
 
+    policy = choose_policy(policy, one.profile)
     parting = one.parting
     return {
         "simulation": one.number,

@@ -44,7 +44,8 @@ class Balance:
 
     Attributes:
         by: What defines the cells, one of `BY`.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`.
+        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+            default of the profile.
         candidates: How many candidates to look at before giving up; None for 200 for each
             simulation that is wanted, at least 10,000.
         allows_missing: Whether to be content with fewer simulations if a cell is not full by then.
@@ -54,14 +55,15 @@ class Balance:
     """
 
     by: tuple[str, ...] = ("class",)
-    policy: str = "paper"
+    policy: str | None = None
     candidates: Annotated[int | None, within(1, MAX_CANDIDATES)] = None
     allows_missing: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what cannot be carried out, before anything is made."""
         check(self, "balance")
-        known_policy(self.policy)
+        if self.policy is not None:
+            known_policy(self.policy)
         if self.by not in BY:
             choices = [",".join(names) for names in BY]
             raise ConfigError.not_among("cells", "balance", choices, ",".join(self.by))
@@ -70,7 +72,7 @@ class Balance:
         """The settings in one line."""
         end = "fewer simulations if that is not enough" if self.allows_missing else "no fewer"
         return (
-            f"equal numbers by {','.join(self.by)} under policy {self.policy} "
+            f"equal numbers by {','.join(self.by)} under policy {self.policy or 'of the profile'} "
             f"from at most {self.candidates} candidates, {end}"
         )
 

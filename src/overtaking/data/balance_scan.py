@@ -24,7 +24,7 @@ from overtaking.data.location import Location
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.label import label
-from overtaking.labels.law import PORTUGAL, policy
+from overtaking.labels.law import PORTUGAL, choose_policy, policy
 from overtaking.scenarios import sample
 
 FILE_NAME = "balance.json"
@@ -171,6 +171,7 @@ class Scan:
         assert identity.balance is not None
         self._recipe, self._simulator, self._location = recipe, simulator, location
         self._balance: Balance = identity.balance
+        self._policy = policy(choose_policy(self._balance.policy, identity.profile))
         self._limit = self._balance.limit(recipe.num_simulations)
         self._key = _key(identity, self._balance)
         self._step = identity.shard_size
@@ -217,7 +218,7 @@ class Scan:
         recipe = self._recipe
         index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
         scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
-        said = label(self._simulator.simulate(scenario), policies=[policy(self._balance.policy)])
+        said = label(self._simulator.simulate(scenario), policies=[self._policy])
         return self._balance.cell_of(said.labels.classes[:, 0], scenario.weather.night)
 
     def _save(self) -> None:

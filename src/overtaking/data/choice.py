@@ -10,6 +10,7 @@ from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError
 from overtaking.data.tables.files import read_table
 from overtaking.data.tables.names import CLASSES, POLICY_NAMES
+from overtaking.labels.law import choose_policy
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,7 +31,7 @@ def chosen(
     data: Dataset,
     numbers: Iterable[int] | None = None,
     label: str | None = None,
-    policy: str = POLICY_NAMES[0],
+    policy: str | None = None,
 ) -> I64 | None:
     """The numbers of the simulations that are meant.
 
@@ -38,7 +39,7 @@ def chosen(
         data: The data set.
         numbers: Numbers of simulations, None for all.
         label: A class that they must have, in any case of letters, None for any.
-        policy: The policy that decides about the class.
+        policy: The policy that decides about the class; None for the default of the profile.
 
     Returns:
         Their numbers in order, each once, shape (chosen,); None for all.
@@ -51,6 +52,7 @@ def chosen(
     if found is not None and found.size and not 0 <= found[0] <= found[-1] < len(data):
         wrong = int(found[0] if found[0] < 0 else found[-1])
         raise ConfigError.out_of_range("simulation", _WHERE, 0, len(data) - 1, wrong)
+    policy = choose_policy(policy, data.profile)
     check_name(policy, POLICY_NAMES, what="policy", where=_WHERE)
     if label is None:
         return found

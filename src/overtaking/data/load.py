@@ -20,6 +20,7 @@ from overtaking.data.tables.files import read_columns, read_rows, read_table
 from overtaking.data.tables.names import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_actions, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
+from overtaking.labels.law import choose_policy
 from overtaking.model.checks import checked
 
 if TYPE_CHECKING:
@@ -197,12 +198,13 @@ class Dataset(Summarized):
 
     @checked
     def features(
-        self, policy: str = "paper", *, reading: str | None = None, encoded: bool = False
+        self, policy: str | None = None, *, reading: str | None = None, encoded: bool = False
     ) -> pd.DataFrame:
         """The paper's fifteen features and the class, one row per simulation.
 
         Args:
-            policy: Which rules decide about the class: `paper`, `default` or `strict`.
+            policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+                default of the profile.
             reading: How features are measured, `paper` or `matched`; `paper` for the policy of that
                 name, else `matched`, if left out.
             encoded: Whether names become the paper's numbers and missing values 0.
@@ -215,9 +217,12 @@ class Dataset(Summarized):
         """
         from overtaking.data.views import features_frame
 
-        chosen = reading or ("paper" if policy == "paper" else "matched")
+        chosen_policy = choose_policy(policy, self.profile)
+        chosen_reading = reading or ("paper" if chosen_policy == "paper" else "matched")
         tables = [_decoded(self.table(name)) for name in ("features", "labels")]
-        return features_frame(*tables, policy=policy, reading=chosen, encoded=encoded)
+        return features_frame(
+            *tables, policy=chosen_policy, reading=chosen_reading, encoded=encoded
+        )
 
     @checked
     def verdict(self, simulation: int) -> Verdict:

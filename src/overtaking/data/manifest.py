@@ -33,6 +33,7 @@ from overtaking.data.location import Location
 from overtaking.data.recipe import Keep, PolicyRecord, Recipe, Simulator, tables_of
 from overtaking.data.tables.files import FileFacts
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
+from overtaking.labels.law import choose_policy
 from overtaking.model.road import Road
 from overtaking.model.weather import Pushes
 from overtaking.scenarios import profile_names
@@ -270,11 +271,12 @@ _NEW = frozenset({"unknown", "source", "balance", "policy", "branches"})
 
 
 def _with_limit(recipe: Recipe) -> Balance | None:
-    """The balance of a recipe with the number of candidates that it amounts to."""
+    """The balance of a recipe with its policy and its number of candidates filled in."""
     if recipe.balance is None:
         return None
     limit = recipe.balance.limit(recipe.num_simulations)
-    return dataclasses.replace(recipe.balance, candidates=limit)
+    policy = choose_policy(recipe.balance.policy, recipe.spec.name)
+    return dataclasses.replace(recipe.balance, candidates=limit, policy=policy)
 
 
 class Provenance(_Record):

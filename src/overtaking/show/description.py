@@ -12,7 +12,7 @@ from overtaking.data.tables.columns import SUFFIXES, si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
 from overtaking.knowledge import terms
-from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.labels.law import POLICIES, PORTUGAL, default_policy
 from overtaking.model.batch import batch_fields
 from overtaking.model.oncoming import Oncoming
 from overtaking.model.trajectory import Stage
@@ -75,6 +75,7 @@ def describe(
     return {
         "simulation": number,
         "profile": scenario.profile,
+        "policy": _policy_name(scenario.profile, policies),
         "seed": scenario.seed,
         "index": int(scenario.index[0]),
         "weight": float(scenario.weight[0]),
@@ -92,6 +93,13 @@ def describe(
         **_oncoming(labelled),
         **judge(labelled, explanation),
     }
+
+
+def _policy_name(profile: str, policies: Sequence[Policy]) -> str:
+    """The default policy of the profile; the first policy where a pack lacks the default."""
+    names = [one.name for one in policies]
+    default = default_policy(profile)
+    return default if default in names else names[0]
 
 
 def _oncoming(labelled: Labelled) -> Values:

@@ -34,7 +34,7 @@ def features() -> pd.DataFrame:
 
 def figure_numbers(frame: pd.DataFrame) -> dict[str, Any]:
     """The numbers of every figure."""
-    found = statistics(frame)
+    found = statistics(frame, policy="paper")
     sample = found.sample
     related = associations(sample)
     assert found.waiting is not None

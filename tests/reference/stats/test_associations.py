@@ -27,7 +27,7 @@ def frame() -> pd.DataFrame:
 
 @pytest.fixture(scope="module")
 def found(frame: pd.DataFrame) -> Associations:
-    return associations(prepare(frame))
+    return associations(prepare(frame, policy="paper"))
 
 
 def matrix(found: Associations, values: np.ndarray) -> Any:
@@ -52,7 +52,7 @@ def test_associations_are_those_of_dython(frame: pd.DataFrame):
             cramers_v_bias_correction=True,
             compute_only=True,
         )["corr"]
-    ours = associations(prepare(whole))
+    ours = associations(prepare(whole, policy="paper"))
     np.testing.assert_allclose(
         matrix(ours, ours.values).to_numpy(),
         expected.loc[NAMES, NAMES].to_numpy(dtype=float),
@@ -122,7 +122,7 @@ def test_published_artefacts_of_the_presets_are_seen(found: Associations):
 
 
 def test_a_constant_column_has_no_association(frame: pd.DataFrame):
-    found = associations(prepare(frame.assign(FOG=2.0, HL="No")))
+    found = associations(prepare(frame.assign(FOG=2.0, HL="No"), policy="paper"))
     assert set(found.constant) == {"FOG", "HL"}
     values = matrix(found, found.values)
     assert values.loc["FOG"].drop("FOG").isna().all()
@@ -131,7 +131,7 @@ def test_a_constant_column_has_no_association(frame: pd.DataFrame):
 
 @pytest.mark.parametrize("rows", [0, 1, 2, 3, 5])
 def test_hardly_any_simulations_are_no_problem(frame: pd.DataFrame, rows: int):
-    found = associations(prepare(frame.iloc[:rows]))
+    found = associations(prepare(frame.iloc[:rows], policy="paper"))
     assert len(found.names) == 16
     assert np.isnan(found.q_values).all() or rows > 2
 
@@ -139,7 +139,10 @@ def test_hardly_any_simulations_are_no_problem(frame: pd.DataFrame, rows: int):
 def test_what_is_censored_is_left_out(frame: pd.DataFrame):
     changed = frame.copy()
     changed.loc[changed.index[-40:], "CLASS"] = "censored"
-    one, other = associations(prepare(changed)), associations(prepare(frame.iloc[:-40]))
+    one, other = (
+        associations(prepare(changed, policy="paper")),
+        associations(prepare(frame.iloc[:-40], policy="paper")),
+    )
     np.testing.assert_array_equal(
         matrix(one, one.values).to_numpy(), matrix(other, other.values).to_numpy()
     )

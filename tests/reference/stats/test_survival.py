@@ -78,7 +78,7 @@ def test_limits_are_those_of_scipy():
 
 def test_nobody_who_never_began_counts_as_begun():
     frame = synthetic_features()
-    curve = waiting_time(prepare(frame))
+    curve = waiting_time(prepare(frame, policy="paper"))
     assert curve is not None
     assert curve.num_censored == int((frame["CLASS"] == "No_attempt").sum())
     assert curve.survival[-1] > 0.05
@@ -89,8 +89,10 @@ def test_nobody_who_never_began_counts_as_begun():
 def test_a_collision_before_any_attempt_ends_the_waiting_without_one():
     frame = synthetic_features()
     crashed = frame.index[frame["CLASS"] == "Unsuccess_col"][:10]
-    before = waiting_time(prepare(frame))
-    after = waiting_time(prepare(frame.assign(OT=frame["OT"].where(~frame.index.isin(crashed), 0))))
+    before = waiting_time(prepare(frame, policy="paper"))
+    after = waiting_time(
+        prepare(frame.assign(OT=frame["OT"].where(~frame.index.isin(crashed), 0)), policy="paper")
+    )
     assert before is not None
     assert after is not None
     assert after.num_censored == before.num_censored + 10
@@ -98,4 +100,4 @@ def test_a_collision_before_any_attempt_ends_the_waiting_without_one():
 
 def test_drawn_waiting_times_have_no_curve():
     assert waiting_time(prepare(synthetic_features(), policy="matched")) is None
-    assert waiting_time(prepare(synthetic_features().assign(WT=np.nan))) is None
+    assert waiting_time(prepare(synthetic_features().assign(WT=np.nan), policy="paper")) is None

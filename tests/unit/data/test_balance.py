@@ -146,4 +146,4 @@ def test_the_usual_number_of_candidates_is_written_down(recipe, simulator):
     large = dataclasses.replace(recipe, num_simulations=5000, balance=Balance())
     for wanted, one in ((10_000, dataclasses.replace(large, num_simulations=5)), (10**6, large)):
         identity = Identity.of(one, simulator)
-        assert identity.balance == Balance(candidates=wanted)
+        assert identity.balance == Balance(policy="paper", candidates=wanted)

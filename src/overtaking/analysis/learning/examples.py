@@ -11,6 +11,7 @@ from overtaking.analysis.learning.targets import Target, is_asked
 from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import DatasetError
 from overtaking.data.load import Dataset
+from overtaking.labels.law import choose_policy
 
 _PART = r"(?: frames \d+ to \d+)? vehicles [\d ]*$"
 """The end of a `source_recording`: the part of the recording."""
@@ -82,17 +83,18 @@ class Examples:
         return self.column("ahead_gap_m") < BY_NAME["ahead_gap_m"].scale.absent
 
 
-def examples_of(data: Dataset, policy: str = "paper") -> Examples:
+def examples_of(data: Dataset, policy: str | None = None) -> Examples:
     """The examples of a data set.
 
     Args:
         data: The data set.
-        policy: The policy that decides on the class.
+        policy: The policy that decides on the class; None for the default of the profile.
 
     Raises:
         ConfigError: There is no such policy.
         DatasetError: It has no table of decisions, or one with too few rows.
     """
+    policy = choose_policy(policy, data.profile)
     decisions = data.decisions().set_index("simulation").sort_index()
     classes = data.features(policy)["CLASS"].reindex(decisions.index)
     events = data.events()

@@ -12,7 +12,7 @@ def rule_table(found: RulesFound) -> Table:
     """The rules, their scores on held-out examples, and counterexamples."""
     return Table.of(
         name=f"rules-{found.target.name}",
-        title=f"{found.target.title}: {found.target.question}",
+        title=f"{found.target.title}: {found.target.question} (policy {found.policy})",
         note="The prediction holds if any rule holds. Scores are on held-out simulations; “wrong "
         "in” lists the first false positives in the whole data set.",
         columns={
@@ -43,7 +43,7 @@ def comparison_table(found: RulesFound) -> Table:
     shares = ("accuracy", "balanced", "precision", "recall", "F")
     return Table.of(
         name=f"rules-{found.target.name}-compared",
-        title=f"{found.target.title}: rules, speed limit and black box",
+        title=f"{found.target.title}: rules, speed limit and black box (policy {found.policy})",
         note="Scores on the held-out simulations.",
         columns={"judge": _TEXT, "examples": _COUNT} | dict.fromkeys(shares, _SHARE),
         rows=[
@@ -89,7 +89,7 @@ def confusion_table(found: FactorsFound) -> Table:
     model = next(one for one in found.models if one.name == TREES)
     return Table.of(
         name="learning-confusion",
-        title=f"Confusion matrix of {TREES}",
+        title=f"Confusion matrix of {TREES}: {_what(found)}",
         note="Held-out simulations.",
         columns={"actual \\ predicted": _TEXT} | dict.fromkeys(found.outcomes, _COUNT),
         rows=[
@@ -132,4 +132,5 @@ def leakage_table(found: FactorsFound) -> Table:
 
 
 def _what(found: FactorsFound) -> str:
-    return "the class" if found.about == "outcome" else f"“{found.outcomes[0]}”"
+    outcome = "the class" if found.about == "outcome" else f"“{found.outcomes[0]}”"
+    return f"{outcome} under the policy {found.policy}"

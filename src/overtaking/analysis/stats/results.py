@@ -62,7 +62,7 @@ class Statistics(Summarized):
 def statistics(
     frame: pd.DataFrame,
     *,
-    policy: str = "paper",
+    policy: str,
     reading: str | None = None,
     weighted: bool = False,
 ) -> Statistics:

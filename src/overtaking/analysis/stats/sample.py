@@ -90,7 +90,7 @@ def effective_size(weight: F64) -> float:
 def prepare(
     frame: pd.DataFrame,
     *,
-    policy: str = "paper",
+    policy: str,
     reading: str | None = None,
     weighted: bool = False,
 ) -> Sample:

@@ -40,7 +40,7 @@ def class_table(sample: Sample) -> Table:
     weighted = "The shares are weighted, the counts are not. " if sample.is_weighted else ""
     return Table.of(
         name="classes",
-        title="Frequency of classes",
+        title=f"Frequency of classes under the policy {sample.policy}",
         note=f"{weighted}The last two columns limit the share with 95 % confidence "
         "(Wilson's interval).",
         columns={"class": Style.TEXT, "count": Style.COUNT}
@@ -63,7 +63,7 @@ def static_table(sample: Sample) -> Table:
         sample,
         rows,
         name="static-features",
-        title="Statistics of static features",
+        title=f"Statistics of static features by class, policy {sample.policy}",
         note="Counts for what is a name, and for the number of vehicles; σ is the standard "
         "deviation of a sample (n − 1).",
     )
@@ -80,7 +80,7 @@ def dynamic_table(sample: Sample) -> Table:
         sample,
         rows,
         name="dynamic-features",
-        title="Statistics of dynamic features",
+        title=f"Statistics of dynamic features by class, policy {sample.policy}",
         note="Values at the start of the overtake. af is the number of simulations that have a "
         "value, rf its share of all those that have one and are not censored.",
     )

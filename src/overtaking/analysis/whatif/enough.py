@@ -17,6 +17,7 @@ from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.label import Labelled, label
+from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.batch import concatenate
 from overtaking.model.changes import Change
@@ -104,7 +105,7 @@ def enough_of(
     scene: Scene,
     *,
     goal: str = "lawful",
-    policy: str = "paper",
+    policy: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Enough:
     """The changes of one quantity that would have been enough.
@@ -113,7 +114,7 @@ def enough_of(
         scene: The simulation.
         goal: `lawful`: completed without breaking a rule that the policy requires; `safe`: without
             collision, and on the road.
-        policy: Which rules decide.
+        policy: Which rules decide; None for the default of the profile.
         progress: Called with the number of quantities that are done, and of all.
 
     Raises:
@@ -121,6 +122,7 @@ def enough_of(
             the goal as it was.
     """
     check_name(goal, GOALS, what="goal", where="enough")
+    policy = choose_policy(policy, scene.scenario.profile)
     policy_named(policy)
     was = class_of(label(scene.run), policy)
     if scene.run.branched is not None:

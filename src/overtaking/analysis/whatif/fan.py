@@ -13,6 +13,7 @@ from overtaking.core.arrays import I64
 from overtaking.core.checks import check_name
 from overtaking.core.intervals import wilson
 from overtaking.labels.label import label
+from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.decision import Decision
 from overtaking.model.labels import OvertakeClass
@@ -86,7 +87,7 @@ def fan_of(
     given: str = "truth",
     futures: int = 25,
     every: float = 0.5,
-    policy: str = "paper",
+    policy: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fan:
     """Outcomes of an overtake that begins at each instant.
@@ -103,13 +104,14 @@ def fan_of(
             other errors of the ego; kept are worlds in which it notices the same when it begins.
         futures: At each instant.
         every: Time between two instants, a multiple of that between frames [s].
-        policy: Which rules decide about the class.
+        policy: Which rules decide about the class; None for the default of the profile.
         progress: Called with the number of instants that are done, and of all.
 
     Raises:
         ConfigError: There is no such policy.
     """
     check_name(given, GIVEN, what="given", where="fan")
+    policy = choose_policy(policy, scene.scenario.profile)
     policy_named(policy)
     stayed = branch(scene.scenario, decision=Decision.STAY, changes=scene.world.changes)
     step = max(round(every * scene.rate), 1)

@@ -81,6 +81,11 @@ class Twin:
     begins: tuple[float | None, float | None]
     lamps: float | None
 
+    @property
+    def profile(self) -> str:
+        """Name of the profile of the simulation."""
+        return self.told[0].run.scenario.profile
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wish:

@@ -121,6 +121,26 @@ POLICIES = tuple(one for one in policies_for("pt") if one.name in STORED)
 """The policies that data sets keep, of the Portuguese pack."""
 
 
+def default_policy(profile: str) -> str:
+    """Name of the policy under which classes are read where no other is named.
+
+    Args:
+        profile: Name of the profile of the simulations, or of the format of a recording.
+    """
+    policies = load(_FILE)
+    return str(policies["default_of_profile"].get(profile, policies["default"]))
+
+
+def choose_policy(name: str | None, profile: str) -> str:
+    """Name of the policy to use: the named one, or the default of the profile.
+
+    Args:
+        name: Name of a policy; None for the default.
+        profile: As in `default_policy`.
+    """
+    return default_policy(profile) if name is None else name
+
+
 def policy(name: str) -> Policy:
     """The stored policy of a name.
 

@@ -33,11 +33,12 @@ from overtaking.show.plots.style import (
 
 
 @styled
-def draw_classes(table: Table) -> Figure:
+def draw_classes(table: Table, *, policy: str) -> Figure:
     """Bars with count and share of each class.
 
     Args:
         table: `analysis.stats.tables.class_table`.
+        policy: Name of the policy of the classes.
     """
     rows = list(table.rows.itertuples(index=False, name=None))
     figure, axes = single_axes(0.45 + 0.36 * len(rows))
@@ -62,7 +63,8 @@ def draw_classes(table: Table) -> Figure:
     axes.invert_yaxis()
     gap = "\n" if is_narrow() else " "
     axes.set_xlabel(
-        f"share of simulations;{gap}the line spans its 95 % confidence", color=palette.QUIET
+        f"share of simulations, policy {policy};{gap}the line spans its 95 % confidence",
+        color=palette.QUIET,
     )
     return figure
 
@@ -73,20 +75,25 @@ _FEW = 5  # Of fewer simulations an axis would show fractions.
 
 @styled
 def draw_histograms(
-    histograms: Sequence[Histogram], classes: Sequence[str], *, is_weighted: bool = False
+    histograms: Sequence[Histogram],
+    classes: Sequence[str],
+    *,
+    policy: str,
+    is_weighted: bool = False,
 ) -> Figure:
     """A panel for each feature.
 
     Args:
         histograms: `analysis.stats.distributions.histogram` of each feature to draw.
         classes: The classes of their counts.
+        policy: Name of the policy of the classes.
         is_weighted: Whether simulations were counted by weight.
     """
     columns = 2 if is_narrow() else 3
     rows = -(-len(histograms) // columns)
     figure = new_figure(0.6 + _PANEL_HEIGHT * rows, is_fixed=True)
     lines = -(-len(classes) // legend_columns(len(classes)))
-    top = 0.36 + 0.16 * lines  # Room for the legend.
+    top = 0.36 + 0.16 * (lines + 1)  # Room for the legend and its title.
     set_margins(figure, left=0.52, right=0.16, top=top, bottom=0.28, wspace=0.34, hspace=0.46)
     panels = np.atleast_1d(figure.subplots(rows, columns)).ravel()
     for axes, one in zip(panels, histograms, strict=False):
@@ -95,7 +102,7 @@ def draw_histograms(
         axes.set_visible(False)
     axis = "simulations, weighted" if is_weighted else "simulations"
     figure.supylabel(axis, x=0.005, color=palette.QUIET, size=8)
-    add_class_legend(figure, classes)
+    add_class_legend(figure, classes, policy)
     return figure
 
 
@@ -139,11 +146,12 @@ def face(name: str) -> Mapping[str, Any]:
     }
 
 
-def add_class_legend(figure: Figure, classes: Sequence[str]) -> None:
-    """The classes with their colours, above a figure."""
+def add_class_legend(figure: Figure, classes: Sequence[str], policy: str) -> None:
+    """The classes with their colours and the policy, above a figure."""
     patches = [Patch(label=words(name), linewidth=0.0, **face(name)) for name in classes]
     figure.legend(
         handles=patches,
+        title=f"class under the policy {policy}",
         loc="upper center",
         ncols=legend_columns(len(patches)),
         handlelength=1.3,
@@ -204,6 +212,7 @@ def draw_boxes_and_swarm(
         axes.set_xticks(range(len(boxes)), list(map(words, boxes)) if turned else labels, **turned)
         axes.set_xlim(-0.55, len(boxes) - 0.45)
     left.set_ylabel(f"{feature.title}, {feature.label}")
+    figure.supxlabel(f"class under the policy {sample.policy}", color=palette.QUIET, size=8)
     if any(one.is_sampled for one in points.values()):
         right.set_title("a sample of each class", color=palette.QUIET, weight="normal", size=8.0)
     return figure

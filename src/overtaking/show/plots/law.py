@@ -49,7 +49,7 @@ def draw_curve(found: Curve) -> Figure:
         axes.set(xlabel=f"{_TITLES[name]}\n[{unit}]", ylim=(0.0, 1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     panels[0].set_ylabel("legal")
-    panels[0].set_title(f"{found.overtakes:,} overtakes by {found.pack}, {found.policy}")
+    panels[0].set_title(f"{found.overtakes:,} overtakes by {found.pack}, policy {found.policy}")
     _bars(figure.add_subplot(rows[1]), found, codes)
     return figure
 

@@ -43,7 +43,7 @@ def draw_confusion(found: FactorsFound) -> Figure:
     labels = [one.replace(" ", "\n") for one in names] if is_narrow() else names
     axes.set_xticks(range(len(names)), labels)
     axes.set_yticks(range(len(names)), labels)
-    axes.set(xlabel="foretold", ylabel="came")
+    axes.set(xlabel=f"foretold (policy {found.policy})", ylabel="came")
     axes.grid(visible=False)
     axes.tick_params(length=0, labelcolor=palette.INK)
     axes.spines[:].set_visible(False)
@@ -104,7 +104,9 @@ def draw_ranking(found: FactorsFound) -> Figure:
     axes.tick_params(axis="y", labelcolor=palette.INK)
     axes.set_ylim(len(places) - 0.4, -0.6)
     axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-    axes.set_xlabel("accuracy with this factor and all above it", wrap=True)
+    axes.set_xlabel(
+        f"accuracy with this factor and all above it (policy {found.policy})", wrap=True
+    )
     axes.grid(visible=True, axis="x", color=palette.GRID)
     axes.grid(visible=False, axis="y")
     return figure

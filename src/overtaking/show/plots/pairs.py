@@ -54,7 +54,7 @@ def draw_pairs(sample: Sample, histograms: Sequence[Histogram], points: Points) 
             else:
                 _draw_cloud(axes, columns[across], columns[up], members, size=2.2)
             _label_edges(axes, across, up, is_left=column == 0, is_bottom=row == number - 1)
-    _add_marker_legend(figure, list(members), "upper right", (0.98, 0.97))
+    _add_marker_legend(figure, sample, "upper right", (0.98, 0.97))
     return figure
 
 
@@ -76,7 +76,7 @@ def draw_details(sample: Sample, points: Points) -> Figure:
         axes.set_ylabel(f"{BY_NAME[up].title}, {BY_NAME[up].label}")
         if {across, up} == {"SE", "SP"}:
             axes.axline((100.0, 100.0), slope=1.0, color=palette.LINE, linewidth=0.8, zorder=0)
-    _add_marker_legend(figure, list(members), "outside upper center", None)
+    _add_marker_legend(figure, sample, "outside upper center", None)
     return figure
 
 
@@ -130,9 +130,9 @@ def _label_edges(axes: Axes, across: str, up: str, *, is_left: bool, is_bottom: 
 
 
 def _add_marker_legend(
-    figure: Figure, classes: Sequence[str], place: str, anchor: tuple[float, float] | None
+    figure: Figure, sample: Sample, place: str, anchor: tuple[float, float] | None
 ) -> None:
-    """The classes with their colours and markers."""
+    """The classes with their colours and markers, and the policy."""
     dots: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0.0, "markersize": 5.0}
     handles = [
         Line2D(
@@ -143,10 +143,11 @@ def _add_marker_legend(
             label=words(one),
             **dots,
         )
-        for one in classes
+        for one in sample.classes
     ]
     columns = 1 if anchor else legend_columns(len(handles))
     more: dict[str, Any] = {"loc": place, "bbox_to_anchor": anchor}
+    more["title"] = f"class under the policy {sample.policy}"
     figure.legend(handles=handles, ncols=columns, handletextpad=0.2, **more)
 
 

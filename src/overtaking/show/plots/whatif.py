@@ -13,6 +13,7 @@ from overtaking.analysis.whatif.twin import Twin
 from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.labels.label import label
+from overtaking.labels.law import choose_policy
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import (
     METRES_PER_SECOND_PER_STEP,
@@ -36,13 +37,15 @@ _LOOKS = (
 
 
 @styled
-def draw_twin(one: Twin, policy: str = "paper") -> Figure:
+def draw_twin(one: Twin, policy: str | None = None) -> Figure:
     """Place across the road, speed of the ego and gap to its target, of both.
 
     Args:
         one: The twins.
-        policy: Which rules decide about the classes that the legend names.
+        policy: Which rules decide about the classes that the legend names; None for the default of
+            the profile.
     """
+    policy = choose_policy(policy, one.profile)
     figure = new_figure(5.0)
     across, speed, gap = figure.subplots(3, 1, sharex=True)
     for told, labelled, look in zip(one.told, one.labelled, _LOOKS, strict=True):
@@ -60,9 +63,8 @@ def draw_twin(one: Twin, policy: str = "paper") -> Figure:
     gap.set_ylabel("target ahead,\ncentre to centre [m]")
     gap.set_xlabel("time [s]")
     _mark_parting(one, (across, speed, gap))
-    columns, heading = (
-        (1, fill(_heading(one), _COLUMN_LETTERS)) if is_narrow() else (2, _heading(one))
-    )
+    heading = f"{_heading(one)}; classes under the policy {policy}"
+    columns, heading = (1, fill(heading, _COLUMN_LETTERS)) if is_narrow() else (2, heading)
     figure.legend(loc="outside upper left", ncols=columns, title=heading, alignment="left")
     figure.align_ylabels([across, speed, gap])
     return figure

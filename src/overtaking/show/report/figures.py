@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.labels.law import choose_policy
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.report import gallery
 
@@ -30,7 +31,9 @@ SINGLE_AXES = frozenset(
 """The figures with single axes, which can be drawn into those of the caller."""
 
 
-def draw(source: Any, figure: str | None, *, axes: Axes | None, width: str, policy: str) -> Figure:
+def draw(
+    source: Any, figure: str | None, *, axes: Axes | None, width: str, policy: str | None
+) -> Figure:
     """Draw one figure of a result.
 
     Args:
@@ -38,7 +41,7 @@ def draw(source: Any, figure: str | None, *, axes: Axes | None, width: str, poli
         figure: Name of the figure; None where the result has only one.
         axes: Where to draw a figure with single axes; None for a new figure.
         width: A name of `style.WIDTHS`.
-        policy: Which rules decide about classes.
+        policy: Which rules decide about classes; None for the default of the profile.
 
     Raises:
         ConfigError: There is no such figure or width, or it cannot be drawn into the axes.
@@ -90,7 +93,7 @@ def nearest_first(name: str, names: Iterable[str]) -> list[str]:
     return sorted(names, key=unlikeness)
 
 
-def figures_of(source: Any, policy: str) -> dict[str, Draw]:
+def figures_of(source: Any, policy: str | None) -> dict[str, Draw]:
     """What can be drawn of a source, by name.
 
     Args:
@@ -116,12 +119,14 @@ def figures_of(source: Any, policy: str) -> dict[str, Draw]:
     )
 
 
-def _of_dataset(data: Dataset, policy: str) -> dict[str, Draw]:
+def _of_dataset(data: Dataset, policy: str | None) -> dict[str, Draw]:
     """The figures of the report on a data set; nothing is computed before one is drawn."""
     from overtaking.analysis.stats.results import statistics
 
+    chosen_policy = choose_policy(policy, data.profile)
+
     def found() -> Statistics:
-        return statistics(data.features(policy), policy=policy)
+        return statistics(data.features(chosen_policy), policy=chosen_policy)
 
     return {
         **{name: partial(_draw_statistic, found, name) for name in _STATISTICS},
@@ -129,11 +134,11 @@ def _of_dataset(data: Dataset, policy: str) -> dict[str, Draw]:
             gallery.example_name(name): partial(_draw_example, data, found, name)
             for name in CLASS_COLOURS
         },
-        **{name: partial(_draw_learned, data, policy, name) for name in _LEARNED},
+        **{name: partial(_draw_learned, data, chosen_policy, name) for name in _LEARNED},
     }
 
 
-def _of_statistics(found: Statistics, policy: str) -> dict[str, Draw]:
+def _of_statistics(found: Statistics, policy: str | None) -> dict[str, Draw]:
     del policy
     return {name: partial(_draw_statistic, lambda: found, name) for name in _STATISTICS}
 
@@ -158,7 +163,7 @@ def _draw_example(data: Dataset, found: Callable[[], Statistics], name: str) -> 
     simulation = int(sample.frame.index[place])
     labelled = label(data.trajectory(simulation))
     one = diagram(labelled.trajectories, labelled.events)
-    return gallery.overtake_picture(name, simulation, one).draw()
+    return gallery.overtake_picture(name, simulation, one, policy=sample.policy).draw()
 
 
 def _draw_learned(data: Dataset, policy: str, name: str) -> Figure:
@@ -186,46 +191,46 @@ def _too_little(name: str, lacking: str) -> DatasetError:
     )
 
 
-def _of_factors(found: FactorsFound, policy: str) -> dict[str, Draw]:
+def _of_factors(found: FactorsFound, policy: str | None) -> dict[str, Draw]:
     del policy
     return {name: _picture(made(found), name).draw for name, made in _LEARNED.items()}
 
 
-def _of_evaluation(found: Evaluation, policy: str) -> dict[str, Draw]:
+def _of_evaluation(found: Evaluation, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.report.evaluation import drawers
 
     return {name: partial(draw_one, found) for name, draw_one in drawers().items()}
 
 
-def _of_reproduction(found: Reproduction, policy: str) -> dict[str, Draw]:
+def _of_reproduction(found: Reproduction, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.report.reproduction import drawers
 
     return drawers(found)
 
 
-def _of_validation(found: Any, policy: str) -> dict[str, Draw]:
+def _of_validation(found: Any, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.plots.comparison import draw_validation
 
     return {"validation": partial(draw_validation, found)}
 
 
-def _of_curve(found: Any, policy: str) -> dict[str, Draw]:
+def _of_curve(found: Any, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.plots.law import draw_curve
 
     return {"law-curve": partial(draw_curve, found)}
 
 
-def _of_twin(found: Any, policy: str) -> dict[str, Draw]:
+def _of_twin(found: Any, policy: str | None) -> dict[str, Draw]:
     from overtaking.show.plots.whatif import draw_twin
 
     return {"twin": partial(draw_twin, found, policy)}
 
 
-def _of_fan(found: Any, policy: str) -> dict[str, Draw]:
+def _of_fan(found: Any, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.plots.whatif import draw_fan
 
@@ -265,7 +270,7 @@ _LEARNED: dict[str, Callable[[FactorsFound], list[gallery.Picture]]] = {
 }
 """The figures of learned factors."""
 
-_SOURCES: dict[str, Callable[[Any, str], dict[str, Draw]]] = {
+_SOURCES: dict[str, Callable[[Any, str | None], dict[str, Draw]]] = {
     "Dataset": _of_dataset,
     "Statistics": _of_statistics,
     "FactorsFound": _of_factors,

@@ -35,8 +35,9 @@ def class_picture(found: Statistics) -> Picture:
 
     return Picture(
         name="classes",
-        caption="Frequency of the classes, as number and share of the simulations.",
-        draw=lambda: draw_classes(found.classes),
+        caption="Frequency of the classes, as number and share of the simulations. "
+        + _of_policy(found.sample.policy),
+        draw=lambda: draw_classes(found.classes, policy=found.sample.policy),
     )
 
 
@@ -70,8 +71,11 @@ def distribution_pictures(found: Statistics) -> list[Picture]:
     return [
         Picture(
             name="histograms",
-            caption="Histogram of every feature, with the classes on each other.",
-            draw=lambda: draw_histograms(counted, sample.classes, is_weighted=sample.is_weighted),
+            caption="Histogram of every feature, with the classes on each other. "
+            + _of_policy(sample.policy),
+            draw=lambda: draw_histograms(
+                counted, sample.classes, policy=sample.policy, is_weighted=sample.is_weighted
+            ),
         ),
         Picture(
             name="boxes",
@@ -82,7 +86,9 @@ def distribution_pictures(found: Statistics) -> list[Picture]:
         ),
         Picture(
             name="speed-by-class",
-            caption="Speed of the ego by class, as box plots and as single simulations." + most,
+            caption="Speed of the ego by class, as box plots and as single simulations. "
+            + _of_policy(sample.policy)
+            + most,
             draw=lambda: draw_boxes_and_swarm(
                 sample, BY_NAME["SE"], distributions.boxes_by_class(sample, "SE"), points
             ),
@@ -116,13 +122,13 @@ def pair_pictures(found: Statistics) -> list[Picture]:
         Picture(
             name="pairs",
             caption="Every numeric feature against every other one, each panel scaled to its "
-            "range; on the diagonal the histograms." + sampled,
+            "range; on the diagonal the histograms. " + _of_policy(sample.policy) + sampled,
             draw=lambda: draw_pairs(sample, counted, points),
         ),
         Picture(
             name="pair-details",
             caption="Speeds of ego and target, and the ego's speed against their difference. On "
-            "the line both drive equally fast." + sampled,
+            "the line both drive equally fast. " + _of_policy(sample.policy) + sampled,
             draw=lambda: draw_details(sample, points),
         ),
     ]
@@ -157,7 +163,7 @@ def model_pictures(found: "FactorsFound") -> list[Picture]:
         Picture(
             name="learning-confusion",
             caption="Confusion matrix of gradient boosting on held-out simulations, with shares of "
-            "the actual class.",
+            "the actual class. " + _of_policy(found.policy),
             draw=lambda: draw_confusion(found),
         ),
         Picture(
@@ -176,7 +182,7 @@ def ranking_picture(found: "FactorsFound") -> Picture:
     return Picture(
         name="learning-ranking",
         caption="Accuracy of gradient boosting with the first factor, the first two, and so on; "
-        "the band is its 95 % confidence.",
+        "the band is its 95 % confidence. " + _of_policy(found.policy),
         draw=lambda: draw_ranking(found),
     )
 
@@ -186,15 +192,20 @@ def example_name(name: str) -> str:
     return f"example-{name.lower().replace('_', '-')}"
 
 
-def overtake_picture(name: str, simulation: int, one: Diagram) -> Picture:
+def _of_policy(policy: str) -> str:
+    """The part of a caption that names the policy."""
+    return f"Classes under the policy {policy}."
+
+
+def overtake_picture(name: str, simulation: int, one: Diagram, *, policy: str) -> Picture:
     """An example of a class in space and time."""
     from overtaking.show.plots.overtake import draw_overtake
 
     return Picture(
         name=example_name(name),
-        caption=f"{name}: simulation {simulation}, the most typical of its class. Above, positions "
-        "along the road, with the lengths of the vehicles; below, across it, with the widths of "
-        "ego and target. a: begins to pull out; x₁: crosses the line; o₁, o₂: alongside the "
-        "target; b: begins to return; x₂: is back in its lane.",
+        caption=f"{name} under the policy {policy}: simulation {simulation}, the most typical of "
+        "its class. Above, positions along the road, with the lengths of the vehicles; below, "
+        "across it, with the widths of ego and target. a: begins to pull out; x₁: crosses the "
+        "line; o₁, o₂: alongside the target; b: begins to return; x₂: is back in its lane.",
         draw=lambda: draw_overtake(one, name),
     )

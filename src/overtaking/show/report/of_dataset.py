@@ -4,6 +4,7 @@ from pathlib import Path
 
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled, label
+from overtaking.labels.law import choose_policy
 from overtaking.show.report.learned import learn
 from overtaking.show.report.write import Progress, Report, write_report
 
@@ -17,7 +18,7 @@ def report_on(
     data: Dataset,
     out: Path | None = None,
     *,
-    policy: str = "paper",
+    policy: str | None = None,
     reading: str | None = None,
     weighted: bool = False,
     is_learned: bool = False,
@@ -28,7 +29,7 @@ def report_on(
     Args:
         data: The data set.
         out: Folder of the report, that of the data set by default.
-        policy: Which rules decide about the class.
+        policy: Which rules decide about the class; None for the default of the profile.
         reading: How features are measured.
         weighted: Whether to count each simulation by its importance weight.
         is_learned: Whether to learn rules and factors, and tell them.
@@ -39,6 +40,7 @@ def report_on(
         DatasetError: A file is damaged.
         OSError: A file cannot be written.
     """
+    policy = choose_policy(policy, data.profile)
 
     def example(simulation: int) -> Labelled:
         return label(data.trajectory(simulation))

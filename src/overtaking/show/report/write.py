@@ -59,7 +59,7 @@ def write_report(
     *,
     title: str,
     facts: Facts = (),
-    policy: str = "paper",
+    policy: str,
     reading: str | None = None,
     weighted: bool = False,
     example: Example | None = None,
@@ -88,7 +88,7 @@ def write_report(
     writer = Writer(out, found, progress)
     sections = [
         Section("first", "To know first", writer.to_know_first()),
-        Section("classes", "Classes", writer.classes()),
+        Section("classes", f"Classes under the policy {policy}", writer.classes()),
         Section("features", "Statistics of the features", writer.tables_of_features()),
         Section("waiting", "Waiting time", writer.waiting()),
         Section("distributions", "Distributions", writer.drawn(gallery.distribution_pictures)),
@@ -201,7 +201,11 @@ class Writer(files.ReportFolder):
     def _example(self, name: str, simulation: int, labelled: Labelled) -> str:
         """One of them in space and time."""
         one = diagram(labelled.trajectories, labelled.events)
-        drawn = self.pictures(lambda: [gallery.overtake_picture(name, simulation, one)])
+        drawn = self.pictures(
+            lambda: [
+                gallery.overtake_picture(name, simulation, one, policy=self._found.sample.policy)
+            ]
+        )
         return drawn + self._verdicts(labelled, simulation)
 
     def _verdicts(self, labelled: Labelled, simulation: int) -> str:

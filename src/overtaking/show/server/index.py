@@ -179,9 +179,9 @@ class Index:
             "num_frames": int(self.num_frames[number]),
         }
 
-    def _facets(self, policy: str) -> dict[str, Facet]:
+    def _facets(self, policy: str | None) -> dict[str, Facet]:
         """The properties of the filter, by the names of `Rows`."""
-        known = self.classes.get(policy, next(iter(self.classes.values())))
+        known = self.classes.get(policy or "", next(iter(self.classes.values())))
         return {
             "classes": known,
             "weather": self.weather,

@@ -83,6 +83,7 @@ class Library:
 
     def rows(self, asked: Rows) -> dict[str, Any]:
         """A part of the list, and how many simulations have what."""
+        asked = asked.model_copy(update={"policy": asked.policy or self._policy})
         self._index.wait(_PATIENCE_S)
         read = self._index.done  # Before the selection: what is read meanwhile is not in it.
         extra = self._queries.get(asked.sql)["mask"] if asked.sql else None
@@ -131,6 +132,7 @@ class Library:
 
     def fan(self, number: int, asked: Futures) -> dict[str, Any]:
         """Outcomes of an overtake that begins at each instant of one simulation."""
+        asked = asked.model_copy(update={"policy": asked.policy or self._policy})
         return self._fans.get((self._checked(number), asked))
 
     def _fan(self, key: tuple[int, Futures]) -> dict[str, Any]:

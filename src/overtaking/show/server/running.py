@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from overtaking.core.errors import ConfigError
-from overtaking.labels.law import policy as checked_policy
+from overtaking.labels.law import choose_policy
+from overtaking.labels.law import policy as policy_named
 from overtaking.show.server.app import app
 from overtaking.show.server.connections import KEEP_ALIVE_TIMEOUT, BoundedConnection
 from overtaking.show.server.guard import Keys
@@ -28,7 +29,7 @@ class Server:
 
     Args:
         data: The data set.
-        policy: Which rules count when the page opens.
+        policy: Which rules count when the page opens; None for the default of the profile.
         port: To listen on; 0 lets the system choose.
 
     Attributes:
@@ -38,9 +39,9 @@ class Server:
         ConfigError: There is no such policy, or the port is taken.
     """
 
-    def __init__(self, data: Dataset, policy: str, port: int) -> None:
+    def __init__(self, data: Dataset, policy: str | None, port: int) -> None:
         """Begin to listen; nothing is answered yet."""
-        library = Library(data, checked_policy(policy).name)
+        library = Library(data, policy_named(choose_policy(policy, data.profile)).name)
         self._socket = _listening(port)
         port = self._socket.getsockname()[1]
         keys, hosts = Keys(port), (f"{_HOST}:{port}", f"localhost:{port}")
@@ -70,7 +71,7 @@ class Server:
         self._server.should_exit = True
 
 
-def serve(data: Dataset, *, policy: str, port: int, ready: Callable[[str], None]) -> None:
+def serve(data: Dataset, *, policy: str | None, port: int, ready: Callable[[str], None]) -> None:
     """Serve a data set; see `overtaking.serve_view`."""
     server = Server(data, policy, port)
     ready(server.url)

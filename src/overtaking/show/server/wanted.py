@@ -7,7 +7,6 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from overtaking.core.errors import ConfigError
-from overtaking.labels.law import POLICIES
 
 MOST_ROWS = 200
 """Rows of a page of the list."""
@@ -40,10 +39,11 @@ class Margin(_Asked):
 class Rows(_Asked):
     """Which simulations to list, and which part of the list.
 
-    Of the values of one field any may be met, but all `rules` must be broken.
+    Of the values of one field any may be met, but all `rules` must be broken. Without a policy,
+    that of the page counts.
     """
 
-    policy: Name = POLICIES[0].name
+    policy: Name | None = None
     classes: Names = ()
     rules: Names = ()
     weather: Names = ()
@@ -74,10 +74,10 @@ class Branch(_Asked):
 
 
 class Futures(_Asked):
-    """Outcomes of an overtake that begins at each instant."""
+    """Outcomes of an overtake that begins at each instant; by default under the page's policy."""
 
     given: Literal["truth", "belief"] = "truth"
-    policy: Name = POLICIES[0].name
+    policy: Name | None = None
 
 
 class Query(_Asked):

@@ -3,7 +3,8 @@
 import math
 
 from overtaking.knowledge.terms import terms
-from overtaking.labels.law import POLICIES, Policy
+from overtaking.labels.law import Policy, default_policy
+from overtaking.labels.law import policy as policy_named
 from overtaking.model.events import Events
 from overtaking.model.labels import Findings, OvertakeClass
 from overtaking.model.road import Road
@@ -38,9 +39,12 @@ class Film:
         title: Its name in the film.
         events: What happened in it, if it is known.
         findings: What the rules say of it; breaches are shown as they happen.
-        policy: Which rules count; breaches of others are grey.
+        policy: Which rules count, None for the default of the profile; breaches of others are grey.
         label: Class of the simulation under this policy.
         axis: Frames that the time axis spans at least, for films beside each other.
+
+    Attributes:
+        meaning: The class under the policy, as the header explains it; empty without a class.
 
     Raises:
         ConfigError: The batch holds another number of simulations than one.
@@ -53,7 +57,7 @@ class Film:
         title: str = "Simulation",
         events: Events | None = None,
         findings: Findings | None = None,
-        policy: Policy = POLICIES[0],
+        policy: Policy | None = None,
         label: OvertakeClass | None = None,
         axis: int = 0,
     ) -> None:
@@ -63,11 +67,12 @@ class Film:
         self._sky = seen = sky.sky(run)
         self.traffic = Traffic(self.scene, self.view, seen.shade, seen.spray)
         self.contact = notes.contact(self.scene)
+        policy = policy or policy_named(default_policy(run.scenario.profile))
         told = notes.breaches(self.scene, findings, policy)
         self._notes = [*notes.endings(self.scene, self.contact), *told]
         subtitle = run.scenario.profile + ("" if label is None else f" · {label.title}")
-        meaning = "" if label is None else explained(label.title, policy.name)
-        self._header = Header(title, subtitle, meaning, seen.text)
+        self.meaning = "" if label is None else explained(label.title, policy.name)
+        self._header = Header(title, subtitle, self.meaning, seen.text)
         self._timeline = Timeline(self.scene, told, max(axis, self.num_frames))
         self._road = strip(self.scene.road, self.view.scale, self.view.middle_d, seen.tone)
         self._ahead = Ahead(self.scene) if self.scene.road.is_two_way else None

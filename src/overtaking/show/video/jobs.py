@@ -8,7 +8,7 @@ import numpy as np
 from overtaking.core.errors import ConfigError
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled, label
-from overtaking.labels.law import POLICIES, Policy, policy
+from overtaking.labels.law import Policy, choose_policy, policy
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import Trajectories
 
@@ -41,7 +41,7 @@ class Job:
 
 
 def jobs(
-    source: Source, chosen: Iterable[int] | str = ONE_PER_CLASS, policy_name: str = POLICIES[0].name
+    source: Source, chosen: Iterable[int] | str = ONE_PER_CLASS, policy_name: str | None = None
 ) -> Iterator[Job]:
     """Films to make, in the order of their numbers; the short ones of `ONE_PER_CLASS` come last.
 
@@ -49,13 +49,13 @@ def jobs(
         source: The simulations; what a data set did not keep is simulated again.
         chosen: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first of each class that
             lasts `MIN_DURATION_S`; where none does, the longest of the class.
-        policy_name: Which rules decide about the class.
+        policy_name: Which rules decide about the class; None for the default of the profile.
 
     Raises:
         ConfigError: There is no such simulation, choice or policy.
         DatasetError: The data set is damaged, or the simulator has changed.
     """
-    every = _candidates(source, chosen, policy(policy_name))
+    every = _candidates(source, chosen, policy(choose_policy(policy_name, profile_of(source))))
     for candidate in _first_of_each_class(every) if chosen == ONE_PER_CLASS else every:
         yield candidate.job()
 
@@ -135,6 +135,14 @@ def num_simulations(source: Source) -> int:
         return len(source)
     runs = source.trajectories if isinstance(source, Labelled) else source
     return runs.scenario.num_simulations
+
+
+def profile_of(source: Source) -> str:
+    """Name of the profile of the simulations, or of the format of a recording."""
+    if isinstance(source, Dataset):
+        return source.profile
+    run = source.trajectories if isinstance(source, Labelled) else source
+    return run.scenario.profile
 
 
 def num_films(source: Source, chosen: Iterable[int] | str) -> int | None:

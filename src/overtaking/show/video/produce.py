@@ -120,6 +120,7 @@ def _make(job: Job, folder: Path, stop: threading.Event) -> Video:
     film = film_of(job)
     path = folder / file_name(job.number)
     title = f"Simulation {job.number} of {job.labelled.trajectories.scenario.profile}"
+    title += f", policy {job.policy.name}"
     write_film(film, path, title=title, is_wanted=lambda: not stop.is_set())
     return Video(number=job.number, path=path, num_frames=film.num_frames, label=job.label.title)
 

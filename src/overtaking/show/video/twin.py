@@ -1,6 +1,7 @@
 """A film of twins: a simulation as it was, and below it the same with something changed."""
 
 from overtaking.analysis.whatif.twin import Twin
+from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.labels import OvertakeClass
 from overtaking.show.video import palette
@@ -20,12 +21,12 @@ class TwinFilm:
 
     Args:
         one: The twins.
-        policy: Which rules count.
+        policy: Which rules count; None for the default of the profile.
     """
 
-    def __init__(self, one: Twin, policy: str = "paper") -> None:
+    def __init__(self, one: Twin, policy: str | None = None) -> None:
         """Prepare both films."""
-        counted = policy_named(policy)
+        counted = policy_named(choose_policy(policy, one.profile))
         axis = max(scene(told.run).num_frames for told in one.told)
         self._films: list[Film] = []
         for told, labelled in zip(one.told, one.labelled, strict=True):
@@ -37,7 +38,7 @@ class TwinFilm:
                     events=labelled.events,
                     findings=labelled.findings,
                     policy=counted,
-                    label=OvertakeClass(int(codes[labelled.labels.policies.index(policy)])),
+                    label=OvertakeClass(int(codes[labelled.labels.policies.index(counted.name)])),
                     axis=axis,
                 )
             )

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import put
 from overtaking.data.load import Dataset
+from overtaking.labels.law import choose_policy
 from overtaking.show import wording
-from overtaking.show.video.jobs import jobs, num_films
+from overtaking.show.video.jobs import jobs, num_films, profile_of
 from overtaking.show.view.pack import pack
 from overtaking.show.view.page import packed, page
 
@@ -48,11 +49,12 @@ def write(
     out: Path,
     *,
     chosen: Iterable[int] | str,
-    policy: str,
+    policy: str | None,
     progress: Progress | None = None,
     say: Callable[[int], None] | None = None,
 ) -> ViewPage:
     """Write a page; see `overtaking.write_view`."""
+    policy = choose_policy(policy, profile_of(source))
     total, entries, size = num_films(source, chosen), list[dict[str, Any]](), 0
     for job in jobs(source, chosen, policy):
         values = pack(job.labelled, job.number)

@@ -19,7 +19,7 @@ from overtaking.analysis.stats.sample import prepare
 
 @pytest.fixture(scope="module")
 def found() -> Associations:
-    return associations(prepare(synthetic_features()))
+    return associations(prepare(synthetic_features(), policy="paper"))
 
 
 def test_every_feature_is_beside_the_class_once(found: Associations):

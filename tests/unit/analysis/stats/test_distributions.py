@@ -29,7 +29,7 @@ NUMBERS = st.lists(st.floats(-1e6, 1e6, width=32), min_size=1, max_size=200)
 
 @pytest.fixture(scope="module")
 def sample() -> Sample:
-    return prepare(synthetic_features())
+    return prepare(synthetic_features(), policy="paper")
 
 
 @given(NUMBERS)
@@ -79,7 +79,7 @@ def test_scaling_is_that_of_scikit_learn(sample: Sample):
 
 def test_what_is_constant_or_missing_has_a_box_all_the_same():
     frame = synthetic_features(20).assign(FOG=2.0, SP=np.nan)
-    boxes = scaled_boxes(prepare(frame))
+    boxes = scaled_boxes(prepare(frame, policy="paper"))
     assert boxes["FOG"].quartiles == (0.0, 0.0, 0.0)
     assert boxes["SP"].count == 0
 
@@ -94,7 +94,7 @@ def test_every_kth_takes_each_member_at_most_once(number: int, most: int):
 
 
 def test_a_large_set_is_sampled_and_says_so():
-    sample = prepare(synthetic_features(5000))
+    sample = prepare(synthetic_features(5000), policy="paper")
     swarm, pairs = swarm_points(sample, "SE"), pair_points(sample)
     assert swarm["Success_I"].is_sampled
     assert len(swarm["Success_I"].simulations) == 200
@@ -117,16 +117,16 @@ def test_the_typical_simulation_is_in_the_middle_of_its_class():
     names = [one.name for one in NUMERIC]
     legal = frame.index[frame["CLASS"] == "Success_L"]
     frame.loc[legal[4], names] = frame.loc[legal, names].median()
-    assert typical(prepare(frame))["Success_L"] == legal[4]
+    assert typical(prepare(frame, policy="paper"))["Success_L"] == legal[4]
 
 
 def test_a_class_without_simulations_has_no_typical_one(sample: Sample):
     frame = synthetic_features()
-    found = typical(prepare(frame[frame["CLASS"] != "No_attempt"]))
+    found = typical(prepare(frame[frame["CLASS"] != "No_attempt"], policy="paper"))
     assert "No_attempt" not in found
     assert len(found) == 4
 
 
 def test_missing_values_do_not_hide_a_class():
     frame = synthetic_features(40).assign(SP=np.nan, DSEP=np.nan, D=np.nan)
-    assert set(typical(prepare(frame))) == set(pd.unique(frame["CLASS"]))
+    assert set(typical(prepare(frame, policy="paper"))) == set(pd.unique(frame["CLASS"]))

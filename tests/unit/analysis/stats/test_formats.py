@@ -27,7 +27,7 @@ from overtaking.knowledge import terms
 
 @pytest.fixture(scope="module")
 def result() -> Statistics:
-    return statistics(synthetic_features())
+    return statistics(synthetic_features(), policy="paper")
 
 
 def test_json_holds_every_number_and_is_strict(result: Statistics):
@@ -45,7 +45,7 @@ def test_json_holds_every_number_and_is_strict(result: Statistics):
 
 
 def test_json_says_null_where_there_is_no_number():
-    values = statistics(synthetic_features(1)).values()
+    values = statistics(synthetic_features(1), policy="paper").values()
     text = json.dumps(values, allow_nan=False)
     sigma = [row for row in values["dynamic_features"] if row["statistic"] == "σ"]
     assert sigma[0]["All"] is None

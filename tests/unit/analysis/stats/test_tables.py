@@ -29,7 +29,7 @@ def of_statistic(rows: pd.DataFrame, statistic: str) -> Any:
 
 @pytest.mark.parametrize("word", ["min", "mean", "max", "σ"])
 def test_the_numbers_are_those_of_plain_pandas(frame: pd.DataFrame, word: str):
-    sample = prepare(frame)
+    sample = prepare(frame, policy="paper")
     rows = pd.concat([static_table(sample).rows, dynamic_table(sample).rows])
     names = [one.name for one in NUMERIC if one.name != "NV"]
     function = {"σ": "std"}.get(word, word)
@@ -43,7 +43,7 @@ def test_the_numbers_are_those_of_plain_pandas(frame: pd.DataFrame, word: str):
 
 @pytest.mark.parametrize("name", ["DN", "HL", "TE", "TP", "NV"])
 def test_the_counts_are_those_of_plain_pandas(frame: pd.DataFrame, name: str):
-    rows = static_table(prepare(frame)).rows
+    rows = static_table(prepare(frame, policy="paper")).rows
     found: Any = rows[rows["feature"] == name].set_index("statistic")
     expected: Any = pd.crosstab(frame[name].fillna("none").astype(str), frame["CLASS"])
     for level, counts in expected.iterrows():
@@ -55,7 +55,7 @@ def test_the_counts_are_those_of_plain_pandas(frame: pd.DataFrame, name: str):
 
 
 def test_frequencies_count_those_that_have_a_value(frame: pd.DataFrame):
-    rows = dynamic_table(prepare(frame)).rows
+    rows = dynamic_table(prepare(frame, policy="paper")).rows
     absolute, relative = of_statistic(rows, "af"), of_statistic(rows, "rf")
     counts = frame.groupby("CLASS")["SP"].count()
     assert counts.sum() < len(frame)
@@ -65,7 +65,7 @@ def test_frequencies_count_those_that_have_a_value(frame: pd.DataFrame):
 
 
 def test_weights_enter_every_number(frame: pd.DataFrame):
-    sample = prepare(frame, weighted=True)
+    sample = prepare(frame, weighted=True, policy="paper")
     rows = dynamic_table(sample).rows
     legal = frame[frame["CLASS"] == "Success_L"]
     mean = np.average(legal["SE"], weights=legal["weight"])
@@ -79,8 +79,8 @@ def test_weights_enter_every_number(frame: pd.DataFrame):
 
 
 def test_equal_weights_change_nothing(frame: pd.DataFrame):
-    plain = statistics(frame.assign(weight=7.0))
-    weighted = statistics(frame.assign(weight=7.0), weighted=True)
+    plain = statistics(frame.assign(weight=7.0), policy="paper")
+    weighted = statistics(frame.assign(weight=7.0), weighted=True, policy="paper")
     for one, other in zip(plain.tables, weighted.tables, strict=True):
         pd.testing.assert_frame_equal(one.rows, other.rows, rtol=1e-12)
 
@@ -88,7 +88,7 @@ def test_equal_weights_change_nothing(frame: pd.DataFrame):
 def test_what_is_censored_is_left_out_of_rates(frame: pd.DataFrame):
     changed = frame.copy()
     changed.loc[changed.index[:50], "CLASS"] = "censored"
-    result = statistics(changed)
+    result = statistics(changed, policy="paper")
     shares: Any = result.classes.rows.set_index("class")["share"]
     assert np.isnan(shares["censored"])
     assert shares.drop("censored").sum() == pytest.approx(1.0)
@@ -98,7 +98,7 @@ def test_what_is_censored_is_left_out_of_rates(frame: pd.DataFrame):
 
 
 def test_every_paper_class_is_shown_and_an_empty_one_is_named(frame: pd.DataFrame):
-    result = statistics(frame.loc[frame["CLASS"] != "Success_L"])
+    result = statistics(frame.loc[frame["CLASS"] != "Success_L"], policy="paper")
     assert result.classes.rows["class"].tolist() == list(PAPER_CLASSES)
     assert np.isnan(of_statistic(result.dynamic.rows, "mean").loc["SE", "Success_L"])
     assert any("Success_L" in note for note in result.notes)
@@ -106,13 +106,13 @@ def test_every_paper_class_is_shown_and_an_empty_one_is_named(frame: pd.DataFram
 
 @pytest.mark.parametrize("rows", [0, 1, 2])
 def test_hardly_any_simulations_are_no_problem(frame: pd.DataFrame, rows: int):
-    result = statistics(frame.iloc[:rows])
+    result = statistics(frame.iloc[:rows], policy="paper")
     assert result.classes.rows["count"].sum() == rows
     assert any("fewer than two" in note for note in result.notes) == (rows < 2)
 
 
 def test_constant_columns_are_named(frame: pd.DataFrame):
-    result = statistics(frame.assign(FOG=2.0, SP=np.nan))
+    result = statistics(frame.assign(FOG=2.0, SP=np.nan), policy="paper")
     note = next(note for note in result.notes if "The same in all" in note)
     assert "FOG" in note
     assert "SP" in note
@@ -132,15 +132,15 @@ def test_constant_columns_are_named(frame: pd.DataFrame):
 )
 def test_what_cannot_be_meant_is_refused_by_name(frame: pd.DataFrame, change: dict, named: str):
     with pytest.raises(SchemaError, match=named):
-        statistics(frame.assign(**change), weighted=True)
+        statistics(frame.assign(**change), weighted=True, policy="paper")
 
 
 def test_a_missing_column_is_refused_by_name(frame: pd.DataFrame):
     with pytest.raises(SchemaError, match="OLR"):
-        statistics(frame.drop(columns="OLR"))
-    statistics(frame.drop(columns="weight"))
+        statistics(frame.drop(columns="OLR"), policy="paper")
+    statistics(frame.drop(columns="weight"), policy="paper")
     with pytest.raises(SchemaError, match="weight"):
-        statistics(frame.drop(columns="weight"), weighted=True)
+        statistics(frame.drop(columns="weight"), weighted=True, policy="paper")
 
 
 def test_the_papers_features_are_all_there():
@@ -154,8 +154,12 @@ def test_collisions_before_any_attempt_are_counted_beside_the_class(frame: pd.Da
     changed = frame.copy()
     collided = changed.index[changed["CLASS"] == "Unsuccess_col"]
     changed.loc[collided, "OT"] = 2.0
-    assert not any("before any attempt" in note for note in statistics(changed).notes)
+    assert not any(
+        "before any attempt" in note for note in statistics(changed, policy="paper").notes
+    )
     changed.loc[collided[:7], "OT"] = 0.0
-    (said,) = (note for note in statistics(changed).notes if "before any attempt" in note)
+    (said,) = (
+        note for note in statistics(changed, policy="paper").notes if "before any attempt" in note
+    )
     assert said.startswith(f"7 of the {len(collided)} simulations of class Unsuccess_col")
     assert said.endswith("these are No_attempt.")

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.ci
 
 @pytest.fixture(scope="module")
 def result() -> Statistics:
-    return statistics(synthetic_features())
+    return statistics(synthetic_features(), policy="paper")
 
 
 def texts(figure: Figure) -> set[str]:
@@ -40,14 +40,14 @@ def texts(figure: Figure) -> set[str]:
 
 
 def test_bars_are_as_long_as_the_shares(result: Statistics):
-    axes = single.draw_classes(result.classes).axes[0]
+    axes = single.draw_classes(result.classes, policy="paper").axes[0]
     widths = [bar.get_width() for bar in axes.patches]  # type: ignore[attr-defined]
     assert widths == pytest.approx(result.classes.rows["share"].tolist())
 
 
 def test_stacked_bars_end_at_the_number_of_simulations(result: Statistics):
     counted = [distributions.histogram(result.sample, one.name) for one in FEATURES]
-    figure = single.draw_histograms(counted, result.sample.classes)
+    figure = single.draw_histograms(counted, result.sample.classes, policy="paper")
     for axes, one in zip(figure.axes, counted, strict=False):
         tops: dict[float, float] = {}
         for bar in axes.patches:
@@ -143,29 +143,29 @@ def test_a_late_median_is_named_within_the_axes():
 
 @pytest.mark.parametrize("simulations", [1, 3])
 def test_few_simulations_are_counted_in_whole_numbers(simulations: int):
-    sample = statistics(synthetic_features(simulations)).sample
+    sample = statistics(synthetic_features(simulations), policy="paper").sample
     counted = [distributions.histogram(sample, one.name) for one in FEATURES]
-    figure = single.draw_histograms(counted, sample.classes)
+    figure = single.draw_histograms(counted, sample.classes, policy="paper")
     for axes in figure.axes[: len(counted)]:
         assert all(tick == round(tick) for tick in axes.get_yticks() if axes.patches)
 
 
 def test_the_same_figure_has_the_same_bytes(result: Statistics):
-    one, other = (single.draw_classes(result.classes) for _ in range(2))
+    one, other = (single.draw_classes(result.classes, policy="paper") for _ in range(2))
     assert style.to_svg(one) == style.to_svg(other)
     assert style.to_png(one) == style.to_png(other)
     assert b"<dc:date>" not in style.to_svg(one)
 
 
 def test_a_users_settings_change_nothing_and_are_left_alone(result: Statistics):
-    plain = style.to_svg(single.draw_classes(result.classes))
+    plain = style.to_svg(single.draw_classes(result.classes, policy="paper"))
     with mpl.rc_context({"font.size": 30.0, "axes.labelpad": 40.0}):
-        assert style.to_svg(single.draw_classes(result.classes)) == plain
+        assert style.to_svg(single.draw_classes(result.classes, policy="paper")) == plain
         assert mpl.rcParams["font.size"] == 30.0
 
 
 def test_a_figure_needs_nothing_from_outside(result: Statistics):
-    svg = style.to_svg(single.draw_classes(result.classes)).decode()
+    svg = style.to_svg(single.draw_classes(result.classes, policy="paper")).decode()
     links = set(re.findall(r'(?:href|src)="([^"#]+)', svg)) | set(re.findall(r"url\((?!#)", svg))
     assert links == set()
     assert "<text" in svg
@@ -174,14 +174,16 @@ def test_a_figure_needs_nothing_from_outside(result: Statistics):
 
 @pytest.mark.parametrize("rows", [0, 1])
 def test_hardly_any_simulations_can_be_drawn(rows: int):
-    result = statistics(synthetic_features(rows) if rows else synthetic_features(1).iloc[:0])
+    result = statistics(
+        synthetic_features(rows) if rows else synthetic_features(1).iloc[:0], policy="paper"
+    )
     sample = result.sample
     counted = [distributions.histogram(sample, one.name) for one in FEATURES]
     points = distributions.pair_points(sample)
     found = associations(sample)
     figures = [
-        single.draw_classes(result.classes),
-        single.draw_histograms(counted, sample.classes),
+        single.draw_classes(result.classes, policy="paper"),
+        single.draw_histograms(counted, sample.classes, policy="paper"),
         single.draw_scaled_boxes(distributions.scaled_boxes(sample)),
         single.draw_boxes_and_swarm(
             sample,
@@ -258,7 +260,7 @@ def of_every_class() -> Statistics:
     """Statistics of simulations of all classes, also those that the paper does not have."""
     frame = synthetic_features()
     frame["CLASS"] = np.resize(ALL_CLASSES, len(frame))
-    return statistics(frame)
+    return statistics(frame, policy="paper")
 
 
 def test_a_legend_of_all_classes_fits_into_the_figure(of_every_class: Statistics):
@@ -266,7 +268,7 @@ def test_a_legend_of_all_classes_fits_into_the_figure(of_every_class: Statistics
     counted = [distributions.histogram(sample, one.name) for one in FEATURES]
     points = distributions.pair_points(sample)
     for figure in (
-        single.draw_histograms(counted, sample.classes),
+        single.draw_histograms(counted, sample.classes, policy="paper"),
         pairs.draw_details(sample, points),
     ):
         (legend,) = figure.legends

@@ -23,7 +23,7 @@ SMALLEST_LETTERS = 8.0
 
 
 def pictures() -> list[gallery.Picture]:
-    found = statistics(synthetic_features())
+    found = statistics(synthetic_features(), policy="paper")
     measured = associations(found.sample)
     return [
         gallery.class_picture(found),

@@ -51,7 +51,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Report:
     with pytest.MonkeyPatch.context() as patch:
         hide_matplotlib(patch)
         return write_report(
-            synthetic_features(), out, title="A <title> & more", facts=[("seed", "1")]
+            synthetic_features(),
+            out,
+            title="A <title> & more",
+            facts=[("seed", "1")],
+            policy="paper",
         )
 
 
@@ -97,7 +101,8 @@ def test_without_simulations_it_says_so(made: Report):
 
 def test_the_same_features_make_the_same_report(undrawn: None, tmp_path: Path):
     made = [
-        write_report(synthetic_features(30), tmp_path / name, title="x") for name in ("one", "two")
+        write_report(synthetic_features(30), tmp_path / name, title="x", policy="paper")
+        for name in ("one", "two")
     ]
     assert made[0].path.read_bytes() == made[1].path.read_bytes()
 
@@ -127,7 +132,7 @@ def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path)
         raise DatasetError("the simulator has changed")
 
     frame = synthetic_features(12)
-    made = write_report(frame, tmp_path, title="x", example=example)
+    made = write_report(frame, tmp_path, title="x", example=example, policy="paper")
     assert any("the simulator has changed" in one for one in made.remarks)
     assert not any(name.startswith("example") for name in made.figures)
 
@@ -136,7 +141,9 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
     labelled = label(simulate(sample("motorway", 12, 1)))
     illegal = int(np.flatnonzero(labelled.findings.verdict[:, 2] == Verdict.ILLEGAL)[0])
     one = labelled.select(np.array([illegal]))
-    made = write_report(synthetic_features(12), tmp_path, title="x", example=lambda _: one)
+    made = write_report(
+        synthetic_features(12), tmp_path, title="x", example=lambda _: one, policy="paper"
+    )
     text = made.path.read_text(encoding="utf-8")
     (quoted, *_) = re.findall(r'<blockquote class="verdicts">(.*?)</blockquote>', text)
     broken = {
@@ -150,20 +157,28 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
 def test_examples_run_in_a_page_beside_the_report(undrawn: None, tmp_path: Path):
     one = label(simulate(sample("pinto2023-physical", 1, 1)))
     frame = synthetic_features(12)
-    text = write_report(frame, tmp_path, title="x", example=lambda _: one).path.read_text()
+    text = write_report(
+        frame, tmp_path, title="x", example=lambda _: one, policy="paper"
+    ).path.read_text()
     assert '<iframe src="view.html#theme=light"' in text
     (data,) = re.findall(r'id="data">(.*?)</script>', (tmp_path / files.VIEW).read_text())
     told = json.loads(data)
     assert len(told["simulations"]) == frame["CLASS"].nunique()
     assert told["policy"] == "paper"
-    text = write_report(frame, tmp_path, title="x").path.read_text()
+    text = write_report(frame, tmp_path, title="x", policy="paper").path.read_text()
     assert "<iframe" not in text
     assert not (tmp_path / files.VIEW).exists()
 
 
 def test_progress_ends_at_its_end(undrawn: None, tmp_path: Path):
     seen: list[tuple[int, int]] = []
-    write_report(synthetic_features(5), tmp_path, title="x", progress=lambda *one: seen.append(one))
+    write_report(
+        synthetic_features(5),
+        tmp_path,
+        title="x",
+        progress=lambda *one: seen.append(one),
+        policy="paper",
+    )
     assert seen[-1][0] == seen[-1][1]
     assert [done for done, _ in seen] == sorted(done for done, _ in seen)
 
@@ -176,7 +191,7 @@ def test_a_poor_data_set_has_a_report_that_says_so(undrawn: None, tmp_path: Path
         "drawn": synthetic_features(9),
     }
     reading = "matched" if kind == "drawn" else None
-    made = write_report(frames[kind], tmp_path, title="x", reading=reading)
+    made = write_report(frames[kind], tmp_path, title="x", reading=reading, policy="paper")
     text = made.path.read_text(encoding="utf-8")
     said = {
         "one": "fewer than two simulations",
@@ -189,7 +204,9 @@ def test_a_poor_data_set_has_a_report_that_says_so(undrawn: None, tmp_path: Path
 
 def test_features_that_cannot_be_used_leave_no_folder(tmp_path: Path):
     with pytest.raises(SchemaError):
-        write_report(synthetic_features().drop(columns="SE"), tmp_path / "new", title="x")
+        write_report(
+            synthetic_features().drop(columns="SE"), tmp_path / "new", title="x", policy="paper"
+        )
     assert not (tmp_path / "new").exists()
 
 
@@ -202,7 +219,7 @@ found = util.find_spec
 util.find_spec = lambda name, *rest: None if name == "matplotlib" else found(name, *rest)
 from overtaking.show.report.write import write_report
 from tests.support.features import synthetic_features
-made = write_report(synthetic_features(30), Path(sys.argv[1]), title="x")
+made = write_report(synthetic_features(30), Path(sys.argv[1]), title="x", policy="paper")
 print(len(made.figures), len(made.tables), *made.remarks, sep="|")
 """
 

@@ -1,0 +1,136 @@
+"""The policy under which classes are read where none is named, and the outputs that name it."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import overtaking as ot
+from overtaking import api
+from overtaking.cli import main, options
+from overtaking.data.balance import Balance
+from overtaking.knowledge.reader import load
+from overtaking.labels.law import POLICIES, choose_policy, default_policy
+from overtaking.scenarios import profile_names
+from overtaking.show.video import jobs
+from overtaking.show.video.film import Film
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from overtaking.data.load import Dataset
+
+pytestmark = pytest.mark.ci
+
+POLICY_OF = {"motorway": "default", "pinto2023-physical": "paper", "recording": "default"}
+
+
+@pytest.fixture(scope="module", params=POLICY_OF)
+def read(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Dataset, str]:
+    """A data set and the policy under which it is read."""
+    name, folder = request.param, tmp_path_factory.mktemp("data")
+    if name != "recording":
+        data = ot.generate(name, simulations=12, seed=3, out=folder / "data")
+        return data, POLICY_OF[name]
+    # The recording is of the study's profile: the format of a recording decides, not its origin.
+    data = ot.generate("pinto2023-physical", simulations=2, seed=3, out=folder / "data")
+    api.export(data, folder / "highd", file_format="highd")
+    tracks = next((folder / "highd").rglob("*_tracks.csv"))
+    return api.import_recording("highd", tracks, folder / "recording"), POLICY_OF[name]
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: Any) -> str:
+    """The output of a command that succeeds."""
+    assert main([str(word) for word in words]) == 0
+    return capsys.readouterr().out
+
+
+def test_only_profiles_of_the_study_are_read_under_paper():
+    read_under_paper = {name for name in profile_names() if default_policy(name) == "paper"}
+    assert read_under_paper == {"pinto2023", "pinto2023-physical"}
+    assert default_policy("a profile of one's own") == "default"
+    assert choose_policy(None, "pinto2023") == "paper"
+    assert choose_policy("strict", "pinto2023") == "strict"
+
+
+def test_default_policies_exist_and_the_help_states_them():
+    file = load("policies.toml")
+    names = {file["default"], *file["default_of_profile"].values()}
+    assert names <= {policy.name for policy in POLICIES}
+    profiles = " and ".join(file["default_of_profile"])
+    help_text = options.Policy.__metadata__[0].help
+    assert f"[default: {file['default']}; paper for {profiles}]" in help_text
+
+
+def test_features_and_statistics_have_the_default_policy(
+    read: tuple[Dataset, str], capsys: pytest.CaptureFixture[str]
+):
+    data, policy = read
+    labels = data.labels()
+    classes = labels.loc[labels["policy"] == policy, "class"].astype(str)
+    assert data.features()["CLASS"].astype(str).tolist() == classes.tolist()
+    found = ot.statistics(data)
+    assert found.sample.policy == policy
+    assert all(f"policy {policy}" in table.title for table in found.tables)
+    assert json.loads(printed(capsys, "stats", data.path, "--json"))["policy"] == policy
+    assert f"classes under the policy {policy}" in printed(capsys, "stats", data.path)
+
+
+def test_report_names_the_default_policy(read: tuple[Dataset, str], tmp_path: Path):
+    data, policy = read
+    page = ot.write_report(data, tmp_path / "report").path.read_text()
+    assert f"Classes under the policy {policy}</h2>" in page
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", page, re.DOTALL)
+    assert any(f"Classes under the policy {policy}." in caption for caption in captions)
+
+
+def test_films_name_the_default_policy(read: tuple[Dataset, str]):
+    data, policy = read
+    job = next(jobs.jobs(data, [0]))
+    assert job.policy.name == policy
+    film = Film(job.labelled.trajectories, label=job.label)
+    assert f"policy {policy}" in film.meaning
+
+
+def test_page_opens_under_the_default_policy(read: tuple[Dataset, str], tmp_path: Path):
+    data, policy = read
+    text = ot.write_view(data, tmp_path / "page.html", simulations=[0]).path.read_text()
+    payload = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
+    assert payload is not None
+    assert json.loads(payload[1])["policy"] == policy
+
+
+def test_show_names_the_default_policy_first(
+    read: tuple[Dataset, str], capsys: pytest.CaptureFixture[str]
+):
+    data, policy = read
+    values = json.loads(printed(capsys, "show", data.path, "0", "--json"))
+    assert values["policy"] == policy
+    name = values["policies"][policy]["class"]
+    assert re.search(rf"Class +{name} under {policy}\b", printed(capsys, "show", data.path, "0"))
+
+
+def test_other_functions_use_the_default_policy(
+    read: tuple[Dataset, str], capsys: pytest.CaptureFixture[str]
+):
+    data, policy = read
+    assert api.law_curve(data.path).policy == policy
+    assert json.loads(printed(capsys, "law", "curve", data.path, "--json"))["policy"] == policy
+    if data.profile in profile_names():
+        assert ot.fan(data, 0, futures=1, every=10.0).policy == policy
+        twins = json.loads(printed(capsys, "twin", data.path, "0", "--stay", "--json"))
+        assert twins["policy"] == policy
+
+
+@pytest.mark.parametrize(("profile", "policy"), [("motorway", "default"), ("pinto2023", "paper")])
+def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str, tmp_path: Path):
+    balance = Balance(candidates=60, allows_missing=True)
+    data = ot.generate(profile, simulations=5, seed=1, out=tmp_path / "data", balance=balance)
+    recorded = data.manifest.identity.balance
+    assert recorded is not None
+    assert recorded.policy == policy
