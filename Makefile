@@ -54,7 +54,7 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes \
            --no-header --no-emit-index-url --no-emit-find-links --quiet $(LOCK_FLAGS)
 LOCK    := $(COMPILE) pyproject.toml
 
-.PHONY: help demo test test-ci test-pythons test-lowest test-qc test-rl test-all checks check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
+.PHONY: help demo test test-ci test-pythons test-lowest test-docs test-qc test-rl test-all checks check check-python check-rust test-rust test-python release bench docs site viewer check-viewer \
         lock build dev qc rl format clean more-levels
 
 help:  ## List what can be made
@@ -97,6 +97,9 @@ test-lowest: $(VENV)/.engine  ## The same on 3.11 with the lowest versions that 
 test-qc: dev qc  ## Ask the checkers of ASAM for issues of exported files, in .venv-qc
 	$(BIN)/python -m pytest -m qc
 
+test-docs: dev  ## Run the long blocks of the documentation, which takes half an hour
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m docs
+
 # What other tests import is not in .venv-rl, so pytest must not look at them.
 test-rl: rl  ## Train drivers and drive with them, in .venv-rl, which is some gigabytes large
 	$(RL)/bin/python -m pytest -m rl tests/rl
@@ -136,7 +139,7 @@ test-rust: $(VENV)/.engine
 	$(CARGO) test --release --locked
 
 test-python: dev
-	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not soak and not qc and not rl"
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m "not ci and not docs and not soak and not qc and not rl"
 
 release: dev  ## Data sets to learn from, in build/release, checked by content hash
 	$(BIN)/python benchmarks/release.py --out build/release

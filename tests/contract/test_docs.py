@@ -1,9 +1,11 @@
-"""What the pages say is true: links lead somewhere, snippets run, commands and names exist."""
+"""What the pages say is true: links lead somewhere, commands and names exist, examples run.
+
+Blocks of pages are run in `tests/integration/test_pages.py`.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import doctest
 import importlib
 import re
 import shlex
@@ -17,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from overtaking.analysis.stats.columns import PAPER_CLASSES
-from overtaking.cli import main
 from overtaking.knowledge import Distribution, quantities, terms
 
 if TYPE_CHECKING:
@@ -27,10 +28,6 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
     str(path.relative_to(ROOT)) for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 )
-EXECUTED = [
-    pytest.param("README.md", marks=pytest.mark.ci),  # A report, a film and a page: 20 s of a core.
-    *(page for page in PAGES if page.startswith("docs/tutorials/")),
-]
 EXAMPLES = [
     # Each step of it is one of the readable simulator: 10 s of a core.
     pytest.param(page, marks=pytest.mark.ci if page.endswith("mobil_driver.py") else ())
@@ -88,7 +85,10 @@ def words(text: str) -> list[str]:
 def commands(text: str) -> list[str]:
     """The command lines of a page, in blocks and in its prose."""
     lines = [
-        line for kind, block in blocks(text) if kind == "console" for line in block.split("\n")
+        line
+        for kind, block in blocks(text)
+        if kind == "console"
+        for line in block.replace("\\\n", " ").split("\n")
     ]
     inline = [
         word for word in words(text) if re.match(r"(?:[A-Z_]+=\S+ )?(overtaking|make) ", word)
@@ -172,11 +172,12 @@ def command_line() -> Any:
 
 def faults(line: str) -> list[str]:
     """What is wrong with a command line: an unknown command or option, or an unknown target."""
-    program, *arguments = [word for word in shlex.split(line) if not re.match(r"[A-Z_]+=", word)]
+    words = shlex.split(line, comments=True)
+    program, *arguments = [word for word in words if not re.match(r"[A-Z_]+=", word)]
     if program == "make":
         return [word for word in arguments if not re.search(rf"^{word}:", read("Makefile"), re.M)]
-    if program != "overtaking":
-        return [program]
+    if Path(program).name != "overtaking":  # The page that runs it says what it is.
+        return []
     group = command_line()
     options = {option for one in group.params for option in one.opts} | {"--help"}
     verb, given = arguments[0], arguments[1:]
@@ -249,43 +250,7 @@ def test_a_query_that_counts_a_simulation_thrice_is_seen():
     assert repeated("select count(*) from findings where verdict = 'illegal'") == []
 
 
-# --- snippets ---
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize("page", EXECUTED)
-def test_what_a_page_tells_to_run_runs(
-    page: str, workdir: Path, capsys: pytest.CaptureFixture[str]
-):
-    names: dict[str, Any] = {"__name__": "page"}
-    ran = 0
-    for language, content in blocks(read(page)):
-        if language == "python":
-            exec(compile(content, page, "exec"), names)
-        elif language == "pycon":
-            check(content, names, page)
-        elif language == "console":
-            for line in content.splitlines():
-                program, *arguments = shlex.split(line)
-                assert program == "make" or main(arguments) == 0, line
-        ran += language in ("python", "pycon", "console")
-    assert ran
-    assert "Traceback" not in capsys.readouterr().err
-
-
-def check(content: str, names: dict[str, Any], page: str) -> None:
-    """Run an interactive session and compare what it prints."""
-    test = doctest.DocTestParser().get_doctest(content, names, page, page, 0)
-    report: list[str] = []
-    result = doctest.DocTestRunner().run(test, out=report.append, clear_globs=False)
-    assert result.failed == 0, "".join(report)
-    names.update(test.globs)
-
-
-def test_an_interactive_session_with_another_output_is_seen():
-    check(">>> 1 + 1\n2\n", {}, "page")
-    with pytest.raises(AssertionError, match="Expected"):
-        check(">>> 1 + 1\n3\n", {}, "page")
+# --- examples ---
 
 
 @pytest.mark.ci
