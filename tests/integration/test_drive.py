@@ -197,7 +197,8 @@ def test_the_command_drives(tmp_path, capsys):
     ("policy", "observe", "says"),
     [
         ("nothing_here:policy", "human", "module:name"),
-        ("json:nothing", "human", "module:name"),
+        ("json:nothing", "human", "json has no nothing"),
+        ("json:dmps", "human", "expected json:dumps, "),
         ("broken.py:policy", "human", "SyntaxError"),
         ("late.py:policy", "human", "ZeroDivisionError: at once"),
         ("json:dumps", "everything", "human or truth"),

@@ -123,7 +123,14 @@ def test_the_page_and_what_the_command_prints(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--policy", "nobody.py:f"], "--observe"),
+        (["--policy", "nobody.py:f"], "--policy: driver"),
+        (["--policy", "json:dumps"], "--observe"),
+        (["--policy", "rules", "--against", "humn,stay"], "--against: driver: expected human, "),
+        (["--policy", "rules", "--against", "human,sty"], "expected stay, "),
+        (["--policy", "rule", "--observe", "human"], "--policy: driver: expected rules, "),
+        (["--policy", "rules", "--against", "no_module:f"], "--against: driver: "),
+        (["--policy", "json:dmps", "--observe", "human"], "expected json:dumps, "),
+        (["--policy", "json:", "--observe", "human"], "--policy: driver: "),
         (["--policy", "nobody.py:f", "--observe", "human"], "policy"),
         (["--policy", "human"], "each once"),
         (["--policy", "rules", "--benchmark", "nothing"], "overtake"),
@@ -225,3 +232,31 @@ def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
     ):
         with pytest.raises(ConfigError, match=said):
             api.driver_of(str(path), "human", action="accel_lane", hold=1)
+
+
+def test_an_unknown_reference_in_python_names_the_argument():
+    with pytest.raises(ConfigError, match=r"against: expected human or .*, got humn"):
+        ot.evaluate("rules", "pinto2023-physical", 4, against=["humn"])
+
+
+@pytest.mark.parametrize(
+    ("words", "drawn", "is_told"),
+    [
+        (["rural"], "rural-risk", True),
+        (["rural", "--as-met"], "rural", False),
+        (["rural-risk"], "rural-risk", False),
+        (["pinto2023-physical"], "pinto2023-physical", False),
+    ],
+)
+def test_the_profile_whose_scenes_are_drawn_is_told(words, drawn, is_told, tmp_path, capsys):
+    command = ["evaluate", *words, "--policy", "stay", "--against", "human", "-n", "8", *ARGUMENTS]
+    assert main([*command, "--json", "--out", str(tmp_path / "page"), "--films", "0"]) == 0
+    told = capsys.readouterr()
+    values = json.loads(told.out)
+    assert (values["profile"], values["asked_profile"]) == (drawn, words[0])
+    assert values["law_policy"] == "default"
+    note = f"drawn from {drawn}, in which dangerous scenes are more frequent"
+    assert (note in told.err and "--as-met" in told.err) == is_told
+    page = next((tmp_path / "page").glob("*.html")).read_text()
+    assert f"8 scenes of {drawn}" in page
+    assert (note in page) == is_told

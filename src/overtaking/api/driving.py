@@ -4,12 +4,14 @@ import dataclasses
 import importlib
 import importlib.util
 import sys
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from overtaking.api.choices import BRANCHING, module_of, simulator_of
 from overtaking.api.simulating import check_runnable
+from overtaking.core.checks import nearest_first
 from overtaking.core.errors import ConfigError
 from overtaking.data.recipe import PolicyRecord, Simulator
 from overtaking.model.checks import checked
@@ -79,7 +81,9 @@ def record_of(driver: Driver) -> PolicyRecord:
     )
 
 
-def driver_of(policy: str, observe: str, *, action: str, hold: int) -> Driver:
+def driver_of(
+    policy: str, observe: str, *, action: str, hold: int, option: str = "--policy"
+) -> Driver:
     """The driver that words name.
 
     Args:
@@ -88,6 +92,7 @@ def driver_of(policy: str, observe: str, *, action: str, hold: int) -> Driver:
         observe: `human`, `truth`, or a TOML file with the numbers of a sensor.
         action: As in `Driver`.
         hold: As in `Driver`.
+        option: Option of the command line that names the policy, for messages.
 
     Raises:
         ConfigError: There is no such policy or sensor, or another word cannot be used.
@@ -95,14 +100,21 @@ def driver_of(policy: str, observe: str, *, action: str, hold: int) -> Driver:
     """
     is_file = observe.endswith(".toml")
     sees = Sensor.read(observe) if is_file else observe
-    return Driver(policy=_policy_named(policy), observe=sees, action=action, hold=hold, name=policy)
+    return Driver(
+        policy=load_policy(policy, option), observe=sees, action=action, hold=hold, name=policy
+    )
 
 
-def _policy_named(name: str) -> Policy:
+def load_policy(name: str, option: str = "--policy", shipped: Iterable[str] = ()) -> Policy:
     """The policy that `module:name`, `file.py:name` or an ONNX file names; of a class, an object.
 
+    Args:
+        name: The words that name it.
+        option: Option of the command line that has these words, for messages.
+        shipped: Names of drivers that the command knows besides, for messages.
+
     Raises:
-        ConfigError: There is none.
+        ConfigError: There is no such module, file, function or driver.
         MissingExtraError: It is an ONNX file, and the extra `onnx` is not installed.
     """
     if name.endswith(".onnx"):
@@ -110,17 +122,45 @@ def _policy_named(name: str) -> Policy:
 
         return Network(Path(name))
     where, _, attribute = name.rpartition(":")
+    if not where or not attribute:
+        known = ", ".join(nearest_first(name, shipped))
+        raise _unknown_policy(name, option, f"{known or 'a policy'}, {_FORMS}")
     try:
-        found = getattr(_module(where), attribute)
+        module = _module(where)
+    except Exception as error:  # The module of another author may raise anything.
+        message = f"{name} ({type(error).__name__}: {error})"
+        raise _unknown_policy(message, option, _FORMS) from error
+    functions = [key for key, value in vars(module).items() if _is_policy(key, value)]
+    if not hasattr(module, attribute):
+        nearest = nearest_first(attribute, functions)[:_MOST_LISTED]
+        listed = ", ".join(f"{where}:{function}" for function in nearest)
+        expected = listed or f"{_FORMS}; {where} has none"
+        raise _unknown_policy(f"{name} ({where} has no {attribute})", option, expected)
+    found = getattr(module, attribute)
+    try:
         return found() if isinstance(found, type) else found
-    except Exception as error:  # What is not ours may raise anything.
-        raise ConfigError.of(
-            what="policy",
-            where="drive",
-            expected="module:name, or file.py:name, of a function",
-            got=f"{name} ({type(error).__name__}: {error})",
-            next_step="correct it; modules are looked for in this folder, too",
-        ) from error
+    except Exception as error:  # So may the class.
+        message = f"{name} ({type(error).__name__}: {error})"
+        raise _unknown_policy(message, option, "a class without arguments") from error
+
+
+_FORMS = "module:name or file.py:name of a function, or a file.onnx"
+_MOST_LISTED = 5
+
+
+def _is_policy(name: str, value: object) -> bool:
+    """Whether an attribute of a module may be meant as a policy."""
+    return callable(value) and not name.startswith("_")
+
+
+def _unknown_policy(got: str, option: str, expected: str) -> ConfigError:
+    return ConfigError.of(
+        what="driver",
+        where=option,
+        expected=expected,
+        got=got or "nothing",
+        next_step="correct the name; modules in this folder are found as well",
+    )
 
 
 def _module(where: str) -> Any:

@@ -1,12 +1,14 @@
 """A driver of one's own beside others in the same scenes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, module_of, road_of
+from overtaking.core.checks import nearest_first
 from overtaking.core.errors import ConfigError
 from overtaking.core.steps import Progress
 from overtaking.model.checks import argument, checked
@@ -50,6 +52,7 @@ def evaluate(
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
     progress: Progress | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> "Evaluation":
     """Compare a driver with others in the same scenes.
 
@@ -63,6 +66,7 @@ def evaluate(
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
         progress: Called with the number of simulations that are done, and of all.
+        say: Called with a sentence before the run, where a `-risk` profile is drawn instead.
 
     Returns:
         Rates with intervals, differences, margins and the worst scenes; `write_evaluation` makes a
@@ -73,11 +77,15 @@ def evaluate(
         PolicyError: A policy raises, or answers what is no action.
     """
     from overtaking.analysis.evaluation.run import evaluate as run
+    from overtaking.analysis.evaluation.words import risk_note
 
     here, *others = _contestants([policy, *against])
-    spec = scenarios.spec(profile if as_met else _risky(profile), overrides)
+    risk_profile = None if as_met else _risk_profile(profile)
+    spec = scenarios.spec(risk_profile or profile, overrides)
+    if risk_profile is not None and say is not None:
+        say(risk_note(str(profile), risk_profile))
     (stay,) = _contestants([STAY])
-    return run(
+    found = run(
         spec,
         road_of(road or spec.road),
         simulations,
@@ -87,6 +95,7 @@ def evaluate(
         stay=stay,
         progress=progress,
     )
+    return found if risk_profile is None else replace(found, asked_profile=str(profile))
 
 
 @checked
@@ -154,7 +163,9 @@ def write_evaluation(
     ]
 
 
-def policy_of(name: str, observe: str | None, *, action: str, hold: int) -> str | Driver:
+def policy_of(
+    name: str, observe: str | None, *, action: str, hold: int, option: str = "--policy"
+) -> str | Driver:
     """The driver that words name: one of `SHIPPED`, or as in `driver_of`.
 
     Args:
@@ -162,29 +173,33 @@ def policy_of(name: str, observe: str | None, *, action: str, hold: int) -> str 
         observe: What it observes; needed unless it is shipped.
         action: What it answers.
         hold: Decisions for which an answer holds.
+        option: Option of the command line that names the driver, for messages.
 
     Raises:
         ConfigError: There is no such policy or sensor, or it is not stated what it observes.
     """
-    from overtaking.api.driving import driver_of
+    from overtaking.api.driving import driver_of, load_policy
 
     if name in SHIPPED:
         return name
     if observe is None:
+        load_policy(name, option, SHIPPED)  # An unknown name is told before a missing option.
         raise ConfigError.of(
             what="--observe",
             where="evaluate",
-            expected="human, truth or the file of a sensor, for a policy of your own",
+            expected=f"human, truth or the file of a sensor, for {option} {name}",
             got="nothing",
-            next_step="say what the policy observes",
+            next_step=f"add --observe, or choose a shipped driver: {', '.join(SHIPPED)}",
         )
-    return driver_of(name, observe, action=action, hold=hold)
+    if ":" not in name and not name.endswith(".onnx"):
+        load_policy(name, option, SHIPPED)  # It refuses the name, and lists the shipped drivers.
+    return driver_of(name, observe, action=action, hold=hold, option=option)
 
 
-def _risky(profile: Profile) -> Profile:
-    """The profile of the package that draws more of where something goes wrong, if there is one."""
+def _risk_profile(profile: Profile) -> str | None:
+    """The profile of the package that draws dangerous scenes more often, if there is one."""
     name = f"{profile}{RISK}" if isinstance(profile, str) else ""
-    return name if name in scenarios.profile_names() else profile
+    return name if name in scenarios.profile_names() else None
 
 
 def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
@@ -193,7 +208,10 @@ def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
     Raises:
         ConfigError: There is none of that name, or two have the same.
     """
-    found = [_contestant(one) for one in drivers]
+    found = [
+        _contestant(driver, "against" if place else "policy")
+        for place, driver in enumerate(drivers)
+    ]
     names = [one.name for one in found]
     if len(set(names)) < len(names):
         raise ConfigError.of(
@@ -206,13 +224,14 @@ def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
     return found
 
 
-def _contestant(one: str | Driver) -> "Contestant":
+def _contestant(one: str | Driver, argument_name: str) -> "Contestant":
     from overtaking.analysis.evaluation.run import Contestant
 
     engine = module_of("engine")
     if isinstance(one, str):
         if one not in SHIPPED:
-            raise ConfigError.not_among("policy", "evaluate", SHIPPED, one)
+            names = nearest_first(one, SHIPPED)
+            raise ConfigError.not_among(argument_name, "evaluate", names, one)
         driver = SHIPPED[one]
         if driver is None:
             return Contestant(name=one, simulate=engine.simulate)

@@ -52,7 +52,7 @@ Benchmark = Annotated[
     ),
 ]
 AsMet = Annotated[
-    bool, options.option("--as-met", "Scenes of the profile that is named, as they are met.")
+    bool, options.option("--as-met", "Draw the profile itself, not its -risk profile.")
 ]
 Films = Annotated[
     int, options.option("--films N", "How many of the worst scenes are filmed.", min=0, max=FILMS)
@@ -87,8 +87,11 @@ def evaluate(
 
     arguments.limit_threads(threads)
     here, *others = (
-        api.policy_of(name.strip(), observe, action=action, hold=hold)
-        for name in (policy, *against.split(","))
+        api.policy_of(name.strip(), observe, action=action, hold=hold, option=option)
+        for name, option in (
+            (policy, "--policy"),
+            *((name, "--against") for name in against.split(",")),
+        )
     )
     scenes: dict[str, Any] = arguments.given(
         profile=profile,
@@ -104,7 +107,7 @@ def evaluate(
             found = api.evaluate_benchmark(here, benchmark, against=others, progress=meter)
         else:
             scenes = {"profile": "motorway", "simulations": COUNT} | scenes
-            found = api.evaluate(here, against=others, progress=meter, **scenes)
+            found = api.evaluate(here, against=others, progress=meter, say=output.say, **scenes)
     values = found.values() | _written(output, found, out, films)
     output.page(values | output.duration, page_parts(found))
 

@@ -1,6 +1,7 @@
 """Refuse a name or a number that cannot be used."""
 
 from collections.abc import Iterable
+from difflib import SequenceMatcher
 from math import inf
 
 from overtaking.core.errors import ConfigError
@@ -21,6 +22,15 @@ def check_name(got: str, known: Iterable[str], *, what: str, where: str) -> None
     names = list(known)
     if got not in names:
         raise ConfigError.not_among(what, where, names, got)
+
+
+def nearest_first(name: str, names: Iterable[str]) -> list[str]:
+    """Names in the order in which they resemble a name."""
+
+    def similarity(other: str) -> float:
+        return SequenceMatcher(a=name.lower(), b=other.lower()).ratio()
+
+    return sorted(names, key=similarity, reverse=True)
 
 
 def check_least(

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.evaluation.bootstrap import FEW, LEVEL
+from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.core.plain import plain
 from overtaking.core.summary import Summarized
 
@@ -182,6 +183,7 @@ class Evaluation(Summarized):
         margins: Margins of the attempts.
         counts: Unweighted sums of every column, by driver.
         worst: The worst scenes of the policy, the worst first.
+        asked_profile: The profile that was asked for, where its `-risk` profile was drawn instead.
     """
 
     policy: str
@@ -201,6 +203,7 @@ class Evaluation(Summarized):
     margins: tuple[Margin, ...]
     counts: dict[str, dict[str, float]]
     worst: tuple[Worst, ...]
+    asked_profile: str | None = None
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -228,6 +231,8 @@ class Evaluation(Summarized):
             "action": self.action,
             "against": list(self.references),
             "profile": self.profile,
+            "asked_profile": self.asked_profile or self.profile,
+            "law_policy": POLICY,
             "simulations": self.simulations,
             "seed": self.seed,
             "model_version": self.model_version,

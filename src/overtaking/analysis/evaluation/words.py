@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from overtaking.analysis.evaluation.bootstrap import FEW, REPEATS
-from overtaking.analysis.evaluation.endpoints import PRIMARY
+from overtaking.analysis.evaluation.endpoints import POLICY, PRIMARY
 from overtaking.analysis.evaluation.results import TOO_FEW
 
 if TYPE_CHECKING:
@@ -71,13 +71,24 @@ def lead(found: Evaluation) -> str:
                 said.append(f"{about}: {verdict} than {_listed(than)}")
     if not said:
         said = ["no primary endpoint shows a difference"]
-    return f"{found.simulations:,} scenes of {found.profile}: {'; '.join(said)}."
+    asked = f" (asked for: {found.asked_profile})" if found.asked_profile else ""
+    return f"{found.simulations:,} scenes of {found.profile}{asked}: {'; '.join(said)}."
+
+
+def risk_note(asked: str, drawn: str) -> str:
+    """Why other scenes are drawn than those of the profile that was asked for."""
+    return (
+        f"Scenes are drawn from {drawn}, in which dangerous scenes are more frequent, and weights "
+        f"restore the rates of {asked}. --as-met (as_met=True) draws scenes of {asked} itself."
+    )
 
 
 def notes(found: Evaluation) -> list[str]:
     """What to know before the numbers."""
     return [
+        *([risk_note(found.asked_profile, found.profile)] if found.asked_profile else []),
         NO_CLAIM,
+        f"Classes and breaches of the law are read under the policy {POLICY}.",
         "Legality is the verdict of a rule set, an interpretation for research, not legal advice.",
         f"The policy observes: {found.observe}. One that observes as humans do is compared with "
         "them on equal terms; one with a sensor or the truth is not.",

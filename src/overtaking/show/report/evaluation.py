@@ -75,9 +75,13 @@ def write(
 
 
 def _facts(found: Evaluation, benchmark: str) -> list[tuple[str, str]]:
+    from overtaking.analysis.evaluation.endpoints import POLICY
+
     facts = [
         ("benchmark", benchmark),
         ("scenes", f"{found.simulations:,} of {found.profile}"),
+        ("asked for", found.asked_profile or ""),
+        ("policy of the law", POLICY),
         ("seed", str(found.seed)),
         ("effective scenes", f"{found.effective:,.0f}"),
         ("largest weight", f"{100.0 * found.largest:.2g} %"),

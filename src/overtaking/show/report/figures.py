@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from overtaking.core.checks import check_name
+from overtaking.core.checks import check_name, nearest_first
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.labels.law import choose_policy
 from overtaking.show.palette import CLASS_COLOURS
@@ -82,15 +81,6 @@ def _chosen(figure: str | None, figures: Mapping[str, Draw]) -> str:
         names = list(figures) if figure is None else nearest_first(figure, figures)
         raise ConfigError.not_among("figure", "plot", names, figure)
     return figure
-
-
-def nearest_first(name: str, names: Iterable[str]) -> list[str]:
-    """Names in the order in which they resemble a name."""
-
-    def unlikeness(one: str) -> float:
-        return -difflib.SequenceMatcher(a=name.lower(), b=one).ratio()
-
-    return sorted(names, key=unlikeness)
 
 
 def figures_of(source: Any, policy: str | None) -> dict[str, Draw]:
