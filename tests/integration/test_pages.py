@@ -9,6 +9,7 @@ import contextlib
 import shutil
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from tests.support.page_blocks import (
@@ -22,6 +23,9 @@ from tests.support.page_blocks import (
 from tests.support.page_inputs import WRITERS
 
 from overtaking.cli import main
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 ROOT = Path(__file__).resolve().parents[2]
 ALL_PAGES = sorted(
@@ -47,9 +51,10 @@ def pinto(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def page_folder(workdir: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def page_folder(workdir: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A working folder like a clone in which the reader has just run `make demo`."""
     (workdir / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.setenv("COLUMNS", "100")  # Outputs on the pages are as wide.
     monkeypatch.syspath_prepend(workdir)
     modules = set(sys.modules)
     yield workdir
