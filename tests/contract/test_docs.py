@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from overtaking.analysis.stats.columns import PAPER_CLASSES
 from overtaking.knowledge import Distribution, quantities, terms
 
 if TYPE_CHECKING:
@@ -339,10 +338,10 @@ def test_what_is_no_name_is_not_taken_for_one():
     assert not any(map(is_name, ["a.b", "vehicles.toml", "steering.rate", "overtaking.stay_time"]))
 
 
-def test_the_readme_explains_the_five_classes_as_the_terms_do():
-    five = [name for name in terms("classes") if name in PAPER_CLASSES]
+def test_the_readme_explains_all_classes_as_the_terms_do():
+    classes = terms("classes")
     rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", read("README.md"), re.M)
-    assert [(name, terms("classes")[name].meaning) for name in five] == rows[: len(five)]
+    assert [(name, term.meaning) for name, term in classes.items()] == rows[: len(classes)]
 
 
 # --- the map ---

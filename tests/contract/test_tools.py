@@ -76,7 +76,10 @@ def test_the_locks_hold_every_package_that_the_project_asks_for(
     groups = project["dependency-groups"]
     tools = names([*groups["build"], *groups["lint"], *groups["test"]])
     extras = project["project"]["optional-dependencies"]
-    optional = names([each for name, one in extras.items() if name != "all" for each in one])
+    groups_of_extras = ("all", "common")
+    optional = names(
+        [each for name, one in extras.items() if name not in groups_of_extras for each in one]
+    )
     runtime = names(project["project"]["dependencies"])
     shown = names([each for name in ("plots", "stats", "video") for each in extras[name]])
     wanted = {

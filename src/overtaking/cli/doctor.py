@@ -9,7 +9,7 @@ from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core import processors
-from overtaking.core.extras import PACKAGE, install_command, pip_command, requirements
+from overtaking.core.extras import PACKAGE, extra_groups, install_command, pip_command, requirements
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,6 +42,7 @@ def diagnose(folder: Path) -> Values:
         "disk": _disk(folder),
         "extras": _extras(),
     }
+    values["extra_groups"] = _extra_groups(values["extras"])
     return {**values, "findings": _findings(values)}
 
 
@@ -104,6 +105,18 @@ def _extras() -> dict[str, Values]:
     return extras
 
 
+def _extra_groups(extras: dict[str, Values]) -> dict[str, Values]:
+    """Every group of extras, and the command that installs the missing packages of it."""
+    return {
+        group: {
+            "extras": list(names),
+            "missing": [name for name in names if name in extras and not extras[name]["installed"]],
+            "install": install_command(group),
+        }
+        for group, names in extra_groups().items()
+    }
+
+
 def _outdated() -> list[str]:
     """A line for each installed package that is older than this one needs."""
     lines: list[str] = []
@@ -156,6 +169,11 @@ def render(values: Values, console: Console) -> RenderableType:
         packages = ", ".join(f"{k} {v or 'missing'}" for k, v in extra["packages"].items())
         line = packages if extra["installed"] else f"{packages}: {extra['install']}"
         rows.append((works if extra["installed"] else lacks, f"extra [{name}]", line))
+    for name, group in values["extra_groups"].items():
+        missing = group["missing"]
+        line = f"extras {', '.join(group['extras'])}"
+        line += f"; missing {', '.join(missing)}: {group['install']}" if missing else ""
+        rows.append((lacks if missing else works, f"extras [{name}]", line))
     rows += [("!", "finding", finding) for finding in values["findings"]]
     for mark, name, text in rows:
         table.add_row(mark, Text(name, style="bold"), Text(text))

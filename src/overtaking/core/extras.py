@@ -50,7 +50,7 @@ def requirements() -> tuple[Requirement, ...]:
         specifier, _, marker = line.partition(";")
         extra = re.search(r"\bextra\s*==\s*['\"]([\w-]+)['\"]", marker)
         package = re.split(r"[^\w.-]", specifier.strip(), maxsplit=1)[0]
-        if package != PACKAGE:  # The extra `all` is made of the others.
+        if package != PACKAGE:  # Groups such as `all` are made of the others.
             stated.append(Requirement(package, specifier.strip(), extra[1] if extra else ""))
     return tuple(stated)
 
@@ -65,12 +65,24 @@ def extras() -> dict[str, tuple[str, ...]]:
     return by_extra
 
 
+@cache
+def extra_groups() -> dict[str, tuple[str, ...]]:
+    """The extras that each group such as `all` or `common` is made of."""
+    groups: dict[str, tuple[str, ...]] = {}
+    for line in metadata.requires(PACKAGE) or []:
+        match = re.match(rf"{PACKAGE}\[([\w,\s-]+)\].*\bextra\s*==\s*['\"]([\w-]+)['\"]", line)
+        if match is not None:
+            groups[match[2]] = tuple(sorted(name.strip() for name in match[1].split(",")))
+    return groups
+
+
 def install_command(extra: str) -> str:
-    """The command that installs an extra for the interpreter that runs.
+    """The command that installs an extra, or a group of extras, for the interpreter that runs.
 
     It names the packages of the extra and not this one, which may be a clone.
     """
-    return pip_command(*extras()[extra])
+    names = extra_groups().get(extra, (extra,))
+    return pip_command(*(specifier for name in names for specifier in extras()[name]))
 
 
 def pip_command(*specifiers: str) -> str:

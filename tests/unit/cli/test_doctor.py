@@ -36,9 +36,11 @@ def test_the_engine_is_loaded_and_its_level_is_one_of_those_available(tmp_path):
 
 
 def test_every_extra_that_the_package_declares_is_listed(tmp_path):
-    declared = set(metadata.metadata("overtaking").get_all("Provides-Extra") or []) - {"all"}
-    extras = doctor.diagnose(tmp_path)["extras"]
-    assert set(extras) == declared
+    declared = set(metadata.metadata("overtaking").get_all("Provides-Extra") or [])
+    values = doctor.diagnose(tmp_path)
+    extras = values["extras"]
+    assert {*extras, *values["extra_groups"]} == declared
+    assert set(values["extra_groups"]["all"]["extras"]) == set(extras)
     for name, extra in extras.items():
         assert extra["packages"]
         assert extra["install"] == install_command(name)
@@ -59,6 +61,7 @@ def test_an_extra_that_is_missing_comes_with_the_command_that_installs_it(tmp_pa
     values = doctor.diagnose(tmp_path)
     assert not values["extras"]["sql"]["installed"]
     assert f"duckdb missing: {install_command('sql')}" in page(values)
+    assert values["extra_groups"]["all"]["missing"] == ["sql", "sumo"]
     assert values["findings"] == []  # An extra is not needed.
 
 

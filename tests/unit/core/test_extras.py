@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from overtaking.core.errors import MissingExtraError
-from overtaking.core.extras import extras, install_command
+from overtaking.core.extras import extra_groups, extras, install_command
+from overtaking.core.extras import requirements as requirements_of_package
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +27,7 @@ def declared(repository: Path) -> dict[str, list[str]]:
     return {
         name: [one.partition(";")[0] for one in requirements]
         for name, requirements in given.items()
-        if name != "all"
+        if not requirements[0].startswith("overtaking[")
     }
 
 
@@ -44,6 +45,37 @@ def test_the_command_installs_packages_of_an_index_for_the_interpreter_that_runs
         assert words == ["-m", "pip", "install", *requirements]
     monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
     assert install_command("sql") == ".venv/bin/python -m pip install 'duckdb>=1.1'"
+
+
+def test_groups_of_extras_are_read_from_the_metadata(monkeypatch: pytest.MonkeyPatch):
+    lines = [
+        "duckdb>=1.1 ; extra == 'sql'",
+        "scipy>=1.13 ; extra == 'stats'",
+        "overtaking[stats,sql] ; extra == 'common'",
+    ]
+    monkeypatch.setattr("overtaking.core.extras.metadata.requires", lambda _: lines)
+    for function in (requirements_of_package, extras, extra_groups):
+        function.cache_clear()
+    try:
+        assert extra_groups() == {"common": ("sql", "stats")}
+        assert extras() == {"sql": ("duckdb>=1.1",), "stats": ("scipy>=1.13",)}
+        assert shlex.split(install_command("common"))[-2:] == ["duckdb>=1.1", "scipy>=1.13"]
+    finally:
+        for function in (requirements_of_package, extras, extra_groups):
+            function.cache_clear()
+
+
+def test_the_extra_common_lacks_the_simulators_and_ray(repository: Path):
+    text = (repository / "pyproject.toml").read_text(encoding="utf-8")
+    groups = tomllib.loads(text)["project"]["optional-dependencies"]
+    (common,), (every,) = (
+        re.findall(r"^overtaking\[(.*)\]$", groups[name][0]) for name in ("common", "all")
+    )
+    left_out = set(every.split(",")) - set(common.split(","))
+    assert left_out == {"carla", "cloud", "onnx", "ray", "sumo"}
+    assert set(common.split(",")) <= set(every.split(","))
+    readme = (repository / "README.md").read_text(encoding="utf-8")
+    assert "python -m pip install '.[common]'" in readme
 
 
 def test_the_error_ends_in_the_command():
