@@ -46,7 +46,8 @@ export PYO3_CONFIG_FILE := $(CURDIR)/crates/overtaking-py/pyo3-config.txt
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 # Bytecode is written when a module is first imported, most of it never.
-INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile --require-hashes
+# A lock file is complete, so pip need not look for dependencies.
+INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --no-compile --require-hashes --no-deps
 # Cargo counts its own processes: those of `make` would leave it one.
 CARGO   := MAKEFLAGS= setup/with_rust.sh cargo
 CRATES := $(shell find crates -type f)

@@ -450,7 +450,6 @@ def test_a_picture_is_that_of_the_film():
 
 @pytest.mark.ci
 def test_gymnasium_records_a_film(tmp_path):
-    pytest.importorskip("moviepy", reason="Gymnasium writes films with moviepy")
     env = gymnasium.make(
         f"overtaking.gym:overtaking/{PROFILE}-v0", render_mode="rgb_array", **QUICK
     )
