@@ -134,3 +134,9 @@ def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str,
     recorded = data.manifest.identity.balance
     assert recorded is not None
     assert recorded.policy == policy
+
+
+@pytest.mark.parametrize(("profile", "policy"), [("motorway", "default"), ("pinto2023", "paper")])
+def test_comparisons_of_simulators_have_the_default_policy(profile: str, policy: str):
+    found = api.compare(profile, 2, 1, simulators=("engine", "reference"))
+    assert found.policy == policy

@@ -23,7 +23,7 @@ from overtaking.core.memory import require
 from overtaking.core.steps import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
-from overtaking.labels.law import PORTUGAL, Errors, Pack
+from overtaking.labels.law import PORTUGAL, Errors, Pack, default_policy
 from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import FieldSpec, concatenate
 from overtaking.model.changes import Change
@@ -225,7 +225,9 @@ def compare(
         count = min(step, simulations - first)
         batch = sample(spec, count, seed, first=first, road=place)
         runs = [by.simulate(batch) for by in chosen]
-        parts.append(Comparison.of(simulators, [(run, labelled(run).labels) for run in runs]))
+        recordings = [(run, labelled(run).labels) for run in runs]
+        policy = default_policy(batch.profile)
+        parts.append(Comparison.of(simulators, recordings, policy=policy))
         if progress is not None:
             progress(first + count, simulations)
     return concatenate(parts)

@@ -12,7 +12,7 @@ from overtaking.cli.tables import open_table
 from overtaking.model.events import Outcome
 from overtaking.model.labels import OvertakeClass
 from overtaking.model.vehicles import Role
-from overtaking.simulators.comparison import PARTING_DISTANCE, POLICY, TOGETHER
+from overtaking.simulators.comparison import PARTING_DISTANCE, TOGETHER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,7 +38,7 @@ def values_of(found: Comparison) -> Values:
     return {
         "simulators": list(found.simulators),
         "simulations": len(found.index),
-        "policy": POLICY,
+        "policy": found.policy,
         "same_class": int(found.is_same_class.all(axis=0).sum()),
         "classes": [one.title for one in OvertakeClass],
         "parting_distance_m": PARTING_DISTANCE,
@@ -126,6 +126,7 @@ def render(values: Values) -> Group:
     *most, last = values["simulators"]
     names = f"{', '.join(most)} and {last}"
     head = f"{values['simulations']:,} scenarios on {names}: {values['same_class']:,} of one class"
+    head += f" under the policy {values['policy']}"
     parts: list[RenderableType] = [Text(head)]
     for other in values["others"]:
         parts += [Text(), _class_table(values, other), Text(_partings(values, other))]

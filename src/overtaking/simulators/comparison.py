@@ -23,9 +23,6 @@ PARTING_DISTANCE = 2.0
 About the width of a car: beyond it, one of them may be beside a vehicle that the other would hit.
 """
 
-POLICY = "paper"
-"""Which rules decide about the classes; it leaves no simulation out."""
-
 Labelled = tuple[Trajectories, Labels]
 """Recorded simulations and their labels."""
 
@@ -78,6 +75,7 @@ class Comparison(Batch):
 
     Attributes:
         simulators: Their names; the others are held against the first.
+        policy: Name of the policy of the classes.
         frame_interval_ms: Time between two frames [ms].
         index: Number of each simulation, shape (simulation,).
         weather: Name of its weather, shape (simulation,).
@@ -86,6 +84,7 @@ class Comparison(Batch):
     """
 
     simulators: tuple[str, ...]
+    policy: str
     frame_interval_ms: int
     index: U64
     weather: NDArray[np.str_]
@@ -93,12 +92,15 @@ class Comparison(Batch):
     partings: tuple[Parting, ...]
 
     @classmethod
-    def of(cls, simulators: Sequence[str], recordings: Sequence[Labelled]) -> "Comparison":
+    def of(
+        cls, simulators: Sequence[str], recordings: Sequence[Labelled], *, policy: str
+    ) -> "Comparison":
         """Compare recordings of the same scenarios.
 
         Args:
             simulators: Names, two or more.
             recordings: What each of them recorded.
+            policy: Name of the policy of the classes.
 
         Raises:
             ValueError: They are not of the same scenarios.
@@ -106,10 +108,11 @@ class Comparison(Batch):
         first = recordings[0][0]
         return cls(
             simulators=tuple(simulators),
+            policy=policy,
             frame_interval_ms=first.scenario.frame_interval_ms,
             index=first.scenario.index,
             weather=weather_names(first.scenario.weather),
-            endings=tuple(ending(one) for one in recordings),
+            endings=tuple(ending(one, policy) for one in recordings),
             partings=tuple(parting(first, other) for other, _ in recordings[1:]),
         )
 
@@ -146,19 +149,20 @@ def _described(night: bool, rains: bool, is_foggy: bool) -> str:
     return f"{'night' if night else 'day'}, {sky}"
 
 
-def ending(recording: Labelled) -> Ending:
+def ending(recording: Labelled, policy: str) -> Ending:
     """How the simulations of a batch ended.
 
     Args:
         recording: The recorded simulations and their labels.
+        policy: Name of the policy of the classes.
 
     Raises:
-        ValueError: The labels do not have the policy of the comparison.
+        ValueError: The labels do not have the policy.
     """
     trajectories, labels = recording
     touched = trajectories.contacts.partner != NO_VEHICLE
     return Ending(
-        classes=labels.classes[:, labels.policies.index(POLICY)],
+        classes=labels.classes[:, labels.policies.index(policy)],
         outcome=labels.outcome,
         has_contact=(touched & trajectories.scenario.vehicles.valid).any(axis=1),
         lane_changes=lane_changes(trajectories),

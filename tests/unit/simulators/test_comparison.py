@@ -12,11 +12,9 @@ from overtaking.cli import comparison
 from overtaking.labels.label import label
 from overtaking.model.batch import concatenate
 from overtaking.model.events import Outcome
-from overtaking.model.labels import OvertakeClass
 from overtaking.model.trajectory import NO_VEHICLE
 from overtaking.sim import engine
 from overtaking.simulators.comparison import (
-    POLICY,
     TOGETHER,
     Comparison,
     ending,
@@ -46,7 +44,9 @@ def moved(run, *, vehicle, frames, s=0, d=0, row=1):
 
 
 def compared(*runs):
-    return Comparison.of(NAMES[: len(runs)], [(run, label(run).labels) for run in runs])
+    return Comparison.of(
+        NAMES[: len(runs)], [(run, label(run).labels) for run in runs], policy="paper"
+    )
 
 
 # --- where they part ---
@@ -105,22 +105,22 @@ def test_other_scenarios_are_refused(run):
 # --- how they end ---
 
 
-def test_classes_are_those_of_the_papers_policy(run):
+@pytest.mark.parametrize("policy", ["paper", "default", "strict"])
+def test_classes_are_those_of_the_policy(run, policy):
     labels = label(run).labels
-    found = ending((run, labels))
-    assert labels.policies[0] == POLICY == "paper"
-    assert found.classes.tolist() == labels.classes[:, 0].tolist()
-    assert found.classes.tolist() == [OvertakeClass.NO_ATTEMPT] * 3
+    found = ending((run, labels), policy)
+    place = labels.policies.index(policy)
+    assert found.classes.tolist() == labels.classes[:, place].tolist()
     assert found.outcome.tolist() == [Outcome.NO_ATTEMPT] * 3
     with pytest.raises(ValueError, match="not in tuple"):
-        ending((run, labels.replace(policies=("strict", "default", "other"))))
+        ending((run, labels), "other")
 
 
 def test_a_contact_of_others_is_told_and_is_no_collision_of_the_ego(run):
     partner = run.contacts.partner.copy()
     partner[1, 1] = 2
     hit = run.replace(contacts=run.contacts.replace(partner=partner))
-    found = ending((hit, label(hit).labels))
+    found = ending((hit, label(hit).labels), "paper")
     assert found.has_contact.tolist() == [False, True, False]
     assert found.outcome[1] == Outcome.NO_ATTEMPT
 
