@@ -270,7 +270,7 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
         from: usize,
         length: usize,
         place: &dyn Fn(usize) -> usize,
-        work: &(dyn Fn(&mut Share<'a, S, N>, &mut Minds<S, N>, &mut ShareRows<'_, '_>) + Sync),
+        work: &ShareWork<'a, '_, S, N>,
     ) -> Answer {
         let mut answer = Answer {
             table: vec![0.0; length * WIDTH],
@@ -370,6 +370,10 @@ struct ShareRows<'r, 'o> {
     /// The entries of each place; none for a row that another share has taken over.
     rows: &'r mut [Option<AnswerRow<'o>>],
 }
+
+/// What a share does at a request: its last step writes what its egos observe.
+type ShareWork<'a, 'w, S, const N: usize> =
+    dyn Fn(&mut Share<'a, S, N>, &mut Minds<S, N>, &mut ShareRows<'_, '_>) + Sync + 'w;
 
 /// Which simulations a look writes down.
 #[derive(Clone, Copy, PartialEq)]

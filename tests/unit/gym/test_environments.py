@@ -283,6 +283,7 @@ def test_every_column_has_name_unit_and_bounds():
         assert one.scale > 0.0
 
 
+@pytest.mark.ci
 def test_an_id_with_its_module_imports_by_itself():
     program = "import gymnasium; gymnasium.make_vec('overtaking.gym:overtaking/motorway-v0', 2)"
     subprocess.run([sys.executable, "-c", program], check=True)
