@@ -100,9 +100,25 @@ def driver_of(
     """
     is_file = observe.endswith(".toml")
     sees = Sensor.read(observe) if is_file else observe
-    return Driver(
+    driver = Driver(
         policy=load_policy(policy, option), observe=sees, action=action, hold=hold, name=policy
     )
+    _check_num_parts(driver)
+    return driver
+
+
+def _check_num_parts(driver: Driver) -> None:
+    """Refuse a network whose output has another number of parts than the action."""
+    parts = driver.control.parts
+    num_parts = getattr(driver.policy, "num_parts", len(parts))
+    if num_parts != len(parts):
+        raise ConfigError.of(
+            what=f"output for --action {driver.action}",
+            where=driver.name,
+            expected=f"{len(parts)} parts ({', '.join(part.name for part in parts)})",
+            got=str(num_parts),
+            next_step="choose another action, or export the network anew",
+        )
 
 
 def load_policy(name: str, option: str = "--policy", shipped: Iterable[str] = ()) -> Policy:
@@ -118,9 +134,9 @@ def load_policy(name: str, option: str = "--policy", shipped: Iterable[str] = ()
         MissingExtraError: It is an ONNX file, and the extra `onnx` is not installed.
     """
     if name.endswith(".onnx"):
-        from overtaking.sim.networks import Network
+        from overtaking.sim.networks import OnnxDriver
 
-        return Network(Path(name))
+        return OnnxDriver(Path(name))
     where, _, attribute = name.rpartition(":")
     if not where or not attribute:
         known = ", ".join(nearest_first(name, shipped))

@@ -202,6 +202,8 @@ def _answer(policy: Policy, seen: Observation, control: Control) -> F64:
     expected = (len(seen.active), len(control.parts))
     try:
         answer: Any = np.asarray(policy(seen))
+    except PolicyError:
+        raise  # It says already what is wrong; the message would be cut within another one.
     except Exception as error:
         got = f"{type(error).__name__}{_line(error)}: {error}"
         raise _refused(seen, "an answer", got, np.flatnonzero(seen.active)) from error

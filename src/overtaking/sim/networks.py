@@ -1,87 +1,167 @@
-"""Policies in ONNX files."""
+"""Policies in ONNX files, each of which is evaluated in a process of its own."""
 
 import hashlib
+import time
+import weakref
+from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.errors import ConfigError, MissingExtraError, OvertakingError, PolicyError
+from overtaking.core.worker import ENDED, Worker
 from overtaking.model.observation import MEETING, WIDTH
 from overtaking.sim.observation import Observation
 
-MOST_BYTES = 1 << 28
+MAX_BYTES = 1 << 28
 """Largest file that is read."""
 
+MEMORY_MIB = 2048
+"""Memory of the process beyond ONNX Runtime itself [MiB], which Linux enforces."""
 
-class Network:
+TIMEOUT_S = 60.0
+"""Longest time to load and check a network, and longest time of one decision [s]."""
+
+READY = "ready"
+"""First message of the process: ONNX Runtime is imported, the time limit begins."""
+
+_MODULE = "overtaking.sim.network_process"
+_START_TIMEOUT_S = 120.0
+"""Longest time to start Python and import ONNX Runtime on a busy machine [s]."""
+
+
+class OnnxDriver:
     """A policy in an ONNX file: from float32 numbers to an action.
 
-    Its input has shape (simulation, `WIDTH`): `Observation.own`, then `Observation.around` row by
-    row, then `Observation.meeting`; or it ends before the last. Its first output has shape
+    The input has shape (simulation, `WIDTH`): `Observation.own`, then `Observation.around` row by
+    row, then `Observation.meeting`. It may end before `meeting`. The first output has shape
     (simulation, part).
+
+    A child process loads the network, checks it with zeros, and evaluates it at each decision. A
+    network that passes the check may still crash or exhaust memory with other inputs, so this
+    process never evaluates it. The child starts again at the next decision after a failure.
 
     Attributes:
         digest: SHA-256 of the file.
+        num_parts: Number of parts of an action; an output of shape (simulation,) has one.
 
     Args:
         path: The file.
 
     Raises:
-        ConfigError: It cannot be read, or takes something else.
+        ConfigError: The file cannot be read, or is no network with this input and output.
         MissingExtraError: The extra `onnx` is not installed.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the file."""
-        try:
-            import onnxruntime
-        except ImportError as error:
+        """Read the file, then load and check it in the child process."""
+        if find_spec("onnxruntime") is None:
             what = "onnxruntime, which runs networks"
-            raise MissingExtraError.lacking("onnx", what=what, where=str(path)) from error
-        content = _content(path)
-        self.digest = hashlib.sha256(content).hexdigest()
-        settings: Any = onnxruntime.SessionOptions()
-        # Sums in one order, whatever the machine; and the simulator has the other cores.
-        settings.intra_op_num_threads = settings.inter_op_num_threads = 1
-        settings.log_severity_level = 3
-        try:
-            self._session: Any = onnxruntime.InferenceSession(
-                content, settings, providers=["CPUExecutionProvider"]
-            )
-        except Exception as error:
-            raise _refused(path, "an ONNX model", error) from error
-        inputs = self._session.get_inputs()
-        shapes = [list(one.shape) for one in inputs]
-        widths = (WIDTH, WIDTH - len(MEETING))
-        if len(inputs) != 1 or len(shapes[0]) != 2 or shapes[0][1] not in widths:
-            wanted = " or ".join(f"(simulation, {width})" for width in widths)
-            raise _refused(path, f"one input of shape {wanted}", f"{shapes}")
-        self._input, self._width = inputs[0].name, shapes[0][1]
+            raise MissingExtraError.lacking("onnx", what=what, where=str(path))
+        self._path = path
+        self._content = _read_file(path)
+        self.digest = hashlib.sha256(self._content).hexdigest()
+        self._lock = Lock()  # Two threads would mix up their answers on the pipes.
+        self._worker: Worker | None = None
+        with self._lock:
+            self._width, self.num_parts = self._start(ConfigError)
 
     def __call__(self, seen: Observation) -> NDArray[np.floating]:
-        """The action of each simulation."""
-        numbers = np.ascontiguousarray(seen.table[:, : self._width])
-        return self._session.run(None, {self._input: numbers})[0]
+        """The action of each simulation.
+
+        Raises:
+            PolicyError: The network fails, or exceeds its time or memory.
+        """
+        with self._lock:
+            if self._worker is None:
+                self._start(PolicyError)
+            return self._request(seen.table[:, : self._width], PolicyError)
+
+    def _start(self, error: type[OvertakingError]) -> tuple[int, int]:
+        """Start the process; return the width of the input and the number of parts."""
+        self._worker = Worker(_MODULE)
+        weakref.finalize(self, self._worker.close)
+        limits = {"memory_mib": MEMORY_MIB, "widths": (WIDTH, WIDTH - len(MEETING))}
+        self._request(limits, error, timeout_s=_START_TIMEOUT_S)
+        return self._request(self._content, error)
+
+    def _request(
+        self, message: object, error: type[OvertakingError], timeout_s: float | None = None
+    ) -> Any:
+        """Send a message to the process and return its answer."""
+        assert self._worker is not None
+        limit = TIMEOUT_S if timeout_s is None else timeout_s
+        try:
+            self._worker.send(message)
+            answer = _receive(self._worker, limit)
+        except _NetworkError as failure:
+            self._close()
+            raise _driver_file_error(self._path, failure.expected, failure.got, error) from None
+        except BaseException:
+            # After Ctrl-C, the late answer must not be read as the answer to the next decision.
+            self._close()
+            raise
+        return answer
+
+    def _close(self) -> None:
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.close()
 
 
-def _content(path: Path) -> bytes:
+class _NetworkError(Exception):
+    """A network that failed in its process."""
+
+    def __init__(self, expected: str, got: str) -> None:
+        super().__init__(expected, got)
+        self.expected, self.got = expected, got
+
+
+def _receive(worker: Worker, timeout_s: float) -> Any:
+    """The next answer.
+
+    Raises:
+        _NetworkError: The process reports an error, ends, or takes too long.
+    """
+    begin = time.monotonic()
+    try:
+        answer = worker.receive(timeout_s)
+    except TimeoutError:
+        elapsed = time.monotonic() - begin
+        raise _NetworkError(
+            f"an answer within {timeout_s:g} s", f"none after {elapsed:.0f} s"
+        ) from None
+    if answer is ENDED:
+        raise _NetworkError(
+            f"a network that runs in {MEMORY_MIB} MiB of memory",
+            f"one whose process ended {worker.ending()}",
+        )
+    if isinstance(answer, dict):
+        raise _NetworkError(answer["expected"], answer["got"])
+    return answer
+
+
+def _read_file(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise _refused(path, "a file that can be read", error) from error
-    if len(content) > MOST_BYTES:
-        raise _refused(path, f"at most {MOST_BYTES} bytes", "more")
+        raise _driver_file_error(path, "a file that can be read", str(error)) from error
+    if len(content) > MAX_BYTES:
+        raise _driver_file_error(path, f"at most {MAX_BYTES} bytes", "more")
     return content
 
 
-def _refused(path: Path, expected: str, got: object) -> ConfigError:
-    return ConfigError.of(
+def _driver_file_error(
+    path: Path, expected: str, got: str, error: type[OvertakingError] = ConfigError
+) -> OvertakingError:
+    return error.of(
         what="policy",
         where=str(path),
         expected=expected,
-        got=str(got),
+        got=got,
         next_step="export the network anew; docs/how-to/evaluate-a-driver.md says how",
     )
