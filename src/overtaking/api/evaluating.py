@@ -10,6 +10,7 @@ from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, module_of, road_of
 from overtaking.core.checks import nearest_first
 from overtaking.core.errors import ConfigError
+from overtaking.core.notebook import show_progress
 from overtaking.core.steps import Progress
 from overtaking.model.checks import argument, checked
 from overtaking.model.road import Road
@@ -126,6 +127,7 @@ def evaluate_benchmark(
     return run(read(benchmark), here, others, stay, road_of, progress)
 
 
+@show_progress
 def write_evaluation(
     found: "Evaluation | BenchmarkResult",
     out: str | Path,

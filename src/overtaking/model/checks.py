@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import Mask
 from overtaking.core.errors import ConfigError
+from overtaking.core.notebook import PROGRESS, show_progress
 from overtaking.model.batch import (
     Axes,
     AxisEnd,
@@ -67,7 +68,8 @@ def check(batch: Any, where: str, name: str = "") -> None:
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """The function, with its arguments held to their annotations before it begins.
 
-    Iterables are handed on as tuples, because some can be read only once.
+    Iterables are handed on as tuples, because some can be read only once. A function with a
+    parameter `progress` shows its progress in notebooks (`show_progress`).
 
     Raises:
         ConfigError: An argument is something else.
@@ -95,7 +97,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
                 given.arguments[name] = argument(given.arguments[name], hint, where, name)
         return function(*given.args, **given.kwargs)
 
-    return called
+    return show_progress(called) if PROGRESS in signature.parameters else called
 
 
 def argument(value: Any, annotation: Any, where: str, name: str) -> Any:

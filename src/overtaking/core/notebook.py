@@ -1,0 +1,71 @@
+"""Progress of long work, shown below the running cell of a notebook."""
+
+import importlib
+import sys
+import time
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+from overtaking.core.steps import Progress
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+PROGRESS = "progress"
+"""Keyword of a function that reports its progress."""
+
+DELAY_S = 2.0
+"""Duration of the work before its progress appears [s]."""
+
+_INTERVAL_S = 0.25  # A reader cannot follow faster updates, and each one is stored in the notebook.
+
+
+def show_progress(function: Callable[P, T]) -> Callable[P, T]:
+    """The function; in a notebook, a call without `progress` shows it below the cell."""
+
+    @wraps(function)
+    def called(*args: P.args, **kwargs: P.kwargs) -> T:
+        if kwargs.get(PROGRESS) is None:
+            kwargs[PROGRESS] = notebook_progress(function.__name__)
+        return function(*args, **kwargs)
+
+    return called
+
+
+def notebook_progress(title: str) -> Progress | None:
+    """A function that shows progress below the running cell.
+
+    Args:
+        title: Text before the numbers.
+
+    Returns:
+        The function; None if no IPython kernel runs this code.
+    """
+    if "ipykernel" not in sys.modules:
+        return None
+    shell: Any = importlib.import_module("IPython").get_ipython()
+    return _CellProgress(title) if getattr(shell, "kernel", None) is not None else None
+
+
+class _CellProgress:
+    """One line of text below a cell, which each call replaces."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._next_update = time.monotonic() + DELAY_S
+        self._handle: Any = None
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show the number of steps that are done, and of all."""
+        now = time.monotonic()
+        is_complete = self._handle is not None and done >= total
+        if now < self._next_update and not is_complete:
+            return
+        self._next_update = now + _INTERVAL_S
+        text = {"text/plain": f"{self._title}: {done} of {total}"}
+        if self._handle is None:
+            display: Any = importlib.import_module("IPython.display").display
+            self._handle = display(text, raw=True, display_id=True)
+        else:
+            self._handle.update(text, raw=True)

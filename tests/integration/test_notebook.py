@@ -1,0 +1,86 @@
+"""Public functions show their progress in a notebook, and nowhere else."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from overtaking import api
+from overtaking.core import notebook
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+GENERATE = """
+from pathlib import Path
+from tempfile import TemporaryDirectory
+import overtaking.core.notebook as notebook
+from overtaking import api
+
+notebook.DELAY_S = {delay_s}
+with TemporaryDirectory() as folder:
+    api.generate("pinto2023", 8, 1, Path(folder) / "data"{arguments});
+"""
+
+
+def run_cell(folder: Path, *, delay_s: float, arguments: str = "") -> list[Any]:
+    """The outputs of a cell that generates eight simulations, run by a real kernel."""
+    pytest.importorskip("ipykernel")
+    nbclient: Any = pytest.importorskip("nbclient")
+    nbformat: Any = pytest.importorskip("nbformat")
+    source = GENERATE.format(delay_s=delay_s, arguments=arguments)
+    document = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)])
+    nbclient.NotebookClient(
+        document, timeout=600, resources={"metadata": {"path": folder}}
+    ).execute()
+    return document.cells[0].outputs
+
+
+@pytest.mark.ci
+def test_a_notebook_shows_one_line_that_ends_with_all_simulations(tmp_path: Path):
+    (output,) = run_cell(tmp_path, delay_s=0.0)
+    assert output.output_type == "display_data"
+    assert output.data["text/plain"] == "generate: 8 of 8"
+
+
+@pytest.mark.ci
+def test_a_notebook_shows_nothing_for_short_work(tmp_path: Path):
+    assert run_cell(tmp_path, delay_s=3600.0) == []
+
+
+@pytest.mark.ci
+def test_a_notebook_shows_nothing_beside_the_progress_of_the_caller(tmp_path: Path):
+    arguments = ", progress=lambda done, total: None"
+    assert run_cell(tmp_path, delay_s=0.0, arguments=arguments) == []
+
+
+def test_a_program_without_a_kernel_shows_no_progress():
+    assert notebook.notebook_progress("generate") is None
+
+
+def test_each_public_function_with_progress_shows_it_in_a_notebook(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    titles: list[str] = []
+
+    class Called(Exception):
+        pass
+
+    def record(title: str) -> None:
+        titles.append(title)
+        raise Called
+
+    monkeypatch.setattr(notebook, "notebook_progress", record)
+    functions = {name: getattr(api, name) for name in api.__all__}
+    reporting = [
+        name
+        for name, function in functions.items()
+        if inspect.isfunction(function) and "progress" in inspect.signature(function).parameters
+    ]
+    for name in reporting:
+        with pytest.raises(Called):
+            functions[name]()
+    assert titles == reporting
+    assert len(reporting) > 20
