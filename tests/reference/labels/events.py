@@ -33,7 +33,7 @@ def first(frames: Iterable[int], holds: Callable[[int], Any]) -> Frame:
 
 
 def first_change(num_frames: int, holds: Callable[[int], Any]) -> Frame:
-    """The first frame in which something holds that did not hold in an earlier frame."""
+    """The first frame in which a condition holds after a frame in which it did not hold."""
     before = first(range(num_frames), lambda t: not holds(t))
     return None if before is None else first(range(before, num_frames), holds)
 

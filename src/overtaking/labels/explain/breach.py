@@ -108,7 +108,7 @@ class Breach:
         margin: How far beyond the border of the law, negative, in the unit of the rule.
         first: First frame of the breach.
         last: Last frame of the breach.
-        severity: By the law of the rule.
+        severity: Severity by the law to which the rule belongs.
         belief: Whether the driver could know.
         remedies: Each of them alone would have kept the rule; none where nothing would.
     """
@@ -141,16 +141,16 @@ class BreachFacts:
 
     @property
     def frames(self) -> IndexArray:
-        """From the first to the last frame of the breach."""
+        """All frames from the first to the last one of the breach, shape (frame,)."""
         return np.arange(self.first, self.last + 1)
 
     def beside(self, neighbour: Around) -> IndexArray:
-        """Frames of the breach with this neighbour."""
+        """Frames of the breach in which the ego has this neighbour, shape (frame,)."""
         vehicle = self.case.signals.vehicle[0, neighbour, self.frames]
         return self.frames[vehicle != NO_VEHICLE]
 
     def within(self, frames: IndexArray) -> IndexArray:
-        """Those of some frames that belong to the breach."""
+        """Keep the frames that lie within the breach."""
         return frames[(frames >= self.first) & (frames <= self.last)]
 
     def worst(self, margins: NDArray[np.floating]) -> int:

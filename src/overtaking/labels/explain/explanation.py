@@ -15,7 +15,7 @@ from overtaking.labels.signals import target_signals
 from overtaking.model.labels import Belief, Case, Severity, Verdict
 
 ALL_REMEDIES = REMEDIES | GERMAN
-"""The remedies of both laws, by the check of a rule."""
+"""The remedies for the rules of both laws, by the check of the rule."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -80,7 +80,7 @@ def no_obstruction(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def oncoming(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L24: more distance to the oncoming vehicle, which is to say, back earlier."""
+    """L24: more distance to the oncoming vehicle when the ego is back in its lane."""
     others = others_at(facts.case, back_frame(facts.case))
     slot = int(oncoming_margins(facts.case, others)[0].argmin())
     gap = float(others.gap[0, slot])
@@ -107,7 +107,8 @@ def slow_vehicle(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L28: farther behind the vehicle ahead."""
     frames = facts.beside(Around.LEADER)
     gap, _ = _gaps(facts, Around.LEADER, frames)
-    # Frames above 40 km/h do not count, however small their gap.
+    # The smallest gap may lie in a frame in which the ego is too fast for the rule (above 40 km/h).
+    # The frame that decides is the one whose gap gives the margin of the finding.
     worst = int(np.abs(gap - known("law.slow.distance") - facts.margin).argmin())
     return more_distance(facts, Around.LEADER, frames[worst], facts.margin)
 

@@ -54,14 +54,14 @@ if TYPE_CHECKING:
     from overtaking.model.labels import Case
 
 
-def _ahead(asked: Callable[[F32], F32]) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
-    """A1, A3 and A4: more distance to the leader, in the frame that lacks most."""
+def _more_distance_ahead(required: Callable[[F32], F32]) -> Find:
+    """A1, A3 and A4: more distance to the leader, in the frame with the smallest margin."""
 
     def find(facts: BreachFacts) -> tuple[Remedy, ...]:
         frames = facts.beside(Around.LEADER)
         frames = frames[~after_cut_ins(facts.case)[0, frames]]
         seen = facts.case.signals
-        margins = seen.gap[0, Around.LEADER, frames] - asked(seen.speed[0, frames])
+        margins = seen.gap[0, Around.LEADER, frames] - required(seen.speed[0, frames])
         worst = frames[int(np.abs(margins - facts.margin).argmin())]
         return gaps.more_distance(facts, Around.LEADER, worst, facts.margin)
 
@@ -69,32 +69,38 @@ def _ahead(asked: Callable[[F32], F32]) -> Callable[[BreachFacts], tuple[Remedy,
 
 
 def _at_limit(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """V2: at the limit."""
+    """V2: no faster than the limit."""
     return at_limit(facts, limits(facts.case)[1])
 
 
 def _slower(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """V3: so much slower."""
+    """V3: slower, down to the speed allowed in fog."""
     fastest = facts.frames[int(facts.case.signals.speed[0, facts.frames].argmax())]
     return facts.speed(fastest, known("law_de.fog.speed"))
 
 
 def _faster(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """O2: so much faster."""
+    """O2: faster by the missing difference in speed."""
     speed = facts.case.signals.speed[0, facts.first]
     return facts.speed(facts.first, speed - np.float32(facts.margin))
 
 
-def _clear_air(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """O5: as much sight as trucks need to overtake."""
+def _more_optical_range(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """O5: the meteorological optical range that trucks need to overtake."""
     needed = known("law_de.pass.truck_sight")
     return sole(Quantity.SIGHT, float(needed) + facts.margin, needed, facts.first)
 
 
 def _fined_gap(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """A2: a gap that is not fined, in the frame that lacks most of it."""
+    """A2: a gap that is not fined, in the frame in which most of it is missing.
+
+    The margin of the rule is a time, so the missing distance is computed here.
+    """
     frames = facts.beside(Around.LEADER)
     seen = facts.case.signals
+    # Between two parts of a breach there may be frames that the rule exempts.
+    is_fast = seen.speed[0, frames] > known("law_de.distance.fined_above")
+    frames = frames[is_fast & ~after_cut_ins(facts.case)[0, frames]]
     gaps_ahead, speed = seen.gap[0, Around.LEADER, frames], seen.speed[0, frames]
     lacking = fined_distance(speed) - gaps_ahead
     worst = int(lacking.argmax())
@@ -102,20 +108,20 @@ def _fined_gap(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def _behind(neighbour: Around) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
-    """O6 and O12: more distance to the one behind."""
+    """O6 and O12: more distance to the vehicle behind."""
     return lambda facts: gaps.more_distance(facts, neighbour, facts.first, facts.margin)
 
 
 GERMAN: dict[Callable[[Case], Check], Find] = {
     rule.check: find
     for rule, find in (
-        (A1, _ahead(courts_distance)),
+        (A1, _more_distance_ahead(courts_distance)),
         (A2, _fined_gap),
-        (A3, _ahead(truck_distance)),
-        (A4, _ahead(room_for_another)),
+        (A3, _more_distance_ahead(truck_distance)),
+        (A4, _more_distance_ahead(room_for_another)),
         (O1, pass_on_the_left),
         (O2, _faster),
-        (O5, _clear_air),
+        (O5, _more_optical_range),
         (O6, _behind(Around.LEFT_FOLLOWER)),
         (O7, more_lateral_distance(motor_vehicle_distance)),
         (O9, elsewhere),
@@ -128,4 +134,5 @@ GERMAN: dict[Callable[[Case], Check], Find] = {
         (B1, REMEDIES[L19.check]),
     )
 }
-"""By the check of a rule; the other German rules share a check with Portuguese ones."""
+"""Remedies by the check of a rule. German rules that are not listed share the check of a Portuguese
+rule, and with it the remedy in `REMEDIES`."""

@@ -27,17 +27,17 @@ from overtaking.model.trajectory import NO_VEHICLE
 
 
 def margins(labelled: Labelled, pack: Pack = PORTUGAL) -> dict[str, F64]:
-    """Margins of one simulation frame by frame; the least of them is the margin of the finding.
+    """Margins of one simulation, frame by frame; the smallest is the margin of the finding.
 
     Args:
         labelled: A batch of one simulation with its findings.
-        pack: The rules that the findings are of.
+        pack: The pack of rules that the findings were made with.
 
     Returns:
-        By code of rule, those that decided this simulation and have a margin in every frame: speed
-        limits, distances to the leader and to the side, stopping within sight. Shape (time,), in
-        the unit of the rule, negative in a breach, NaN where the rule does not look. Other rules
-        look at single instants, or at durations.
+        By code of the rule, the margins of the rules that are legal or illegal in this simulation
+        and have a margin in every frame: speed limits, distances to the leader and to the side,
+        stopping within sight. Shape (time,), in the unit of the rule, negative in a breach, NaN in
+        frames that the rule does not judge. Other rules judge single instants or durations.
     """
     case, findings = case_of(labelled), labelled.findings
     verdicts = dict(zip(findings.rules, findings.verdict[0].tolist(), strict=True))
@@ -55,8 +55,8 @@ def _safe_distance(case: Case) -> F64:
     return _behind_leader(case, margin)
 
 
-def _distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
-    """Margins of the gap to the leader, where the rule asks for a distance at each speed."""
+def _leader_distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
+    """Margins of a rule that requires a gap to the leader [m] as a function of speed [m/s]."""
 
     def margins_of(case: Case) -> F64:
         seen = case.signals
@@ -66,14 +66,14 @@ def _distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
 
 
 def _behind_leader(case: Case, margin: F32) -> F64:
-    """Margins where there is a leader that did not cut in lately."""
+    """Keep margins [m] in frames with a leader, except shortly after it cut in."""
     has_leader = case.signals.vehicle[0, Around.LEADER] != NO_VEHICLE
-    counts = has_leader & ~after_cut_ins(case)[0]
-    return np.where(counts, _within(settled(case), margin), np.nan)
+    is_judged = has_leader & ~after_cut_ins(case)[0]
+    return np.where(is_judged, _within(settled(case), margin), np.nan)
 
 
 def _lateral_distance(distance: LateralDistance) -> Callable[[Case], F64]:
-    """Margins of the distance between the sides of ego and target."""
+    """Margins of the distance between the sides of ego and target while they overlap [m]."""
 
     def margins_of(case: Case) -> F64:
         beside, margin = alongside(case), np.full(case.signals.num_frames, np.nan)
@@ -84,12 +84,12 @@ def _lateral_distance(distance: LateralDistance) -> Callable[[Case], F64]:
 
 
 def _speed_limit(limits: Limits) -> Callable[[Case], F64]:
-    """Margins of the speed limits of a law."""
+    """Margins of a law's speed limits [m/s]."""
     return lambda case: _within(conduct(case), rounded(limits(case)[1]) - case.signals.speed)
 
 
 def _stop_within(sight: str) -> Callable[[Case], F64]:
-    """Margins of the sight of a name of `EgoSignals` over the stopping distance."""
+    """Margins of a sight, named by its field of `Signals`, over the stopping distance [m]."""
 
     def margins_of(case: Case) -> F64:
         seen = case.signals
@@ -105,16 +105,16 @@ _MARGINS: dict[Callable[[Case], Check], Callable[[Case], F64]] = {
     L12.check: _speed_limit(speed_limits),
     L14.check: _stop_within("sight_lit"),
     L14s.check: _stop_within("sight_unlit"),
-    distances.A1.check: _distance(distances.courts_distance),
+    distances.A1.check: _leader_distance(distances.courts_distance),
     overtaking.O7.check: _lateral_distance(overtaking.motor_vehicle_distance),
     overtaking.O10.check: _lateral_distance(overtaking.bicycle_distance),
     driving.V2.check: _speed_limit(driving.limits),
 }
-"""By the check of a rule, whose numbers the margins are made of."""
+"""Margins by the check of a rule; both read the same numbers of the law."""
 
 
 def _within(span: Span, values: NDArray[np.floating]) -> F64:
-    """The first simulation of (simulation, time), NaN outside of a span."""
+    """Values (simulation, time) of the first simulation, shape (time,); NaN outside the span."""
     frame = np.arange(values.shape[1])
     inside = (frame >= span.start[0]) & (frame <= span.stop[0])
     return np.where(inside, values[0], np.nan).astype(np.float64)

@@ -35,7 +35,7 @@ from overtaking.world.constants import known
 from overtaking.world.friction import stoppable_speed
 
 Find = Callable[[BreachFacts], tuple[Remedy, ...]]
-"""Finds the remedies of a breach."""
+"""A function that finds the remedies for a breach."""
 
 _SAME = 1e-3
 """Margins that differ by less are one [m]."""
@@ -56,7 +56,7 @@ def pass_in_next_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def pass_on_the_left(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """O1: in a lane to the left of that of the target."""
+    """O1: in a lane to the left of the target's lane."""
     frames = _alongside(facts)
     ego, target = (
         lane_index(of.lane)[0, frames].astype(int) for of in (facts.case.signals, facts.case.target)
@@ -67,15 +67,15 @@ def pass_on_the_left(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def _is_queue(facts: BreachFacts, frames: IndexArray) -> Mask:
-    """Which frames are exempt because both drive in queues, shape (frame,)."""
+    """Whether ego and target drive in queues, which exempts the frame; shape (frame,)."""
     return in_queue(facts.case, np.zeros_like(frames), frames)
 
 
 def more_lateral_distance(distance: LateralDistance) -> Find:
-    """L10, O7 and O10: so much farther to the side.
+    """L10, O7 and O10: more lateral distance to the target.
 
     Args:
-        distance: What the check of the rule compares with.
+        distance: The lateral distance that the check of the rule requires [m].
     """
 
     def find(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -144,7 +144,7 @@ def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def see_oncoming_traffic(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """O16: sight over all of the road that the overtake takes."""
+    """O16: sight over the whole length of road that the overtake needs."""
     return _more_sight(facts, passing_sight(facts.case)[0])
 
 
@@ -160,7 +160,7 @@ def wider(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def return_in_time(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L9: back as soon as the rule asks."""
+    """L9: back in the original lane within the time that the rule allows."""
     return _excess(facts, Quantity.TIME_OUT, float(known("law.return.within")))
 
 
@@ -208,12 +208,12 @@ def off_the_line(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 
 def elsewhere(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L29, O9 and O17: so much before or behind the place."""
+    """L29, O9 and O17: overtake this much before or after the place."""
     return sole(Quantity.PLACE, -facts.margin, 0.0)
 
 
-def elsewhere_or_alone(facts: BreachFacts) -> tuple[Remedy, ...]:
-    """L17: away from the place, or the target on its side of the road."""
+def elsewhere_or_target_in_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
+    """L17: before or after the place, or with the target on its own side of the road."""
     alone = target_keeps_its_side(facts.case)
     if alone.margin[0] < 0 and abs(float(alone.margin[0]) - facts.margin) < _SAME:
         return sole(Quantity.CLEARANCE, facts.margin, 0.0, facts.first, facts.target)
@@ -259,7 +259,7 @@ REMEDIES: dict[Callable[[Case], Check], Find] = {
         (L15, see_farther),
         (L15s, see_farther),
         (L16, wider),
-        (L17, elsewhere_or_alone),
+        (L17, elsewhere_or_target_in_lane),
         (L18, lambda facts: _excess(facts, Quantity.UNSIGNALLED, 0.0)),
         (L19, lambda facts: _excess(facts, Quantity.WRONG_LAMPS, 0.0)),
         (L20, slow_lanes),
@@ -274,8 +274,8 @@ REMEDIES: dict[Callable[[Case], Check], Find] = {
         (L29, elsewhere),
     )
 }
-"""By the check of a rule, whose numbers a remedy reads: rules of other laws that share the check
-share the remedy."""
+"""Remedies by the check of a rule. A remedy reads the same numbers as the check, so rules of other
+laws with the same check have the same remedy."""
 
 
 def remedies_of(
@@ -283,15 +283,16 @@ def remedies_of(
     facts: BreachFacts,
     remedies: Mapping[Callable[[Case], Check], Find] = REMEDIES,
 ) -> tuple[Remedy, ...]:
-    """Find what would have kept a broken rule, everything else being as it was.
+    """Find the changes that would have kept a broken rule, all else unchanged.
 
     Args:
-        rule: The rule.
-        facts: Its breach.
-        remedies: By the check of the rule.
+        rule: The broken rule.
+        facts: The breach.
+        remedies: Functions that find remedies, by the check of the rule.
 
     Returns:
-        Alternatives, the one that its margin measures first; none for a check without a remedy.
+        Alternative remedies; the first is the one whose size is the margin. Empty for a check
+        without a remedy.
     """
     find = remedies.get(rule.check)
     return () if find is None else find(facts)

@@ -27,7 +27,7 @@ _MARGINS: dict[tuple[DecisionKind, int], tuple[Callable[[Case], Check], Margin]]
     (DecisionKind.RETURN, FRONT): (L8.check, margin_of_gap),
     (DecisionKind.RETURN, REAR): (L8.check, margin_behind),
 }
-"""The check that asks about a neighbour at a decision, and the margin that it looks at."""
+"""By the kind of decision and the neighbour, the check that judges the gap, and its margin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,25 +56,26 @@ def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
 
     Args:
         case: One simulation.
-        pack: The rules. A neighbour at a decision is left out if none of them asks about it.
+        pack: The pack of rules. Neighbours that no rule of it judges are left out.
 
     Returns:
-        In the order of decisions; none about an abort, which no rule judges, and none where a
-        recording has no percepts.
+        One item for each neighbour at each decision, in the order of decisions. Decisions to abort
+        have none because no rule judges them; recordings without percepts have none at all.
     """
     percepts = case.trajectories.percepts
     if "percepts" in case.trajectories.unknown:
         return ()
-    found = list[Thought]()
+    comparisons = list[Thought]()
     for row in np.flatnonzero(percepts.valid[0]).tolist():
         kind = DecisionKind(int(percepts.kind[0, row]))
         for whom in (LEADER, FRONT, REAR):
-            there = percepts.vehicle[0, row, whom] != NO_VEHICLE
-            if there and (kind, whom) in _MARGINS:
+            has_neighbour = percepts.vehicle[0, row, whom] != NO_VEHICLE
+            if has_neighbour and (kind, whom) in _MARGINS:
                 check, margin = _MARGINS[kind, whom]
                 codes = [rule.code for rule in pack.deciding_rules if rule.check is check]
-                found += [_thought(case, row, whom, code, margin) for code in codes[:1]]
-    return tuple(found)
+                # One comparison is enough: rules with the same check have the same margin.
+                comparisons += [_thought(case, row, whom, code, margin) for code in codes[:1]]
+    return tuple(comparisons)
 
 
 def _thought(case: Case, row: int, whom: int, code: str, margin: Margin) -> Thought:

@@ -90,7 +90,7 @@ NOT_IN_QUEUES = (
     f"are slower than {amount('law.queue.speed', unit='km/h')} and the ego is at most "
     f"{amount('law.queue.faster', unit='km/h')} faster than the target."
 )
-"""The exception of queues, for the predicates of all laws."""
+"""The exception for queues, shared by the predicates of all laws."""
 
 TARGET_KEEPS_SPEED = (
     f"While ego and target overlap: acceleration of the target <= {amount('law.overtaken.accel')}. "
@@ -157,24 +157,30 @@ LateralDistance = Callable[[Case], np.float32]
 
 
 def motor_vehicle_distance(case: Case) -> np.float32:
-    """Distance to the side of a motor vehicle [m]."""
+    """Smallest lawful distance to the side of a motor vehicle [m]."""
     del case
     return known("law.side.motor")
 
 
 def bicycle_distance(case: Case) -> np.float32:
-    """Distance to the side of a bicycle [m]."""
+    """Smallest lawful distance to the side of a bicycle [m]."""
     del case
     return known("law.side.bicycle")
 
 
 def _apart_from_motor(case: Case) -> Check:
-    """Alongside a motor vehicle the bodies keep their distance."""
+    """Check the lateral distance to a motor vehicle."""
     return apart(case, motor_vehicle_distance, bicycle=False)
 
 
 def apart(case: Case, distance: LateralDistance, *, bicycle: bool) -> Check:
-    """Check the distance to a target that is a bicycle, or to one that is not."""
+    """Check the lateral distance to the target.
+
+    Args:
+        case: The batch.
+        distance: The smallest lawful distance.
+        bicycle: Whether the rule is about bicycles, or about all other targets.
+    """
     found = alongside(case)
     margin = found.lateral_gap - distance(case)
     return found.check(case, margin, target_may_be(case, bicycle=bicycle))
@@ -231,8 +237,7 @@ L11 = Rule(
     law="Articles 18(3) and 38(2)(e)",
     title="Overtaking a bicycle",
     gloss=f"Motor vehicles keep at least {amount('law.side.bicycle')} to the side of bicycles, and "
-    "slow down to overtake "
-    "them.",
+    "slow down to overtake them.",
     predicate=(
         "While ego and target overlap, the target being a bicycle: distance between their sides >= "
         f"{amount('law.side.bicycle')}, and speed <= that at attempt. The margin is the smaller of "

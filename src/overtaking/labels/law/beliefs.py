@@ -31,7 +31,7 @@ class Decision:
     """The decision that led to the judged manoeuvre, one for each simulation.
 
     Attributes:
-        row: IndexArray of its percepts, shape (simulation,).
+        row: Row of its percepts, shape (simulation,).
         exists: Whether there is one, same shape.
         speed: Of the ego [m/s], same shape.
         decel: `sure_decel` there [m/s^2], same shape.

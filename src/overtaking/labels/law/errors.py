@@ -226,27 +226,28 @@ def _braking(case: Case, found: Check, errors: Errors) -> F32:
 
 
 def back_frame(case: Case) -> I32:
-    """When the ego is back in its lane, overtaken or given up; shape (simulation,)."""
+    """Frame in which the ego is back in its lane, after a pass or an abort; shape (simulation,)."""
     events = case.events
     return np.where(events.return_end != NEVER, events.return_end, events.back)
 
 
 def oncoming_margins(case: Case, others: Others, speed_error: F32 | None = None) -> F32:
-    """Margin of the gap to each oncoming vehicle as the ego is back.
+    """Margin of the gap to each oncoming vehicle when the ego is back in its lane.
 
     Args:
         case: The batch.
         others: All vehicles at `back_frame`.
-        speed_error: Added to the ego's speed, a number or shape (simulation,) [m/s].
+        speed_error: Added to the ego's speed, to find how the margin depends on it; a number or
+            shape (simulation,) [m/s].
 
     Returns:
-        Shape (simulation, vehicle), `ENDLESS` for those that do not come [m].
+        Shape (simulation, vehicle) [m]; `ENDLESS` for vehicles that are not oncoming.
     """
     speed = at(case.signals.speed, back_frame(case))[:, None]
     speed = speed if speed_error is None else speed + speed_error
-    for_both = known("law.oncoming.time") * (others.speed + speed)
-    for_it_alone = known("law.oncoming.encroachment") * others.speed
-    needed = maximum(for_both, for_it_alone)
+    closing_distance = known("law.oncoming.time") * (others.speed + speed)
+    encroachment_distance = known("law.oncoming.encroachment") * others.speed
+    needed = maximum(closing_distance, encroachment_distance)
     return np.where(coming(others), others.gap - needed, ENDLESS)
 
 
@@ -367,7 +368,8 @@ ENTERING_BEHIND = Spread(
     of=_entering(Around.LEFT_FOLLOWER, margin_behind),
 )
 RETURNING = Spread(
-    formula=f"behind: {_GAP}, or {_BRAKED}; ahead: the former; whichever decides", of=_returning
+    formula=f"behind: {_GAP}, or {_BRAKED}; ahead: {_GAP}; of the three, the one that decides",
+    of=_returning,
 )
 KEEPING_RIGHT = Spread(
     formula=f"ahead and behind: {_GAP}, or sqrt(2 sp^2 + 2 ({_FREE})^2 sv^2) where {_FREE} ahead "

@@ -34,8 +34,8 @@ _CLOSED = frozenset(
 OFF_THE_LINE = (
     f"At every frame: no corner of the ego is more than {amount('law.line.tolerance')} over a line "
     "that is continuous for the lane it comes from, nor over a kerb or grass. Of the line between "
-    "the directions the stretch beside the ego's centre counts: who is beyond it when it becomes "
-    "continuous for the own direction breaks the rule."
+    "the directions the stretch beside the ego's centre counts: an ego that is beyond it when it "
+    "becomes continuous for the ego's direction breaks the rule."
 )
 
 

@@ -1,11 +1,12 @@
-"""Numbers of the law as its sentences name them."""
+"""Numbers of the law, formatted for the sentences about its rules."""
 
 import re
 
 from overtaking.knowledge.reader import load
 
-_PLACE = re.compile(r"\{((?:law|law_de|friction)\.[\w.]+)\}")
-_PER_UNIT = {("m/s", "km/h"): 3.6}
+_PLACEHOLDER = re.compile(r"\{((?:law|law_de|friction)\.[\w.]+)\}")
+_FACTORS = {("m/s", "km/h"): 3.6}
+"""Factors from the unit of a file to another unit."""
 
 
 def amount(path: str, *, unit: str = "", times: float = 1.0) -> str:
@@ -14,28 +15,29 @@ def amount(path: str, *, unit: str = "", times: float = 1.0) -> str:
     Sentences about a rule print the number that its check reads, so that the two cannot differ.
 
     Args:
-        path: File and dotted name of the entry, such as `law.side.motor`.
-        unit: The unit to print; that in which the file has it if left out.
-        times: A factor.
+        path: File without suffix and dotted name of the entry: `law.side.motor` is `side.motor` in
+            `law.toml`.
+        unit: Unit to print; the unit of the file if left out.
+        times: Factor on the number.
     """
-    return f"{bare(path, unit=unit, times=times)} {unit or _written(path)[1]}"
+    return f"{bare(path, unit=unit, times=times)} {unit or _read_entry(path)[1]}"
 
 
 def bare(path: str, *, unit: str = "", times: float = 1.0) -> str:
-    """The number without its unit; the arguments are those of `amount`."""
-    value, written_in = _written(path)
-    factor = _PER_UNIT[written_in, unit] if unit and unit != written_in else 1.0
-    # Three digits: 8.33 m/s are 30 km/h, and no number of a law has more.
+    """Format a number without its unit, for the arguments of `amount`."""
+    value, file_unit = _read_entry(path)
+    factor = _FACTORS[file_unit, unit] if unit and unit != file_unit else 1.0
+    # Three digits turn 8.33 m/s into 30 km/h; no number of a law has more than three.
     return f"{value * factor * times:.3g}"
 
 
 def filled(text: str) -> str:
-    """A text in which places such as `{law.side.motor}` are replaced by their `amount`."""
-    return _PLACE.sub(lambda place: amount(place[1]), text)
+    """Replace each placeholder such as `{law.side.motor}` by its `amount`."""
+    return _PLACEHOLDER.sub(lambda match: amount(match[1]), text)
 
 
-def _written(path: str) -> tuple[float, str]:
-    """Number and unit of an entry as its file has them."""
+def _read_entry(path: str) -> tuple[float, str]:
+    """Number and unit of an entry, as in its file."""
     file, _, name = path.partition(".")
     entry = load(f"{file}.toml")
     for part in name.split("."):

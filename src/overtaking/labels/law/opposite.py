@@ -37,9 +37,9 @@ _SLOW = np.float32(0.1)  # Who moves across more slowly is not back at a sure ti
 
 TIME_TO_PASS = (
     "On two-way roads, as the line between the directions is crossed: gap to each oncoming vehicle "
-    "- way of the ego until it is back - v_oncoming (time on the other side) >= "
-    f"{amount('law.oncoming.time')} (v + v_oncoming), v as it is back, v_oncoming as the line is "
-    "crossed."
+    "- distance that the ego drives until it is back - v_oncoming (time on the other side) >= "
+    f"{amount('law.oncoming.time')} (v + v_oncoming), v when it is back, v_oncoming when the line "
+    "is crossed."
 )
 
 _CLEARANCE = amount("law.oncoming.time")

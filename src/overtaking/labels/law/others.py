@@ -76,7 +76,7 @@ def others_at(case: Case, frame: I32, rows: IndexArray | None = None) -> Others:
 
 
 def coming(others: Others) -> Mask:
-    """Which of others come towards the ego from ahead, shape (instant, vehicle)."""
+    """Whether a vehicle is ahead of the ego and drives towards it, shape (instant, vehicle)."""
     return others.valid & others.oncoming & (others.lead < 0)
 
 

@@ -122,10 +122,10 @@ POLICIES = tuple(one for one in policies_for("pt") if one.name in STORED)
 
 
 def default_policy(profile: str) -> str:
-    """Name of the policy under which classes are read where no other is named.
+    """Name of the policy that decides the class unless the user names one.
 
     Args:
-        profile: Name of the profile of the simulations, or of the format of a recording.
+        profile: Name of the profile of simulations, or format of a recording.
     """
     policies = load(_FILE)
     return str(policies["default_of_profile"].get(profile, policies["default"]))

@@ -33,7 +33,7 @@ class Text(StrEnum):
 
 
 class Grade(Enum):
-    """How severity follows from a breach; `Pack.severities` says by which provisions."""
+    """How severe a breach is; `Pack.severities` names the provisions that say so."""
 
     BY_ROAD = "very serious on a motorway, serious elsewhere"
     LIGHT = "light"
@@ -145,30 +145,30 @@ def adopt(
     spread: Spread | None = None,
     limit: Callable[[Case], F32] | None = None,
 ) -> Rule:
-    """Make a rule of another law that is measured as a rule is.
+    """Make a rule for another law with the check of an existing rule.
 
-    All that the law says is new: text, article, severity, fine and how the text is known. Of the
-    rule remain the check with its error and its limit, and what it needs.
+    Texts, article, severity, fine and source are those of the other law. The check with its error
+    and its limit, and the data that it needs, are those of `rule`.
 
     Args:
-        rule: The rule that is measured so.
-        id: As in `Rule`, like all others down to `fine`.
-        code: A code of the other law.
-        law: Its article.
-        title: A few words.
-        gloss: What it asks.
+        rule: The existing rule.
+        id: Id of the new rule, as in `Rule`.
+        code: Code of the new rule.
+        law: Article of the other law.
+        title: Title in a few words.
+        gloss: The duty in plain words.
         predicate: What is checked, without codes and articles of the law of `rule`.
         grade: How severe a breach is by the other law.
-        source: Id of the source of its text.
-        fine: What a breach costs by it.
-        unit: Of the margin, if it differs.
-        needs: Names of `UNKNOWNS`, if they differ.
-        check: The check, if the other law has numbers of its own. `spread` and `limit` are then
-            those that are given.
-        spread: The error of the margin of `check`.
-        limit: As in `Rule`, of `check`.
+        source: Id of the source of the text.
+        fine: Fine for a breach by the other law.
+        unit: Unit of the margin; None for the unit of `rule`.
+        needs: Names of `UNKNOWNS` that the check needs; None for those of `rule`.
+        check: Check with the numbers of the other law; None for the check of `rule`. With a new
+            check, `spread` and `limit` of `rule` are not taken over.
+        spread: Error of the margin of `check`; ignored without a check.
+        limit: Limit of `check`, as in `Rule`; ignored without a check.
     """
-    is_measured_alike = check is None
+    has_same_check = check is None
     return Rule(
         id=id,
         code=code,
@@ -184,10 +184,10 @@ def adopt(
         without_attempt=rule.without_attempt,
         of_ego=rule.of_ego,
         check=rule.check if check is None else check,
-        spread=rule.spread if is_measured_alike else spread,
+        spread=rule.spread if has_same_check else spread,
         fine=fine,
         two_way=rule.two_way,
-        limit=rule.limit if is_measured_alike else limit,
+        limit=rule.limit if has_same_check else limit,
     )
 
 
@@ -259,7 +259,7 @@ def judge(rule: Rule, case: Case, errors: Errors | None = None) -> Check:
 
 
 def _doubted(found: Check, inside: Mask) -> Check:
-    """The same check, undecidable in some simulations."""
+    """The same check, undecidable in the simulations of a mask."""
     return found.replace(
         verdict=np.where(inside, np.uint8(Verdict.UNDECIDABLE), found.verdict),
         margin=np.where(inside, np.float32(0.0), found.margin),
@@ -271,18 +271,22 @@ def _doubted(found: Check, inside: Mask) -> Check:
 
 
 def _judged(rule: Rule, case: Case) -> Check:
-    """The findings of a rule on a batch that was measured without error."""
+    """Check a rule on a batch without errors of measurement.
+
+    If some kinds of vehicles are unknown and the rule depends on them, it is undecidable where the
+    possible kinds lead to different verdicts.
+    """
     is_known = case.trajectories.is_kind_known
     if is_known is None or "kinds" not in rule.needs | rule.partly:
         return _judged_as_stated(rule, case)
-    return _decided_by_all([_judged_as_stated(rule, one) for one in _possible_kinds(case)])
+    return _agreed_check([_judged_as_stated(rule, one) for one in _possible_kinds(case)])
 
 
 def _possible_kinds(case: Case) -> Iterator[Case]:
-    """The batch with every kind that the vehicles of unknown kind may have by their length.
+    """Yield the batch once for each kind, which vehicles of unknown kind have if their length fits.
 
-    A car and a truck are always among them: lengths are measured, and may be the wrong part of a
-    contradiction.
+    A vehicle whose length does not fit is a car. Every vehicle is a truck once, whatever its
+    length: where kind and length of a recording contradict each other, the length may be wrong.
     """
     run = case.trajectories
     vehicles = run.scenario.vehicles
@@ -295,22 +299,22 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
         yield case.replace(trajectories=run.replace(scenario=scenario))
 
 
-def _decided_by_all(checks: Sequence[Check]) -> Check:
-    """The finding of several checks, undecidable in simulations in which their verdicts differ.
+def _agreed_check(checks: Sequence[Check]) -> Check:
+    """Combine checks of the same batch: undecidable in simulations in which the verdicts differ.
 
-    Where they agree, it is the one with the smallest margin.
+    Where they agree, the check with the smallest absolute margin counts.
     """
-    margins = np.stack([np.abs(one.margin) for one in checks])
+    margins = np.stack([np.abs(check.margin) for check in checks])
     choice = margins.argmin(axis=0)
     names = [field.name for field in dataclasses.fields(Check)]
-    stacked = {name: np.stack([getattr(one, name) for one in checks]) for name in names}
+    stacked = {name: np.stack([getattr(check, name) for check in checks]) for name in names}
     columns = np.arange(len(choice))
-    found = Check(**{name: values[choice, columns] for name, values in stacked.items()})
-    return _doubted(found, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
+    nearest = Check(**{name: values[choice, columns] for name, values in stacked.items()})
+    return _doubted(nearest, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
 
 
 def _judged_as_stated(rule: Rule, case: Case) -> Check:
-    """The findings of a rule if every vehicle is of the kind that the batch states."""
+    """Check a rule with every vehicle of the kind that the batch states."""
     found = rule.check(case)
     if rule.needs & case.trajectories.unknown:
         return _undecided(found)
@@ -368,7 +372,7 @@ class Pack:
         two_way_version: The same for roads with oncoming traffic, added to `version` there.
         rules: The rules, in the order of every table.
         edition: Of the law, with the day on which it was read.
-        severities: The provisions by which a breach is light, serious or very serious.
+        severities: Provisions that make a breach light, serious or very serious.
         trusts_hearsay: Whether a rule whose text was not read decides; else it is undecidable.
     """
 
@@ -387,7 +391,7 @@ class Pack:
 
     @property
     def deciding_rules(self) -> tuple[Rule, ...]:
-        """The rules that can be decided, as far as their texts were read."""
+        """The rules whose text is known well enough to decide; others are always undecidable."""
         if self.trusts_hearsay:
             return self.rules
         return tuple(rule for rule in self.rules if rule.text is Text.READ)

@@ -53,7 +53,7 @@ _STOP = (
 
 
 def _stops_within(sight: str) -> str:
-    """The predicate of a rule that asks to stop within a sight, for all laws."""
+    """The predicate of a rule that requires stopping within a sight distance, for all laws."""
     return (
         f"At every frame: v t + v^2 / (2 {bare('friction.table.usable_share')} mu g) <= {sight}, "
         f"t = {amount('law.sight.reaction_time')}."
@@ -222,7 +222,7 @@ _SEE = (
 )
 _ENOUGH_SIGHT = (
     f"air and road give a sight of (v + limit) {_TIME_LEFT} or more, limit: the highest for "
-    "oncoming traffic as far as they let one see."
+    "oncoming traffic within that sight."
 )
 
 SEES_ONCOMING = (
@@ -231,7 +231,7 @@ SEES_ONCOMING = (
 
 
 def _sees_until_passed(sight: str) -> str:
-    """The predicate of a rule that asks for a sight until the target is passed."""
+    """The predicate of a rule that requires a sight distance until the target is passed."""
     return (
         f"From attempt to overlap_end, or to the end: {sight}. Two-way roads, at line_crossed: "
         f"{_ENOUGH_SIGHT}"

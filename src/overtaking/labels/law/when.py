@@ -33,12 +33,15 @@ RETURNS_SOON = (
     f"{amount('law.return.free_time')}."
 )
 
-ROOM_MARGIN = f"The margin is by how much, {amount('law.return.reach')} at most."
+ROOM_MARGIN = (
+    "The margin is the distance by which the room falls short, at most "
+    f"{amount('law.return.reach')}."
+)
 
 KEEPS_RIGHT = (
-    "At first, the ego not being in the slowest lane: the lane to the right is taken, that is, "
-    "without the safe distances ahead and behind, or with a vehicle that is reached within "
-    f"{amount('law.return.free_time')}. {ROOM_MARGIN}"
+    "At the first frame, if the ego is not in the slowest lane: the lane to the right is occupied, "
+    "that is, without the safe distances ahead and behind, or with a vehicle that is reached "
+    f"within {amount('law.return.free_time')}. {ROOM_MARGIN}"
 )
 """The predicate of `L21` for laws without a formula for the safe distance."""
 
@@ -168,7 +171,7 @@ L9 = Rule(
     law="Articles 38(4) and 13(3)",
     title="Duty to return",
     gloss="Return to the right as soon as the manoeuvre is done and this is safe.",
-    predicate=(f"{RETURNS_SOON} Not in the lane of oncoming traffic, for which there is L24."),
+    predicate=f"{RETURNS_SOON} L24 is the rule for the lane of oncoming traffic.",
     unit="s",
     grade=Grade.BY_ROAD,
     needs=frozenset(["weather"]),
@@ -193,8 +196,8 @@ L21 = Rule(
     gloss="With two or more lanes in the same direction use the right-most; others only if there "
     "is no room in it, to overtake or to change direction.",
     predicate=(
-        "At first, the ego not being in the slowest lane: the lane to the right is taken, that is, "
-        f"without the room that L9 asks for. {ROOM_MARGIN}"
+        "At the first frame, if the ego is not in the slowest lane: the lane to the right is "
+        f"occupied, that is, without the room that L9 requires. {ROOM_MARGIN}"
     ),
     unit="m",
     grade=Grade.BY_ROAD,

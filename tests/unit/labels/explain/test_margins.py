@@ -23,7 +23,7 @@ from overtaking.model.labels import Verdict
         (GERMANY, ("A1", "O7", "O10", "V1", "V1s", "V2")),
     ],
 )
-def test_least_margin_is_that_of_the_finding(pack, codes):
+def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
     runs = ot.simulate(ot.sample("pinto2023-physical", 64, seed=5))
     labelled = label(runs, pack=pack, policies=policies_for(pack.name))
     seen = dict.fromkeys(codes, 0)
@@ -40,19 +40,19 @@ def test_least_margin_is_that_of_the_finding(pack, codes):
                 if one.findings.verdict[0, place] == Verdict.ILLEGAL:
                     ends = one.findings.first[0, place], one.findings.last[0, place]
                     assert (broken[0], broken[-1]) == ends
-    # Few targets are bicycles.
+    # O10 is about bicycles, and few targets are bicycles.
     assert min(count for code, count in seen.items() if code != "O10") > 5
 
 
 @pytest.mark.parametrize(("kind", "needed"), [("town", 1.5), ("other", 2.0)])
-def test_the_margin_beside_a_bicycle_reads_the_distance_of_the_kind_of_road(kind, needed):
+def test_the_margin_beside_a_bicycle_depends_on_the_kind_of_road(kind, needed):
     road = dataclasses.replace(wide_road(), kind=kind)
     one = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
     labelled = label(one.trajectories, pack=GERMANY, policies=policies_for("de"))
-    # The events of the fixture are stated; they are not found in its tracks.
+    # The tracks of the fixture show no events; the fixture states them.
     labelled = labelled.replace(events=one.events, findings=check(GERMANY, one))
     series = margins(labelled, GERMANY)["O10"]
     gap = one.target.lateral_gap[0]
-    counts = np.isfinite(series)
-    assert counts.any()
-    np.testing.assert_allclose(series[counts], gap[counts] - needed, atol=1e-6)
+    is_judged = np.isfinite(series)
+    assert is_judged.any()
+    np.testing.assert_allclose(series[is_judged], gap[is_judged] - needed, atol=1e-6)

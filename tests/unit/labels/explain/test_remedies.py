@@ -136,11 +136,11 @@ RECORDED = {
     Quantity.SPEED,
     Quantity.TARGET_ACCEL,
 }
-"""What `put_in` can write into a recording."""
+"""Quantities that `put_in` can write into a recording."""
 
 
 @pytest.mark.parametrize(("code", "make"), BREACHES)
-def test_a_remedy_put_into_the_recording_keeps_the_rule_of_either_law(code, make):
+def test_a_recording_with_its_remedy_put_in_breaks_the_rule_no_longer(code, make):
     one = make()
     for remedy in remedies(code, one):
         # `put_in` changes the speed in all frames, and so the speed at the start, the limit of L11.
@@ -159,18 +159,20 @@ def test_a_remedy_put_into_the_recording_keeps_the_rule_of_either_law(code, make
         *[("O11", 8.0), ("O13", 0.3), ("V3", 50 / 3.6)],
     ],
 )
-def test_what_is_needed_is_the_number_of_the_rule(code, needed):
-    makers = [make for of, verdict, _, make in FIXTURES if of == code and verdict == 1]
+def test_the_needed_value_is_the_number_of_the_rule(code, needed):
+    makers = [
+        make for rule, verdict, _, make in FIXTURES if (rule, verdict) == (code, Verdict.ILLEGAL)
+    ]
     assert makers
     for make in makers:
         one = make()
         if one.trajectories.road.is_two_way and code == "L15":
-            continue  # There the sight may be that of the whole overtake.
+            continue  # On two-way roads L15 may require sight over the whole overtake.
         assert remedies(code, one)[0][0].needed == pytest.approx(needed, rel=1e-6)
 
 
 @pytest.mark.parametrize(("kind", "needed"), [("town", 1.5), ("other", 2.0), ("motorway", 2.0)])
-def test_the_distance_beside_a_bicycle_is_that_of_the_kind_of_road(kind, needed):
+def test_the_lateral_distance_to_a_bicycle_depends_on_the_kind_of_road(kind, needed):
     road = dataclasses.replace(wide_road(), kind=kind)
     one = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
     ((change,),) = remedies("O10", one)
@@ -179,8 +181,8 @@ def test_the_distance_beside_a_bicycle_is_that_of_the_kind_of_road(kind, needed)
     assert found("O10", all_put_in(one, (change,), 1.001)).verdict[0] == Verdict.LEGAL
 
 
-def test_of_two_oncoming_vehicles_the_faster_one_may_ask_for_more():
-    # 100 m to one at 10 m/s are enough; 110 m to one at 60 m/s are not: 2 s of its way.
+def test_of_two_oncoming_vehicles_the_faster_one_may_need_the_larger_gap():
+    # A gap of 100 m to a vehicle at 10 m/s is enough. At 60 m/s the rule requires 2 s: 120 m.
     slow = Track(s=100.0 + 4.4, speed=10.0, lane=1, oncoming=True)
     fast = Track(s=110.0 + 4.4, speed=60.0, lane=1, oncoming=True)
     one = case(
@@ -191,8 +193,8 @@ def test_of_two_oncoming_vehicles_the_faster_one_may_ask_for_more():
     assert (change.vehicle, change.needed) == (3, pytest.approx(120.0, abs=0.01))
 
 
-def test_a_slow_truck_is_asked_for_50_m_however_near_it_was_when_it_was_faster():
-    # It nears the leader only while it drives at 45 km/h, which is too fast for the rule.
+def test_the_remedy_of_a_slow_truck_is_50_m_even_if_the_gap_was_smaller_at_a_higher_speed():
+    # The smallest gap is at 45 km/h, a speed at which the rule does not apply.
     speed, leader_speed = np.full(90, 10.0), np.full(90, 10.1)
     speed[30:60], leader_speed[45:60] = 12.5, 16.0
     one = case(
@@ -204,6 +206,19 @@ def test_a_slow_truck_is_asked_for_50_m_however_near_it_was_when_it_was_faster()
     assert gap[30:60].min() < gap[np.r_[:30, 60:90]].min()
     ((change,),) = remedies("L28", one)
     assert change.needed == pytest.approx(50.0, abs=0.01)
+
+
+def test_a_gap_that_is_fined_is_that_of_a_frame_above_80_km_h():
+    # Between two parts of the breach the ego is nearer, at 79 km/h, where no gap is fined.
+    speed, leader_speed = np.full(400, 30.0), np.full(400, 30.0)
+    speed[160:240], leader_speed[160:200], leader_speed[200:240] = 22.0, 16.0, 28.0
+    one = case(
+        Track(speed=speed), Track(s=20.0 + 4.4, speed=leader_speed), frames=400, events={},
+    )  # fmt: skip
+    lacking = 0.9 * speed - one.signals.gap[0, Around.LEADER]
+    assert lacking[160:240].max() > lacking[np.r_[:160, 240:400]].max()
+    ((change,),) = remedies("A2", one)
+    assert change.needed == pytest.approx(27.0, abs=0.01)
 
 
 @pytest.mark.parametrize("code", ["L20", "L21", "L22", "L23"])

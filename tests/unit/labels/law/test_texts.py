@@ -1,4 +1,4 @@
-"""What a law says names its own articles and rules, and prints the numbers of its checks."""
+"""Texts of a law name only its own articles and rules, and print the numbers of its checks."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ LAW_WORDS = {
     "pt": r"Articles? \d|Código|Highway Code|Portug|\bC14[abc]?\b",
     "de": r"§|StVO|BKat|Straßenverkehr|German",
 }
-"""What names the law of a pack, beside the codes of its rules."""
+"""Words that name the law of a pack; codes of its rules are added by `foreign_words`."""
 
 
 def foreign_words(law: str) -> re.Pattern[str]:
-    """What no text of a law may contain: codes of rules and names of the other one."""
+    """A pattern of what no text of a law may contain: names and rule codes of the other law."""
     other = "de" if law == "pt" else "pt"
     codes = sorted(PACKS[other].codes, key=len, reverse=True)
     return re.compile(rf"\b(?:{'|'.join(codes)})\b|{LAW_WORDS[other]}")
 
 
 def texts_of(value: Any) -> Iterator[str]:
-    """All texts within plain values, names included."""
+    """All texts within plain values, keys of dictionaries included."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict):
-        for name, one in value.items():
+        for name, item in value.items():
             yield name
-            yield from texts_of(one)
+            yield from texts_of(item)
     elif isinstance(value, (list, tuple)):
-        for one in value:
-            yield from texts_of(one)
+        for item in value:
+            yield from texts_of(item)
 
 
 def texts_of_rule(rule: Rule) -> Iterator[str]:
@@ -77,8 +77,8 @@ def test_no_text_of_a_rule_names_the_other_law(law):
     pack = PACKS[law]
     assert not [text for text in (pack.edition, pack.severities) if foreign.search(text)]
     for rule in pack.rules:
-        found = [text for text in texts_of_rule(rule) if foreign.search(text)]
-        assert found == [], rule.code
+        foreign_texts = [text for text in texts_of_rule(rule) if foreign.search(text)]
+        assert foreign_texts == [], rule.code
 
 
 @pytest.mark.ci
@@ -86,47 +86,46 @@ def test_no_text_of_a_rule_names_the_other_law(law):
 def test_no_explanation_names_the_other_law(law):
     foreign, pack, policies = foreign_words(law), PACKS[law], policies_for(law)
     runs = api.simulate(api.sample("pinto2023-physical", 24, 5))
-    all_of = labelled_by(law, runs)
-    batches = [all_of.select(np.array([k])) for k in range(24)]
+    labelled = labelled_by(law, runs)
+    batches = [labelled.select(np.array([k])) for k in range(24)]
     breaches = [make for _, verdict, _, make in FIXTURES[law] if verdict is Verdict.ILLEGAL]
     batches += [labelled_by(law, make().trajectories) for make in breaches]
-    for number, one in enumerate(batches):
-        values = describe(one, number, pack=pack, policies=policies)
-        told = paragraphs(one, number, pack, policies)
-        # The letters of events on the time line look like codes of rules.
-        found = [text for text in texts_of([values, told]) if foreign.search(text)]
-        assert found == []
-        if law == "pt":
-            assert not foreign.search(json.dumps(page_payload(one, number), ensure_ascii=False))
+    for number, batch in enumerate(batches):
+        values = describe(batch, number, pack=pack, policies=policies)
+        sentences = paragraphs(batch, number, pack, policies)
+        foreign_texts = [text for text in texts_of([values, sentences]) if foreign.search(text)]
+        assert foreign_texts == []
+        if law == "pt":  # The page shows the Portuguese law only.
+            assert not foreign.search(json.dumps(page_payload(batch, number), ensure_ascii=False))
 
 
 @pytest.mark.ci
-def test_beliefs_are_those_of_the_rules_of_the_law():
+def test_beliefs_are_compared_with_the_rules_of_the_law_that_judges():
     runs = api.simulate(api.sample("pinto2023-physical", 24, 5))
     codes: dict[str, set[str]] = {}
     for law, pack in PACKS.items():
-        all_of, policies = labelled_by(law, runs), policies_for(law)
+        labelled, policies = labelled_by(law, runs), policies_for(law)
         codes[law] = {
             neighbour["law"]["rule"]
             for k in range(24)
-            for decision in describe(all_of.select(np.array([k])), k, pack=pack, policies=policies)[
-                "decisions"
-            ]
+            for decision in describe(
+                labelled.select(np.array([k])), k, pack=pack, policies=policies
+            )["decisions"]
             for neighbour in decision["neighbours"].values()
             if neighbour is not None and neighbour["law"] is not None
         }
-    # The German rule that is measured as L8 is one whose text was not read.
+    # Only F2 of the German rules has one of these checks (L8), and its text was not read.
     assert codes == {"pt": {"L3", "L4", "L5", "L8"}, "de": set()}
 
 
-def test_an_adopted_rule_takes_the_check_and_no_text():
+def test_an_adopted_rule_has_the_check_and_no_text_of_the_existing_rule():
     rule = PORTUGAL.rule("L11")
-    own = adopt(
+    adopted = adopt(
         rule, id="xx.1@2020", code="X1", law="1", title="Own title", gloss="Own gloss.",
         predicate="Own predicate.", grade=Grade.LIGHT, source="xx",
     )  # fmt: skip
-    assert (own.check, own.spread, own.needs) == (rule.check, rule.spread, rule.needs)
-    assert not {*texts_of_rule(own)} & {rule.title, rule.gloss, rule.predicate, rule.border}
+    assert (adopted.check, adopted.spread, adopted.needs) == (rule.check, rule.spread, rule.needs)
+    assert not {*texts_of_rule(adopted)} & {rule.title, rule.gloss, rule.predicate, rule.border}
     with_check = adopt(
         rule, id="xx.2@2020", code="X2", law="2", title="t", gloss="g", predicate="p",
         grade=Grade.LIGHT, source="xx", check=PORTUGAL.rule("L10").check,
@@ -151,13 +150,13 @@ def test_a_predicate_prints_the_numbers_of_its_check(code, numbers):
 
 
 @pytest.mark.parametrize("law", PACKS)
-def test_every_number_of_a_border_is_that_of_the_law(law):
+def test_borders_contain_numbers_only_as_placeholders(law):
     for code, entry in words_of(law).items():
         assert not re.search(r"\d", re.sub(r"\{.*?\}", "", entry.border)), code
         assert PACKS[law].rule(code).border == filled(entry.border)
 
 
-def test_a_number_is_printed_in_the_unit_of_its_file_or_another():
+def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
     assert load("law.toml")["queue"]["speed"]["unit"] == "m/s"
     assert amount("law.queue.speed", unit="km/h") == "30 km/h"
     assert amount("law.width.border", times=2.0) == "0.4 m"

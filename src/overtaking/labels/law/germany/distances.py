@@ -51,17 +51,17 @@ def _error(seconds: str) -> Spread:
 
 
 def courts_distance(speed: F32) -> F32:
-    """Distance to the leader that courts ask for [m]."""
+    """Gap to the leader that courts require at a speed [m/s]; shape of the speeds [m]."""
     return way_of(speed, "law_de.distance.courts")
 
 
 def fined_distance(speed: F32) -> F32:
-    """Distance to the leader below which a driver is fined [m]."""
+    """Gap to the leader below which a driver is fined at a speed [m/s]; shape of the speeds [m]."""
     return way_of(speed, "law_de.distance.fined")
 
 
 def _courts(case: Case) -> Check:
-    """The gap is as large as courts ask for."""
+    """The gap is at least the distance that courts require."""
     gap, counts = _gap(case)
     margin = gap - courts_distance(case.signals.speed)
     return always(np.where(counts, margin, ENDLESS), settled(case))
@@ -134,7 +134,7 @@ A2 = Rule(
 
 
 def truck_distance(speed: F32) -> F32:
-    """Distance to the leader that trucks keep, the same at each speed [m]."""
+    """Gap to the leader that trucks must keep, the same at each speed; shape of the speeds [m]."""
     return np.full_like(speed, known("law_de.distance.trucks"))
 
 

@@ -55,7 +55,7 @@ O1 = adopt(
     title="Overtake on the left",
     gloss="Overtaking is done on the left. Where queues have formed one may be faster on the "
     "right.",
-    predicate=(f"While ego and target overlap: lane(ego) is left of lane(target). {NOT_IN_QUEUES}"),
+    predicate=f"While ego and target overlap: lane(ego) is left of lane(target). {NOT_IN_QUEUES}",
     grade=Grade.SERIOUS,
     source="de-stvo-2013",
     check=_on_the_left,
@@ -197,13 +197,13 @@ O6 = Rule(
 
 
 def motor_vehicle_distance(case: Case) -> np.float32:
-    """Distance to the side of a motor vehicle [m]."""
+    """Smallest lawful distance to the side of a motor vehicle [m]."""
     del case
     return known("law_de.side.motor")
 
 
 def _apart_from_motor(case: Case) -> Check:
-    """Alongside a motor vehicle the bodies keep their distance."""
+    """Check the lateral distance to a motor vehicle."""
     return apart(case, motor_vehicle_distance, bicycle=False)
 
 
@@ -238,9 +238,10 @@ O8 = adopt(
 
 
 def bicycle_distance(case: Case) -> np.float32:
-    """Distance to the side of a bicycle: smaller in towns [m].
+    """Smallest lawful distance to the side of a bicycle, which is smaller in towns [m].
 
-    A road of unknown kind gets the larger distance; the rule is then undecidable anyway.
+    A road of unknown kind gets the larger distance. The choice has no effect: without the kind of
+    road the rule is undecidable.
     """
     road, unknown = case.trajectories.road, case.trajectories.unknown
     in_town = road.kind == "town" and "road_kind" not in unknown
@@ -248,7 +249,7 @@ def bicycle_distance(case: Case) -> np.float32:
 
 
 def _apart_from_bicycle(case: Case) -> Check:
-    """Alongside a bicycle the bodies keep their distance."""
+    """Check the lateral distance to a bicycle."""
     return apart(case, bicycle_distance, bicycle=True)
 
 
@@ -279,7 +280,7 @@ O11 = adopt(
     code="O11",
     law="§ 5(4) sentence 5 StVO",
     title="Duty to return",
-    predicate=f"{RETURNS_SOON} Not in the lane of oncoming traffic, for which there is O3.",
+    predicate=f"{RETURNS_SOON} O3 is the rule for the lane of oncoming traffic.",
     gloss="Who overtakes moves back to the right as soon as possible.",
     grade=Grade.LIGHT,
     source="de-stvo-2013",
