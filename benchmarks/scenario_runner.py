@@ -4,9 +4,9 @@ python benchmarks/scenario_runner.py CHECKOUT --python PYTHON --agents FOLDER --
 
 CHECKOUT is a clone of github.com/carla-simulator/scenario_runner at 0.9.16, PYTHON an interpreter
 with its requirements and `carla==0.9.16`, FOLDER contains the package `agents` of CARLA
-(`PythonAPI/carla`). Examples whose town is no `--map` are named as not run. Each example gets a
-server of its own, and a second client that drives the ego along its lane, as the examples wait for
-an ego that a person or another program drives. The table says how ScenarioRunner's process ended.
+(`PythonAPI/carla`). An example runs only if its town is given as a `--map`. Each example gets its
+own server and a second client that drives the ego along its lane, because the examples expect
+that a person or another program drives it. The table shows how ScenarioRunner's process ended.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator
 
 TIMEOUT_S = 600.0
-"""An example that runs for longer counts as hanging [s]."""
+"""An example that takes longer is stopped and reported as not ended [s]."""
 
 DRIVER = """
 import math, sys, carla
@@ -40,7 +40,7 @@ while True:
               if actor.attributes.get("role_name") == "hero"]
     if not heroes:
         continue
-    (hero,), town = heroes[:1], world.get_map()
+    hero, town = heroes[0], world.get_map()
     while snapshot.find(hero.id):
         pose, velocity = hero.get_transform(), hero.get_velocity().length()
         ahead = town.get_waypoint(pose.location).next(5.0 + 0.5 * velocity)
@@ -50,7 +50,8 @@ while True:
             angle = math.atan2(target.y - pose.location.y, target.x - pose.location.x)
             turn = math.remainder(angle - math.radians(pose.rotation.yaw), math.tau)
             steer = max(-1.0, min(1.0, turn))
-        ahead_gaps = [50.0]
+        # Gap to the nearest vehicle or prop in a strip of 2 m to either side of the hero's axis.
+        gap = 50.0
         for other in world.get_actors().filter("*"):
             if other.id != hero.id and other.type_id.startswith(("vehicle", "static.prop")):
                 apart = other.get_location() - pose.location
@@ -58,13 +59,13 @@ while True:
                 along = apart.x * forward.x + apart.y * forward.y
                 across = apart.x * forward.y - apart.y * forward.x
                 if 0.0 < along and abs(across) < 2.0:
-                    ahead_gaps.append(along - 6.0)
-        gain = 0.3 * (min(speed, 0.4 * max(min(ahead_gaps), 0.0)) - velocity)
+                    gap = min(gap, along - 6.0)  # Half the lengths of both, with a margin.
+        gain = 0.3 * (min(speed, 0.4 * max(gap, 0.0)) - velocity)
         hero.apply_control(carla.VehicleControl(
             throttle=min(max(gain, 0.0), 1.0), brake=min(max(-gain, 0.0), 1.0), steer=steer))
         snapshot = world.wait_for_tick(600.0)
 """
-"""A client that drives the actor with the role name `hero` along its lane, behind others."""
+"""A client that drives the actor with the role name `hero` along its lane, behind other actors."""
 
 DRIVER_SPEED = 8.0
 """Speed of the ego [m/s]."""
@@ -82,7 +83,7 @@ class Outcome(NamedTuple):
         seconds: Time until its process ended [s].
         ending: "ran to its end", or the reason why not.
         result: ScenarioRunner's own result, and the criteria of the ego's driver that failed.
-        missing: What the server logged that it does not offer.
+        missing: Calls without effect that the server logged.
     """
 
     name: str
@@ -94,7 +95,7 @@ class Outcome(NamedTuple):
 
 @contextmanager
 def headless_server(maps: list[Path]) -> Generator[tuple[int, subprocess.Popen[str]]]:
-    """A server with these maps on free ports, ended afterwards."""
+    """Run a server with these maps on free ports for as long as the context lasts."""
     command = [sys.executable, "-m", "overtaking", "carla", "serve", "--port", "0", "--json"]
     command += [word for path in maps for word in ("--map", str(path))]
     with subprocess.Popen(
@@ -116,7 +117,7 @@ def headless_server(maps: list[Path]) -> Generator[tuple[int, subprocess.Popen[s
 def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> Outcome:
     """Run one example to its end."""
     town = _TOWN.search(path.read_text(encoding="utf-8"))
-    if town is None or town[1] not in {one.stem for one in maps}:
+    if town is None or town[1] not in {file.stem for file in maps}:
         return Outcome(path.stem, 0.0, f"not run: no --map {town[1] if town else '?'}", "", "")
     folders = [str(arguments.checkout), str(arguments.agents)]
     variables = {
@@ -124,7 +125,7 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
         "PYTHONPATH": os.pathsep.join(folders),
         "SCENARIO_RUNNER_ROOT": str(arguments.checkout),
     }
-    with headless_server([one for one in maps if one.stem == town[1]]) as (port, server):
+    with headless_server([file for file in maps if file.stem == town[1]]) as (port, server):
         driver = subprocess.Popen(
             [arguments.python, "-c", DRIVER, str(port), str(DRIVER_SPEED)],
             stdout=subprocess.DEVNULL,
@@ -133,9 +134,9 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
         command = [arguments.python, "scenario_runner.py", "--openscenario", str(path), "--sync"]
         command += ["--output", "--timeout", "60", "--port", str(port)]
         command += ["--trafficManagerPort", str(port + 10)]
-        begun = time.monotonic()
+        start = time.monotonic()
         try:
-            done = subprocess.run(
+            process = subprocess.run(
                 command,
                 cwd=arguments.checkout,
                 env=variables,
@@ -144,7 +145,8 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
                 timeout=arguments.timeout,
                 check=False,
             )
-            output, ending = done.stdout + done.stderr, f"status {done.returncode}"
+            output = process.stdout + process.stderr
+            ending = f"status {process.returncode}"
         except subprocess.TimeoutExpired as error:
             parts = (error.stdout, error.stderr)
             output = "".join(part.decode(errors="replace") for part in parts if part)
@@ -152,7 +154,7 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
         finally:
             driver.kill()
             driver.wait()
-        seconds = time.monotonic() - begun
+        seconds = time.monotonic() - start
         server.terminate()
         log = server.stdout.read() if server.stdout else ""
     result = _RESULT.search(output)
@@ -162,8 +164,8 @@ def run_example(path: Path, arguments: argparse.Namespace, maps: list[Path]) -> 
     elif errors:
         ending += f": {errors[-1]}"
     missing = sorted({line.partition("no effect: ")[2] for line in log.splitlines()} - {""})
-    judged = " ".join([result[1] if result else "", *_FAILED.findall(output)]).strip()
-    return Outcome(path.stem, seconds, ending, judged, "; ".join(missing))
+    verdict = " ".join([result[1] if result else "", *_FAILED.findall(output)]).strip()
+    return Outcome(path.stem, seconds, ending, verdict, "; ".join(missing))
 
 
 def main() -> None:

@@ -56,10 +56,10 @@ class Actor:
         return next((a.value for a in self.description.attributes if a.name == name), default)
 
     def number_attribute(self, name: str, default: str) -> float:
-        """The number chosen for an attribute.
+        """The value chosen for an attribute, as a number.
 
         Raises:
-            Refused: It is no finite number.
+            Refused: The value is not a finite number.
         """
         text = self.attribute(name, default)
         try:
@@ -120,18 +120,18 @@ class Vehicle(Actor):
 
 
 _PROP_DENSITY = 30.0
-"""Mass of a prop over the volume of its bounding box [kg/m^3]; our choice: a refuse container of
-3.4 m^3 has 100 kg, a street barrier 14 kg."""
+"""Mass of a prop over the volume of its bounding box [kg/m^3]. CARLA states no masses; with this
+value a refuse container of 3.4 m^3 has 100 kg and a street barrier 14 kg."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Prop(Actor):
-    """A thing that stands on the ground.
+    """An object that is no vehicle, such as a traffic cone or a container.
 
     Attributes:
         size: Length, width and height [m].
         tag: CARLA's semantic tag.
-        has_physics: Whether it moves when it is hit.
+        has_physics: Whether it moves when a vehicle hits it.
     """
 
     size: tuple[float, float, float]
@@ -140,7 +140,7 @@ class Prop(Actor):
 
     @property
     def mass(self) -> float:
-        """Mass of a box of this size with the density of hollow things [kg]."""
+        """Mass [kg]; infinite for a prop without physics, which no impact moves."""
         return _PROP_DENSITY * math.prod(self.size) if self.has_physics else math.inf
 
     @property
@@ -154,11 +154,14 @@ _CM_PER_M = 100.0
 
 @dataclass(slots=True, kw_only=True)
 class FrictionTrigger(Actor):
-    """A box in which the friction under vehicles is another; `Refused` for impossible attributes.
+    """A box that changes the friction under vehicles.
 
     Attributes:
-        friction: Its attribute `friction`.
-        extent: Half sizes of the box; its centre is the pose [m].
+        friction: Friction of CARLA's tyres in the box; 3.5 is the usual value.
+        extent: Half sizes of the box, whose centre is the location of the pose [m].
+
+    Raises:
+        Refused: An attribute is no number, the friction is negative or a size is not positive.
     """
 
     friction: float = 0.0

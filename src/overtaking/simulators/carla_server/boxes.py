@@ -75,7 +75,7 @@ Box = tuple[float, float, float, float, float, float]
 def _parts(
     vehicle: Vehicle | Prop, length: float, width: float, height: float
 ) -> Iterator[tuple[Box, Colour]]:
-    """The boxes that a vehicle is made of, and their colours; a prop is one box."""
+    """The boxes of a vehicle and their colours; a prop is one box."""
     if isinstance(vehicle, Prop):
         yield (-length, length, -width, width, 0.0, height), _PROP
         return

@@ -294,9 +294,9 @@ def set_actor_location(world: World, actor: Id, location: Vector) -> None:
 @call(command=14)
 def set_actor_simulate_physics(world: World, actor: Id, moves: Flag) -> None:
     """Whether physics moves a vehicle or a prop."""
-    found = world.actor(actor)
-    if isinstance(found, Prop):
-        world.set_prop_physics(found, has_physics=moves)
+    prop = world.actor(actor)
+    if isinstance(prop, Prop):
+        world.set_prop_physics(prop, has_physics=moves)
         return
     world.fleet[world.vehicle(actor).actor_id].moves = moves
 

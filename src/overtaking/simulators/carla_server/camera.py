@@ -104,10 +104,10 @@ class RoadScene:
         bodies: Iterable[Vehicle | Prop],
         weather: Sequence[float],
     ) -> Image:
-        """A picture.
+        """Draw a picture.
 
         Args:
-            pose: Of the camera, in CARLA's frame.
+            pose: Pose of the camera, in CARLA's frame.
             size: Width and height [pixels].
             fov_deg: Horizontal field of view [degrees].
             bodies: The vehicles and props on the road.

@@ -18,7 +18,7 @@ SEMANTIC_TAGS = {"car": 14, "truck": 15, "bus": 16, "van": 14, "motorcycle": 18,
 """CARLA's `CityObjectLabel` of each base type."""
 
 DYNAMIC_TAG = 21
-"""CARLA's `CityObjectLabel` of things that may stand elsewhere tomorrow."""
+"""CARLA's `CityObjectLabel.Dynamic`, for objects whose place changes over time."""
 
 MAX_PIXELS = 1920 * 1080
 MIN_FOV_DEG, MAX_FOV_DEG = 5.0, 170.0

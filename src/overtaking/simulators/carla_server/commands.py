@@ -123,7 +123,7 @@ def apply_batch(
             done.append(RESULT.result(_run(session, one)))
         except (Refused, OvertakingError) as error:
             done.append(RESULT.error(str(error)))
-            if one.number == SPAWN:  # Many programs go on without the actor, and fail later.
+            if one.number == SPAWN:  # Many clients do not look at the error.
                 session.unseen.append(str(error))
     if ticks and session.world.settings.synchronous:
         session.world.tick()

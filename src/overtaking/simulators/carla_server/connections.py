@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 MAX_CONNECTIONS = 64
 
 NUM_CALLS_OF_CLIENT = 4
-"""The genuine client makes this many calls when it connects; fewer are no sign of a client."""
+"""Number of calls that CARLA's own client makes when it connects. A connection with fewer calls may
+belong to another kind of program, so it gives way first."""
 
 MIN_SILENCE = 1.0
-"""A genuine client is closed for a new one only after so much silence [s]."""
+"""A connection with `NUM_CALLS_OF_CLIENT` calls gives way only if silent this long [s]."""
 
 
 class CrowdedError(Exception):
@@ -27,9 +28,9 @@ class Connection:
         writer: Stream for the answers.
         host: Address of the client's machine.
         port: Port of the client.
-        last_call_time: Time of its last call, or of its beginning [s].
-        num_calls: Calls that it has made.
-        told: Logged messages about its calls without effect.
+        last_call_time: Time of its last call, or of its beginning, by the event loop's clock [s].
+        num_calls: Number of calls that it has made.
+        told: Logged messages about its calls without effect; each is logged once.
     """
 
     writer: asyncio.StreamWriter
@@ -45,7 +46,7 @@ class Connection:
         return f"{self.host}:{self.port}"
 
     def note_call(self) -> None:
-        """Note that it has made a call."""
+        """Count a call that it has made, and note the time."""
         self.last_call_time = asyncio.get_running_loop().time()
         self.num_calls += 1
 
@@ -53,14 +54,14 @@ class Connection:
 class Connections:
     """All open connections.
 
-    Silence alone ends none: the genuine client connects before its first call and may only listen
-    to sensors for hours afterwards, without a sign of life. So silent ones give way only where a
-    new one finds no room. The machine with the most connections gives way; of its connections
-    those with the fewest calls, where these are fewer than a genuine client makes; of these the
-    one that is silent for the longest time.
+    Silence alone ends no connection: CARLA's own client connects before its first call, and may
+    listen to sensors for hours without another call. Only when `MAX_CONNECTIONS` are open, a new
+    connection closes an old one: of the machine with the most connections those with the fewest
+    calls (all counts from `NUM_CALLS_OF_CLIENT` on are equal), and of these the one whose last
+    call is the longest time ago.
 
     Args:
-        log: Told when one gives way.
+        log: Receives a line when a connection is closed for a new one.
     """
 
     def __init__(self, log: Callable[[str], None]) -> None:
@@ -70,7 +71,7 @@ class Connections:
 
     @contextmanager
     def enter(self, writer: asyncio.StreamWriter) -> Generator[Connection]:
-        """Take in a new connection, for as long as the context lasts.
+        """Hold a new connection open for as long as the context lasts.
 
         Raises:
             CrowdedError: There is no room, and all clients are making calls.
@@ -88,21 +89,28 @@ class Connections:
                 self._open.remove(connection)
 
     def _close_most_silent(self, now: float) -> None:
-        """Close the connection that has to give way."""
+        """Close the connection that gives way to a new one, see the class.
+
+        Raises:
+            CrowdedError: Even that one has made a call within the last `MIN_SILENCE`.
+        """
         ((host, _),) = Counter(connection.host for connection in self._open).most_common(1)
-        silent = min(
+        oldest = min(
             (connection for connection in self._open if connection.host == host),
-            key=lambda one: (min(one.num_calls, NUM_CALLS_OF_CLIENT), one.last_call_time),
+            key=lambda connection: (
+                min(connection.num_calls, NUM_CALLS_OF_CLIENT),
+                connection.last_call_time,
+            ),
         )
-        silence = now - silent.last_call_time
-        if silent.num_calls >= NUM_CALLS_OF_CLIENT and silence < MIN_SILENCE:
+        silence = now - oldest.last_call_time
+        if oldest.num_calls >= NUM_CALLS_OF_CLIENT and silence < MIN_SILENCE:
             raise CrowdedError(
                 f"{MAX_CONNECTIONS} clients are connected and all made calls within the last"
                 f" {MIN_SILENCE:g} s; end one of them"
             )
         self._log(
-            f"client {silent.name} was closed to make room: of {MAX_CONNECTIONS} connections it"
+            f"client {oldest.name} was closed to make room: of {MAX_CONNECTIONS} connections it"
             f" has made the fewest calls or was silent for the longest time ({silence:.0f} s)"
         )
-        self._open.remove(silent)
-        silent.writer.transport.abort()
+        self._open.remove(oldest)
+        oldest.writer.transport.abort()

@@ -50,7 +50,7 @@ BACKWARDS_SPEED = 8.0
 """Fastest reverse [m/s]."""
 
 CLEARANCE = 0.2
-"""Vehicles drive over what is lower [m]; our choice."""
+"""Height of obstacles over which vehicles drive without contact [m]; our choice."""
 
 _NEAR = 0.5  # Closer than this plus what they approach in a tick, two vehicles may touch [m].
 _HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
@@ -58,9 +58,9 @@ _FOREVER = np.float32(1e9)
 _ZERO = np.float32(0.0)
 _NO_CONTROL = Control()
 _USUAL = Steering()
-_SLIDING_DECEL = 5.0  # Of a prop that slides on the road, friction 0.5 [m/s^2].
+_SLIDING_DECEL = 5.0  # Deceleration of a sliding prop, friction 0.5 [m/s^2].
 _MIN_FRICTION_FACTOR = 0.01  # Without any friction the tyre model has no stiffness to divide by.
-_PUSHED = ("s", "d", "psi", "vx", "vy", "r")  # What a contact changes.
+_PUSHED = ("s", "d", "psi", "vx", "vy", "r")  # Columns of the state that a contact changes.
 _DRIVEN = ("vx", "vy", "r", "wheel", "a_lon", "a_lat", "mu_fast", "mu_slow")
 
 
@@ -130,16 +130,16 @@ class Fleet:
         self._prepare()
 
     def set_obstacle(self, actor: int, obstacle: Obstacle) -> None:
-        """Put an obstacle somewhere, for the first time or again."""
+        """Add or replace the obstacle of an actor; it is ignored if lower than `CLEARANCE`."""
         if obstacle.high - obstacle.low >= CLEARANCE:
             self._obstacles[actor] = obstacle
 
     def moved_obstacles(self) -> Mapping[int, Motion]:
-        """Obstacles that moved in the last tick."""
+        """Motion of each obstacle that moved in the last tick, by the id of its actor."""
         return self._moved
 
     def remove_obstacle(self, actor: int) -> None:
-        """Take an obstacle away, if it is one that vehicles can hit."""
+        """Remove the obstacle of an actor, if there is one."""
         self._obstacles.pop(actor, None)
 
     def set_body(self, vehicle: int, body: Body, steering: Steering) -> None:
@@ -242,7 +242,7 @@ class Fleet:
         Args:
             duration: Length of the tick [s].
             controls: Pedals and steering of each vehicle.
-            friction_factors: Factors, 0 to 1, on the friction under some vehicles.
+            friction_factors: Factors on the friction, 0 to 1, by vehicle; 1 for vehicles left out.
 
         Returns:
             The contacts.
@@ -323,16 +323,16 @@ class Fleet:
             self.spin(vehicle, one.torque * duration)
 
     def _set_friction(self, factors: Mapping[int, float]) -> None:
-        """Scale the friction under vehicles, and sort it by side.
+        """Exchange the friction of the two sides for oncoming vehicles, and apply the factors.
 
-        The model of the weather computes `mu_fast` where `d` is larger. For a vehicle that drives
-        against the ground's direction that is the right side.
+        The weather model computes `mu_fast` for the side with the larger `d`. The vehicle model
+        takes that for the left side, but it is the right side of an oncoming vehicle.
         """
         state = self._state
-        turned = np.cos(state.psi) < 0.0
+        is_oncoming = np.cos(state.psi) < 0.0
         state.mu_fast, state.mu_slow = (
-            np.where(turned, state.mu_slow, state.mu_fast),
-            np.where(turned, state.mu_fast, state.mu_slow),
+            np.where(is_oncoming, state.mu_slow, state.mu_fast),
+            np.where(is_oncoming, state.mu_fast, state.mu_slow),
         )
         for vehicle, factor in factors.items():
             row = self[vehicle].row
@@ -399,22 +399,22 @@ class Fleet:
         return [(i, j) for i, j in np.argwhere(close).tolist() if i < j]
 
     def _near_obstacles(self, duration: float) -> list[tuple[int, int]]:
-        """Rows of vehicles and ids of the obstacles that they may touch before the next tick."""
+        """Pairs of a vehicle's row and the id of an obstacle that it may touch in this tick."""
         if not self._obstacles:
             return []
         state, p = self._state, self._fields
         speed = np.hypot(state.vx, state.vy)
         reach = np.hypot(p.half_length, p.half_width) + duration * speed
         reach += _NEAR + 0.5 * _HARDEST * duration * duration
-        values = list(self._obstacles.values())
-        places = np.array([(one.motion.s, one.motion.d) for one in values])
-        radii = np.array([0.5 * math.hypot(one.length, one.width) for one in values])
-        apart = np.hypot(state.s - places[:, 0], state.d - places[:, 1])
+        obstacles = list(self._obstacles.values())
+        centres = np.array([(obstacle.motion.s, obstacle.motion.d) for obstacle in obstacles])
+        radii = np.array([0.5 * math.hypot(box.length, box.width) for box in obstacles])
+        distances = np.hypot(state.s - centres[:, 0], state.d - centres[:, 1])
         vehicles, ids = list(self._vehicles.values()), list(self._obstacles)
         return [
             (row, ids[k])
-            for row, k in np.argwhere(apart < reach + radii).tolist()
-            if _is_level(vehicles[row].body, vehicles[row].height, values[k])
+            for row, k in np.argwhere(distances < reach + radii).tolist()
+            if _is_level(vehicles[row].body, vehicles[row].height, obstacles[k])
         ]
 
     def _collide(
@@ -424,9 +424,10 @@ class Fleet:
         pairs: list[tuple[int, int]],
         near_obstacles: list[tuple[int, int]],
     ) -> list[Touch]:
-        """One step with exchange of momentum; unlike in a simulation, vehicles drive on.
+        """Advance by one step with exchange of momentum in contacts.
 
-        Obstacles get rows behind those of the vehicles.
+        Unlike in a simulation, vehicles can drive on after a contact. Obstacles get rows after
+        those of the vehicles, so that the model finds contacts with both alike.
         """
         state, count = self._state, len(self._vehicles)
         before = (state.s.copy(), state.d.copy())
@@ -435,23 +436,25 @@ class Fleet:
         row_of = {obstacle: row for row, obstacle in enumerate(obstacles, count)}
         ids = [*self._vehicles, *obstacles]
         pairs = [*pairs, *((row, row_of[obstacle]) for row, obstacle in near_obstacles)]
-        was = {row: self._momentum(self[ids[row]]) for pair in pairs for row in pair if row < count}
-        bodies = self._with_obstacles([self._obstacles[one] for one in obstacles])
+        old_momentum = {
+            row: self._momentum(self[ids[row]]) for pair in pairs for row in pair if row < count
+        }
+        bodies = self._with_obstacles([self._obstacles[obstacle] for obstacle in obstacles])
         places = (
             np.concatenate([before[0], bodies.state.s[count:]]),
             np.concatenate([before[1], bodies.state.d[count:]]),
         )
-        every = {pair: np.ones(1, np.bool_) for pair in pairs}
+        in_simulation = {pair: np.ones(1, np.bool_) for pair in pairs}
         with self._placed():
             c = mover.constants
             collisions.collide(
-                bodies.state, c, self._given.road, bodies.fields, every, places, 0, c.step
+                bodies.state, c, self._given.road, bodies.fields, in_simulation, places, 0, c.step
             )
             for name in _PUSHED:
                 getattr(state, name)[:] = getattr(bodies.state, name)[:count]
         self._take_pushed(obstacles, bodies)
         touches: list[Touch] = []
-        for row, (along, across) in was.items():
+        for row, (along, across) in old_momentum.items():
             partner = int(bodies.state.contact_partner[row, 0])
             if partner >= 0:
                 new = self._momentum(self[ids[row]])
@@ -460,39 +463,39 @@ class Fleet:
         return touches
 
     def _with_obstacles(self, obstacles: list[Obstacle]) -> "_Bodies":
-        """State and parameters of all vehicles and of some obstacles, for contacts."""
+        """State and parameters of all vehicles, followed by those of some obstacles."""
         motions = [obstacle.motion for obstacle in obstacles]
-        speeds = [turned(one.along, one.across, -one.psi) for one in motions]
-        standing = {
-            "s": [one.s for one in motions],
-            "d": [one.d for one in motions],
-            "psi": [one.psi for one in motions],
+        speeds = [turned(motion.along, motion.across, -motion.psi) for motion in motions]
+        motion_columns = {
+            "s": [motion.s for motion in motions],
+            "d": [motion.d for motion in motions],
+            "psi": [motion.psi for motion in motions],
             "vx": [speed[0] for speed in speeds],
             "vy": [speed[1] for speed in speeds],
-            "r": [one.yaw_rate for one in motions],
+            "r": [motion.yaw_rate for motion in motions],
         }
         parameters = {
-            "half_length": [0.5 * one.length for one in obstacles],
-            "half_width": [0.5 * one.width for one in obstacles],
+            "half_length": [0.5 * obstacle.length for obstacle in obstacles],
+            "half_width": [0.5 * obstacle.width for obstacle in obstacles],
             "direction": [1.0] * len(obstacles),
-            "inverse_mass": [1.0 / one.mass for one in obstacles],
-            "inverse_inertia": [1.0 / one.yaw_inertia for one in obstacles],
+            "inverse_mass": [1.0 / obstacle.mass for obstacle in obstacles],
+            "inverse_inertia": [1.0 / obstacle.yaw_inertia for obstacle in obstacles],
         }
 
         def column(source: object, name: str, values: dict[str, list[float]]) -> F32:
             return np.concatenate([getattr(source, name), _column(values[name])])
 
         rows = len(self._vehicles) + len(obstacles)
-        nothing = np.zeros((rows, 1), np.float32)
+        zeros = np.zeros((rows, 1), np.float32)
         state = SimpleNamespace(
-            **{name: column(self._state, name, standing) for name in _PUSHED},
+            **{name: column(self._state, name, motion_columns) for name in _PUSHED},
             end_step=self._state.end_step,
-            stage=nothing.copy(),
-            crashed=nothing.copy(),
-            contact_partner=nothing + NOBODY,
-            contact_time=nothing.copy(),
-            contact_impulse=nothing.copy(),
-            contact_speed=nothing.copy(),
+            stage=zeros.copy(),
+            crashed=zeros.copy(),
+            contact_partner=zeros + NOBODY,
+            contact_time=zeros.copy(),
+            contact_impulse=zeros.copy(),
+            contact_speed=zeros.copy(),
         )
         fields = SimpleNamespace(
             **{name: column(self._fields, name, parameters) for name in parameters}
@@ -500,7 +503,7 @@ class Fleet:
         return _Bodies(state, fields)
 
     def _take_pushed(self, obstacles: list[int], bodies: "_Bodies") -> None:
-        """Take over the motion of obstacles that are not fixed."""
+        """Store the motion of obstacles after a contact; fixed ones keep theirs."""
         for row, actor in enumerate(obstacles, len(self._vehicles)):
             obstacle = self._obstacles[actor]
             if math.isfinite(obstacle.mass):
@@ -511,7 +514,7 @@ class Fleet:
                 self._obstacles[actor] = dataclasses.replace(obstacle, motion=motion)
 
     def _slide(self, duration: float) -> None:
-        """Move obstacles that were pushed; friction stops them, and their turning alike."""
+        """Move obstacles that were pushed; friction slows travel and rotation by the same share."""
         for actor, obstacle in self._obstacles.items():
             if not _is_moving(obstacle):
                 continue
@@ -560,7 +563,7 @@ class Fleet:
 
 
 class _Bodies(NamedTuple):
-    """Vehicles and obstacles, in the form that contacts are found with."""
+    """State and parameters of vehicles and obstacles, with the columns that `collisions` reads."""
 
     state: Any
     fields: Any
@@ -571,7 +574,7 @@ def _is_moving(obstacle: Obstacle) -> bool:
 
 
 def _is_level(body: Body, height: float, obstacle: Obstacle) -> bool:
-    """Whether an obstacle is between the ground clearance and the roof of a vehicle."""
+    """Whether an obstacle reaches above a vehicle's ground clearance and begins below its roof."""
     return obstacle.low < height + body["height"] and obstacle.high > height + CLEARANCE
 
 

@@ -219,7 +219,7 @@ def known_map(name: str) -> Map:
     return Map(
         carla_name,
         write_opendrive(road, road_id=road_id),
-        # The model of shelter takes all traffic to drive in the direction of the road.
+        # The wind-shelter model assumes that all traffic drives in the direction of the road.
         Ground(road, shelters=not road.is_two_way),
         _sampled(road),
     )
@@ -280,7 +280,7 @@ _NO_MARK, _SOLID, _BROKEN = 0, 1, 2
 
 
 def _lane_borders(road: Road) -> list[float]:
-    """`d` of the borders of all driving lanes, oncoming ones included, from the slow side [m]."""
+    """Lateral position `d` of the borders of all lanes, the oncoming one last [m]."""
     borders = road.boundaries.tolist()
     if road.is_two_way and (beyond := road.fast_side_neighbour) is not None:
         borders.append(borders[-1] + road.side * beyond.width)
@@ -291,7 +291,7 @@ def _sampled(road: Road) -> Lanes:
     """Samples of the driving lanes of a straight road with right-hand traffic, both directions."""
     stations = np.arange(0.5 * _SAMPLE, road.length, _SAMPLE)
     borders = _lane_borders(road)
-    between = _between_marks(road, stations)
+    centre_marks = _fast_edge_marks(road, stations)
     tables: list[dict[str, NDArray[Any]]] = []
     for k, (start, end) in enumerate(itertools.pairwise(borders)):
         is_oncoming = k == road.num_lanes
@@ -303,10 +303,11 @@ def _sampled(road: Road) -> Lanes:
         left, right = (
             np.full(len(s), drawn_mark(mark.value)) for mark in (lane.left_mark, lane.right_mark)
         )
-        if is_oncoming:  # Its marks are named as seen in the direction of the road.
-            left, right = between[::-1], left
+        if is_oncoming:
+            # The road names left and right in its own direction, opposite to that of this lane.
+            left, right = centre_marks[::-1], left
         elif k == road.num_lanes - 1:
-            left = between
+            left = centre_marks
         tables.append(
             {
                 "position": np.stack([x, -y, np.zeros_like(x)], axis=1),
@@ -323,8 +324,8 @@ def _sampled(road: Road) -> Lanes:
     return Lanes(**columns)
 
 
-def _between_marks(road: Road, stations: NDArray[np.float64]) -> NDArray[np.int64]:
-    """How the line on the fast side of the driving lanes is drawn at each station."""
+def _fast_edge_marks(road: Road, stations: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Drawn mark on the fast side of the driving lanes at each station, shape (station,)."""
     starts, marks = zip(*road.fast_edge_marks, strict=True)
     drawn = np.array([drawn_mark(mark.value) for mark in marks])
     return drawn[np.searchsorted(starts, stations, side="right") - 1]

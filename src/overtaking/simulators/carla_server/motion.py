@@ -69,13 +69,13 @@ class Driven(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """A box that stands on the ground.
+    """A box that vehicles can hit.
 
     Attributes:
         length, width: Sides of the box [m].
-        low, high: Heights of its lower and upper side [m].
+        low, high: Heights of its lower and upper side in the world [m].
         motion: Where it is and how it moves.
-        mass: Mass [kg]; infinite where it does not move when it is hit.
+        mass: Mass [kg]; infinite for a fixed obstacle.
     """
 
     length: float
@@ -115,7 +115,14 @@ def turned(x: float, y: float, angle: float) -> tuple[float, float]:
 def overlap(
     body: Mapping[str, float], motion: Motion, other: Mapping[str, float], at: Motion
 ) -> bool:
-    """Whether two boxes with a length and a width would stand in the same place."""
+    """Whether two rectangles overlap.
+
+    Args:
+        body: `length` and `width` of the first [m].
+        motion: Pose of the first.
+        other: `length` and `width` of the second [m].
+        at: Pose of the second.
+    """
     reach = 0.5 * math.hypot(body["length"], body["width"])
     reach += 0.5 * math.hypot(other["length"], other["width"])
     if math.hypot(at.s - motion.s, at.d - motion.d) > reach:
@@ -126,7 +133,7 @@ def overlap(
 
 
 def _box(body: Mapping[str, float], motion: Motion) -> collisions.Box:
-    """The box in the form that contacts are found with."""
+    """The box in the form that `collisions` reads."""
     as_f32: Any = np.float32
     return collisions.Box(
         s=as_f32(motion.s),

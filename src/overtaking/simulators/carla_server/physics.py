@@ -16,7 +16,7 @@ WHEEL_RADIUS = 0.35
 """Radius of every wheel that the server reports [m]."""
 
 _TYRE_FRICTION = 3.5
-"""Friction of the tyres that CARLA's vehicles report outside triggers."""
+"""Tyre friction of CARLA's vehicles outside friction triggers."""
 
 _CM_PER_M = 100.0
 _LIGHTEST, _HEAVIEST = 50.0, 100_000.0

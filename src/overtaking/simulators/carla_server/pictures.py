@@ -1,4 +1,4 @@
-"""Draws the pictures of cameras in a thread of its own, so that calls are answered meanwhile."""
+"""Pictures of cameras, drawn in a separate thread while the server answers calls."""
 
 import asyncio
 import copy
@@ -14,11 +14,11 @@ from overtaking.simulators.carla_server.maps import Map
 
 
 class Shot(NamedTuple):
-    """What a camera sees at one moment.
+    """A picture to draw: a camera at one moment.
 
     Attributes:
-        stream: Stream of the camera.
-        header: First bytes of the message.
+        stream: Number of the camera's stream.
+        header: Encoded header of the message, which precedes the picture.
         pose: Pose of the camera in the world.
         size: Width and height of the picture [pixels].
         fov_deg: Horizontal field of view [degrees].
@@ -34,14 +34,15 @@ class Shot(NamedTuple):
 class PictureThread:
     """One thread that draws pictures in order.
 
-    Memory is bounded: a camera has at most one unfinished picture.
+    Callers draw for a stream only when `is_drawing` is False, so a camera has at most one
+    unfinished picture and memory is bounded.
 
     Args:
-        send: Sends a message to the listeners of a stream; called where the event loop runs.
+        send: Sends a message to the listeners of a stream; called in the thread of the event loop.
     """
 
     def __init__(self, send: Callable[[int, bytes], None]) -> None:
-        """Start without pictures; the first one starts the thread."""
+        """Start without pictures; the first picture starts the thread."""
         self._send = send
         self._executor = ThreadPoolExecutor(1, "pictures")
         self._unfinished: dict[int, asyncio.Future[bytes]] = {}
@@ -58,12 +59,12 @@ class PictureThread:
         bodies: Iterable[Vehicle | Prop],
         weather: Sequence[float],
     ) -> None:
-        """Draw the pictures of one moment; each is sent when it is finished.
+        """Begin to draw the pictures of one moment; each is sent when it is finished.
 
         Args:
             shots: The pictures.
-            road: The map.
-            bodies: Vehicles and props; they are copied because they move while the thread draws.
+            road: The map; the thread keeps what it has prepared for the last one.
+            bodies: Vehicles and props; copied, because they move while the thread draws.
             weather: The fourteen numbers of `carla.WeatherParameters`.
         """
         copies = [copy.copy(body) for body in bodies]
@@ -76,12 +77,12 @@ class PictureThread:
             drawing.add_done_callback(lambda done, shot=shot: self._finish(shot, done))
 
     async def wait(self) -> None:
-        """Wait until all pictures are sent, so that a client that ticks misses none."""
+        """Wait until all pictures are sent, so that a synchronous client receives each of them."""
         while self._unfinished:
             await asyncio.wait(list(self._unfinished.values()))
 
     def close(self) -> None:
-        """Draw no more pictures."""
+        """Stop the thread after the current picture."""
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def _message(

@@ -45,7 +45,7 @@ class Session:
         world: The state of the server.
         managers: Address of each Traffic Manager that runs in a client, by port.
         own_managers: Ports of those that this client runs.
-        unseen: Errors that the client may not see, until the server logs them.
+        unseen: Errors that the client may not see; the server logs and removes them.
     """
 
     world: World
@@ -92,7 +92,7 @@ COMMANDS: dict[int, Call] = {}
 """The calls that a batch may contain as well, by their number there."""
 
 SLOW = frozenset(("cast_ray", "copy_opendrive_to_file", "project_point"))
-"""Calls that may take long and change no state of others; they run in a thread."""
+"""Calls that may take long and change no state; they run in a thread."""
 
 LACKING_VOID = frozenset(
     (

@@ -35,7 +35,7 @@ def cast(world: World, start: Vector, end: Vector) -> list[Hit]:
         end: Where it ends [m].
     """
     found: list[tuple[float, int]] = []
-    # A thread runs this; actors come and go meanwhile, so it works on a copy of the list.
+    # This runs in a thread while calls add and remove actors, which a loop over the dict forbids.
     for body in list(world.actors.values()):
         if not isinstance(body, Vehicle | Prop):
             continue

@@ -22,7 +22,7 @@ MESSAGE_TIMEOUT = 30.0
 """Longest time from the first byte of a message to its last [s]."""
 
 ANSWER_TIMEOUT = 60.0
-"""Longest time that a client may leave an answer of more than a few kilobytes unread [s]."""
+"""Longest wait for a client to read an answer that exceeds the write buffer [s]."""
 
 SILENCE = 10.0
 """A synchronous client with Traffic Managers that is silent this long is reported [s]."""
@@ -113,7 +113,7 @@ class Server:
         Raises:
             TimeoutError: The client did not complete a message, or did not read an answer.
         """
-        deadline: float | None = None  # Of a message of which a part has arrived.
+        deadline: float | None = None  # For the rest of a message that has arrived in part.
         while data := await _read(reader, deadline):
             for message in decoder.feed(data):
                 deadline = None
@@ -210,13 +210,17 @@ class Server:
 
 
 async def _read(reader: asyncio.StreamReader, deadline: float | None) -> bytes:
-    """The next bytes of a connection; TimeoutError at the deadline."""
+    """The next bytes of a connection, empty at its end.
+
+    Raises:
+        TimeoutError: No bytes arrived before the deadline.
+    """
     async with asyncio.timeout_at(deadline):
         return await reader.read(_READ_BYTES)
 
 
 def _is_tick(name: str, parameters: list[Any]) -> bool:
-    """Whether a call simulates a tick; the last parameter of a batch says so."""
+    """Whether a call advances the simulation; for a batch the last parameter asks for a tick."""
     return name == "tick_cue" or (name == "apply_batch" and parameters[-1:] == [True])
 
 

@@ -114,10 +114,11 @@ class Streams:
             self._log(f"somebody asked for stream {stream}, which never was; said once")
 
     def _make_room(self) -> None:
-        """Close a connection where there are too many.
+        """Close a connection if `MAX_LISTENERS` are open.
 
-        First the oldest that has not named its stream. Otherwise one of the stream with the most
-        listeners, by chance: whoever opens many connections closes its own.
+        The oldest connection that has not named its stream is closed first. If all have, a random
+        listener of the stream with the most listeners is closed, so that a client with very many
+        connections to one stream loses its own.
         """
         num_listeners = sum(map(len, self._listeners.values()))
         if num_listeners + len(self._unnamed) < MAX_LISTENERS:
@@ -131,7 +132,9 @@ class Streams:
             listeners.discard(closed)
         if not self._is_crowded:
             self._is_crowded = True
-            self._log(f"there are {MAX_LISTENERS} listeners: from now on each new one ends another")
+            self._log(
+                f"{MAX_LISTENERS} listeners are connected; each new one now closes an old one"
+            )
         closed.transport.abort()
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -145,6 +148,8 @@ class Streams:
             if stream not in self._listeners:
                 self._tell_of_unknown(stream)
                 return
+            if writer not in self._unnamed:
+                return  # It was closed for another one just when it named its stream.
             del self._unnamed[writer]
             self._listeners[stream].add(writer)
             self._announced.discard(stream)

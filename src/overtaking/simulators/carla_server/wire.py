@@ -66,7 +66,7 @@ class Decoder:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no part of a message waits for the rest."""
+        """Whether all data so far belongs to complete messages."""
         return not self._buffer
 
     def feed(self, data: bytes) -> list[Any]:

@@ -153,7 +153,11 @@ class World:
         return self._enter(actor)
 
     def _check_spawn(self, wanted: Description, parent: int) -> None:
-        """Refuse what cannot be spawned, whatever the pose."""
+        """Check a request to spawn an actor, apart from its pose.
+
+        Raises:
+            Refused: There is no such blueprint or parent, or no more actors are taken.
+        """
         if wanted.blueprint not in catalogue.catalogue():
             raise Refused(f"this headless server has no blueprint {wanted.blueprint}")
         if wanted.blueprint in (catalogue.WALKER, catalogue.WALKER_CONTROLLER):
@@ -179,13 +183,13 @@ class World:
             actor_id=self._take_id(), description=wanted, pose=pose, parent=parent, size=size
         )
         if not parent:
-            # Not refused where a vehicle stands: ScenarioRunner spawns what a story needs later
-            # at one and the same place.
+            # A vehicle in the same place is no reason to refuse: ScenarioRunner first spawns all
+            # props of a scenario at one place, and moves them when it needs them.
             self.fleet.set_obstacle(prop.actor_id, self._obstacle(prop))
         return prop
 
     def _obstacle(self, prop: Prop) -> Obstacle:
-        """The box of a prop that is attached to nothing."""
+        """The box with which vehicles collide, for a prop without a parent."""
         length, width, height = prop.size
         low = prop.pose.location.z
         motion = self.map.motion(prop.pose)
@@ -223,13 +227,13 @@ class World:
             self.fleet.set_obstacle(actor_id, self._obstacle(actor))
 
     def set_prop_physics(self, prop: Prop, *, has_physics: bool) -> None:
-        """Choose whether a prop moves when it is hit; it comes to rest."""
+        """Choose whether a prop moves when a vehicle hits it; a moving prop stops."""
         prop.has_physics = has_physics
         if not prop.parent:
             self.fleet.set_obstacle(prop.actor_id, self._obstacle(prop))
 
     def friction_of(self, vehicle: Vehicle) -> float | None:
-        """The smallest friction of the triggers that a vehicle touches; None outside all."""
+        """The smallest friction of all triggers that a vehicle touches; None if it touches none."""
         return min(
             (
                 actor.friction
@@ -240,7 +244,7 @@ class World:
         )
 
     def _touches(self, vehicle: Vehicle, trigger: FrictionTrigger) -> bool:
-        """Whether a part of a vehicle is in the box of a trigger."""
+        """Whether any part of a vehicle is in the box of a trigger."""
         pose = world_pose(trigger, self.actors)
         bottom = vehicle.pose.location.z
         if (
@@ -306,10 +310,10 @@ class World:
         self._take_pictures()
 
     def _friction_factors(self) -> dict[int, float]:
-        """Factors on the friction under the vehicles in triggers.
+        """Factors on the friction under the vehicles in triggers, by vehicle.
 
-        The factor is the friction of the trigger. Friction above 1 changes nothing: CARLA's own
-        vehicles have 3.5, and OpenSCENARIO's `frictionScaleFactor` is 1 on a usual road.
+        The factor is the friction of the trigger, at most 1: a usual road is 3.5 in CARLA and 1 as
+        OpenSCENARIO's `frictionScaleFactor`, and both must change nothing.
         """
         if not any(isinstance(actor, FrictionTrigger) for actor in self.actors.values()):
             return {}
@@ -379,7 +383,7 @@ class World:
             self.streams.send(sensor.stream, head + body)
 
     def _take_pictures(self) -> None:
-        """Let the thread draw for every camera that has a listener and is not late."""
+        """Draw for every camera that is due, has a listener and has no unfinished picture."""
         if self.settings.no_rendering:
             return
         shots: list[Shot] = []
@@ -389,7 +393,7 @@ class World:
             if self.time < camera.due - 1e-6 or not self.streams.is_heard(camera.stream):
                 continue
             if self.pictures.is_drawing(camera.stream):
-                continue  # In real time the camera leaves this picture out.
+                continue  # In asynchronous mode a slow camera skips pictures.
             camera.due = self.time + camera.interval
             pose = world_pose(camera, self.actors)
             header = snapshot.header(SensorType.CAMERA, self.frame, self.time, pose)
@@ -401,6 +405,6 @@ class World:
 
 
 def _in_plane(pose: Transform) -> Motion:
-    """A pose in the plane of the map, at rest, with axes of which y points to the left."""
+    """A pose on the plane of the map, at rest; y points to the left, unlike CARLA's."""
     x, y, _ = pose.location
     return Motion(x, -y, -math.radians(pose.rotation.yaw), 0.0, 0.0, 0.0)

@@ -28,7 +28,7 @@ def test_a_connection_with_few_calls_gives_way_first(monkeypatch: pytest.MonkeyP
             for _ in range(NUM_CALLS_OF_CLIENT):
                 client.note_call()
             other.note_call()
-            client.last_call_time -= 3600.0  # It only listens to a sensor.
+            client.last_call_time -= 3600.0  # As a client that only listens to a sensor.
             with crowd.enter(third_writer):
                 assert other_writer.is_closing()
                 assert not client_writer.is_closing()
@@ -62,7 +62,7 @@ def test_clients_that_are_making_calls_stay_and_the_most_silent_gives_way(
 
 
 class RemoteWriter:
-    """A writer to a machine with this address."""
+    """A stand-in for the writer of a connection from a machine with this address."""
 
     def __init__(self, host: str) -> None:
         self.host, self.is_aborted = host, False

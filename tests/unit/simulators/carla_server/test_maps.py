@@ -257,7 +257,7 @@ def test_a_two_way_road_has_spawn_points_lanes_and_limits_of_both_directions():
     assert limits == [road.speed_limit, 10.0]
 
 
-def test_the_line_between_the_directions_is_drawn_alike_from_both_sides():
+def test_both_directions_have_the_same_marks_on_the_line_between_them():
     lanes = known_map("rural").lanes
     half = len(lanes.station) // 2
     along, against = lanes.marks[:half], lanes.marks[half:][::-1]

@@ -84,11 +84,12 @@ def test_friction_of_a_trigger_is_a_factor_on_the_braking_distance(friction: flo
         trigger(world, pose(1000.0), value, metres=500.0)
         car = spawn_car(world, pose(1000.0, LANE_Y if yaw == 0.0 else -LANE_Y, yaw=yaw), speed=15.0)
         distances.append(braking_distance(world, car))
-    # Between the two limits: grip alone brakes, or rolling resistance and drag help.
+    # If grip alone brakes, the distance is inversely proportional to friction. Rolling resistance
+    # and drag do not depend on friction and shorten the longer distance more.
     assert 0.8 / friction < distances[1] / distances[0] < 1.05 / friction
 
 
-def test_friction_acts_inside_the_box_and_up_to_its_height_only():
+def test_friction_acts_only_inside_the_box_in_all_three_dimensions():
     distances: dict[str, float] = {}
     for name, at in {
         "far": pose(1300.0),
@@ -136,7 +137,7 @@ def test_a_turned_box_acts_where_it_lies():
     assert world.friction_of(spawn_car(world, pose(1000.0, -LANE_Y))) == 0.1
 
 
-def test_the_smallest_friction_of_several_triggers_acts_and_none_at_all_is_survived():
+def test_the_smallest_friction_of_several_triggers_acts_and_may_be_zero():
     world = new_world()
     for friction in (0.5, 0.0, 0.8):
         trigger(world, pose(1000.0), friction)
@@ -218,7 +219,7 @@ def test_a_prop_with_physics_is_pushed_with_the_momentum_that_the_vehicle_loses(
             car.drive(Control(brake=1.0))
         world._follow_fleet(0.05)
     gained = -impulse / world.actors[prop].mass  # type: ignore[attr-defined]
-    # A light box leaves a heavy car with more than the speed of the car.
+    # After an impact with restitution the light box is faster than the heavy car.
     assert speed < gained < 2.0 * speed
     moved = world.actors[prop].pose.location.x - 1000.0
     assert moved == pytest.approx(gained**2 / (2.0 * 5.0), rel=0.2)
@@ -226,7 +227,7 @@ def test_a_prop_with_physics_is_pushed_with_the_momentum_that_the_vehicle_loses(
 
 
 @pytest.mark.parametrize("z", [5.0, -3.0])
-def test_props_above_and_below_vehicles_are_in_nobodys_way(z: float):
+def test_vehicles_pass_under_and_over_props_on_other_levels(z: float):
     world = new_world()
     spawn(world, BARRIER, pose(1010.0, z=z))
     car = spawn_car(world, pose(1000.0), speed=15.0)
@@ -235,7 +236,7 @@ def test_props_above_and_below_vehicles_are_in_nobodys_way(z: float):
     assert car.pose.location.x > 1015.0
 
 
-def test_flat_debris_is_driven_over():
+def test_vehicles_drive_over_flat_debris():
     world = new_world()
     spawn(world, "static.prop.dirtdebris01", pose(1010.0))
     car = spawn_car(world, pose(1000.0), speed=15.0)
@@ -244,7 +245,7 @@ def test_flat_debris_is_driven_over():
     assert car.velocity.x > 14.0
 
 
-def test_a_vehicle_is_not_spawned_into_a_prop_and_leaves_one_that_is_spawned_into_it():
+def test_a_prop_blocks_the_spawning_of_a_vehicle_but_not_a_vehicle_in_which_it_is_spawned():
     world = new_world()
     spawn(world, CONTAINER, pose(1000.0))
     with pytest.raises(Refused, match="collision at spawn position"):
@@ -281,7 +282,7 @@ def test_a_prop_attached_to_a_vehicle_does_not_hit_it():
     assert car.pose.location.x > 1009.0
 
 
-def test_rays_and_cameras_meet_props():
+def test_rays_hit_props_and_cameras_show_them():
     world = new_world()
     spawn(world, CONTAINER, pose(1010.0))
     hit = rays.project(world, Vector(1000.0, LANE_Y, 1.0), Vector(1.0, 0.0, 0.0), 50.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import struct
 from typing import TYPE_CHECKING
+from unittest.mock import Mock
 
 from overtaking.simulators.carla_server import streams as module
 from overtaking.simulators.carla_server.streams import Streams
@@ -49,7 +50,28 @@ def test_listeners_together_hold_no_more_than_the_limit(monkeypatch: pytest.Monk
     assert log == [f"a listener of stream {stream} does not read; let go"] * count
 
 
-def test_connections_that_name_no_stream_and_crowds_lock_no_listener_out(
+def test_a_connection_that_is_closed_while_it_names_its_stream_does_not_listen(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(module, "MAX_LISTENERS", 1)
+    streams = Streams(lambda _: None)
+    stream = streams.open()
+    writer = Mock()
+
+    async def name_stream_and_lose_place() -> None:
+        reader = asyncio.StreamReader()
+        serving = asyncio.create_task(streams.serve(reader, writer))
+        await asyncio.sleep(0)
+        reader.feed_data(struct.pack("<I", stream))
+        streams._make_room()  # As for a new connection, before the first one reads on.
+        await serving
+
+    asyncio.run(name_stream_and_lose_place())
+    assert not streams.is_heard(stream)
+    writer.transport.abort.assert_called_once()
+
+
+def test_many_other_connections_do_not_close_the_only_listener_of_a_stream(
     monkeypatch: pytest.MonkeyPatch,
 ):
     monkeypatch.setattr(module, "MAX_LISTENERS", 20)
