@@ -76,7 +76,7 @@ def _ngsim(_folder: Path) -> list[Named]:
 
 
 def _any_table(folder: Path) -> list[Named]:
-    """A table as text and as Parquet, 24 frames a second, and the map of its columns."""
+    """A table as text and as Parquet, 24 frames a second; the map of its columns lies beside it."""
     import pyarrow as pa
     import pyarrow.csv as pacsv
     import pyarrow.parquet as pq
@@ -89,8 +89,16 @@ def _any_table(folder: Path) -> list[Named]:
     return [
         ("table.csv", (folder / "table.csv").read_text("utf-8")),
         ("table.parquet", (folder / "table.parquet").read_bytes()),
-        ("map.toml", _MAP),
     ]
+
+
+def _column_maps(folder: Path) -> list[Named]:
+    """Maps of the columns of the table beside them: one that fits, and those of the package."""
+    from overtaking.recordings.column_map import MAPS
+
+    _any_table(folder)
+    shipped = [path.read_text(encoding="utf-8") for path in sorted(MAPS.glob("*.toml"))]
+    return [("map.toml", text) for text in (*[_MAP] * len(shipped), *shipped)]
 
 
 _MAP = """
@@ -151,7 +159,7 @@ def _damaged(given: Named, chance: random.Random) -> tuple[str, bytes]:
     name, content = given
     if isinstance(content, bytes):
         return name, damaged_bytes(content, chance)
-    if chance.random() < 0.5:
+    if chance.random() < 0.5 or not _NUMBER.search(content):
         return name, damaged_text(content, chance)
     for _ in range(chance.choice((1, 2, 8))):
         start, stop = chance.choice([found.span() for found in _NUMBER.finditer(content)])
@@ -200,6 +208,7 @@ def _read_map(given: tuple[str, bytes], folder: Path) -> None:
 READERS: tuple[dict[str, Any], ...] = tuple(
     {"name": name, "corpus": corpus, "damaged": _damaged, "call": call}
     for name, corpus, call in (
+        ("column_map", _column_maps, _reads("table")),
         ("commonroad", _scenes, _reads("commonroad")),
         ("exid", _exid, _reads("exid")),
         ("highd", _highd, _reads("highd")),

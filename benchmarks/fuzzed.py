@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import fuzz_arrays
+import fuzz_shards
 from damage import damaged_text
 from fuzz_readers import READERS
 
@@ -78,6 +79,12 @@ TARGETS = (
         corpus=fuzz_arrays.corpus,
         damaged=fuzz_arrays.damaged,
         call=fuzz_arrays.call,
+    ),
+    Target(
+        name="shard",
+        corpus=fuzz_shards.corpus,
+        damaged=fuzz_shards.damaged,
+        call=fuzz_shards.read,
     ),
     *(Target(**one) for one in READERS),
 )

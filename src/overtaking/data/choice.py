@@ -8,7 +8,6 @@ import numpy as np
 
 from overtaking.core.checks import check_name
 from overtaking.core.errors import ConfigError
-from overtaking.data.tables.files import read_table
 from overtaking.data.tables.names import CLASSES, POLICY_NAMES
 from overtaking.labels.law import choose_policy
 
@@ -73,8 +72,8 @@ def stretches(numbers: I64) -> list[I64]:
 def _members(data: Dataset, label: str, policy: str) -> I64:
     """The simulations of a class."""
     parts: list[I64] = []
-    for path in data.files("labels"):
-        rows = read_table(path, "labels").to_pandas()
+    for _first, tables in data.columns(labels=("simulation", "policy", "class")):
+        rows = tables["labels"].to_pandas()
         is_meant = (rows["class"] == label) & (rows["policy"] == policy)
         parts.append(rows["simulation"][is_meant].to_numpy(np.int64))
     return np.concatenate(parts)

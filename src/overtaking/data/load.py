@@ -21,7 +21,7 @@ from overtaking.data.tables.names import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_actions, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
 from overtaking.labels.law import choose_policy
-from overtaking.model.checks import checked
+from overtaking.model.checks import check, checked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.data.location import Location
+    from overtaking.data.plan import Shard
     from overtaking.data.recipe import Simulator
     from overtaking.data.views import Verdict
     from overtaking.model.actions import Actions
@@ -48,7 +49,7 @@ def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
 
     Raises:
         DatasetError: There is none, or it is not complete.
-        SchemaError: It is of a newer version.
+        SchemaError: It is of a newer version, or a table of its first shard lacks a column.
     """
     location = location_of(where)
     manifest = read_manifest(location)
@@ -60,7 +61,9 @@ def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
             got="one that is not finished",
             next_step=f"run: overtaking generate --resume --out {shlex.quote(str(location))}",
         )
-    return Dataset(location, manifest, simulator)
+    data = Dataset(location, manifest, simulator)
+    data.check_first_shard()
+    return data
 
 
 class Dataset(Summarized):
@@ -230,7 +233,7 @@ class Dataset(Summarized):
         from overtaking.data.views import verdict_of
 
         names = ("labels", "events", "findings")
-        return verdict_of(simulation, *(_decoded(self._part(name, simulation)) for name in names))
+        return verdict_of(simulation, *(_decoded(self.rows(name, simulation)) for name in names))
 
     @checked
     def frames(self, simulation: int) -> pd.DataFrame:
@@ -250,14 +253,14 @@ class Dataset(Summarized):
     def states(self, simulation: int) -> pd.DataFrame:
         """The states of one simulation, one row per vehicle and frame."""
         if "states" in self._tables:
-            return _decoded(self._part("states", simulation))
+            return _decoded(self.rows("states", simulation))
         return _decoded(self._encoded(simulation)["states"])
 
     @checked
     def scenario(self, simulation: int) -> Scenario:
         """The scenario of one simulation, as a batch of one."""
         rows = {
-            name: self._part(name, simulation) for name in ("simulations", "weather", "vehicles")
+            name: self.rows(name, simulation) for name in ("simulations", "weather", "vehicles")
         }
         return self._scenario(rows)
 
@@ -306,7 +309,7 @@ class Dataset(Summarized):
         Raises:
             DatasetError: The file is damaged.
         """
-        rows = self._part("labels", first, last)
+        rows = self.rows("labels", first, last)
         return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES)]
 
     @checked
@@ -324,8 +327,8 @@ class Dataset(Summarized):
                 got=f"a data set that keeps the {self._manifest.identity.keep}",
                 next_step="generate it with --keep frames",
             )
-        parts = [read_table(self._files.one(name, shard), name) for shard in self._shards]
-        return pa.concat_tables(parts)
+        parts = [self._shard_table(name, shard) for shard in self._shards]
+        return pa.concat_tables(parts, promote_options="default")  # Shards may differ in nulls.
 
     def columns(self, **wanted: Sequence[str]) -> Iterator[tuple[int, Mapping[str, pa.Table]]]:
         """Some columns of some tables, a file of each at a time, in the order of simulations.
@@ -340,13 +343,10 @@ class Dataset(Summarized):
             DatasetError: A file is missing or damaged, or there never was such a table.
         """
         for shard in self._shards:
-            yield (
-                shard.first,
-                {
-                    table: read_columns(self._files.one(table, shard), table, names)
-                    for table, names in wanted.items()
-                },
-            )
+            tables = {
+                table: self._shard_table(table, shard, names) for table, names in wanted.items()
+            }
+            yield shard.first, tables
 
     @property
     def kept_tables(self) -> tuple[str, ...]:
@@ -367,6 +367,14 @@ class Dataset(Summarized):
         """
         return self._files.of(name, is_checked=is_checked)
 
+    def check_first_shard(self) -> None:
+        """Check version and columns of each table in the first shard, without reading a row.
+
+        Raises:
+            SchemaError: A file is damaged or lacks a column.
+        """
+        self._files.check_first_shard()
+
     def verify(self) -> None:
         """Read every file and test its checksum.
 
@@ -379,30 +387,56 @@ class Dataset(Summarized):
     def _tables(self) -> tuple[str, ...]:
         return self._manifest.identity.tables
 
-    def _part(self, table: str, first: int, last: int | None = None) -> pa.Table:
-        """The rows of one simulation, or of all up to another one in the same file."""
+    @checked
+    def rows(self, table: str, first: int, last: int | None = None) -> pa.Table:
+        """The rows of one simulation, or of all up to another one in the same file.
+
+        Args:
+            table: Name of a table that was kept.
+            first: Number of the simulation.
+            last: Number of the last simulation; `first` if left out.
+
+        Raises:
+            DatasetError: The file is damaged.
+            NoSuchSimulationError: There is no such simulation.
+        """
         if not 0 <= first < len(self):
             end = len(self) - 1
             raise NoSuchSimulationError.out_of_range("simulation", self.where, 0, end, first)
         shard = self._shards[first // self._manifest.identity.shard_size]
         path = self._files.one(table, shard)
-        return read_rows(path, table, first, first if last is None else last)
+        rows = read_rows(path, table, first, first if last is None else last)
+        self._files.check_simulations(rows, str(path), table, shard)
+        return rows
+
+    def _shard_table(
+        self, table: str, shard: Shard, columns: Sequence[str] | None = None
+    ) -> pa.Table:
+        """The rows of a table in one file, with all columns or some."""
+        path = self._files.one(table, shard)
+        rows = read_table(path, table) if columns is None else read_columns(path, table, columns)
+        self._files.check_simulations(rows, str(path), table, shard)
+        return rows
 
     def _rows(self, first: int, last: int | None = None) -> Mapping[str, pa.Table]:
         """The same rows in every table of recordings that was kept."""
         names = [name for name in self._tables if name in RECORDED_TABLES]
-        return {name: self._part(name, first, last) for name in names}
+        return {name: self.rows(name, first, last) for name in names}
 
     def _scenario(self, rows: Mapping[str, pa.Table]) -> Scenario:
         """The scenarios of some simulations, from their rows."""
         identity = self._manifest.identity
-        return restore_scenario(rows, self.road, identity.unknown, identity.pushes)
+        scenario = restore_scenario(rows, self.road, identity.unknown, identity.pushes)
+        check(scenario, self.where)
+        return scenario
 
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
         """The recordings of some simulations, from their rows or simulated again."""
         if "states" in rows:
             identity = self._manifest.identity
-            return restore(rows, self.road, identity.unknown, identity.pushes)
+            restored = restore(rows, self.road, identity.unknown, identity.pushes)
+            check(restored, self.where)
+            return restored
         again = self._again(self._scenario(rows), restore_actions(rows))
         hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
         known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)

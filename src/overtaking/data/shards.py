@@ -8,13 +8,15 @@ and without it the shard does not exist.
 import dataclasses
 import hashlib
 import json
+import math
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, wait
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from io import BufferedIOBase
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 
@@ -24,19 +26,26 @@ from overtaking.data.ahead import pool_of
 from overtaking.data.location import Location
 from overtaking.data.manifest import Manifest, ShardRecord
 from overtaking.data.plan import Shard
+from overtaking.data.tables.arrow import column_to_numpy
 from overtaking.data.tables.digest import content_of
 from overtaking.data.tables.files import (
     FileFacts,
     TableWriter,
+    check_columns,
+    check_footer,
     facts_of,
-    num_rows,
     read_notes,
     read_table,
 )
-from overtaking.data.tables.schemas import MOST_ROWS
+from overtaking.data.tables.schemas import KEYS, ROWS_OF_EACH, SCHEMAS, most_rows
+from overtaking.model.scenario import MAX_DURATION
+from overtaking.world.clock import STEP_MS
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
+
+HASH_BYTES = 16
+"""Length of the hash over the recorded integers of a simulation [bytes]."""
 
 WRITING_THREADS = 4
 """Tables that are written beside each other; one of them takes most of the time."""
@@ -232,6 +241,30 @@ def _record(shard: Shard, facts: Mapping[str, FileFacts], clipped: int | None) -
     )
 
 
+def _most_steps_and_frames(spec: Mapping[str, Any]) -> tuple[int, int]:
+    """Most steps and most frames of a simulation.
+
+    Args:
+        spec: The specification, resolved; that of recordings is empty.
+    """
+    if not spec:
+        longest = int(1000 * MAX_DURATION) + 1  # Frames of a recording are a millisecond apart.
+        return longest, longest
+    horizon_ms = math.ceil(1000.0 * spec["time"]["horizon_s"])
+    interval_ms = spec["profile"]["frame_interval_ms"]
+    return horizon_ms // STEP_MS + 1, horizon_ms // interval_ms + 1
+
+
+def _other_rows(table: str, where: str, expected: str, got: object) -> DatasetError:
+    return DatasetError.of(
+        what=f"rows of table {table}",
+        where=where,
+        expected=expected,
+        got=got,
+        next_step="restore the file from a copy, or generate the data set again",
+    )
+
+
 class ShardFiles:
     """Opens the files of a data set for reading.
 
@@ -244,6 +277,7 @@ class ShardFiles:
         """Read nothing yet."""
         self._location, self._manifest = location, manifest
         self._intact: set[str] = set()
+        self._most_rows = most_rows(*_most_steps_and_frames(manifest.identity.spec))
         self.shards = plan.shards(manifest.num_simulations, manifest.identity.shard_size)
 
     def one(self, table: str, shard: Shard) -> Path:
@@ -283,24 +317,72 @@ class ShardFiles:
             for table in self._manifest.shards[shard.number].tables:
                 self.one(table, shard)
 
-    def _check_rows(self, path: Path, table: str, shard: Shard) -> None:
-        """Refuse a table with more rows than its simulations can have, before any is decoded.
+    def check_first_shard(self) -> None:
+        """Check version and columns of each table in the first shard, without reading a row.
+
+        A store sends the ends of these files only. A missing or damaged file is found when it is
+        read, by its checksum.
 
         Raises:
-            DatasetError: It has more.
+            SchemaError: A table lacks a column, or is of a newer version.
+        """
+        shard = self.shards[0]
+        for table in self._manifest.shards[0].tables:
+            if table not in SCHEMAS:
+                continue
+            name = name_of(table, shard)
+            unreadable = (OSError, UnicodeDecodeError, pa.ArrowException)
+            with suppress(*unreadable), self._location.open(name) as file:
+                check_columns(file, self._location.at(name), table)
+
+    def check_simulations(self, rows: pa.Table, where: str, table: str, shard: Shard) -> None:
+        """Refuse rows of simulations that are not in the shard, and too many rows of one.
+
+        Args:
+            rows: Rows of the shard, sorted by their first key.
+            where: Their file, for messages.
+            table: Name of their table.
+            shard: Which simulations.
+
+        Raises:
+            DatasetError: There are such rows.
+        """
+        column = KEYS[table][0]
+        if column not in rows.column_names or not rows.num_rows:
+            return
+        key = column_to_numpy(rows[column])
+        most = self._most_rows[table]
+        if (key[most:] == key[:-most]).any():
+            raise _other_rows(table, where, f"at most {most} for a simulation", "more")
+        is_other = (key < shard.first) | (key >= shard.stop)
+        if is_other.any():
+            expected = f"simulations {shard.first} to {shard.stop - 1}"
+            raise _other_rows(table, where, expected, int(key[is_other][0]))
+
+    def _check_rows(self, path: Path, table: str, shard: Shard) -> None:
+        """Check the footer of a file, and its number of rows, before any row is decoded.
+
+        Raises:
+            DatasetError: It has other rows than the manifest states, or more than its simulations
+                can have.
             SchemaError: The file is no Parquet file of this table.
         """
-        if table not in MOST_ROWS:
-            return
-        most, got = MOST_ROWS[table] * shard.num_simulations, num_rows(path, table)
+        facts = self._manifest.shards[shard.number].tables[table]
+        got = check_footer(path, table)
+        each = ROWS_OF_EACH.get(table)
+        most = self._most_rows[table] * shard.num_simulations
         if got > most:
-            raise DatasetError.of(
-                what=f"rows of table {table}",
-                where=str(path),
-                expected=f"at most {most} for {shard.num_simulations} simulations",
-                got=got,
-                next_step="restore the file from a copy, or generate the data set again",
-            )
+            expected = f"at most {most} for {shard.num_simulations} simulations"
+        elif got != facts.rows:
+            expected = f"{facts.rows}, as the manifest states"
+        elif each and got != each * shard.num_simulations:
+            expected = f"{each * shard.num_simulations}, {each} for each simulation"
+        elif table == MARK and facts.size_bytes < HASH_BYTES * got:
+            # Trace hashes cannot be compressed: the size of this file limits all other tables.
+            expected, got = f"at least {HASH_BYTES} bytes each", f"{facts.size_bytes} bytes"
+        else:
+            return
+        raise _other_rows(table, str(path), expected, got)
 
     def _fetched(self, table: str, shard: Shard) -> Path:
         if table not in self._manifest.shards[shard.number].tables:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from overtaking.core.checks import check_name
+from overtaking.core.errors import SchemaError
 from overtaking.core.summary import Summarized
 from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of, unit_of
@@ -103,6 +104,15 @@ def wide_frames(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 def _per_vehicle(states: pd.DataFrame, num_vehicles: int, numbers: list[int]) -> dict[str, object]:
     """The columns with a tuple per frame; missing where a recording lacks a vehicle."""
+    is_in_frames = states["frame"].isin(numbers) & (states["vehicle"] < num_vehicles)
+    if not is_in_frames.all():
+        raise SchemaError.of(
+            what="rows",
+            where="states",
+            expected="those of frames and vehicles in the tables of these names",
+            got="others",
+            next_step="restore the data set from a copy, or generate it again",
+        )
     norm = np.hypot(states["accel_lon_mps2"], states["accel_lat_mps2"])
     ordered = states.assign(accel_mps2=norm).sort_values(["frame", "vehicle"])
     if len(ordered) < num_vehicles * len(numbers):

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.analysis.logic.vocabulary import CLASS, OUTCOME, POLICY
-from overtaking.data.tables.files import read_rows
 from overtaking.labels.events import case_of
 
 if TYPE_CHECKING:
@@ -81,8 +80,7 @@ def groups(data: Dataset, chosen: I64 | None = None, size: int = GROUP_SIZE) -> 
 def _labels(data: Dataset, numbers: I64) -> tuple[I64, I64]:
     """Classes and outcomes of simulations of one file, in the order of their numbers."""
     first, policies = int(numbers[0]), len(POLICY.names)
-    shard = first // data.manifest.identity.shard_size
-    rows = read_rows(data.files("labels")[shard], "labels", first, int(numbers[-1]))
+    rows = data.rows("labels", first, int(numbers[-1]))
     codes = [CLASS.names.index(name.lower()) for name in rows["class"].to_pylist()]
     classes = np.array(codes).reshape(-1, policies)
     names = rows["outcome"].to_pylist()[::policies]

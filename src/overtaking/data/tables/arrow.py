@@ -87,6 +87,14 @@ def column_to_numpy(column: pa.ChunkedArray, missing: Any = 0) -> Array:
     return np.concatenate(parts)
 
 
+def longest_text(texts: pa.Array) -> int:
+    """Length of the longest of some texts [bytes]; 0 if there are none."""
+    if not len(texts):
+        return 0
+    ends = np.frombuffer(texts.buffers()[1], np.int32, len(texts) + 1, 4 * texts.offset)
+    return int(np.diff(ends).max())
+
+
 def missing_in(chunk: pa.Array) -> Mask:
     """Mask of the nulls of an array."""
     validity = chunk.buffers()[0]

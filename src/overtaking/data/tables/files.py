@@ -3,25 +3,45 @@
 import contextlib
 import hashlib
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from io import BufferedIOBase
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
+from overtaking.core.arrays import Mask
 from overtaking.core.errors import SchemaError
-from overtaking.data.tables.arrow import column_to_numpy
+from overtaking.data.tables.arrow import column_to_numpy, longest_text
+from overtaking.data.tables.columns import codes, names_of
 from overtaking.data.tables.digest import ContentDigest
-from overtaking.data.tables.schemas import FORMAT, KEYS, SCHEMAS, SINCE, VERSION
+from overtaking.data.tables.schemas import (
+    FORMAT,
+    KEYS,
+    NEVER_NULL,
+    SCHEMAS,
+    SINCE,
+    VERSION,
+)
 
 T = TypeVar("T")
 
 LEAST_GROUP_BYTES = 4_000_000
 """Pieces wait for each other until a row group is this large: a column of a group costs the same
 time whether it holds a hundred rows or ten thousand."""
+
+MOST_TEXT_BYTES = 4096
+"""Longest text of a cell [bytes]; a file can repeat one text in any number of rows."""
+
+MOST_EXPANSION, SMALL_BYTES = 1000, 1 << 26
+"""Decoded rows may take so many times the size of their file, and always 64 MiB. Columns of long
+simulations that never change reach 200 times."""
 
 _DENSE = frozenset({"states"})
 """The large table: of integers, and of differences that leave little to compress."""
@@ -168,22 +188,59 @@ def read_table(path: Path, table: str) -> pa.Table:
         table: Name of one of the `SCHEMAS`.
 
     Raises:
-        SchemaError: The file is missing, damaged, of another table or of a newer version.
+        SchemaError: The file is missing, damaged, of another table or of a newer version, or has a
+            cell that the table cannot hold.
     """
-    return _read(path, lambda: _as_today(_opened(path, table).read(), table))
+    return _read(path, lambda: _checked_rows(path, table, _opened(path, table).read()))
 
 
-def num_rows(path: Path, table: str) -> int:
-    """Number of rows of a file by its metadata; no row is decoded.
+def check_footer(path: Path, table: str) -> int:
+    """Check version, columns and stated size of a file by its metadata; no row is decoded.
 
     Args:
         path: The file.
         table: Name of one of the `SCHEMAS`.
 
+    Returns:
+        The number of its rows.
+
     Raises:
-        SchemaError: The file is missing, damaged, of another table or of a newer version.
+        SchemaError: The file is missing, damaged, of another table or of a newer version, or its
+            rows would take far more memory than its size lets expect.
     """
-    return _read(path, lambda: _opened(path, table).metadata.num_rows)
+
+    def read() -> int:
+        file, file_bytes = _opened(path, table), path.stat().st_size
+        row_bytes = sum(_cell_bytes(field.type) for field in file.schema_arrow)
+        groups = range(file.num_row_groups)
+        page_bytes = sum(file.metadata.row_group(index).total_byte_size for index in groups)
+        most = max(MOST_EXPANSION * file_bytes, SMALL_BYTES)
+        num_rows = file.metadata.num_rows
+        if max(row_bytes * num_rows, page_bytes) > most:
+            raise _refused(
+                path,
+                f"size of table {table}",
+                f"at most {most >> 20} MiB of rows in a file of {file_bytes} bytes",
+                f"{num_rows} rows",
+            )
+        return num_rows
+
+    return _read(path, read)
+
+
+def check_columns(file: BufferedIOBase, where: str, table: str) -> None:
+    """Check version and columns of a file by its metadata.
+
+    Args:
+        file: The bytes of the file.
+        where: Name of the file in messages.
+        table: Name of one of the `SCHEMAS`.
+
+    Raises:
+        SchemaError: It is of another table or of a newer version, or lacks a column.
+        OSError: It is no Parquet file; so is Arrow's own error.
+    """
+    _opened(file, table, where)
 
 
 def read_columns(path: Path, table: str, names: Sequence[str]) -> pa.Table:
@@ -195,16 +252,14 @@ def read_columns(path: Path, table: str, names: Sequence[str]) -> pa.Table:
         names: Names of columns of that schema.
 
     Raises:
-        SchemaError: The file is missing, damaged, of another table or of a newer version.
+        SchemaError: The file is missing, damaged, of another table or of a newer version, or has a
+            cell that the table cannot hold.
     """
-    schema = SCHEMAS[table]
 
     def read() -> pa.Table:
         file = _opened(path, table)
-        there = [name for name in names if name in file.schema_arrow.names]
-        found = file.read(columns=there)
-        nothing = {name: pa.nulls(found.num_rows, schema.field(name).type) for name in names}
-        return pa.table({name: found[name] if name in there else nothing[name] for name in names})
+        in_file = [name for name in names if name in file.schema_arrow.names]
+        return _checked_rows(path, table, file.read(columns=in_file), names)
 
     return _read(path, read)
 
@@ -219,15 +274,18 @@ def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:
         last: Largest number.
 
     Raises:
-        SchemaError: The file is missing, damaged, of another table or of a newer version.
+        SchemaError: The file is missing, damaged, of another table or of a newer version, or has a
+            cell that the table cannot hold.
     """
 
     def read() -> pa.Table:
         file = _opened(path, table)
         groups = [
-            group for group in range(file.num_row_groups) if _overlaps(file, group, first, last)
+            group
+            for group in range(file.num_row_groups)
+            if _overlaps(file, group, KEYS[table][0], first, last)
         ]
-        rows = _as_today(file.read_row_groups(groups), table)
+        rows = _checked_rows(path, table, file.read_row_groups(groups))
         key = column_to_numpy(rows[KEYS[table][0]])
         start, stop = key.searchsorted(first, "left"), key.searchsorted(last, "right")
         return rows.slice(start, stop - start)
@@ -247,7 +305,7 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
     return {key: value.decode(errors="replace") for key, value in texts}
 
 
-def _read(path: Path, action: Callable[[], T]) -> T:
+def _read(where: Path | str, action: Callable[[], T]) -> T:
     """Run an action on a file; turn any failure into one `SchemaError`."""
     try:
         return action()
@@ -259,70 +317,157 @@ def _read(path: Path, action: Callable[[], T]) -> T:
         got = str(error)
     raise SchemaError.of(
         what="file",
-        where=str(path),
+        where=str(where),
         expected="a readable Parquet file",
         got=got,
-        next_step="restore it from a copy, or generate the data set again",
+        next_step=_RESTORE,
     )
 
 
-def _opened(path: Path, table: str) -> pq.ParquetFile:
-    """A file whose schema can be read by this version."""
-    file = pq.ParquetFile(path)
-    _check_version(path, table, file.schema_arrow.metadata or {})
-    _check_columns(path, SCHEMAS[table], file.schema_arrow)
-    return file
+_RESTORE = "restore the file from a copy, or generate the data set again"
 
 
-def _as_today(rows: pa.Table, table: str) -> pa.Table:
-    """Rows of any version with the types of this one."""
-    for index, want in enumerate(SCHEMAS[table]):
-        if want.name not in rows.schema.names:
-            rows = rows.add_column(index, want, pa.nulls(rows.num_rows, want.type))
-        elif (want.name, rows.schema.field(want.name).type) in _WIDENED:
-            rows = rows.set_column(index, want, rows[want.name].cast(want.type))
-    return rows
+def _refused(where: Path | str, what: str, expected: str, got: object) -> SchemaError:
+    """The error for a file with contents that its table cannot have."""
+    return SchemaError.of(
+        what=what, where=str(where), expected=expected, got=got, next_step=_RESTORE
+    )
 
 
-def _check_version(path: Path, table: str, metadata: dict[bytes, bytes]) -> None:
+def _opened(source: Path | BufferedIOBase, table: str, where: str = "") -> pq.ParquetFile:
+    """A file whose schema can be read by this version; texts are read as dictionaries."""
+    metadata = pq.read_metadata(source)
+    schema = metadata.schema.to_arrow_schema()
+    _check_version(where or str(source), table, schema.metadata or {})
+    _check_columns(where or str(source), SCHEMAS[table], schema)
+    # A text that a file stores once would otherwise be repeated in memory for each of its rows.
+    texts = [field.name for field in schema if pa.types.is_string(field.type)]
+    return pq.ParquetFile(source, metadata=metadata, read_dictionary=texts)
+
+
+def _cell_bytes(kind: pa.DataType) -> int:
+    """Memory of a cell, of a text or a name that of its index [bytes]."""
+    if pa.types.is_dictionary(kind):
+        kind = kind.index_type
+    return max(1, kind.bit_width // 8)
+
+
+def _checked_rows(
+    path: Path, table: str, rows: pa.Table, names: Sequence[str] | None = None
+) -> pa.Table:
+    """Rows of any version with the columns of this one, refused where a cell is impossible.
+
+    Args:
+        path: The file, for messages.
+        table: Name of the table.
+        rows: The rows as they are in the file; columns newer than the file are missing.
+        names: Names of the columns of the result; all of the table if left out.
+
+    Returns:
+        The columns in the order of `names`, with today's types and metadata.
+
+    Raises:
+        SchemaError: A cell is null that must not be, an unknown name, or a text that is too long;
+            or the keys do not increase from row to row.
+    """
+    schema = SCHEMAS[table]
+    wanted = schema.names if names is None else list(dict.fromkeys(names))
+    arrays: list[pa.ChunkedArray] = []
+    fields: list[pa.Field] = []
+    for name in wanted:
+        field = schema.field(name)
+        if name not in rows.schema.names:
+            arrays.append(pa.chunked_array([pa.nulls(rows.num_rows, field.type)]))
+            fields.append(field.with_nullable(True))
+            continue
+        arrays.append(_checked_column(path, table, field, rows[name]))
+        # Recordings allow nulls in columns that simulations always fill.
+        is_nullable = field.nullable or rows.schema.field(name).nullable
+        fields.append(field.with_nullable(is_nullable))
+    checked = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=schema.metadata))
+    if set(KEYS[table]) <= set(wanted) and not (is_rising := _rise(checked, table)).all():
+        key = ", ".join(KEYS[table])
+        row_index = int(np.argmin(is_rising)) + 1
+        raise _refused(path, f"row {row_index}", f"keys ({key}) that increase", "a smaller key")
+    return checked
+
+
+def _checked_column(
+    path: Path, table: str, field: pa.Field, column: pa.ChunkedArray
+) -> pa.ChunkedArray:
+    """A column with the type of its table."""
+    what = f"column {field.name}"
+    if column.null_count and field.name in NEVER_NULL[table]:
+        raise _refused(path, what, "a value in every row", f"{column.null_count} nulls")
+    if pa.types.is_dictionary(column.type):
+        for chunk in column.chunks:
+            longest = longest_text(chunk.dictionary)
+            if longest > MOST_TEXT_BYTES:
+                raise _refused(path, what, f"texts of at most {MOST_TEXT_BYTES} bytes", longest)
+    if listed := names_of(field):
+        for chunk in column.chunks:
+            unknown = sorted(set(map(str, chunk.dictionary.to_pylist())) - set(listed))
+            if unknown:
+                raise _refused(path, what, f"one of {', '.join(listed)}", unknown[0])
+        return column
+    return column if column.type == field.type else column.cast(field.type)
+
+
+def _rise(rows: pa.Table, table: str) -> Mask:
+    """Whether the keys of each row but the first are larger than those of the row before."""
+    is_larger = np.zeros(max(0, rows.num_rows - 1), dtype=np.bool_)
+    is_equal = ~is_larger
+    for name in KEYS[table]:
+        key = _key(rows, table, name)
+        is_larger |= is_equal & (key[1:] > key[:-1])
+        is_equal &= key[1:] == key[:-1]
+    return is_larger
+
+
+def _key(rows: pa.Table, table: str, name: str) -> NDArray[Any]:
+    """The values of a key by which rows are sorted; names are sorted by their codes."""
+    listed = names_of(SCHEMAS[table].field(name))
+    return codes(rows[name], listed) if listed else column_to_numpy(rows[name])
+
+
+def _check_version(where: str, table: str, metadata: dict[bytes, bytes]) -> None:
     name = metadata.get(b"schema", b"none").decode(errors="replace")
     if name != f"{FORMAT}.{table}":
         raise SchemaError.of(
             what="schema",
-            where=str(path),
+            where=where,
             expected=f"{FORMAT}.{table}",
             got=name,
             next_step="put the files of each table into the folder of its name",
         )
+    if not re.fullmatch(rb"\d{1,9}", metadata.get(b"version", b"0")):
+        raise _refused(where, f"version of schema {name}", "a number", metadata[b"version"])
     version = _version(metadata)
     if version > VERSION:
-        raise SchemaError.newer(f"version of schema {name}", str(path), VERSION, version)
+        raise SchemaError.newer(f"version of schema {name}", where, VERSION, version)
 
 
 def _version(metadata: dict[bytes, bytes]) -> int:
     return int(metadata.get(b"version", b"0"))
 
 
-def _check_columns(path: Path, expected: pa.Schema, got: pa.Schema) -> None:
+def _check_columns(where: str, expected: pa.Schema, got: pa.Schema) -> None:
     for want in expected:
-        have = got.field(want.name) if want.name in got.names else None
-        if have is None and _version(got.metadata or {}) < SINCE.get(want.name, 0):
+        fields = [field for field in got if field.name == want.name]
+        if not fields and _version(got.metadata or {}) < SINCE.get(want.name, 0):
             continue  # It is null in older tables.
-        if have is not None and (have.name, have.type) in _WIDENED:
+        types = [field.type for field in fields]
+        if types == [want.type] or (len(types) == 1 and (want.name, types[0]) in _WIDENED):
             continue
-        if have is None or have.type != want.type:
-            raise SchemaError.of(
-                what=f"column {want.name}",
-                where=str(path),
-                expected=f"type {want.type}",
-                got="no such column" if have is None else f"type {have.type}",
-                next_step="restore the file from a copy, or generate the data set again",
-            )
+        got_types = "no such column" if not types else f"type {' and '.join(map(str, types))}"
+        raise _refused(where, f"column {want.name}", f"type {want.type}", got_types)
 
 
-def _overlaps(file: pq.ParquetFile, group: int, first: int, last: int) -> bool:
+def _overlaps(file: pq.ParquetFile, group: int, key: str, first: int, last: int) -> bool:
     """Whether a row group may hold keys between two numbers."""
-    statistics = file.metadata.row_group(group).column(0).statistics
+    statistics = (
+        file.metadata.row_group(group).column(file.schema_arrow.names.index(key)).statistics
+    )
     if statistics is None or not statistics.has_min_max:
         return True
     return statistics.min <= last and statistics.max >= first

@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from overtaking.core.errors import SchemaError
 from overtaking.data.tables.arrow import Masked, missing_in, to_numpy
 from overtaking.data.tables.names import MARKS
 from overtaking.model.road import DrivingSide, Lane, Road
@@ -64,11 +65,23 @@ def lane_codes(road: Road, lane_id: pa.Array, d: NDArray[np.integer]) -> NDArray
         road: The road.
         lane_id: OpenDRIVE ids, null outside the driving lanes.
         d: Position across the road, which tells the two sides apart, same length [mm].
+
+    Raises:
+        SchemaError: The road has no lane of such an id.
     """
     ids = np.array([lane.lane_id for lane in road.lanes])
     order = np.argsort(ids)
     missing = missing_in(lane_id)
     given = np.where(missing, ids[0], to_numpy(lane_id))
+    is_lane = np.isin(given, ids)
+    if not is_lane.all():
+        raise SchemaError.of(
+            what="column lane_id",
+            where="states",
+            expected=f"one of {', '.join(map(str, ids))}, or null",
+            got=int(given[~is_lane][0]),
+            next_step="restore the data set from a copy, or generate it again",
+        )
     code = order[np.searchsorted(ids, given, sorter=order)].astype(np.uint8)
     middle = (road.boundaries[0] + road.boundaries[-1]) * 0.5
     is_fast = road.side * (np.asarray(d) - middle * 1000.0) > 0

@@ -20,7 +20,7 @@ from overtaking.model import actions
 from overtaking.model.actions import MOST_PARTS, Actions
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import Road
-from overtaking.model.scenario import Scenario, slots_for
+from overtaking.model.scenario import MAX_DURATION, MAX_VEHICLES, Scenario, slots_for
 from overtaking.model.trajectory import (
     METRES_PER_STEP,
     NO_VEHICLE,
@@ -32,6 +32,7 @@ from overtaking.model.trajectory import (
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Pushes, Weather
 from overtaking.scenarios.assumed import KIND, assumed_bodies, assumed_drivers, assumed_weather
+from overtaking.world.clock import DECISIONS_PER_SECOND
 from overtaking.world.constants import constants
 
 Array = NDArray[Any]
@@ -53,10 +54,12 @@ def restore_scenario(
         A batch with as many vehicle slots as the sampler makes.
 
     Raises:
-        SchemaError: The simulations do not fit into one batch.
+        SchemaError: The simulations do not fit into one batch, or a key or name is unknown.
     """
     rows = tables["simulations"]
     vehicles = _Grid.of(tables, "vehicles", "vehicle")
+    if not vehicles.shape[1] or not vehicles.present[:, Role.EGO].all():
+        raise _refused("vehicles", "vehicle", "0, the ego, in every simulation", "none")
     lane = start_lane_codes(road, _numbers(tables["vehicles"], "start_lane_id"))
     return Scenario(
         profile=_shared(rows, "profile"),
@@ -94,10 +97,15 @@ def restore(
         A batch with as many vehicle slots as the sampler makes, and as many frames as needed.
 
     Raises:
-        SchemaError: The simulations do not fit into one batch.
+        SchemaError: The simulations do not fit into one batch, or a key or name is unknown.
     """
     rows, frames = tables["simulations"], tables["frames"]
     in_frames = _Grid.of(tables, "frames", "frame")
+    num_rows = np.bincount(in_frames.at[0], minlength=len(rows))
+    is_other = num_rows != _numbers(rows, "num_frames")
+    if is_other.any():
+        got = int(_numbers(rows, "num_frames")[is_other][0])
+        raise _refused("simulations", "num_frames", f"{num_rows[is_other][0]}, as in frames", got)
     in_vehicles = _Grid.of(tables, "vehicles", "vehicle")
     hashes = b"".join(rows["trace_hash"].to_pylist())
     restored = Trajectories(
@@ -171,13 +179,15 @@ class _Grid:
         table = tables[name]
         numbers = _numbers(tables["simulations"], "simulation")
         indices = [_numbers(table, axis) for axis in axes]
+        simulation = _row_indices(numbers, _numbers(table, "simulation"), name, "simulation")
+        for axis, index in zip(axes, indices, strict=True):
+            _check_index(tables["simulations"], name, axis, index, simulation)
         # A table knows nothing of slots without a vehicle, which a sampled batch has.
-        ends = [int(at.max()) + 1 if len(at) else 0 for at in indices]
+        ends = [int(index.max()) + 1 if len(index) else 0 for index in indices]
         lengths = [
             slots_for(end) if axis == "vehicle" else end
             for axis, end in zip(axes, ends, strict=True)
         ]
-        simulation = np.searchsorted(numbers, _numbers(table, "simulation"))
         return cls(at=(simulation, *indices), shape=(len(numbers), *lengths))
 
     @property
@@ -199,6 +209,59 @@ class _Grid:
         """
         array = self.filled(values, padding)
         return np.where(self.present, array, array[:, Role.EGO, None])
+
+
+def _row_indices(keys: Array, wanted: Array, table: str, column: str) -> NDArray[np.int64]:
+    """Index of each wanted key among keys that increase.
+
+    Raises:
+        SchemaError: A key is not among them.
+    """
+    indices = np.searchsorted(keys, wanted)
+    is_missing = keys[np.minimum(indices, len(keys) - 1)] != wanted
+    if is_missing.any():
+        raise _refused(table, column, "a key of another table", int(wanted[is_missing][0]))
+    return indices
+
+
+def _check_index(
+    simulations: pa.Table, table: str, axis: str, index: Array, simulation: Array
+) -> None:
+    """Refuse indices that are beyond an axis, which would make arrays of any size.
+
+    Args:
+        simulations: The table of that name.
+        table: Name of the table with the index.
+        axis: Name of the column with the index.
+        index: Its values, shape (row,).
+        simulation: Row of each of them in `simulations`.
+
+    Raises:
+        SchemaError: An index is negative or too large; or frames or decisions are missing.
+    """
+    if axis == "vehicle":
+        ends: Any = MAX_VEHICLES
+    elif axis == "action":
+        seconds = np.minimum(_numbers(simulations, "horizon_s"), MAX_DURATION)
+        ends = (np.ceil(seconds * DECISIONS_PER_SECOND) + 1)[simulation]
+    elif table in ("frames", "percepts"):  # Every number from 0 on has a row.
+        ends = np.bincount(simulation, minlength=len(simulations))[simulation]
+    else:
+        ends = _numbers(simulations, "num_frames")[simulation]
+    is_beyond = ~((index >= 0) & (index < ends))
+    if is_beyond.any():
+        end = np.broadcast_to(ends, index.shape)[is_beyond][0]
+        raise _refused(table, axis, f"0 to {end - 1:g}", int(index[is_beyond][0]))
+
+
+def _refused(table: str, column: str, expected: str, got: object) -> SchemaError:
+    return SchemaError.of(
+        what=f"column {column}",
+        where=table,
+        expected=expected,
+        got=got,
+        next_step="restore the data set from a copy, or generate it again",
+    )
 
 
 def _one(table: pa.Table, column: str) -> pa.Array:
@@ -274,10 +337,13 @@ def _bodies(table: pa.Table, grid: _Grid, unknown: Collection[str]) -> VehicleSp
 
 def _weather(tables: Tables) -> Weather:
     key = _numbers(tables["simulations"], "weather")
-    rows = np.searchsorted(_numbers(tables["weather"], "weather"), key)
+    rows = _row_indices(_numbers(tables["weather"], "weather"), key, "simulations", "weather")
     table = tables["weather"].take(to_arrow(rows))
     code = {name: number for number, name in enumerate(presets())} | {None: NO_PRESET}
-    preset = np.array([code[name] for name in table["preset"].to_pylist()], dtype=np.uint8)
+    named = table["preset"].to_pylist()
+    if unknown := [name for name in named if name not in code]:
+        raise _refused("weather", "preset", "a preset of this version, or null", unknown[0])
+    preset = np.array([code[name] for name in named], dtype=np.uint8)
     read = _read("weather", {"weather": table}, "scenario.weather", lambda values, _: values)
     return Weather(preset=preset, **read)
 

@@ -38,6 +38,7 @@ from overtaking.model.drivers import Drivers
 from overtaking.model.events import NEVER
 from overtaking.model.features import Features
 from overtaking.model.safety import MOMENTS, Safety
+from overtaking.model.scenario import MAX_VEHICLES
 from overtaking.model.trajectory import NO_VEHICLE, Lights, States
 from overtaking.model.vehicles import VehicleSpecs
 from overtaking.model.weather import Weather
@@ -375,17 +376,6 @@ KEYS = {
 }
 """The columns that name a row, in the order by which the table is sorted."""
 
-MOST_ROWS = {
-    "simulations": 1,
-    "weather": 1,
-    "vehicles": _NOBODY,
-    "labels": len(names.POLICY_NAMES),
-    "features": len(names.READINGS),
-    "decisions": 1,
-    "safety": len(MOMENTS),
-}
-"""Most rows of one simulation, for tables whose keys have a fixed number of values."""
-
 SCHEMAS: dict[str, pa.Schema] = {
     table: pa.schema(
         [one.field for one in columns],
@@ -416,3 +406,46 @@ def schema_of(table: str, unknown: Collection[str] = (), *, recorded: bool = Fal
         return schema
     fields = [field.with_nullable(field.nullable or field.name in silent) for field in schema]
     return pa.schema(fields, metadata=schema.metadata)
+
+
+NEVER_NULL = {
+    table: frozenset(
+        one.name for one in columns if not (one.field.nullable or one.needs or one.name == "seed")
+    )
+    for table, columns in COLUMNS.items()
+}
+"""The columns of each table that have a value in every row, in simulations and in recordings."""
+
+
+def most_rows(num_steps: int, num_frames: int) -> dict[str, int]:
+    """Most rows of one simulation in each table.
+
+    Args:
+        num_steps: Most steps of the engine in a simulation, each with one decision at most.
+        num_frames: Most recorded frames of a simulation.
+    """
+    return {
+        "simulations": 1,
+        "weather": 1,
+        "vehicles": MAX_VEHICLES,
+        "frames": num_frames,
+        "states": MAX_VEHICLES * num_frames,
+        "percepts": num_steps,
+        "actions": num_steps,
+        "events": len(names.EVENTS),
+        "labels": len(names.POLICY_NAMES),
+        "findings": len(names.RULES),
+        "features": len(names.READINGS),
+        "decisions": 1,
+        "safety": len(MOMENTS),
+    }
+
+
+ROWS_OF_EACH = {
+    "simulations": 1,
+    "weather": 1,
+    "labels": len(names.POLICY_NAMES),
+    "features": len(names.READINGS),
+    "decisions": 1,
+}
+"""Rows of every simulation, for tables with the same number of rows for each."""

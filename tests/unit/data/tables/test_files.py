@@ -160,7 +160,7 @@ def test_a_file_cut_short_is_refused(tables, tmp_path: Path):
         path.write_bytes(whole[:length])
         with pytest.raises(SchemaError) as caught:
             read_table(path, "states")
-        one_line(caught.value, path, "expected a readable Parquet file, got", "restore it")
+        one_line(caught.value, path, "expected a readable Parquet file, got", "restore the file")
 
 
 def test_a_missing_file_is_named(tmp_path: Path):
