@@ -30,7 +30,7 @@ def page(
 ) -> Iterator[tuple[str, str]]:
     """The pack and its test, in the working folder."""
     text = (repository / "docs" / "how-to" / "write-a-rule.md").read_text(encoding="utf-8")
-    pack, test = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    pack, _, test = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     (tmp_path / "two_rules.py").write_text(pack, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -231,8 +231,10 @@ def test_what_may_be_fixed_is_what_drivers_may_have():
 @pytest.mark.parametrize("trait", sorted(set(DRIVER_RANGES) - {"desired_speed"}))
 def test_factors_keep_drivers_within_what_they_may_have(name, trait):
     allowed, ends = DRIVER_RANGES[trait], drawn_range(name, trait)
-    assert not any(allowed.outside(end, allowed.high) for end in ends)
-    most = float(allowed.high) / ends[1] if ends[1] else math.inf
+    low, high = allowed.limits
+    assert all(low <= end <= high for end in ends)
+    assert not (allowed.low_is_open and low in ends)
+    most = high / ends[1] if ends[1] else math.inf
     if 1.001 * most > 100.0:  # No factor is larger than 100.
         assert People(population=name, scale={trait: 0.999 * min(most, 100.0)})
         return
