@@ -207,7 +207,7 @@ def test_queries_beyond_the_limit_are_refused_and_delay_nothing_else(
         release.set()
     assert sorted(status for status, _, _ in answers) == [200] * 8 + [429] * 4
     _, refusal, headers = next(answer for answer in answers if answer[0] == 429)
-    assert refusal == {"error": "8 queries are being computed: ask again in a moment"}
+    assert refusal == {"error": "8 queries run or wait already: ask again in a moment"}
     assert headers["retry-after"] == "1"
 
 

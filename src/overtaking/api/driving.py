@@ -84,7 +84,7 @@ def record_of(driver: Driver) -> PolicyRecord:
 def driver_of(
     policy: str, observe: str, *, action: str, hold: int, option: str = "--policy"
 ) -> Driver:
-    """The driver that words name.
+    """The driver that the options of a command name.
 
     Args:
         policy: `module:name` or `file.py:name` of a function, or of a class of policies; or the
@@ -108,7 +108,7 @@ def driver_of(
 
 
 def _check_num_parts(driver: Driver) -> None:
-    """Refuse a network whose output has another number of parts than the action."""
+    """Refuse a network whose output has more or fewer parts than the action."""
     parts = driver.control.parts
     num_parts = getattr(driver.policy, "num_parts", len(parts))
     if num_parts != len(parts):
@@ -122,16 +122,18 @@ def _check_num_parts(driver: Driver) -> None:
 
 
 def load_policy(name: str, option: str = "--policy", shipped: Iterable[str] = ()) -> Policy:
-    """The policy that `module:name`, `file.py:name` or an ONNX file names; of a class, an object.
+    """Load a policy from a module, a Python file or an ONNX file.
+
+    A class is called without arguments, and the object is the policy.
 
     Args:
-        name: The words that name it.
-        option: Option of the command line that has these words, for messages.
-        shipped: Names of drivers that the command knows besides, for messages.
+        name: `module:name`, `file.py:name` or `file.onnx`.
+        option: Option of the command line that has this name, for messages.
+        shipped: Names of the drivers that the command offers as well, for messages.
 
     Raises:
-        ConfigError: There is no such module, file, function or driver.
-        MissingExtraError: It is an ONNX file, and the extra `onnx` is not installed.
+        ConfigError: No such module, file, function or driver exists.
+        MissingExtraError: The name is that of an ONNX file, and the extra `onnx` is not installed.
     """
     if name.endswith(".onnx"):
         from overtaking.sim.networks import OnnxDriver
@@ -139,23 +141,23 @@ def load_policy(name: str, option: str = "--policy", shipped: Iterable[str] = ()
         return OnnxDriver(Path(name))
     where, _, attribute = name.rpartition(":")
     if not where or not attribute:
-        known = ", ".join(nearest_first(name, shipped))
-        raise _unknown_policy(name, option, f"{known or 'a policy'}, {_FORMS}")
+        shipped_names = ", ".join(nearest_first(name, shipped))
+        raise _unknown_policy(name, option, f"{shipped_names or 'a policy'}, {_FORMS}")
     try:
         module = _module(where)
     except Exception as error:  # The module of another author may raise anything.
         message = f"{name} ({type(error).__name__}: {error})"
         raise _unknown_policy(message, option, _FORMS) from error
-    functions = [key for key, value in vars(module).items() if _is_policy(key, value)]
+    functions = [key for key, value in vars(module).items() if _may_be_policy(key, value)]
     if not hasattr(module, attribute):
         nearest = nearest_first(attribute, functions)[:_MOST_LISTED]
         listed = ", ".join(f"{where}:{function}" for function in nearest)
         expected = listed or f"{_FORMS}; {where} has none"
         raise _unknown_policy(f"{name} ({where} has no {attribute})", option, expected)
-    found = getattr(module, attribute)
+    policy = getattr(module, attribute)
     try:
-        return found() if isinstance(found, type) else found
-    except Exception as error:  # So may the class.
+        return policy() if isinstance(policy, type) else policy
+    except Exception as error:  # The constructor may raise anything, too.
         message = f"{name} ({type(error).__name__}: {error})"
         raise _unknown_policy(message, option, "a class without arguments") from error
 
@@ -164,17 +166,17 @@ _FORMS = "module:name or file.py:name of a function, or a file.onnx"
 _MOST_LISTED = 5
 
 
-def _is_policy(name: str, value: object) -> bool:
-    """Whether an attribute of a module may be meant as a policy."""
+def _may_be_policy(name: str, value: object) -> bool:
+    """Whether a message may propose an attribute of a module as a policy."""
     return callable(value) and not name.startswith("_")
 
 
-def _unknown_policy(got: str, option: str, expected: str) -> ConfigError:
+def _unknown_policy(name: str, option: str, expected: str) -> ConfigError:
     return ConfigError.of(
         what="driver",
         where=option,
         expected=expected,
-        got=got or "nothing",
+        got=name or "nothing",
         next_step="correct the name; modules in this folder are found as well",
     )
 

@@ -67,7 +67,7 @@ def evaluate(
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
         progress: Called with the number of simulations that are done, and of all.
-        say: Called with a sentence before the run, where a `-risk` profile is drawn instead.
+        say: Called before the run with a sentence that names the `-risk` profile, if one is drawn.
 
     Returns:
         Rates with intervals, differences, margins and the worst scenes; `write_evaluation` makes a
@@ -86,7 +86,7 @@ def evaluate(
     if risk_profile is not None and say is not None:
         say(risk_note(str(profile), risk_profile))
     (stay,) = _contestants([STAY])
-    found = run(
+    evaluation = run(
         spec,
         road_of(road or spec.road),
         simulations,
@@ -96,7 +96,9 @@ def evaluate(
         stay=stay,
         progress=progress,
     )
-    return found if risk_profile is None else replace(found, asked_profile=str(profile))
+    if risk_profile is None:
+        return evaluation
+    return replace(evaluation, asked_profile=str(profile))
 
 
 @checked
@@ -185,7 +187,7 @@ def policy_of(
     if name in SHIPPED:
         return name
     if observe is None:
-        load_policy(name, option, SHIPPED)  # An unknown name is told before a missing option.
+        load_policy(name, option, SHIPPED)  # Reports an unknown name before the missing option.
         raise ConfigError.of(
             what="--observe",
             where="evaluate",
@@ -194,7 +196,7 @@ def policy_of(
             next_step=f"add --observe, or choose a shipped driver: {', '.join(SHIPPED)}",
         )
     if ":" not in name and not name.endswith(".onnx"):
-        load_policy(name, option, SHIPPED)  # It refuses the name, and lists the shipped drivers.
+        load_policy(name, option, SHIPPED)  # Raises; the message lists the shipped drivers.
     return driver_of(name, observe, action=action, hold=hold, option=option)
 
 
@@ -205,16 +207,16 @@ def _risk_profile(profile: Profile) -> str | None:
 
 
 def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
-    """What simulates with each driver.
+    """The contestant of each driver: the driver under evaluation first, then the references.
 
     Raises:
-        ConfigError: There is none of that name, or two have the same.
+        ConfigError: No driver has such a name, or two drivers have the same name.
     """
-    found = [
-        _contestant(driver, "against" if place else "policy")
-        for place, driver in enumerate(drivers)
+    contestants = [
+        _contestant(driver, "against" if index else "policy")
+        for index, driver in enumerate(drivers)
     ]
-    names = [one.name for one in found]
+    names = [contestant.name for contestant in contestants]
     if len(set(names)) < len(names):
         raise ConfigError.of(
             what="policies",
@@ -223,28 +225,29 @@ def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
             got=", ".join(names),
             next_step="leave out the ones that repeat, or name others with --against",
         )
-    return found
+    return contestants
 
 
-def _contestant(one: str | Driver, argument_name: str) -> "Contestant":
+def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
     from overtaking.analysis.evaluation.run import Contestant
 
     engine = module_of("engine")
-    if isinstance(one, str):
-        if one not in SHIPPED:
-            names = nearest_first(one, SHIPPED)
-            raise ConfigError.not_among(argument_name, "evaluate", names, one)
-        driver = SHIPPED[one]
-        if driver is None:
-            return Contestant(name=one, simulate=engine.simulate)
-        one = driver
+    if isinstance(driver, str):
+        name = driver
+        if name not in SHIPPED:
+            names = nearest_first(name, SHIPPED)
+            raise ConfigError.not_among(argument_name, "evaluate", names, name)
+        shipped = SHIPPED[name]
+        if shipped is None:  # The driver of the engine itself.
+            return Contestant(name=name, simulate=engine.simulate)
+        driver = shipped
     return Contestant(
-        name=one.title.rpartition(":")[2].rpartition("/")[2],
-        source=one.title,
-        simulate=partial(_simulate, driver=one),
-        digest=one.digest,
-        observe="sensor" if isinstance(one.observe, Sensor) else one.observe,
-        action=one.action,
+        name=driver.title.rpartition(":")[2].rpartition("/")[2],
+        source=driver.title,
+        simulate=partial(_simulate, driver=driver),
+        digest=driver.digest,
+        observe="sensor" if isinstance(driver.observe, Sensor) else driver.observe,
+        action=driver.action,
     )
 
 

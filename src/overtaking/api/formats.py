@@ -226,8 +226,8 @@ def import_recording(
             chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
             is where a table was recorded. `columns` is the map of a table: a name, a TOML file, or
             its content; `only` maps columns to the value that they must have.
-            `driving_side` ("right", "left") and `speed_limit` (in m/s, infinite for none) take the
-            place of those of the file.
+            `driving_side` ("right", "left") and `speed_limit` (in m/s, infinite for no limit)
+            replace the values of the file.
             `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
 
     Returns:
@@ -321,9 +321,10 @@ def from_frame(
             or its section `columns` such as `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
         road: The road in the axes of the table: a name, an OpenDRIVE file, or a `Road`. If left
             out, what the map says of it; what that leaves open is inferred from the traffic.
-        driving_side: Side that traffic keeps to, "right" or "left", in place of that of the map.
-        speed_limit: Speed limit of the road, infinite for none [m/s]; in place of that of map
-            and road.
+        driving_side: Side that traffic keeps to, "right" or "left"; replaces the side that the map
+            states.
+        speed_limit: Speed limit of the road [m/s], infinite for no limit; replaces the limit that
+            the map or the road states.
         attempts_only: Whether vehicles that follow and never move left are left out.
         vehicles: Vehicles of a simulation at most.
 
@@ -340,13 +341,13 @@ def from_frame(
     from overtaking.recordings.scenes import scenes
     from overtaking.recordings.tables import recording_of, with_driving_side
 
-    place = None if road is None else road_of(road)
-    chosen = with_driving_side(column_map(columns), driving_side, place)
-    recording = recording_of(rows_of(table, chosen), chosen, "table", road=place)
+    map_road = None if road is None else road_of(road)
+    declared = with_driving_side(column_map(columns), driving_side, map_road)
+    recording = recording_of(rows_of(table, declared), declared, "table", road=map_road)
     if speed_limit is not None:
         recording = recording.with_speed_limit(speed_limit)
-    found = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
-    return found.trajectories(range(len(found)))
+    recorded_scenes = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
+    return recorded_scenes.trajectories(range(len(recorded_scenes)))
 
 
 @checked

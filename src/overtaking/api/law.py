@@ -51,10 +51,10 @@ def law_curve(
     from overtaking.analysis.law.curve import curve
 
     pack, source = load_pack(law), load(data)
-    (chosen,) = policies_of(pack, [choose_policy(policy, source.profile)])
+    (law_policy,) = policies_of(pack, [choose_policy(policy, source.profile)])
     errors = errors_of(position_error, speed_error)
-    judged = _judged(source, [pack], [[chosen]], errors, progress)
-    return curve(((said[0], case) for _, case, said in judged), pack, chosen)
+    judged = _judged(source, [pack], [[law_policy]], errors, progress)
+    return curve(((verdicts[0], case) for _, case, verdicts in judged), pack, law_policy)
 
 
 @checked

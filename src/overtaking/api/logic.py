@@ -36,7 +36,7 @@ def ask(
             simulation is asked on its own; the query can neither read nor write anything else.
         simulations: Numbers of the simulations to ask, all of them if left out.
         label: A class that they must have.
-        policy: Whose classes are meant: `paper`, `default` or `strict`; None for the
+        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
             default of the profile.
         every: Every how many frames positions are looked at, beside those in which something
             changes.

@@ -26,20 +26,22 @@ def plot(
         source: A data set or its folder; what `statistics`, `learn_factors`, `validate`,
             `law_curve`, `twin`, `fan`, `evaluate` or `reproduce` returned; or the roads of
             `map_roads`.
-        figure: Name of the figure, where the source has several: of a data set one of its report,
-            such as `classes` or `waiting-time`. An unknown name lists them.
+        figure: Name of the figure, needed where the source has several. The figures of a data set
+            are those of its report, such as `classes` or `waiting-time`. The error for an unknown
+            name lists all names.
         out: File for the figure, replaced as a whole: `.svg`, `.pdf` or `.png` by its name.
-        ax: Axes of Matplotlib to draw into, of a figure with single axes.
-        width: `column` or `page`: 3.5 or 7.16 inches, one or both columns of a paper. The figure is
-            laid out for it, with letters of the same size.
+        ax: Axes of Matplotlib to draw into; only for figures with single axes.
+        width: `column` (3.5 inches, one column of a paper) or `page` (7.16 inches, both columns).
+            The figure is laid out for this width; the size of its letters does not change.
         policy: Which rules decide about the classes of a data set or of twins; None for the default
             of the profile.
 
     Returns:
-        The figure of Matplotlib, or that of `ax`.
+        The Matplotlib figure; with `ax`, the figure that `ax` belongs to.
 
     Raises:
-        ConfigError: Nothing can be drawn of the source, or there is no such figure or width.
+        ConfigError: The source has no figures, no figure or width has this name, or the figure
+            cannot be drawn into `ax`.
         DatasetError: The data set is not complete or damaged, or has too little to draw.
         MissingExtraError: The extra `plots` is not installed.
         OSError: The file cannot be written.
@@ -50,8 +52,9 @@ def plot(
     path = None if out is None else Path(out)
     if path is not None:
         check_figure_file(path)
-    known = load(source) if isinstance(source, str | Path) else source
-    drawn = draw(known, figure, axes=ax, width=width, policy=policy)
+    if isinstance(source, str | Path):
+        source = load(source)
+    drawn = draw(source, figure, axes=ax, width=width, policy=policy)
     if path is not None:
         put_figure(path, drawn)
     return drawn

@@ -54,9 +54,9 @@ def statistics(
     from overtaking.analysis.stats.results import statistics as computed
 
     source = load(data)
-    chosen = choose_policy(policy, source.profile)
-    frame = source.features(chosen, reading=reading)
-    return computed(frame, policy=chosen, reading=reading, weighted=weighted)
+    policy_name = choose_policy(policy, source.profile)
+    frame = source.features(policy_name, reading=reading)
+    return computed(frame, policy=policy_name, reading=reading, weighted=weighted)
 
 
 @checked

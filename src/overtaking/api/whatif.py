@@ -228,7 +228,8 @@ def film_twin(found: Any, out: str | Path, *, policy: str | None = None) -> Path
     from overtaking.show.video.twin import TwinFilm
 
     require()
-    one, path = argument(found, Twin, "film_twin", "found"), Path(out)
-    title = f"Simulation {one.number} and its twin, policy {choose_policy(policy, one.profile)}"
-    write_film(TwinFilm(one, policy), path, title=title)
+    twins, path = argument(found, Twin, "film_twin", "found"), Path(out)
+    policy_name = choose_policy(policy, twins.profile)
+    title = f"Simulation {twins.number} and its twin, policy {policy_name}"
+    write_film(TwinFilm(twins, policy), path, title=title)
     return path

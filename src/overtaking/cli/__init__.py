@@ -9,7 +9,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run `overtaking`.
 
     Args:
-        arguments: The words of the command line; those of the process if None.
+        arguments: The arguments of the command line; None for the arguments of the process.
 
     Returns:
         The exit status: 0 done, 1 done with findings, 2 wrong usage or input, 70 a fault of this
@@ -24,9 +24,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         code = build()(words or ["--help"], prog_name="overtaking", standalone_mode=False)
         sys.stdout.flush()
-    except OSError as error:  # Commands handle theirs; this one is of the help or the version.
+    except OSError as error:  # Commands handle their own errors; only help and version get here.
         discard(sys.stdout)
-        if isinstance(error, BrokenPipeError):  # The reader has read enough.
+        if isinstance(error, BrokenPipeError):  # The reader, such as `head`, has read enough.
             return 0
         return tell(OSError(error.errno, error.strerror, "standard output"))
     except (Exception, KeyboardInterrupt) as error:

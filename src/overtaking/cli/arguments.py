@@ -122,27 +122,27 @@ def road(choice: RoadChoice) -> Road | None:
         choice: The options that choose it.
 
     Raises:
-        ConfigError: There is no such road, or an option is for maps only.
+        ConfigError: There is no such road, or an option needs a map and no map is named.
         ImportFormatError: The file or the road cannot be used.
     """
-    given_side = cast("Side | None", choice.driving_side)
+    driving_side = cast("Side | None", choice.driving_side)
     limit = speed_limit(choice.speed_limit)
     name = choice.road if choice.map_file is None else choice.map_file
     if name is None:
-        for option, value in (("--speed-limit", limit), ("--driving-side", given_side)):
+        for option, value in (("--speed-limit", limit), ("--driving-side", driving_side)):
             if value is not None:
                 raise ConfigError.of(
                     what=option,
                     where="road",
-                    expected="a map whose road it changes",
-                    got="none",
+                    expected="a map, whose road the option changes",
+                    got="no --map",
                     next_step="name an OpenDRIVE file with --map, or leave the option out",
                 )
         return None
     from overtaking.recordings.roads import load_road
 
     road_id = None if choice.map_file is None else choice.road
-    return load_road(name, road_id, speed_limit=limit, driving_side=given_side)
+    return load_road(name, road_id, speed_limit=limit, driving_side=driving_side)
 
 
 def speed_limit(text: str | None) -> float | None:
@@ -165,11 +165,11 @@ def speed_limit(text: str | None) -> float | None:
     except ValueError:
         limit = math.nan
     if not 0.0 < limit <= MAX_SPEED_LIMIT:
-        most = f"{kmh_from_mps(MAX_SPEED_LIMIT):g}"
+        highest_kmh = f"{kmh_from_mps(MAX_SPEED_LIMIT):g}"
         raise ConfigError.of(
             what="--speed-limit",
             where="road",
-            expected=f"a number of km/h, more than 0 and at most {most}, or none",
+            expected=f"a number of km/h, more than 0 and at most {highest_kmh}, or the word none",
             got=text,
             next_step="correct the limit",
         )

@@ -47,8 +47,16 @@ def diagnose(folder: Path) -> Values:
 
 
 def _versions(extra: str) -> dict[str, str | None]:
-    """Installed version of each package of an extra, or of those that are always needed."""
-    return {one.package: _version(one.package) for one in requirements() if one.extra == extra}
+    """Installed version of each package of an extra, None for a missing package.
+
+    Args:
+        extra: Name of the extra; empty for the packages that are always needed.
+    """
+    return {
+        requirement.package: _version(requirement.package)
+        for requirement in requirements()
+        if requirement.extra == extra
+    }
 
 
 def _version(distribution: str) -> str | None:
@@ -95,7 +103,8 @@ def _disk(folder: Path) -> Values:
 def _extras() -> dict[str, Values]:
     """Every extra with its packages, and the command that installs the missing ones."""
     extras: dict[str, Values] = {}
-    for extra in dict.fromkeys(one.extra for one in requirements() if one.extra):
+    names = dict.fromkeys(requirement.extra for requirement in requirements())
+    for extra in filter(None, names):  # Requirements without an extra have an empty name.
         packages = _versions(extra)
         extras[extra] = {
             "packages": packages,
@@ -106,7 +115,7 @@ def _extras() -> dict[str, Values]:
 
 
 def _extra_groups(extras: dict[str, Values]) -> dict[str, Values]:
-    """Every group of extras, and the command that installs the missing packages of it."""
+    """Every group of extras, and the command that installs its missing packages."""
     return {
         group: {
             "extras": list(names),
@@ -120,13 +129,13 @@ def _extra_groups(extras: dict[str, Values]) -> dict[str, Values]:
 def _outdated() -> list[str]:
     """A line for each installed package that is older than this one needs."""
     lines: list[str] = []
-    for one in requirements():
-        version = _version(one.package)
-        if version is not None and one.is_newer_than(version):
-            needed = f"{one.specifier} is needed"
-            needed += f" for the extra [{one.extra}]" if one.extra else ""
-            command = pip_command(one.specifier)
-            lines.append(f"{one.package} {version} is installed, {needed}; run: {command}")
+    for requirement in requirements():
+        version = _version(requirement.package)
+        if version is not None and requirement.is_newer_than(version):
+            needed = f"{requirement.specifier} is needed"
+            needed += f" for the extra [{requirement.extra}]" if requirement.extra else ""
+            command = pip_command(requirement.specifier)
+            lines.append(f"{requirement.package} {version} is installed, {needed}; run: {command}")
     return lines
 
 

@@ -52,7 +52,7 @@ Benchmark = Annotated[
     ),
 ]
 AsMet = Annotated[
-    bool, options.option("--as-met", "Draw the profile itself, not its -risk profile.")
+    bool, options.option("--as-met", "Draw scenes of PROFILE itself, not of its -risk profile.")
 ]
 Films = Annotated[
     int, options.option("--films N", "How many of the worst scenes are filmed.", min=0, max=FILMS)
@@ -145,12 +145,13 @@ def _written(
 
 
 def page_parts(found: "Evaluation | BenchmarkResult") -> "list[str | Table]":
-    """Everything for people, from top to bottom."""
+    """Paragraphs and tables of the result, from top to bottom."""
     from overtaking.analysis.evaluation import tables, words
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
 
     if isinstance(found, BenchmarkResult):
-        return [found.title, *(part for each in found.evaluations for part in page_parts(each))]
+        parts = [part for evaluation in found.evaluations for part in page_parts(evaluation)]
+        return [found.title, *parts]
     return [
         f"{words.title(found)}\n{words.lead(found)}",
         *(f"note: {text}" for text in words.notes(found)),

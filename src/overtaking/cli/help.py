@@ -1,4 +1,4 @@
-"""Help that fits the terminal: of narrow ones, too."""
+"""Help pages that fit the width of the terminal."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ EXAMPLE = "Example:\n  "
 
 _DEFAULT_WIDTH = 80
 _MAX_WIDTH = 100
-_NARROW = 64  # Columns below which a meaning stands below its option, not beside it.
+_NARROW = 64  # In fewer columns a meaning stands below its option, not beside it.
 _MEANING_INDENT = 6
 
 _Formatter: Any = typer.Context.formatter_class
 
 
 class HelpFormatter(_Formatter):
-    """Lays out help pages; the one of typer takes 50 columns at least."""
+    """Lays out help pages. Typer's own formatter needs at least 50 columns."""
 
     def write_dl(self, rows: Any, col_max: int = 30, col_spacing: int = 2) -> None:
-        """Write words with their meanings, beside or below each other.
+        """Write words with their meanings: side by side, or one below the other.
 
         Args:
             rows: Pairs of a word and its meaning.
-            col_max: Width of the column of words at most.
+            col_max: Greatest width of the column of words.
             col_spacing: Blanks between the columns.
         """
         if self.width >= _NARROW:
@@ -63,7 +63,7 @@ class HelpCommand(TyperCommand):
         return super().get_short_help_str(limit=_MAX_WIDTH)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the example, which stays a command that a shell reads."""
+        """Write the example; where it is folded, it remains a valid shell command."""
         del ctx
         example = (self.epilog or "").partition(EXAMPLE)[2]
         words = shlex.split(example, posix=False)  # Keeps the quotes.

@@ -141,7 +141,7 @@ def import_recording(
         vehicles=vehicles,
         lanelet=lanelet,
         direction=direction,
-        **_of_road(road),
+        **_road_options(road),
     )
     how = {"workers": workers, "address": address}
     if file.is_dir():
@@ -162,8 +162,8 @@ def import_recording(
 import_recording.__name__ = "import"
 
 
-def _of_road(choice: options.RoadChoice) -> dict[str, Any]:
-    """The road of a map, or without a map what the options state of the recording's own road."""
+def _road_options(choice: options.RoadChoice) -> dict[str, Any]:
+    """The chosen road; without one, the options that change the road of the recording."""
     from overtaking.cli import arguments
 
     if choice.map_file is None and choice.road is None:

@@ -40,25 +40,25 @@ def recipe(made: Making, profile: str | None, road: RoadChoice) -> dict[str, Any
     )
 
 
-def choose_profile(word: str | None, option: str | None) -> str | None:
-    """The profile, which may be named in two ways.
+def choose_profile(argument: str | None, option: str | None) -> str | None:
+    """The profile, named by the argument PROFILE or by the option --profile.
 
     Args:
-        word: PROFILE.
-        option: --profile.
+        argument: Value of PROFILE, None if it is left out.
+        option: Value of --profile, None if it is left out.
 
     Raises:
-        ConfigError: They differ.
+        ConfigError: Both are given and differ.
     """
-    if word is not None and option is not None and word != option:
+    if argument is not None and option is not None and argument != option:
         raise ConfigError.of(
             what="profile",
             where="generate",
             expected="one profile",
-            got=f"{word} and --profile {option}",
+            got=f"{argument} and --profile {option}",
             next_step="leave out one of them",
         )
-    return word if option is None else option
+    return argument if option is None else option
 
 
 def make(

@@ -113,14 +113,14 @@ SpeedLimit = Annotated[
     str | None,
     option(
         "--speed-limit KMH|none",
-        "Speed limit of the road in place of the file's [km/h]; none: there is no limit.",
+        "Speed limit of the road, replaces that of the file [km/h]; none: no limit.",
     ),
 ]
 DrivingSide = Annotated[
     str | None,
     option(
         "--driving-side left|right",
-        "Side of the road that traffic keeps to, in place of the file's.",
+        "Side of the road that traffic keeps to, replaces that of the file.",
     ),
 ]
 

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from overtaking.analysis.stats.table import Table
 
     Part = str | Table | Mapping[str, str]
-    """A paragraph, a table, or words with their meanings."""
+    """A paragraph, a table, or words with their meanings (a mapping)."""
 
 _PATIENCE = 0.5  # Seconds of work before a progress bar is worth its flicker.
-_DRAWING_WIDTH = 80  # Columns of what is drawn with characters, where there is no terminal.
+_DRAWING_WIDTH = 80  # Columns of drawings made of characters, without a terminal.
 _LOG_INTERVAL = 5.0  # Seconds between two lines of progress in the log.
 
 
@@ -138,7 +138,8 @@ class Output:
     def page(self, values: Mapping[str, Any], parts: Sequence[Part]) -> None:
         """Print a result of paragraphs and tables; see `result`.
 
-        Without a width, the tables are text with their columns below each other.
+        Where lines may have any length (`terminal_width`), tables are plain text with aligned
+        columns.
 
         Args:
             values: The result for machines, with units in the names.
@@ -244,8 +245,8 @@ def _print(text: str) -> None:
     """Print on standard output.
 
     Raises:
-        OSError: The text cannot be written, for example because the disk is full. A pipe whose
-            reader has gone is no error: the reader had enough.
+        OSError: The text cannot be written, for example because the disk is full. A closed pipe
+            is no error: its reader, such as `head`, has read enough.
     """
     try:
         sys.stdout.write(text)
@@ -257,7 +258,7 @@ def _print(text: str) -> None:
 
 
 def _stdout_json(values: Mapping[str, Any]) -> str:
-    """Values as JSON in the characters of standard output, others as escapes of JSON."""
+    """Values as JSON; with ASCII escapes if standard output cannot encode all characters."""
     text = json_of(values)
     return text if can_encode(text, sys.stdout) else json_of(values, is_ascii=True)
 
@@ -267,7 +268,7 @@ def json_of(values: Mapping[str, Any], *, is_ascii: bool = False) -> str:
 
     Args:
         values: The values.
-        is_ascii: Whether all other characters become escapes.
+        is_ascii: Whether characters outside ASCII become escapes.
     """
     return json_format.dumps(values, indent=2, ensure_ascii=is_ascii, allow_nan=False) + "\n"
 
@@ -275,7 +276,7 @@ def json_of(values: Mapping[str, Any], *, is_ascii: bool = False) -> str:
 def _drawn(render: Callable[[Console], RenderableType]) -> str:
     """A drawing as text, with the escape codes that standard output understands.
 
-    Where there is a width, lines fit it (`terminal_width`). Without one, each row of a table is a
+    Lines fit the width that `terminal_width` returns. If it returns None, each row of a table is a
     line: no line is broken, shortened or padded, and tables have no rules, so that `grep`, `cut`
     and `wc` work.
     """
@@ -334,7 +335,10 @@ def _drawn_parts(parts: Sequence[Part]) -> RenderableType:
 
 
 class _EncodedText(io.StringIO):
-    """Text in memory for a stream of some encoding, which Rich chooses its characters by."""
+    """Text in memory with the encoding of a stream.
+
+    Rich chooses between Unicode and ASCII characters by the encoding of its file.
+    """
 
     def __init__(self, encoding: str) -> None:
         super().__init__(newline="")

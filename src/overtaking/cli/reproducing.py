@@ -62,7 +62,7 @@ def reproduce(
 
 
 def page_parts(found: "Reproduction") -> "list[str | Table | dict[str, str]]":
-    """Everything for people, from top to bottom."""
+    """Paragraphs and tables of the result, from top to bottom."""
     from overtaking.analysis.reproduction import tables, words
 
     score, numbers, design, collided, pushes, lawful, starts = tables.tables(found)

@@ -40,10 +40,12 @@ def roads(
 
     figure = arguments.figure_file(plot)
     limit = arguments.speed_limit(speed_limit)
-    found = api.map_roads(file, speed_limit=limit, driving_side=cast("Side | None", driving_side))
+    mapped_roads = api.map_roads(
+        file, speed_limit=limit, driving_side=cast("Side | None", driving_side)
+    )
     if figure is not None:
-        api.plot(found, out=figure)
-    values = values_of(file, found, with_junctions=with_junctions)
+        api.plot(mapped_roads, out=figure)
+    values = values_of(file, mapped_roads, with_junctions=with_junctions)
     output.result(values, lambda _: render(values))
 
 
@@ -106,7 +108,7 @@ def render(values: dict[str, Any]) -> "Group":
             f"{road['lanes_right']} + {road['lanes_left']}",
             "straight" if radius is None else f"R {radius:,.0f} m",
             "" if slope is None else f"{100.0 * slope:.1f} %",
-            " to ".join(map(_limit, _ends(road["limits_kmh"] or []))),
+            " to ".join(map(_limit_text, _ends(road["limits_kmh"] or []))),
             road["leads_to"] or "",
             _how(road) if road["can_be_simulated"] else Text(_short(road["refusal"])),
         )
@@ -123,8 +125,8 @@ def render(values: dict[str, Any]) -> "Group":
     return Group(*parts)
 
 
-def _limit(limit_kmh: float) -> str:
-    """A limit, or that there is none, which the highest limit of the model stands for."""
+def _limit_text(limit_kmh: float) -> str:
+    """A speed limit in words; the highest limit of the model means that there is no limit."""
     from overtaking.model.course import MAX_SPEED_LIMIT  # Loads NumPy, which help does not need.
 
     return "none" if limit_kmh >= kmh_from_mps(MAX_SPEED_LIMIT) else f"{limit_kmh:.0f}"

@@ -1,4 +1,4 @@
-"""The standard streams, whatever a shell made of them: closed, full, or of another encoding."""
+"""The standard streams, which may be closed, full, or unable to encode all characters."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ _EQUIVALENTS: Mapping[str, str] = (
 
 
 def prepare_streams() -> None:
-    """Give each standard stream a file, and an encoding that refuses no character.
+    """Open closed standard streams, and let all streams replace characters that they cannot encode.
 
-    Python sets a stream to None if the shell has closed it, and the next file that is opened then
-    takes its number: what a library prints would land in that file.
+    Python sets a stream to None if the shell has closed it. The next file that is opened then gets
+    the free file descriptor, so the output of a library would be written into that file.
     """
     for descriptor in range(3):
         with contextlib.suppress(OSError):
@@ -64,9 +64,9 @@ def print_error_line(text: str) -> None:
 
 
 def discard(stream: TextIO) -> None:
-    """Send the rest of a stream nowhere, also what is still in its buffer.
+    """Discard the further output of a stream, and the output in its buffer.
 
-    Without this, Python tries to write the buffer again when it exits, and complains again.
+    Without this, Python tries to write the buffer again when it exits, and prints a second error.
     """
     with contextlib.suppress(OSError, ValueError):  # A stream that is closed, or not a file.
         sink = os.open(os.devnull, os.O_WRONLY)
@@ -79,7 +79,7 @@ def terminal_width() -> int | None:
 
     Returns:
         `COLUMNS` of the environment if it is set; else the width of the terminal; None if standard
-        output is not a terminal, whose lines may have any length.
+        output is not a terminal, so that lines may have any length.
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns) > 0:
@@ -90,20 +90,20 @@ def terminal_width() -> int | None:
         width = os.get_terminal_size(sys.stdout.fileno()).columns
     except (OSError, ValueError):
         return _DEFAULT_WIDTH
-    return width or _DEFAULT_WIDTH  # A terminal that knows no size says 0.
+    return width or _DEFAULT_WIDTH  # Terminals of unknown size report 0.
 
 
 def fold_command(words: Sequence[str], width: int, label: str = "") -> list[str]:
-    """A command in lines of a width, all but the last with the backslash of a shell at its end.
+    """Fold a command into lines of a width; a backslash ends all lines but the last.
 
     Args:
-        words: The words of the command, quoted where a shell needs it; none is broken.
+        words: The words of the command, quoted where a shell needs it; no word is broken.
         width: Columns of a line.
-        label: What stands before it.
+        label: Text before the command.
     """
-    whole = f"{label}{' '.join(words)}"
-    if len(whole) <= width:
-        return [whole]
+    single_line = f"{label}{' '.join(words)}"
+    if len(single_line) <= width:
+        return [single_line]
     lines, line = [], label + words[0]
     for word in words[1:]:
         if len(f"{line} {word} \\") > width and line.strip():
@@ -115,7 +115,7 @@ def fold_command(words: Sequence[str], width: int, label: str = "") -> list[str]
 
 
 def can_encode(text: str, stream: TextIO) -> bool:
-    """Whether a stream has every character of a text."""
+    """Whether the encoding of a stream has every character of a text."""
     try:
         text.encode(stream.encoding or "utf-8")
     except UnicodeEncodeError:
@@ -124,7 +124,7 @@ def can_encode(text: str, stream: TextIO) -> bool:
 
 
 def plain_equivalent(character: str) -> str:
-    """A character in ASCII, such as `->` for an arrow; a question mark if nothing resembles it."""
+    """Replace a character by similar ASCII text, such as `->` for an arrow, or by `?`."""
     if character in _EQUIVALENTS:
         return _EQUIVALENTS[character]
     name = unicodedata.name(character, "")

@@ -77,7 +77,7 @@ def render_generated(values: Values) -> Group:
     if "balance" in values:
         lines.append(f"balanced: {_shares(values)}")
     if count := values.get("clipped", 0):
-        lines.append(f"{count:,} answers of the policy were beyond the limits, and clipped")
+        lines.append(f"{count:,} answers of the policy were outside the limits and were clipped")
     return Group(*map(Text, lines), show_command(values["data"], "next: "))
 
 
@@ -86,7 +86,7 @@ def show_command(data: str, label: str = "") -> CommandLine:
 
     Args:
         data: The data set.
-        label: What stands before the command.
+        label: Text before the command.
     """
     return CommandLine(("overtaking", "show", shlex.quote(data), "0"), label)
 

@@ -1,4 +1,4 @@
-"""Rows as tables that fit a terminal, whatever its width."""
+"""Tables that fit terminals of any width."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.stats.table import Table as ResultTable
 
-UNBOUNDED = 1_000_000  # Columns of what is not a terminal; wider than any line.
+UNBOUNDED = 1_000_000  # Columns of output that is not a terminal; wider than any line.
 
 _GAP = 2  # Blanks between two columns.
 _READABLE = 16  # Columns that a text needs so that its lines do not break at every word.
@@ -30,13 +30,14 @@ _INDENT = 2
 
 @dataclass(slots=True, kw_only=True)
 class FittingTable:
-    """A table that is laid out for the width that it gets.
+    """A table that is laid out for the width of the terminal.
 
-    Where its columns do not fit with whole words, columns of numbers continue in further blocks,
-    and other tables become records: the first cell of a row, below it a line for each other cell.
+    Words are never broken. If the columns do not fit, a table of numbers is split into blocks of
+    columns, one below the other. Any other table becomes a list of records: the labels of a row,
+    and below them a line for each other cell.
 
     Attributes:
-        heads: Head of each column; without heads the table has no line of them.
+        heads: Head of each column; empty for a table without heads.
         is_number: Whether each column is aligned to the right.
         num_labels: Number of first columns that name a row.
         title: A line above it.
@@ -80,11 +81,11 @@ class FittingTable:
             yield self._grid(columns, widths, options)
 
     def _blocks(self, width: int) -> list[tuple[list[int], list[int]]] | None:
-        """Columns and their widths, in as many blocks as it takes; None if they do not fit."""
-        every = list(range(len(self.is_number)))
-        labels, values = every[: self.num_labels], every[self.num_labels :]
-        if widths := self._fit(every, width):
-            return [(every, widths)]
+        """Blocks of columns and their widths, each with the labels; None if blocks do not fit."""
+        columns = list(range(len(self.is_number)))
+        labels, values = columns[: self.num_labels], columns[self.num_labels :]
+        if widths := self._fit(columns, width):
+            return [(columns, widths)]
         if not all(self.is_number[column] for column in values):
             return None
         blocks: list[tuple[list[int], list[int]]] = []
@@ -99,7 +100,7 @@ class FittingTable:
         return blocks
 
     def _fit(self, columns: Sequence[int], width: int) -> list[int]:
-        """Widths of some columns in which no word is broken; empty if there are none."""
+        """Widths of some columns that break no word; empty if the columns do not fit."""
         space = width - _GAP * (len(columns) - 1)
         natural = [max(map(_longest_line, self._column(column))) for column in columns]
         if sum(natural) <= space:
@@ -123,7 +124,7 @@ class FittingTable:
         return widths
 
     def _smallest(self, column: int, natural: int) -> int:
-        """Width that a column needs at least."""
+        """Least width of a column."""
         words = max(map(_longest_word, self._column(column)))
         if self.is_number[column]:
             return max(words, *(map(_longest_line, (row[column] for row in self.rows))), 0)
@@ -159,7 +160,7 @@ class FittingTable:
         return grid
 
     def _rows_without_repeats(self) -> Iterator[tuple[Text, ...]]:
-        """The rows; of several labels, those that are as in the row before are empty."""
+        """The rows; labels that repeat those of the row before are left empty."""
         if self.num_labels == 1 or not self.heads:
             yield from self.rows
             return
@@ -203,11 +204,11 @@ class FittingTable:
 
 
 def _named_value(name: Text, value: Text, name_width: int, width: int) -> Iterator[Text]:
-    """A value beside its name, or below it where it has no room there.
+    """A value beside its name, or below the name if there is no room beside it.
 
     Args:
         name: The name.
-        value: The value; nothing is printed if it is empty.
+        value: The value; if it is empty, the name is left out, too.
         name_width: Columns of the longest name.
         width: Columns of a line.
     """
@@ -224,9 +225,9 @@ def _named_value(name: Text, value: Text, name_width: int, width: int) -> Iterat
 
 
 def _hanging(text: Text, width: int, prefix: Text) -> Iterator[Text]:
-    """A text behind a prefix, its further lines indented as far.
+    """A text after a prefix; its further lines are indented by the width of the prefix.
 
-    A text with a word that is longer than the line begins at its edge.
+    If a word is too long for the rest of a line, the text has neither prefix nor indentation.
     """
     if not text.plain:
         return
@@ -241,11 +242,11 @@ def _hanging(text: Text, width: int, prefix: Text) -> Iterator[Text]:
 def wrap_words(text: Text, width: int) -> list[Text]:
     """The lines of a text, broken between words only.
 
-    A word that is longer than the line stays whole on a line of its own, as paths are copied.
-    Rich has no such mode: it breaks these words, or cuts them off.
+    A word that is longer than a line stays whole on a line of its own, so that readers can copy
+    paths. Rich has no such mode: it breaks long words or cuts them off.
 
     Args:
-        text: The text; a line that begins with blanks goes on two columns farther in.
+        text: The text. The further lines of an indented line are indented by two more columns.
         width: Columns of a line.
     """
     lines: list[Text] = []
@@ -301,11 +302,11 @@ def _longest_word(text: Text) -> int:
 
 @dataclass(frozen=True, slots=True)
 class CommandLine:
-    """A command to copy: where it does not fit, it goes on below, as a shell reads it.
+    """A command that readers can copy, folded with backslashes if it does not fit on a line.
 
     Attributes:
-        words: The command as it is typed, word by word.
-        label: What stands before it.
+        words: The words of the command, quoted where a shell needs it.
+        label: Text before the command.
     """
 
     words: tuple[str, ...]

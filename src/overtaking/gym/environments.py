@@ -67,11 +67,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         road: A road instead of the profile's.
         autoreset_mode: What happens after the end of an episode: a member of Gymnasium's
             `AutoresetMode`, or its name, such as `SAME_STEP`.
-        render_mode: `rgb_array` for pictures like those of `overtaking video`; None for none.
+        render_mode: With `rgb_array`, `render` returns pictures like those of `overtaking video`;
+            with None it draws nothing.
 
     Raises:
         ConfigError: An argument cannot be used.
-        MissingExtraError: Pictures are wanted, and the extra `video` is not installed.
+        MissingExtraError: `render_mode` is `rgb_array`, and the extra `video` is not installed.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
@@ -129,8 +130,8 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         """Begin new episodes.
 
         Args:
-            seed: Seed of the scenarios; with None the episodes that follow those before, or a seed
-                from the system at first.
+            seed: Seed of the scenarios. With None the sequence of episodes continues; at the first
+                reset the system provides a seed.
             options: `reset_mask`, the environments to reset, shape (env,); all if left out.
                 `index`, the numbers of the simulations to begin, one for each environment that is
                 reset; the next ones of the sequence if left out.
@@ -167,7 +168,8 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             actions: Shape (env, part), or (env,) of `Move`.
 
         Returns:
-            Observations, rewards, which episodes have terminated, which were truncated, and `info`.
+            Observations of shape (env, column), with the columns of `COLUMNS`; rewards, which
+            episodes have terminated and which were truncated, each of shape (env,); and `info`.
 
         Raises:
             ConfigError: `reset` was not called before, or the actions have another shape, or in the
@@ -251,10 +253,11 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             return np.ones(self.num_envs, np.bool_)
         mask = np.asarray(reset_mask)
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
-            expected = f"true or false for each of {self.num_envs} environments, one true at least"
+            expected = f"a mask of {self.num_envs} environments, true for at least one"
             raise _option_error("reset_mask", expected, f"{mask.dtype} of shape {mask.shape}")
         if (seed is not None or self._episodes is None) and not mask.all():
-            raise _option_error("reset_mask", "all environments at first, and with a seed", "some")
+            expected = "all environments at the first reset and at a reset with a seed"
+            raise _option_error("reset_mask", expected, "some of them")
         return mask
 
     def _events(
@@ -325,8 +328,8 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 class OvertakingEnv(Env[F32, Any]):
     """An environment in which a policy drives the ego.
 
-    Arguments, episodes and `info` are those of `OvertakingVectorEnv`. The engine computes sixteen
-    environments at a time, so for training take the vector environment.
+    Arguments, episodes and `info` are as in `OvertakingVectorEnv`. The engine computes sixteen
+    environments at a time, so the vector environment is faster for training.
 
     Args:
         profile: What to sample, as in `overtaking.sample`.
@@ -334,7 +337,7 @@ class OvertakingEnv(Env[F32, Any]):
 
     Raises:
         ConfigError: An argument cannot be used.
-        MissingExtraError: Pictures are wanted, and the extra `video` is not installed.
+        MissingExtraError: `render_mode` is `rgb_array`, and the extra `video` is not installed.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
@@ -359,8 +362,8 @@ class OvertakingEnv(Env[F32, Any]):
         """Begin a new episode.
 
         Args:
-            seed: Seed of the scenarios; with None the episode that follows, or a seed from the
-                system at first.
+            seed: Seed of the scenarios. With None the sequence of episodes continues; at the first
+                reset the system provides a seed.
             options: `index`, the number of the simulation to begin; the next one of the sequence if
                 left out.
 
@@ -467,15 +470,18 @@ def _check_render_mode(render_mode: str | None) -> None:
 
 def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
     """A mode by its name, such as `NEXT_STEP`, or by Gymnasium's value, such as `NextStep`."""
-    for known in AutoresetMode:
-        if mode in (known, known.name, known.value):
-            return known
-    names = [known.name for known in AutoresetMode]
+    for member in AutoresetMode:
+        if mode in (member, member.name, member.value):
+            return member
+    names = [member.name for member in AutoresetMode]
     raise ConfigError.not_among("autoreset_mode", "gym", names, mode)
 
 
 def _frames_per_second(hold: int) -> int:
-    """Pictures a second that show real time; Gymnasium's writers of films take whole numbers."""
+    """Pictures per second at which a film runs in real time.
+
+    The number is whole because Gymnasium's video recorders take whole numbers only.
+    """
     return max(1, round(float(DECISIONS_PER_SECOND) / hold))
 
 
@@ -484,9 +490,9 @@ def _check_range(name: str, value: object, low: int, high: int) -> None:
         raise ConfigError.out_of_range(name, "gym", low, high, value)
 
 
-def _check_option_names(options: Mapping[str, Any], known: Iterable[str]) -> None:
+def _check_option_names(options: Mapping[str, Any], allowed: Iterable[str]) -> None:
     for name in options:
-        check_name(name, known, what="option", where="reset")
+        check_name(name, allowed, what="option", where="reset")
 
 
 def _check_index(index: Any, num_rows: int) -> NDArray[np.uint64]:
@@ -501,7 +507,7 @@ def _check_index(index: Any, num_rows: int) -> NDArray[np.uint64]:
     return np.array(numbers, np.uint64)
 
 
-def _option_error(what: str, expected: str, got: object) -> ConfigError:
+def _option_error(option: str, expected: str, value: object) -> ConfigError:
     return ConfigError.of(
-        what=what, where="reset", expected=expected, got=got, next_step="correct the options"
+        what=option, where="reset", expected=expected, got=value, next_step="correct the options"
     )

@@ -1,4 +1,4 @@
-"""Episodes in the rows of a batch, and the scenarios that they take.
+"""Episodes in the rows of a batch, and the supply of their scenarios.
 
 Each row of the batch is one environment. When its episode is over, the next one begins in the same
 row while the other rows go on.
@@ -72,7 +72,7 @@ class ScenarioSupply:
     """
 
     def __init__(self, spec: scenarios.Spec, road: Road, *, num_envs: int, first: int) -> None:
-        """Start with seed 0; nothing is drawn yet."""
+        """Start with seed 0; the first call of `take` draws scenarios."""
         self._spec, self._road, self._num_envs, self._first = spec, road, num_envs, first
         self.restart(0)
 
@@ -159,8 +159,8 @@ class EpisodeBatch:
     actions since the start of each episode again, which costs what the episodes have cost.
 
     Attributes:
-        observations: What the egos observe, shape (env, `WIDTH`). An episode that has ended keeps
-            its last observation until the next one begins.
+        observations: Observations of the egos, shape (env, `WIDTH`). An episode that has ended
+            keeps its last observation until the next one begins.
         is_running: Whether an episode goes on, shape (env,).
         scenario_index: Index of the scenario of each episode, shape (env,).
         num_decisions: Decisions since the start of each episode, shape (env,).
@@ -204,7 +204,7 @@ class EpisodeBatch:
 
     @property
     def observation(self) -> Seen:
-        """What the egos observe, by name."""
+        """The present observations of the egos, by name."""
         return self._observation_at(0.0)
 
     @property
@@ -280,7 +280,11 @@ class EpisodeBatch:
         return KINDS[self._kind]
 
     def _observation_at(self, time: float) -> Seen:
-        """What the egos observe, with a time since the start of the step [s]."""
+        """The present observations of the egos, by name.
+
+        Args:
+            time: Time since the start of the step [s].
+        """
         ego, neighbours, passing = parted(self.observations)
         return Seen(
             time=time,
@@ -314,15 +318,15 @@ class EpisodeBatch:
         """Simulate episodes again from the actions that were carried out."""
         num_decisions = self.num_decisions[rows]
         values = np.zeros((len(rows), max(int(num_decisions.max()), 1), MOST_PARTS), np.int32)
-        for place, (row, length) in enumerate(zip(rows, num_decisions, strict=True)):
-            values[place, :length, : len(self._parts)] = self._actions[row, :length]
+        for index, (row, length) in enumerate(zip(rows, num_decisions, strict=True)):
+            values[index, :length, : len(self._parts)] = self._actions[row, :length]
             # After an accident the simulation goes on for a moment, with the last action.
-            values[place, length:] = values[place, max(length - 1, 0)]
+            values[index, length:] = values[index, max(length - 1, 0)]
         actions = Actions(values=values, kind=self._kind)
         return engine.run(join_scenarios(refs), params, actions=actions)
 
     def _replay_actions(self) -> Renewable:
-        """A stepper in which every episode stands where it stood."""
+        """A new stepper in which every episode has its present state."""
         params = join_parameters(self._refs)
         stepper = Renewable(params, self._kind, is_true=self._settings.observes_truth)
         stepper.begin()

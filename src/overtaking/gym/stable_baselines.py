@@ -60,8 +60,8 @@ class StableBaselinesVecEnv(VecEnv):
         """Carry out the actions of `step_async`; where an episode ends, the next one begins.
 
         Returns:
-            Observations, rewards, which episodes have ended, and for those what `info` says of the
-            end, with the last observation.
+            Observations, rewards, which episodes have ended, and a dictionary for each environment.
+            Where an episode has ended, it holds the `info` of its end and its last observation.
         """
         observations, reward, terminated, truncated, info = self.batch.step(self._actions)
         infos: list[Info] = [{} for _ in range(self.num_envs)]

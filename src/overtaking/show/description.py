@@ -96,8 +96,8 @@ def describe(
 
 
 def _policy_name(profile: str, policies: Sequence[Policy]) -> str:
-    """The default policy of the profile; the first policy where a pack lacks the default."""
-    names = [one.name for one in policies]
+    """The default policy of the profile; if the pack lacks it, the first policy of the pack."""
+    names = [policy.name for policy in policies]
     default = default_policy(profile)
     return default if default in names else names[0]
 

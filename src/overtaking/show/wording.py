@@ -180,7 +180,7 @@ def breach_words(one: Values, values: Values, dash: str) -> Breach:
 
 
 def margin_words(margin: float, unit: str) -> str:
-    """A margin with its unit; shares have none."""
+    """A margin with its unit. Shares have the unit 1, which is left out."""
     return f"{margin:.2f}" if unit == "1" else f"{margin:.2f} {unit}"
 
 

@@ -102,7 +102,7 @@ def draw_ridges(panels: Sequence[Panel]) -> Figure:
 
 
 def _columns(panels: Sequence[Panel]) -> list[list[Panel]]:
-    """The panels in two columns of about the same height; in one where there is no room for two."""
+    """The panels in two columns of about the same height; in one column in narrow figures."""
     if is_narrow():
         return [list(panels)]
     total = sum(one.height for one in panels)
@@ -112,13 +112,13 @@ def _columns(panels: Sequence[Panel]) -> list[list[Panel]]:
 
 
 def _draw_column(figure: Figure, panels: Sequence[Panel], begin: float, share: float) -> None:
-    """Panels below each other; the rest of the column stays empty.
+    """Draw panels below each other; the rest of the column stays empty.
 
     Args:
         figure: The figure.
-        panels: Of the column.
-        begin: Its left edge, as a share of the width of the figure.
-        share: Its width, likewise.
+        panels: Panels of the column, from top to bottom.
+        begin: Left edge of the column, as a share of the width of the figure.
+        share: Width of the column, as a share of the width of the figure.
     """
     width, tall = figure.get_size_inches()
     top = tall - _top()
@@ -133,7 +133,7 @@ def _draw_column(figure: Figure, panels: Sequence[Panel], begin: float, share: f
 
 
 def _top() -> float:
-    """Room for the legend above the panels [inch]; its entries take a line each in a column."""
+    """Room for the legend above the panels [inch]; narrow figures have one entry per line."""
     return 0.92 if is_narrow() else 0.62
 
 
@@ -234,7 +234,7 @@ def _add_legend(figure: Figure) -> None:
 MET, MISSED = palette.ACCENT, "#d55e00"
 """Colours of a figure that meets its target and of one that does not; the mark differs, too."""
 
-_COLUMN_LETTERS = 40  # Of a line of a title above a strip of one column.
+_COLUMN_LETTERS = 40  # Letters per line of a title above a strip, in narrow figures.
 _ROOM = 0.6  # Beside the target, over its width.
 
 
@@ -278,7 +278,7 @@ def _draw_strip(axes: Axes, figure: Measured) -> None:
     unit = f" {figure.unit}" if figure.unit else ""
     described = f"{figure.title} ({figure.standing})"
     unit, title = (text.replace("^2", "²") for text in (unit, described))
-    if is_narrow():  # Title and value would meet above the strip.
+    if is_narrow():  # Title and value would overlap above the strip.
         title = f"{fill(title, _COLUMN_LETTERS)}:"
     axes.set_title(title, fontweight="normal", fontsize=8.0, color=palette.INK, pad=2.0)
     said = f"{figure.value:.3g}{unit}" if not math.isnan(figure.value) else "not measured"

@@ -56,7 +56,7 @@ def draw_classes(table: Table, *, policy: str) -> Figure:
         end = known if math.isnan(high) else high
         text = f"{write(float(count), Style.COUNT)}   {write(share, Style.SHARE)}"
         axes.text(end + 0.015 * longest, place, text, va="center")
-    # Beside the bars stand count and share, which take more of a column.
+    # The texts beside the bars (count and share) take a larger part of a narrow figure.
     axes.set_xlim(0.0, (1.7 if is_narrow() else 1.25) * longest)
     axes.set_yticks(range(len(rows)), [words(str(row[0])) for row in rows])
     axes.tick_params(axis="y", labelcolor=palette.INK, labelsize=8.0)
@@ -133,7 +133,7 @@ def _draw_panel(axes: Axes, one: Histogram, classes: Sequence[str]) -> None:
     if one.counts.sum(axis=0).max() < _FEW:
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     if one.num_missing:
-        # In a column the remark stands above the title, as both are too long for a line.
+        # In narrow figures the remark stands above the title: one line is too short for both.
         remark(axes, f"{one.num_missing:,} without", height=1.17 if is_narrow() else 1.02)
 
 

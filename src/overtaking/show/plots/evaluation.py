@@ -34,7 +34,7 @@ _MARKS = "osD^v"
 """Colour and mark of each driver, the policy's first."""
 
 _ROW = 0.26  # Height of a row [inch].
-_COLUMN_LETTERS = 22  # Of a line of the name of a rule beside a figure of one column.
+_COLUMN_LETTERS = 22  # Letters per line of the name of a rule, in narrow figures.
 _APART = 0.2  # Between drivers in a row, where rows are 1 apart.
 
 

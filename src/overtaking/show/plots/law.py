@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.law.curve import Curve
 
-_COLUMN_LETTERS = 22
+_COLUMN_LETTERS = 22  # Of the title of a rule beside its bar, in narrow figures.
 _TITLES = {
     "distance": "distances shorter by",
     "speed": "speeds beyond by",
@@ -55,7 +55,7 @@ def draw_curve(found: Curve) -> Figure:
 
 
 def _label(found: Curve, code: str) -> str:
-    """Title and code of a rule; in one column only what there is room for."""
+    """Title and code of a rule; narrow figures shorten the title."""
     title = found.titles[code]
     if is_narrow():
         title = shorten(title, _COLUMN_LETTERS, placeholder=" …")

@@ -20,7 +20,7 @@ from overtaking.show.plots.style import (
 )
 
 _SHADES = LinearSegmentedColormap.from_list("shares", ("#ffffff", "#8fbfdd", palette.ACCENT))
-_COLUMN_LETTERS = 26  # Of the name of a factor beside a figure of one column.
+_COLUMN_LETTERS = 26  # Of the name of a factor, in narrow figures.
 _DARK = 0.6  # Shares beyond this need white letters.
 
 
@@ -33,17 +33,17 @@ def draw_confusion(found: FactorsFound) -> Figure:
     """
     counts = next(one for one in found.models if one.name == TREES).confusion
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    names = [words(one) for one in found.outcomes]
+    names = [words(outcome) for outcome in found.outcomes]
     figure, axes = single_axes(0.6 + 0.5 * len(names))
     axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto")
     cells = np.ndindex(*counts.shape)
     texts = {cell: f"{counts[cell]:,}\n{100.0 * float(shares[cell]):.0f} %" for cell in cells}
     colour = {cell: "white" if shares[cell] > _DARK else palette.INK for cell in texts}
     write_cells(axes, texts, size=8.0, color=colour.__getitem__)
-    labels = [one.replace(" ", "\n") for one in names] if is_narrow() else names
+    labels = [name.replace(" ", "\n") for name in names] if is_narrow() else names
     axes.set_xticks(range(len(names)), labels)
     axes.set_yticks(range(len(names)), labels)
-    axes.set(xlabel=f"foretold (policy {found.policy})", ylabel="came")
+    axes.set(xlabel=f"predicted class (policy {found.policy})", ylabel="actual class")
     axes.grid(visible=False)
     axes.tick_params(length=0, labelcolor=palette.INK)
     axes.spines[:].set_visible(False)
@@ -76,7 +76,7 @@ def draw_reliability(found: FactorsFound) -> Figure:
         corner = axes.transAxes
         axes.text(0.97, 0.05, error, ha="right", color=palette.QUIET, transform=corner)
     for axes in panels if is_narrow() else panels[:1]:
-        axes.set_ylabel("foretold rightly")
+        axes.set_ylabel("accuracy")
     return figure
 
 
@@ -97,9 +97,11 @@ def draw_ranking(found: FactorsFound) -> Figure:
     least, text = found.most_frequent_accuracy, " always the most frequent"
     axes.axvline(least, color=palette.LINE, linewidth=0.9, linestyle="--")
     axes.text(least, len(places) - 0.6, text, color=palette.QUIET, va="bottom")
-    names = [one.factor if not n else f"+ {one.factor}" for n, one in enumerate(found.ranking)]
+    names = [
+        f"+ {step.factor}" if index else step.factor for index, step in enumerate(found.ranking)
+    ]
     if is_narrow():
-        names = [shorten(one, _COLUMN_LETTERS, placeholder=" …") for one in names]
+        names = [shorten(name, _COLUMN_LETTERS, placeholder=" …") for name in names]
     axes.set_yticks(places, names)
     axes.tick_params(axis="y", labelcolor=palette.INK)
     axes.set_ylim(len(places) - 0.4, -0.6)

@@ -23,7 +23,7 @@ from overtaking.show.plots.style import (
 
 _STEP = 2.0  # Between the points of a drawn line [m].
 _MOST_POINTS = 20_000  # Of one line.
-_MOST_NAMES, _MOST_NAMES_IN_COLUMN = 40, 12  # More names would hide the map.
+_MOST_NAMES, _MOST_NAMES_IF_NARROW = 40, 12  # More names would hide the map.
 _STYLES: dict[str, dict[str, Any]] = {
     "can be simulated": {"color": ACCENT, "linewidth": 2.4, "zorder": 3.0},
     "cannot be simulated": {"color": INK, "linewidth": 0.9, "zorder": 2.0},
@@ -91,7 +91,7 @@ def _points(road: MappedRoad) -> np.ndarray:
 def _name(axes: Axes, roads: Sequence[MappedRoad]) -> None:
     """Write ids beside the middle of roads, the longest of those that are no way across first."""
     named = sorted((road for road in roads if not road.in_junction), key=lambda each: -each.length)
-    for road in named[: _MOST_NAMES_IN_COLUMN if is_narrow() else _MOST_NAMES]:
+    for road in named[: _MOST_NAMES_IF_NARROW if is_narrow() else _MOST_NAMES]:
         assert road.line is not None
         x, y = road.line.world(road.line.length * 0.5, 0.0)
         axes.annotate(

@@ -16,7 +16,7 @@ from overtaking.show.plots.style import PHASE_COLOURS, figure_width, new_figure,
 _OTHERS = "#9aa1aa"
 _SKY = "#56b4e9"  # Of the same palette; the grey of No_attempt would be lost among the others.
 _LETTER_IN = 0.06  # Width of a letter [inch].
-_BESIDE_AXIS = 0.9  # Left and right of the time axis [inch].
+_BESIDE_AXIS = 0.9  # Sum of the margins left and right of the time axis [inch].
 _NAME_HEIGHT = 0.07  # Height of a name, in heights of the upper panel.
 
 

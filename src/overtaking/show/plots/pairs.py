@@ -138,12 +138,12 @@ def _add_marker_legend(
         Line2D(
             [],
             [],
-            marker=palette.CLASS_MARKERS[one],
-            color=palette.CLASS_COLOURS[one],
-            label=words(one),
+            marker=palette.CLASS_MARKERS[name],
+            color=palette.CLASS_COLOURS[name],
+            label=words(name),
             **dots,
         )
-        for one in sample.classes
+        for name in sample.classes
     ]
     columns = 1 if anchor else legend_columns(len(handles))
     more: dict[str, Any] = {"loc": place, "bbox_to_anchor": anchor}
@@ -169,7 +169,7 @@ def draw_associations(found: Associations) -> Figure:
     figure = new_figure(4.1 if is_narrow() else 6.0)
     axes = figure.add_subplot()
     image = axes.imshow(found.values, cmap=_DIVERGING, vmin=-1.0, vmax=1.0)
-    # The cells of a column have no room for letters of a size that can be read.
+    # The cells of narrow figures are too small for readable numbers.
     write_cells(
         axes,
         {} if is_narrow() else _texts(found.values, _short),
@@ -200,7 +200,7 @@ def draw_p_values(found: Associations) -> Figure:
     write_cells(
         axes,
         _significant(found) if is_narrow() else _texts(found.p_values, _p_value),
-        size=8.0 if is_narrow() else 6.4,  # "<.001" in bold has no more room.
+        size=8.0 if is_narrow() else 6.4,  # The largest size at which "<.001" in bold fits.
         weight=lambda cell: "bold" if found.q_values[cell] < ALPHA else "normal",
         color=lambda cell: "white" if steps[cell] == 0 else palette.INK,
         in_layout=False,

@@ -54,7 +54,7 @@ PHASE_COLOURS = {
 Width = Literal["column", "page"]
 
 WIDTHS: Mapping[Width, float] = {"column": 3.5, "page": 7.16}
-"""Widths of a figure [inch]: of one column, and of both columns of a paper.
+"""Widths of a figure [inch]: one column of a paper, or both columns (`page`).
 
 The letters have the same size in both. A figure of one column also fits on a phone.
 
@@ -129,11 +129,11 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 @contextmanager
 def drawn_for(width: Width, axes: Axes | None = None) -> Generator[None]:
-    """Within it, figures are laid out for a width, or drawn into axes of the caller.
+    """Set the width of the figures that are drawn in this context, and the axes to draw into.
 
     Args:
-        width: A name of `WIDTHS`. In a column, panels stand below each other.
-        axes: Where `single_axes` draws; None for a new figure.
+        width: A name of `WIDTHS`. With `column`, panels stand below each other.
+        axes: Axes that `single_axes` returns; None for axes of a new figure.
     """
     tokens = _width.set(width), _axes.set(axes)
     try:
@@ -144,7 +144,7 @@ def drawn_for(width: Width, axes: Axes | None = None) -> Generator[None]:
 
 
 def is_narrow() -> bool:
-    """Whether figures are laid out for one column."""
+    """Whether figures are laid out for one column of a paper, or a phone."""
     return _width.get() == "column"
 
 
@@ -174,7 +174,7 @@ def figure_width() -> float:
 
 
 def single_axes(height: float) -> tuple[Figure, Axes]:
-    """The only axes of a figure: those of the caller, or axes of a new figure.
+    """The axes of a figure with single axes: the axes of the caller, or axes of a new figure.
 
     Args:
         height: Height of a new figure [inch].
@@ -189,7 +189,7 @@ def single_axes(height: float) -> tuple[Figure, Axes]:
 
 
 def add_legend(figure: Figure, axes: Axes, handles: Sequence[Any], *, columns: int) -> None:
-    """A legend above a figure with single axes, or within the axes of the caller."""
+    """Add a legend above a figure with single axes, or inside the axes of the caller."""
     if _axes.get() is None:
         figure.legend(handles=handles, loc="outside upper left", ncols=columns)
     else:
@@ -245,10 +245,10 @@ def to_svg(figure: Figure) -> bytes:
 
 @styled
 def to_pdf(figure: Figure) -> bytes:
-    """A figure as PDF with embedded TrueType fonts; dense clouds of points are pictures in it."""
+    """A figure as PDF with embedded TrueType fonts; dense clouds of points become pixels."""
     buffer = io.BytesIO()
     figure.set_dpi(DOTS_PER_INCH)
-    # Without the date the same figure has the same bytes.
+    # Without the date, the same figure gives the same bytes.
     FigureCanvasPdf(figure).print_pdf(
         buffer, metadata={"CreationDate": None, "Creator": None, "Producer": None}
     )
@@ -272,7 +272,14 @@ def words(name: str) -> str:
 
 
 def remark(axes: Axes, text: str, *, height: float = 1.02, **style: Any) -> None:
-    """Write a remark above the right end of a panel, at a height in heights of the panel."""
+    """Write a remark above the right end of a panel.
+
+    Args:
+        axes: The panel.
+        text: The remark.
+        height: Bottom of the text; 0 is the lower and 1 the upper edge of the panel.
+        style: Further settings of the text.
+    """
     known: dict[str, Any] = {"ha": "right", "va": "bottom", "color": QUIET}
     axes.text(1.0, height, text, transform=axes.transAxes, **known | style)
 

@@ -27,8 +27,8 @@ from overtaking.show.futures import fan_title
 from overtaking.show.plots.overtake import draw_along
 from overtaking.show.plots.style import is_narrow, lightened, new_figure, remark, styled, words
 
-_COLUMN_LETTERS = 48  # Of a line of a heading of one column.
-_COLUMN_TITLE = 32  # Of a line of a title above a panel there.
+_HEADING_LETTERS = 48  # Letters per line of the heading, in narrow figures.
+_TITLE_LETTERS = 32  # Letters per line of a title above a panel, in narrow figures.
 _LOOKS = (
     {"color": palette.INK, "linewidth": 1.6, "linestyle": (0, (4, 1.5)), "zorder": 3},
     {"color": palette.ACCENT, "linewidth": 1.8, "linestyle": "-", "zorder": 2},
@@ -64,7 +64,7 @@ def draw_twin(one: Twin, policy: str | None = None) -> Figure:
     gap.set_xlabel("time [s]")
     _mark_parting(one, (across, speed, gap))
     heading = f"{_heading(one)}; classes under the policy {policy}"
-    columns, heading = (1, fill(heading, _COLUMN_LETTERS)) if is_narrow() else (2, heading)
+    columns, heading = (1, fill(heading, _HEADING_LETTERS)) if is_narrow() else (2, heading)
     figure.legend(loc="outside upper left", ncols=columns, title=heading, alignment="left")
     figure.align_ylabels([across, speed, gap])
     return figure
@@ -145,7 +145,7 @@ def _draw_shares(axes: Axes, one: Fan) -> None:
     axes.set_ylim(-0.02, 1.02)
     axes.set_ylabel(f"share, 95 % interval\n(policy {one.policy})")
     title = fan_title(one.given)
-    axes.set_title(fill(title, _COLUMN_TITLE) if is_narrow() else title, pad=16)
+    axes.set_title(fill(title, _TITLE_LETTERS) if is_narrow() else title, pad=16)
     if one.counts.any():
         if is_narrow():
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.35), ncols=2)

@@ -80,7 +80,7 @@ def _facts(found: Evaluation, benchmark: str) -> list[tuple[str, str]]:
     facts = [
         ("benchmark", benchmark),
         ("scenes", f"{found.simulations:,} of {found.profile}"),
-        ("asked for", found.asked_profile or ""),
+        ("profile asked for", found.asked_profile or ""),
         ("policy of the law", POLICY),
         ("seed", str(found.seed)),
         ("effective scenes", f"{found.effective:,.0f}"),
@@ -142,7 +142,7 @@ class _Figures:
 
 
 def drawers() -> dict[str, Callable[[Evaluation], Figure]]:
-    """What draws each figure of an evaluation, by its name.
+    """The functions that draw the figures of an evaluation, by the name of the figure.
 
     Raises:
         MissingExtraError: The extra `plots` is not installed.

@@ -1,4 +1,4 @@
-"""Single figures: those of a report by name, and those of every other result that can be drawn."""
+"""Single figures of data sets and results, by name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Draw = Callable[[], "Figure"]
 SINGLE_AXES = frozenset(
     ["classes", "waiting-time", "boxes", "learning-confusion", "learning-ranking", "rules", "map"]
 )
-"""The figures with single axes, which can be drawn into those of the caller."""
+"""Names of the figures with single axes: these can be drawn into axes of the caller."""
 
 
 def draw(
@@ -37,8 +37,8 @@ def draw(
 
     Args:
         source: A data set, or a result of a function of the package.
-        figure: Name of the figure; None where the result has only one.
-        axes: Where to draw a figure with single axes; None for a new figure.
+        figure: Name of the figure; None if the source has only one.
+        axes: Axes to draw a figure with single axes into; None for a new figure.
         width: A name of `style.WIDTHS`.
         policy: Which rules decide about classes; None for the default of the profile.
 
@@ -59,22 +59,27 @@ def draw(
         )
     check_name(width, WIDTHS, what="width", where="plot")
     figures = figures_of(source, policy)
-    name = _chosen(figure, figures)
+    name = _choose_figure(figure, figures)
     if axes is not None and name not in SINGLE_AXES:
+        single = ", ".join(name for name in figures if name in SINGLE_AXES)
         raise ConfigError.of(
             what="ax",
             where="plot",
             expected=f"None, as {name} has several axes",
             got="axes",
-            next_step="leave ax out, or draw a figure with single axes: "
-            + ", ".join(one for one in figures if one in SINGLE_AXES),
+            next_step="leave ax out"
+            + (f", or draw a figure with single axes: {single}" if single else ""),
         )
     with drawn_for("column" if width == "column" else "page", axes):
         return figures[name]()
 
 
-def _chosen(figure: str | None, figures: Mapping[str, Draw]) -> str:
-    """The name of a figure that exists."""
+def _choose_figure(figure: str | None, figures: Mapping[str, Draw]) -> str:
+    """The name of the figure to draw.
+
+    Raises:
+        ConfigError: The source has no such figure, or several of which none is named.
+    """
     if figure is None and len(figures) == 1:
         return next(iter(figures))
     if figure is None or figure not in figures:
@@ -84,16 +89,16 @@ def _chosen(figure: str | None, figures: Mapping[str, Draw]) -> str:
 
 
 def figures_of(source: Any, policy: str | None) -> dict[str, Draw]:
-    """What can be drawn of a source, by name.
+    """The figures of a source, by name.
 
     Args:
         source: As in `draw`.
         policy: As in `draw`.
 
     Raises:
-        ConfigError: Nothing can be drawn of it.
+        ConfigError: The source has no figures.
     """
-    # By name: importing all modules of analysis would take longer than to draw.
+    # Compare names of classes, as importing the modules of all classes takes longer than drawing.
     for base in type(source).__mro__:
         if base.__name__ in _SOURCES and base.__module__.startswith("overtaking."):
             return _SOURCES[base.__name__](source, policy)
@@ -102,58 +107,61 @@ def figures_of(source: Any, policy: str | None) -> dict[str, Draw]:
     raise ConfigError.of(
         what="source",
         where="plot",
-        expected="a data set or its folder, the roads of map_roads, or what one of these functions "
-        f"returned: {', '.join(_FUNCTIONS)}",
+        expected=f"a data set, roads of map_roads, or a result of {', '.join(_FUNCTIONS)}",
         got=f"a {type(source).__name__}",
         next_step="give one of them",
     )
 
 
 def _of_dataset(data: Dataset, policy: str | None) -> dict[str, Draw]:
-    """The figures of the report on a data set; nothing is computed before one is drawn."""
+    """The figures of the report on a data set; statistics are computed when one is drawn."""
     from overtaking.analysis.stats.results import statistics
 
-    chosen_policy = choose_policy(policy, data.profile)
+    policy_name = choose_policy(policy, data.profile)
 
-    def found() -> Statistics:
-        return statistics(data.features(chosen_policy), policy=chosen_policy)
+    def compute_statistics() -> Statistics:
+        return statistics(data.features(policy_name), policy=policy_name)
 
     return {
-        **{name: partial(_draw_statistic, found, name) for name in _STATISTICS},
+        **{name: partial(_draw_statistic, compute_statistics, name) for name in _STATISTICS},
         **{
-            gallery.example_name(name): partial(_draw_example, data, found, name)
+            gallery.example_name(name): partial(_draw_example, data, compute_statistics, name)
             for name in CLASS_COLOURS
         },
-        **{name: partial(_draw_learned, data, chosen_policy, name) for name in _LEARNED},
+        **{name: partial(_draw_learned, data, policy_name, name) for name in _LEARNED},
     }
 
 
-def _of_statistics(found: Statistics, policy: str | None) -> dict[str, Draw]:
+def _of_statistics(numbers: Statistics, policy: str | None) -> dict[str, Draw]:
     del policy
-    return {name: partial(_draw_statistic, lambda: found, name) for name in _STATISTICS}
+    return {name: partial(_draw_statistic, lambda: numbers, name) for name in _STATISTICS}
 
 
-def _draw_statistic(found: Callable[[], Statistics], name: str) -> Figure:
-    numbers = found()
+def _draw_statistic(compute_statistics: Callable[[], Statistics], name: str) -> Figure:
+    numbers = compute_statistics()
     if name == "waiting-time" and numbers.waiting is None:
-        raise _too_little(name, "overtakes that began")
+        raise _missing_data(name, "overtakes that began")
     return _picture(_STATISTICS[name](numbers), name).draw()
 
 
-def _draw_example(data: Dataset, found: Callable[[], Statistics], name: str) -> Figure:
+def _draw_example(
+    data: Dataset, compute_statistics: Callable[[], Statistics], class_name: str
+) -> Figure:
     """A typical simulation of a class in space and time."""
     from overtaking.analysis.stats.diagrams import diagram
     from overtaking.analysis.stats.distributions import typical
     from overtaking.labels.label import label
 
-    sample = found().sample
-    place = typical(sample).get(name)
-    if place is None:
-        raise _too_little(gallery.example_name(name), f"a simulation of the class {name}")
-    simulation = int(sample.frame.index[place])
+    sample = compute_statistics().sample
+    row = typical(sample).get(class_name)
+    if row is None:
+        raise _missing_data(
+            gallery.example_name(class_name), f"a simulation of the class {class_name}"
+        )
+    simulation = int(sample.frame.index[row])
     labelled = label(data.trajectory(simulation))
-    one = diagram(labelled.trajectories, labelled.events)
-    return gallery.overtake_picture(name, simulation, one, policy=sample.policy).draw()
+    overtake = diagram(labelled.trajectories, labelled.events)
+    return gallery.overtake_picture(class_name, simulation, overtake, policy=sample.policy).draw()
 
 
 def _draw_learned(data: Dataset, policy: str, name: str) -> Figure:
@@ -168,63 +176,63 @@ def _draw_learned(data: Dataset, policy: str, name: str) -> Figure:
 
 
 def _picture(pictures: Iterable[gallery.Picture], name: str) -> gallery.Picture:
-    return next(one for one in pictures if one.name == name)
+    return next(picture for picture in pictures if picture.name == name)
 
 
-def _too_little(name: str, lacking: str) -> DatasetError:
+def _missing_data(name: str, requirement: str) -> DatasetError:
     return DatasetError.of(
         what=f"figure {name}",
         where="plot",
-        expected=f"a data set with {lacking}",
+        expected=f"a data set with {requirement}",
         got="none",
-        next_step="draw another figure, or of a larger data set",
+        next_step="draw another figure, or one of a larger data set",
     )
 
 
-def _of_factors(found: FactorsFound, policy: str | None) -> dict[str, Draw]:
+def _of_factors(factors: FactorsFound, policy: str | None) -> dict[str, Draw]:
     del policy
-    return {name: _picture(made(found), name).draw for name, made in _LEARNED.items()}
+    return {name: _picture(pictures(factors), name).draw for name, pictures in _LEARNED.items()}
 
 
-def _of_evaluation(found: Evaluation, policy: str | None) -> dict[str, Draw]:
+def _of_evaluation(evaluation: Evaluation, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.report.evaluation import drawers
 
-    return {name: partial(draw_one, found) for name, draw_one in drawers().items()}
+    return {name: partial(draw_figure, evaluation) for name, draw_figure in drawers().items()}
 
 
-def _of_reproduction(found: Reproduction, policy: str | None) -> dict[str, Draw]:
+def _of_reproduction(reproduction: Reproduction, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.report.reproduction import drawers
 
-    return drawers(found)
+    return drawers(reproduction)
 
 
-def _of_validation(found: Any, policy: str | None) -> dict[str, Draw]:
+def _of_validation(validation: Any, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.plots.comparison import draw_validation
 
-    return {"validation": partial(draw_validation, found)}
+    return {"validation": partial(draw_validation, validation)}
 
 
-def _of_curve(found: Any, policy: str | None) -> dict[str, Draw]:
+def _of_curve(curve: Any, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.plots.law import draw_curve
 
-    return {"law-curve": partial(draw_curve, found)}
+    return {"law-curve": partial(draw_curve, curve)}
 
 
-def _of_twin(found: Any, policy: str | None) -> dict[str, Draw]:
+def _of_twin(twins: Any, policy: str | None) -> dict[str, Draw]:
     from overtaking.show.plots.whatif import draw_twin
 
-    return {"twin": partial(draw_twin, found, policy)}
+    return {"twin": partial(draw_twin, twins, policy)}
 
 
-def _of_fan(found: Any, policy: str | None) -> dict[str, Draw]:
+def _of_fan(fan: Any, policy: str | None) -> dict[str, Draw]:
     del policy
     from overtaking.show.plots.whatif import draw_fan
 
-    return {"fan": partial(draw_fan, found)}
+    return {"fan": partial(draw_fan, fan)}
 
 
 def _draw_map(roads: Any) -> Figure:
@@ -236,27 +244,27 @@ def _draw_map(roads: Any) -> Figure:
 def _are_roads(source: Iterable[Any]) -> bool:
     from overtaking.recordings.opendrive_map import MappedRoad
 
-    return all(isinstance(one, MappedRoad) for one in source)
+    return all(isinstance(road, MappedRoad) for road in source)
 
 
-def _associations(found: Statistics) -> list[gallery.Picture]:
+def _association_pictures(numbers: Statistics) -> list[gallery.Picture]:
     from overtaking.analysis.stats.associations import associations
 
-    return gallery.association_pictures(associations(found.sample))
+    return gallery.association_pictures(associations(numbers.sample))
 
 
 _STATISTICS: dict[str, Callable[[Statistics], list[gallery.Picture]]] = {
-    "classes": lambda found: [gallery.class_picture(found)],
-    "waiting-time": lambda found: [gallery.waiting_picture(found)],
+    "classes": lambda numbers: [gallery.class_picture(numbers)],
+    "waiting-time": lambda numbers: [gallery.waiting_picture(numbers)],
     **dict.fromkeys(("histograms", "boxes", "speed-by-class"), gallery.distribution_pictures),
     **dict.fromkeys(("pairs", "pair-details"), gallery.pair_pictures),
-    **dict.fromkeys(("associations", "p-values"), _associations),
+    **dict.fromkeys(("associations", "p-values"), _association_pictures),
 }
 """The figures of statistics, in the order of the report."""
 
 _LEARNED: dict[str, Callable[[FactorsFound], list[gallery.Picture]]] = {
     **dict.fromkeys(("learning-confusion", "learning-calibration"), gallery.model_pictures),
-    "learning-ranking": lambda found: [gallery.ranking_picture(found)],
+    "learning-ranking": lambda factors: [gallery.ranking_picture(factors)],
 }
 """The figures of learned factors."""
 
@@ -271,7 +279,7 @@ _SOURCES: dict[str, Callable[[Any, str | None], dict[str, Draw]]] = {
     "Evaluation": _of_evaluation,
     "Reproduction": _of_reproduction,
 }
-"""By the name of the class of the source."""
+"""Functions that list the figures of a source, by the name of its class."""
 
 _FUNCTIONS = (
     *("statistics", "learn_factors", "validate", "law_curve", "twin", "fan", "evaluate"),

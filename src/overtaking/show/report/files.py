@@ -61,7 +61,7 @@ class ReportFolder:
         Args:
             name: Name of its files.
             caption: The words below it.
-            draw: Draws it; once more for narrow screens.
+            draw: Draws it; called a second time for narrow screens.
         """
         from overtaking.show.plots.style import FORMATS, drawn_for, to_svg
 
@@ -93,17 +93,17 @@ class ReportFolder:
         return missing(why)
 
     def finish(self, text: str) -> dict[str, Any]:
-        """Write the page, and remove what an earlier report had and this one has not.
+        """Write the page, and remove files of an earlier report that this report does not have.
 
         Returns:
             The fields of `Written`.
         """
         put(self.out / PAGE, text.encode())
-        known = {
+        current = {
             FIGURES: (self.figures, {".svg", ".pdf", ".png"}),
             TABLES: (self.tables, {".tex", ".csv"}),
         }
-        for name, (names, endings) in known.items():
+        for name, (names, endings) in current.items():
             for path in (self.out / name).iterdir():
                 if path.suffix in endings and path.stem not in names:
                     path.unlink()
@@ -131,7 +131,7 @@ def put_figure(path: Path, drawing: "Figure") -> None:
 
 
 def check_figure_file(path: Path) -> None:
-    """Refuse the name of a file for a figure whose ending is of no format.
+    """Refuse a file name whose ending is not a format of figures.
 
     Raises:
         ConfigError: The name ends in something else than .svg, .pdf or .png.

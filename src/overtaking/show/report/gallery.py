@@ -71,7 +71,7 @@ def distribution_pictures(found: Statistics) -> list[Picture]:
     return [
         Picture(
             name="histograms",
-            caption="Histogram of every feature, with the classes on each other. "
+            caption="Histogram of every feature, with the classes stacked. "
             + _of_policy(sample.policy),
             draw=lambda: draw_histograms(
                 counted, sample.classes, policy=sample.policy, is_weighted=sample.is_weighted
@@ -148,8 +148,8 @@ def association_pictures(found: Associations) -> list[Picture]:
         ),
         Picture(
             name="p-values",
-            caption="P-values of the same pairs: t-test of ρ, Kruskal–Wallis, χ². Bold, or "
-            "with a dot, where the adjusted value stays below 0.05, too.",
+            caption="P-values of the same pairs: t-test of ρ, Kruskal–Wallis, χ². Bold numbers, or "
+            "dots in narrow figures: the adjusted value is below 0.05, too.",
             draw=lambda: draw_p_values(found),
         ),
     ]
@@ -187,9 +187,9 @@ def ranking_picture(found: "FactorsFound") -> Picture:
     )
 
 
-def example_name(name: str) -> str:
+def example_name(class_name: str) -> str:
     """Name of the figure of an example of a class."""
-    return f"example-{name.lower().replace('_', '-')}"
+    return f"example-{class_name.lower().replace('_', '-')}"
 
 
 def _of_policy(policy: str) -> str:

@@ -93,16 +93,16 @@ def _figures(found: Reproduction, folder: ReportFolder) -> list[str]:
 
 
 def drawers(found: Reproduction) -> "dict[str, Callable[[], Figure]]":
-    """What draws each figure of a reproduction, by its name.
+    """The functions that draw the figures of a reproduction, by the name of the figure.
 
     Raises:
         MissingExtraError: The extra `plots` is not installed.
     """
     from overtaking.show.plots.comparison import draw_ridges, panels
 
-    every = panels(found.comparisons)
-    parts = {
-        FITTED: [one for one in every if one.title.startswith(_FIRST)],
-        OTHERS: [one for one in every if not one.title.startswith(_FIRST)],
+    all_panels = panels(found.comparisons)
+    panels_by_figure = {
+        FITTED: [panel for panel in all_panels if panel.title.startswith(_FIRST)],
+        OTHERS: [panel for panel in all_panels if not panel.title.startswith(_FIRST)],
     }
-    return {name: partial(draw_ridges, shown) for name, shown in parts.items()}
+    return {name: partial(draw_ridges, shown) for name, shown in panels_by_figure.items()}

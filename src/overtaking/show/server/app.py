@@ -34,7 +34,7 @@ MOST_BYTES = 16_384
 """Of the body of a request."""
 
 RETRY_AFTER_S = 1
-"""A page that is refused for now waits this long before it asks again [s]."""
+"""Time after which the page repeats a request that was refused because a queue is full [s]."""
 
 _DIGITS = re.compile(r"[0-9]{1,15}", re.ASCII)
 _CLOSED = "the connection was closed before the request was answered"
@@ -77,9 +77,9 @@ def app(library: Library, hosts: tuple[str, ...], keys: Keys) -> Starlette:
 
 
 class RequestQueue:
-    """Requests of one kind, of which a few are computed at a time.
+    """A queue of the requests of one kind, of which a few are computed at a time.
 
-    Slow requests of one kind do not delay those of another, which wait in another queue.
+    Each kind has a queue of its own, so that slow requests delay no requests of another kind.
     All queues together compute fewer requests than Starlette has threads (40).
 
     Args:
@@ -102,7 +102,7 @@ class RequestQueue:
             HTTPException: The queue is full, or the client has closed the connection.
         """
         if self._num_queued >= self._max_queued:
-            reason = f"{self._max_queued} {self._kind} are being computed: ask again in a moment"
+            reason = f"{self._max_queued} {self._kind} run or wait already: ask again in a moment"
             raise HTTPException(429, reason, {"Retry-After": str(RETRY_AFTER_S)})
         self._num_queued += 1
         try:

@@ -1,4 +1,4 @@
-"""Connections that do not ask, ask too slowly or do not read their answer are closed."""
+"""Connections with deadlines for requests and answers, and an upper limit of their number."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ if TYPE_CHECKING:
     import asyncio
 
 MAX_CONNECTIONS = 128
-"""Connections that are kept open. Some systems allow a process only 256 open files and sockets."""
+"""Most open connections. Some systems allow a process only 256 open files and sockets."""
 
 REQUEST_TIMEOUT = 10.0
-"""Longest time from the first byte of a request, or from the connection, to its last byte [s]."""
+"""Longest time for a request to arrive, from its first byte to its last byte [s].
+
+For the first request of a connection the time begins when the connection is made.
+"""
 
 ANSWER_TIMEOUT = 10.0
 """Longest time that a client may leave a full buffer of its answer unread [s]."""
@@ -27,9 +30,9 @@ class BoundedConnection(H11Protocol):
     """The HTTP connection of uvicorn, with deadlines for requests and answers.
 
     uvicorn itself bounds only the pause between two requests. Its `limit_concurrency` counts silent
-    connections too, so they would lock out everyone else. Here a new connection is always accepted:
-    where there are too many, the connection that has been waiting for a request for the longest
-    time is closed.
+    connections too, so that these could lock out all other clients. Here a new connection is always
+    accepted. Beyond `MAX_CONNECTIONS`, the server closes the connection that has waited longest for
+    a complete request.
     """
 
     _deadline: asyncio.TimerHandle | None = None
@@ -50,7 +53,7 @@ class BoundedConnection(H11Protocol):
         super().connection_lost(exc)
 
     def handle_events(self) -> None:
-        """Read what has arrived; a request that has begun must be complete by its deadline."""
+        """Read the bytes that have arrived, and set the deadline of an incomplete request."""
         super().handle_events()
         if not self._is_receiving():
             self._deadline = _cancel(self._deadline)
@@ -63,17 +66,20 @@ class BoundedConnection(H11Protocol):
         super().on_response_complete()
 
     def pause_writing(self) -> None:
-        """Give the client time to read."""
+        """Set the deadline at which the client must have read its answer."""
         super().pause_writing()
         self._reading_deadline = self.loop.call_later(ANSWER_TIMEOUT, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """The client has read."""
+        """Remove the deadline, as the client has read."""
         self._reading_deadline = _cancel(self._reading_deadline)
         super().resume_writing()
 
     def timeout_keep_alive_handler(self) -> None:
-        """Close after a pause; an answer that nobody reads would keep a closed socket open."""
+        """Close after a pause between requests.
+
+        A transport with an unread answer would stay open after a close, so it is aborted.
+        """
         if self.transport.get_write_buffer_size():
             self.transport.abort()
         super().timeout_keep_alive_handler()
@@ -83,16 +89,16 @@ class BoundedConnection(H11Protocol):
         self.transport.abort()
 
     def _is_waiting(self) -> bool:
-        """Whether the connection has no request that is being answered."""
+        """Whether no request of the connection is being answered."""
         return self.cycle is None or self.cycle.response_complete
 
     def _is_receiving(self) -> bool:
-        """Whether a part of a request has arrived."""
-        state, (rest, _) = self.conn.their_state, self.conn.trailing_data
-        return state is h11.SEND_BODY or (state is h11.IDLE and bool(rest))
+        """Whether a part of a request has arrived, but not all of it."""
+        state, (unread, _) = self.conn.their_state, self.conn.trailing_data
+        return state is h11.SEND_BODY or (state is h11.IDLE and bool(unread))
 
     def _make_room(self) -> None:
-        """Where there are too many, close the one that has waited longest for a request."""
+        """If too many connections are open, close the one that has waited longest for a request."""
         # Connections that are being closed stay in the set until the next turn of the loop.
         connections = [
             connection
@@ -100,8 +106,14 @@ class BoundedConnection(H11Protocol):
             if isinstance(connection, BoundedConnection) and not connection.transport.is_closing()
         ]
         if len(connections) > MAX_CONNECTIONS:
-            waiting = [one for one in connections if one._is_waiting() or one._is_receiving()]
-            min(waiting, key=lambda one: one._waiting_since).transport.abort()
+            # The new connection waits as well, so there is always one to close.
+            waiting = [
+                connection
+                for connection in connections
+                if connection._is_waiting() or connection._is_receiving()
+            ]
+            oldest = min(waiting, key=lambda connection: connection._waiting_since)
+            oldest.transport.abort()
 
 
 def _cancel(timer: asyncio.TimerHandle | None) -> None:

@@ -181,9 +181,9 @@ class Index:
 
     def _facets(self, policy: str | None) -> dict[str, Facet]:
         """The properties of the filter, by the names of `Rows`."""
-        known = self.classes.get(policy or "", next(iter(self.classes.values())))
+        classes = self.classes.get(policy or "", next(iter(self.classes.values())))
         return {
-            "classes": known,
+            "classes": classes,
             "weather": self.weather,
             "light": self.light,
             "ego": self.ego,

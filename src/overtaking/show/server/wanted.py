@@ -39,8 +39,8 @@ class Margin(_Asked):
 class Rows(_Asked):
     """Which simulations to list, and which part of the list.
 
-    Of the values of one field any may be met, but all `rules` must be broken. Without a policy,
-    that of the page counts.
+    A simulation matches a field if it has any of its values; for `rules`, it must break all of
+    them. Without a policy, the classes are those under the policy of the page.
     """
 
     policy: Name | None = None
@@ -74,7 +74,7 @@ class Branch(_Asked):
 
 
 class Futures(_Asked):
-    """Outcomes of an overtake that begins at each instant; by default under the page's policy."""
+    """Outcomes of an overtake that begins at each instant; without a policy, the page's policy."""
 
     given: Literal["truth", "belief"] = "truth"
     policy: Name | None = None

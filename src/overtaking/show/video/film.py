@@ -39,12 +39,13 @@ class Film:
         title: Its name in the film.
         events: What happened in it, if it is known.
         findings: What the rules say of it; breaches are shown as they happen.
-        policy: Which rules count, None for the default of the profile; breaches of others are grey.
+        policy: The policy whose rules count, None for the default of the profile; breaches of other
+            rules are grey.
         label: Class of the simulation under this policy.
         axis: Frames that the time axis spans at least, for films beside each other.
 
     Attributes:
-        meaning: The class under the policy, as the header explains it; empty without a class.
+        meaning: Explanation of the class in the header; empty without a class.
 
     Raises:
         ConfigError: The batch holds another number of simulations than one.

@@ -1,5 +1,6 @@
 """Which simulations become films, and the facts that each film shows."""
 
+import operator
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -19,8 +20,11 @@ ALL, ONE_PER_CLASS = "all", "one-per-class"
 """Choices that name no numbers."""
 
 MIN_DURATION_S = 2.0
-"""Into a shorter simulation no overtake fits, as a lane change alone takes drivers some 4 s.
-Recordings have simulations of a few frames; where others can be chosen, these are not."""
+"""Shortest simulation that is chosen as the example of a class, if there is a longer one [s].
+
+A lane change alone takes about 4 s, so no overtake fits into a shorter simulation. Recordings
+contain simulations of a few frames.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,26 +47,32 @@ class Job:
 def jobs(
     source: Source, chosen: Iterable[int] | str = ONE_PER_CLASS, policy_name: str | None = None
 ) -> Iterator[Job]:
-    """Films to make, in the order of their numbers; the short ones of `ONE_PER_CLASS` come last.
+    """Films to make, in the order of their numbers; with `ONE_PER_CLASS`, short ones come last.
 
     Args:
         source: The simulations; what a data set did not keep is simulated again.
-        chosen: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first of each class that
-            lasts `MIN_DURATION_S`; where none does, the longest of the class.
+        chosen: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first simulation of each
+            class that lasts `MIN_DURATION_S` or more; if all are shorter, the longest.
         policy_name: Which rules decide about the class; None for the default of the profile.
 
     Raises:
         ConfigError: There is no such simulation, choice or policy.
         DatasetError: The data set is damaged, or the simulator has changed.
     """
-    every = _candidates(source, chosen, policy(choose_policy(policy_name, profile_of(source))))
-    for candidate in _first_of_each_class(every) if chosen == ONE_PER_CLASS else every:
+    counted = policy(choose_policy(policy_name, profile_of(source)))
+    candidates = _candidates(source, chosen, counted)
+    if isinstance(chosen, str) and chosen == ONE_PER_CLASS:
+        candidates = _first_of_each_class(candidates)
+    for candidate in candidates:
         yield candidate.job()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Candidate:
-    """A simulation that may be shown, still in its batch: to select each of many takes long."""
+    """A simulation that may be filmed.
+
+    It stays in its batch until it is chosen, because selecting every simulation takes long.
+    """
 
     number: int
     batch: Labelled
@@ -95,16 +105,16 @@ def _candidates(
 
 def _first_of_each_class(candidates: Iterable[_Candidate]) -> Iterator[_Candidate]:
     """The first of each class that lasts long enough, then the longest of the other classes."""
-    shown, longest_short = set[OvertakeClass](), dict[OvertakeClass, _Candidate]()
+    finished, longest_short = set[OvertakeClass](), dict[OvertakeClass, _Candidate]()
     for candidate in candidates:
-        if candidate.label in shown:
+        if candidate.label in finished:
             continue
-        other = longest_short.get(candidate.label)
+        longest = longest_short.get(candidate.label)
         if candidate.duration_s >= MIN_DURATION_S:
-            shown.add(candidate.label)
+            finished.add(candidate.label)
             longest_short.pop(candidate.label, None)
             yield candidate
-        elif other is None or other.duration_s < candidate.duration_s:
+        elif longest is None or longest.duration_s < candidate.duration_s:
             longest_short[candidate.label] = candidate
     yield from longest_short.values()
 
@@ -146,10 +156,10 @@ def profile_of(source: Source) -> str:
 
 
 def num_films(source: Source, chosen: Iterable[int] | str) -> int | None:
-    """How many films a choice means, None if that is not known before."""
-    if chosen == ALL:
-        return num_simulations(source)
-    return None if isinstance(chosen, str) else len(set(chosen))
+    """Number of films of a choice; None with `ONE_PER_CLASS`, as the classes are not known yet."""
+    if not isinstance(chosen, str):
+        return len(set(chosen))
+    return num_simulations(source) if chosen == ALL else None
 
 
 def checked(numbers: Iterable[int], num_simulations: int) -> list[int]:
@@ -158,7 +168,7 @@ def checked(numbers: Iterable[int], num_simulations: int) -> list[int]:
     Raises:
         ConfigError: There is no such simulation, or none is named.
     """
-    chosen = sorted(set(numbers))
+    chosen = sorted(set(map(operator.index, numbers)))  # Integers of NumPy become plain ones.
     wrong = [number for number in chosen if not 0 <= number < num_simulations]
     if wrong or not chosen:
         expected = f"some of 0 to {num_simulations - 1}"

@@ -21,7 +21,7 @@ class TwinFilm:
 
     Args:
         one: The twins.
-        policy: Which rules count; None for the default of the profile.
+        policy: Name of the policy whose rules count; None for the default of the profile.
     """
 
     def __init__(self, one: Twin, policy: str | None = None) -> None:

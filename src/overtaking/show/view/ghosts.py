@@ -1,7 +1,7 @@
 """Where the ego believes its neighbours to be: at recorded decisions, or at all of them.
 
-Each belief names the vehicle that it is about. Roles do not name one: the leader of the driver's
-mind is the vehicle in the lane that the driver enters, from the decision to change lanes on.
+Each belief has the slot of its vehicle, because a role does not identify a vehicle: from the
+decision to change lanes on, the driver's leader is the vehicle ahead in the new lane.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from overtaking.sim.beliefs import Beliefs
 
 _IMAGINED_SIZE_M = (4.5, 1.8)
-"""Length and width at which a vehicle is drawn that exists in the driver's mind only."""
+"""Length and width of a drawn vehicle that exists only in the driver's belief."""
 
 _LEADER, _NEW_LEADER, _NEW_FOLLOWER = range(3)
-"""Places of the vehicles in a percept; the new ones drive in the lane that is entered."""
+"""Columns of the vehicles in a percept; the new leader and follower are in the new lane."""
 
 _ALWAYS_WATCHED = ("lead", "oncoming", "behind_oncoming")
 

@@ -219,9 +219,9 @@ def _vehicle(run: Trajectories, slot: int) -> Values:
 def _neighbour_slots(labelled: Labelled, role: Around) -> list[int | None]:
     """Slot of the vehicle that has a role, frame by frame; None where no vehicle has it.
 
-    Gaps and times to collision are those of this vehicle. Beliefs about it are found by its slot:
-    another vehicle may have the same role in the driver's mind, whose leader is that of the lane
-    it changes to.
+    Gaps and times to collision of the frame refer to this vehicle. The page finds beliefs by the
+    slot, not by the role: from the decision to change lanes on, the driver's leader is the vehicle
+    ahead in the new lane.
     """
     signals, frames = labelled.signals, int(labelled.trajectories.num_frames[0])
     has_role = signals.has(role)[0, :frames]

@@ -14,7 +14,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.model.decision import Decision
 from overtaking.model.labels import OvertakeClass
 from overtaking.show.video import jobs as module
-from overtaking.show.video.jobs import jobs
+from overtaking.show.video.jobs import jobs, num_films
 from overtaking.show.video.produce import produce
 
 
@@ -62,6 +62,14 @@ def test_chosen_ones_in_order_and_each_once(data):
     chosen = list(jobs(data, [7, 3, 7]))
     assert [job.number for job in chosen] == [3, 7]
     assert chosen[0].labelled.trajectories.scenario.index.tolist() == [3]
+
+
+def test_integers_of_numpy_choose_simulations_as_plain_ones_do(data):
+    chosen = np.array([7, 3])
+    assert num_films(data, chosen) == 2
+    numbers = [job.number for job in jobs(data, chosen)]
+    assert numbers == [3, 7]
+    assert {type(number) for number in numbers} == {int}  # The page writes them as JSON.
 
 
 @pytest.mark.parametrize("chosen", [[24], [-1], [], "some"])
