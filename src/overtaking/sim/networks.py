@@ -136,8 +136,8 @@ def _receive(worker: Worker, timeout_s: float) -> Any:
         ) from None
     if answer is ENDED:
         raise _NetworkError(
-            f"a network that runs in {MEMORY_MIB} MiB of memory",
-            f"one whose process ended {worker.ending()}",
+            f"a process that evaluates it with {MEMORY_MIB} MiB of memory",
+            f"one that ended {worker.ending()}",
         )
     if isinstance(answer, dict):
         raise _NetworkError(answer["expected"], answer["got"])
