@@ -12,15 +12,15 @@ struct ProcessPool {
     pool: ThreadPool,
 }
 
-/// The pool that was built last, in this process or in one that forked it. An atomic pointer, since a
-/// lock that another thread holds during a fork stays locked in the child.
+/// The pool that was built last, by this process or by an ancestor that forked. It is an atomic pointer and
+/// no mutex, because a mutex that another thread holds during a fork stays locked in the child.
 static LAST_BUILT: AtomicPtr<ProcessPool> = AtomicPtr::new(null_mut());
 
 /// The thread pool of this process.
 ///
-/// A forked child has none of its parent's threads, and work that it gives to their pool never starts.
-/// So each process builds a pool at its first call. A parent's pool stays in the child's memory: to
-/// drop it would wait for its threads.
+/// A forked child has none of its parent's threads, so work in the parent's pool would never start. Each
+/// process therefore builds a pool at its first call. The parent's pool stays in the child's memory, because
+/// dropping it would wait for threads that do not exist.
 ///
 /// # Errors
 /// The system starts no more threads.
@@ -45,8 +45,8 @@ fn build_pool(last: *mut ProcessPool) -> Result<&'static ThreadPool, String> {
         // SAFETY: Nothing frees a pointer that was stored.
         Ok(_) => Ok(unsafe { &(*new).pool }),
         Err(stored) => {
-            // Another thread of this process was faster.
-            // SAFETY: `new` was not stored, so nobody else has it; `stored` is never freed.
+            // Another thread of this process has stored a pool meanwhile.
+            // SAFETY: `new` was not stored, so no other thread has it; `stored` is never freed.
             unsafe {
                 drop(Box::from_raw(new));
                 Ok(&(*stored).pool)

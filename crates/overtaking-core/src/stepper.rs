@@ -264,7 +264,7 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
         });
     }
 
-    /// Let shares work, from one of them on; they write what their egos observe.
+    /// Let all shares from index `from` on do `work` in parallel; it writes the observations of their egos.
     fn look(
         &mut self,
         from: usize,
@@ -362,12 +362,12 @@ impl<S: Simd> Kept<S> {
     }
 }
 
-/// Where a share writes what its egos observe.
+/// The rows of the answer in which a share writes the observations of its egos.
 struct ShareRows<'r, 'o> {
     source: Source,
     /// Place in the share of the simulation in each row of the batch.
     places: &'r [usize],
-    /// The entries of each place; none for a row that another share has taken over.
+    /// The entries for each place; `None` for a row that another share has taken over.
     rows: &'r mut [Option<AnswerRow<'o>>],
 }
 
@@ -375,12 +375,12 @@ struct ShareRows<'r, 'o> {
 type ShareWork<'a, 'w, S, const N: usize> =
     dyn Fn(&mut Share<'a, S, N>, &mut Minds<S, N>, &mut ShareRows<'_, '_>) + Sync + 'w;
 
-/// Which simulations a look writes down.
+/// The simulations whose observations `Share::look` writes.
 #[derive(Clone, Copy, PartialEq)]
 enum Writes {
-    /// Only those that have ended at this decision.
+    /// Only simulations that have ended at this decision.
     Ended,
-    /// Those, and all that go on.
+    /// All simulations that had not ended before this decision.
     All,
 }
 
@@ -467,8 +467,8 @@ impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
             perceive(state, world, minds, self.step, true);
             let step = self.step as f32;
             let runs = |lane: usize| step <= state.end_step[lane];
-            // A lane that ended at an earlier decision of this request keeps moving until the request
-            // is over, as vectors have no free lanes; its row already holds what it observed at its end.
+            // A lane (one simulation of the vector) that ended at an earlier decision of this request moves on
+            // with the vector until the request is over. Its row already has the observation at its end.
             let ended_before = |lane: usize| step - SUBSTEPS as f32 > state.end_step[lane];
             let is_written = |lane: usize| {
                 recorder.is_busy(lane)

@@ -109,7 +109,7 @@ impl Kept {
 pub struct Stepper {
     batch: usize,
     slots: usize,
-    /// Id of the process that has the thread of the line.
+    /// Id of the process in which the thread of the line runs.
     process: u32,
     line: Mutex<Option<Line>>,
 }
@@ -121,8 +121,8 @@ struct Line {
     thread: JoinHandle<()>,
 }
 
-/// What the egos observe, (simulation, field), which simulations run, and how many decisions of the
-/// request each has carried out.
+/// Observations of the egos, (simulation, field), which simulations run, and how many decisions of the
+/// request each simulation has carried out.
 type Observed<'py> = (
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray1<bool>>,
@@ -263,7 +263,8 @@ impl Drop for Stepper {
     fn drop(&mut self) {
         let line = self.line.get_mut().ok().and_then(Option::take);
         if self.process != id() {
-            // A forked child has no such thread: `join` would wait forever, and the channels may hold locks.
+            // The thread does not exist in a forked child: `join` would wait forever, and locks of the channels may
+            // be held.
             forget(line);
             return;
         }

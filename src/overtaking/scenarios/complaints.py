@@ -41,9 +41,10 @@ def known_name(what: str, names: Callable[[], tuple[str, ...]]) -> Callable[[str
 
 
 def config_error(found: ValidationError, where: str, keys: Keys) -> ConfigError:
-    """One finding of a validation as a `ConfigError`: an unknown key, else the first finding.
+    """Make a `ConfigError` from one finding of a validation: an unknown key, else the first one.
 
-    An unknown key is often a missing one with a typing error, so it comes before that.
+    A misspelt key leads to two findings, an unknown and a missing key. The unknown one names the
+    mistake.
 
     Args:
         found: What pydantic raised.
@@ -51,7 +52,7 @@ def config_error(found: ValidationError, where: str, keys: Keys) -> ConfigError:
         keys: Gives the known keys of a section, named by its path, and the weather's mode.
     """
     findings = found.errors(include_url=False)
-    unknown = (one for one in findings if one["type"] == "extra_forbidden")
+    unknown = (finding for finding in findings if finding["type"] == "extra_forbidden")
     first = next(unknown, findings[0])
     path, mode = _path(first)
     expected, got, next_step = _explain(first, path, lambda: keys(tuple(path[:-1]), mode))

@@ -132,13 +132,13 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _is_folder(path: Path) -> ConfigError:
-    """The error for a folder in place of a profile; often it is a data set."""
+    """The error for a folder in place of a profile; a data set gets a hint of its own."""
     got, next_step = "a folder", advice("", profile_names())
     if (path / "dataset.json").is_file():
         command = shlex.join(["overtaking", "info", str(path)])
         got, next_step = (
             "a data set",
-            f"name a profile; this prints that of the data set: {command}",
+            f"name a profile; this command prints the profile of the data set: {command}",
         )
     return ConfigError.of(
         what="profile",

@@ -142,7 +142,7 @@ def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str,
 
 
 def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
-    # One frame for a batch of no simulations: a minimum over no frames does not exist.
+    # A batch of no simulations gets one frame, because NumPy has no minimum over zero frames.
     longest = int(out["num_frames"].max(initial=1))
     states = States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_TYPES})
     running = np.arange(longest) < out["num_frames"][:, None, None]

@@ -16,7 +16,7 @@ from overtaking.world.parameters import Parameters
 class Stepper(Protocol):
     """A batch that waits at every decision for orders; both engines give the same bits.
 
-    A simulation that ends is observed once more: at its end, also if an order holds for longer.
+    The last observation of a simulation is the one at its end, even if an order was to hold longer.
     """
 
     def begin(self) -> SteppedObservation:

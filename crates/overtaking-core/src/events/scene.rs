@@ -41,7 +41,7 @@ pub struct Limits<'a> {
 }
 
 impl Limits<'_> {
-    /// First frame in which a vehicle has spun since the first frame.
+    /// First frame in which a vehicle is across the road, after a frame in which it is not.
     fn spin(&self, headings: &[i16]) -> Option<usize> {
         let direction = (self.direction + TURN / 2).rem_euclid(TURN) - TURN / 2;
         first_change(headings, |heading| {
@@ -61,11 +61,11 @@ fn first<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
     Some(begin + step)
 }
 
-/// The first frame in which something holds after a frame in which it does not. A recording may begin with a vehicle
-/// beside the lanes; that vehicle has left nothing.
+/// The first frame in which a condition holds after a frame in which it does not hold. A recording may begin with a
+/// vehicle beside the lanes, which is no departure from them.
 fn first_change<T: Copy>(row: &[T], holds: impl Fn(T) -> bool) -> Option<usize> {
-    let before = row.iter().position(|&one| !holds(one))?;
-    Some(before + first(&row[before..], holds)?)
+    let start = row.iter().position(|&value| !holds(value))?;
+    Some(start + first(&row[start..], holds)?)
 }
 
 /// One simulation.

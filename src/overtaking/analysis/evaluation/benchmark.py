@@ -121,7 +121,7 @@ def read(source: str | Path) -> Benchmark:
             parts=tuple(Scenes(**one) for one in table["scenes"]),
         )
     except ConfigError:
-        raise
+        raise  # It is a ValueError too, and names the key already.
     except (OSError, ValueError, RecursionError, KeyError, TypeError) as error:
         raise _refused(
             path, "a benchmark: name, version, model_version, endpoints, [[scenes]]", error
@@ -144,10 +144,10 @@ def _check(found: Benchmark, path: Path) -> None:
 
 
 def _check_keys(path: Path, table: Iterable[str]) -> None:
-    """Refuse a key that benchmarks do not have.
+    """Refuse unknown keys at the top level of a benchmark.
 
     Raises:
-        ConfigError: There is one.
+        ConfigError: A key is unknown.
     """
     for key in table:
         if key not in _KEYS:

@@ -183,7 +183,8 @@ class Evaluation(Summarized):
         margins: Margins of the attempts.
         counts: Unweighted sums of every column, by driver.
         worst: The worst scenes of the policy, the worst first.
-        asked_profile: The profile that was asked for, where its `-risk` profile was drawn instead.
+        asked_profile: The profile that the caller named, if its `-risk` profile was drawn instead;
+            otherwise None.
     """
 
     policy: str

@@ -76,7 +76,12 @@ def lead(found: Evaluation) -> str:
 
 
 def risk_note(asked: str, drawn: str) -> str:
-    """Why other scenes are drawn than those of the profile that was asked for."""
+    """Explain that scenes of the `-risk` profile are drawn instead.
+
+    Args:
+        asked: Name of the profile that the caller named.
+        drawn: Name of the profile that is drawn.
+    """
     return (
         f"Scenes are drawn from {drawn}, in which dangerous scenes are more frequent, and weights "
         f"restore the rates of {asked}. --as-met (as_met=True) draws scenes of {asked} itself."

@@ -60,7 +60,7 @@ def model_table(found: FactorsFound) -> Table:
     """The models on held-out examples."""
     return Table.of(
         name="learning-models",
-        title=f"Models that predict {_what(found)}",
+        title=f"Models that predict {_outcome_and_policy(found)}",
         note=f"Trained on {found.learned_from:,} simulations, tested on {found.held_out:,} of "
         "other scenarios or recordings. Always predicting the most frequent outcome has accuracy "
         f"{write(found.most_frequent_accuracy, _SHARE)}. From and to: 95 % confidence interval of "
@@ -89,7 +89,7 @@ def confusion_table(found: FactorsFound) -> Table:
     model = next(one for one in found.models if one.name == TREES)
     return Table.of(
         name="learning-confusion",
-        title=f"Confusion matrix of {TREES}: {_what(found)}",
+        title=f"Confusion matrix of {TREES}: {_outcome_and_policy(found)}",
         note="Held-out simulations.",
         columns={"actual \\ predicted": _TEXT} | dict.fromkeys(found.outcomes, _COUNT),
         rows=[
@@ -104,7 +104,7 @@ def ranking_table(found: FactorsFound) -> Table:
     shares = ("accuracy", "from", "to", "gain")
     return Table.of(
         name="learning-ranking",
-        title=f"What decides {_what(found)}: sequential backward selection",
+        title=f"What decides {_outcome_and_policy(found)}: sequential backward selection",
         note="Accuracy with a factor and all factors above it, on simulations not used for the "
         "selection; from and to: its 95 % confidence interval. Ranks: the best and the worst rank "
         "in all repetitions on other simulations.",
@@ -131,6 +131,6 @@ def leakage_table(found: FactorsFound) -> Table:
     )
 
 
-def _what(found: FactorsFound) -> str:
+def _outcome_and_policy(found: FactorsFound) -> str:
     outcome = "the class" if found.about == "outcome" else f"“{found.outcomes[0]}”"
     return f"{outcome} under the policy {found.policy}"

@@ -73,8 +73,8 @@ class Clause:
     body: tuple[Atom, ...]
 
     @property
-    def asked(self) -> tuple[Atom, ...]:
-        """The atoms of the body that are not negated, nor within an aggregate."""
+    def positive_atoms(self) -> tuple[Atom, ...]:
+        """The atoms of the body that must hold: neither negated nor within an aggregate."""
         plain = [
             literal.atom
             for literal in self.tree.body
@@ -217,42 +217,45 @@ class Needed:
 
 @cache
 def possible_constants() -> dict[tuple[str, int, int], frozenset[str]]:
-    """The constants that each argument of a predicate may be, in facts and in conclusions.
+    """The constants that each argument of a predicate can have, in facts and in conclusions.
 
-    A conclusion takes constants from the heads of the rules that queries may use, and through
-    their variables from the atoms that a rule asks for. Iterated until nothing is added.
+    A conclusion has the constants in the head of its rule. A variable in the head has the
+    constants that the positive atoms of the body allow. Conclusions of one rule are atoms of
+    others, so the loop repeats until no constant is added.
 
     Returns:
-        By name and number of arguments of the predicate and place of the argument; without
-        arguments that are numbers.
+        The constants by name of the predicate, its number of arguments and the position of the
+        argument. Arguments that are numbers are left out.
     """
-    found = _constants_of_facts()
-    rules = [(head, clause.asked) for clause in knowledge() for head in clause.heads]
+    constants = _constants_of_facts()
+    rules = [(head, clause.positive_atoms) for clause in knowledge() for head in clause.heads]
     is_growing = True
     while is_growing:
         is_growing = False
-        for head, asked in rules:
-            for place, argument in enumerate(head.arguments):
-                key = (*head.signature, place)
-                new = _constants_of(argument, asked, found) - found.get(key, frozenset())
-                if key in found and new:
-                    is_growing, found[key] = True, found[key] | new
-    return found
+        for head, body in rules:
+            for position, argument in enumerate(head.arguments):
+                key = (*head.signature, position)
+                if key not in constants:
+                    continue
+                new = _constants_of(argument, body, constants) - constants[key]
+                if new:
+                    is_growing, constants[key] = True, constants[key] | new
+    return constants
 
 
 def _constants_of_facts() -> dict[tuple[str, int, int], frozenset[str]]:
-    """The same by facts alone: nothing for the predicates that only programs conclude."""
-    found = {
-        (*signature, place): frozenset[str]()
+    """`possible_constants` of facts; empty sets for predicates that only rules conclude."""
+    constants = {
+        (*signature, position): frozenset[str]()
         for signature, types in declared().items()
-        for place, of in enumerate(types)
-        if of.names
+        for position, argument_type in enumerate(types)
+        if argument_type.names
     }
     for fact in words.FACTS:
-        for place, (label, of) in enumerate(fact.arguments):
-            if of.names:
-                found[*fact.signature, place] = fact.constants(label)
-    return found
+        for position, (label, argument_type) in enumerate(fact.arguments):
+            if argument_type.names:
+                constants[*fact.signature, position] = fact.constants(label)
+    return constants
 
 
 atexit.register(possible_constants.cache_clear)
@@ -260,17 +263,23 @@ atexit.register(possible_constants.cache_clear)
 
 def _constants_of(
     argument: str | None,
-    asked: Iterable[Atom],
-    found: dict[tuple[str, int, int], frozenset[str]],
+    body: Iterable[Atom],
+    constants: dict[tuple[str, int, int], frozenset[str]],
 ) -> frozenset[str]:
-    """The constants that an argument of a head may be, given what its body asks for."""
+    """The constants that an argument of a head can have.
+
+    Args:
+        argument: A constant, a variable, or None for any other term.
+        body: The positive atoms of the rule.
+        constants: The constants that are possible in these atoms so far.
+    """
     if not _is_variable(argument):
         return frozenset() if argument is None else frozenset([argument])
     values = [
-        found[key]
-        for atom in asked
-        for place, one in enumerate(atom.arguments)
-        if one == argument and (key := (*atom.signature, place)) in found
+        constants[key]
+        for atom in body
+        for position, body_argument in enumerate(atom.arguments)
+        if body_argument == argument and (key := (*atom.signature, position)) in constants
     ]
     return frozenset.intersection(*values) if values else frozenset()
 

@@ -203,7 +203,11 @@ def _checked_types(tree: Any) -> dict[str, Type]:
 
 
 def _predicate_of(function: Any) -> Predicate:
-    """The predicate of an atom of a question."""
+    """The predicate of an atom in a question.
+
+    Raises:
+        ConfigError: The predicate is unknown.
+    """
     signature = function.name, len(function.arguments)
     if signature not in PREDICATES:
         raise _unknown(*signature, function.location.begin.column)
@@ -211,7 +215,7 @@ def _predicate_of(function: Any) -> Predicate:
 
 
 def _alternatives(term: Any) -> Iterator[Any]:
-    """The terms of a pool such as (l1;l2), or the one term."""
+    """The alternatives of a pool such as `(l1;l2)`; the term itself if it is no pool."""
     if kind(term) == "Pool":
         for part in term.arguments:
             yield from _alternatives(part)
@@ -220,7 +224,7 @@ def _alternatives(term: Any) -> Iterator[Any]:
 
 
 def _compared_terms(trees: Any) -> Iterator[tuple[str, Any]]:
-    """The variables that are compared by = or !=, each with the other side."""
+    """Each variable that is compared by `=` or `!=`, with the term on the other side."""
     for tree in within(trees):
         if kind(tree) == "Comparison" and len(tree.guards) == 1:
             (guard,) = tree.guards
@@ -231,26 +235,29 @@ def _compared_terms(trees: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _check_constants(term: Any, of: Type, possible: frozenset[str], place: str) -> None:
-    """`_check_constant` of each alternative of a pool, or of the one term."""
-    for one in _alternatives(term):
-        _check_constant(one, of, possible, place)
+    """Call `_check_constant` for each alternative of a pool, or for the term itself."""
+    for alternative in _alternatives(term):
+        _check_constant(alternative, of, possible, place)
 
 
 def _check_constant(term: Any, of: Type, possible: frozenset[str], place: str) -> None:
-    """Refuse a constant that an argument never is.
+    """Refuse a constant that an argument can never have.
 
     Args:
-        term: The argument, or what its variable is compared with; variables and arithmetic with
-            variables pass.
-        of: Its type.
-        possible: The constants that it may be.
-        place: Where it stands, for the message.
+        term: The argument, or the term with which its variable is compared.
+        of: Type of the argument.
+        possible: Constants that the argument can have.
+        place: Name of the argument and its atom, for the message.
+
+    Raises:
+        ConfigError: The constant is impossible.
     """
+    # The value of a term with a variable is not known before the query runs.
     if any(kind(part) == "Variable" for part in within([term])):
         return
     if of.names:
         if str(term) not in possible:
-            ordered = _nearest_first(str(term), [one for one in of.names if one in possible])
+            ordered = _nearest_first(str(term), [name for name in of.names if name in possible])
             raise refused(str(term), f"{place} to be one of {', '.join(ordered)}")
         return
     if str(term) == "ego":
@@ -264,7 +271,7 @@ def _check_constant(term: Any, of: Type, possible: frozenset[str], place: str) -
 
 
 def _nearest_first(got: str, names: list[str]) -> list[str]:
-    """The names, those that resemble what was asked for first."""
+    """The names, those that resemble `got` first."""
     near = difflib.get_close_matches(got.lower(), names, n=3, cutoff=0.5)
     return [*near, *(name for name in names if name not in near)]
 

@@ -109,7 +109,7 @@ class Predicate:
         name: Its name.
         about: What it says of its arguments.
         arguments: Name and type of each argument.
-        never: By the name of an argument, the constants of its type that it never is.
+        never: Constants of an argument's type that the argument never has, by its name.
     """
 
     name: str
@@ -123,7 +123,7 @@ class Predicate:
         return self.name, len(self.arguments)
 
     def constants(self, label: str) -> frozenset[str]:
-        """The constants that an argument may be as a fact; none for numbers."""
+        """The constants that an argument can have in facts; empty for numbers."""
         return frozenset(dict(self.arguments)[label].names) - {*self.never.get(label, ())}
 
     @property

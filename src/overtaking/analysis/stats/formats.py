@@ -37,7 +37,7 @@ _LATEX = str.maketrans(
 
 
 def page_parts(statistics: Statistics) -> list[str | Table | dict[str, str]]:
-    """All tables with the meanings of their words, the waiting time, notes and warnings."""
+    """The parts of the printed text in order: tables, meanings of words, waiting time, notes."""
     parts: list[str | Table | dict[str, str]] = [
         statistics.classes,
         _legend("classes", statistics.sample.classes),
@@ -53,7 +53,7 @@ def page_parts(statistics: Statistics) -> list[str | Table | dict[str, str]]:
 
 
 def _legend(group: str, names: Iterable[str]) -> dict[str, str]:
-    """The meanings of names."""
+    """The meaning of each name in a group of terms."""
     meanings = terms(group)
     return {name: meanings[name].meaning for name in names}
 
@@ -165,7 +165,7 @@ def latex(text: str) -> str:
 
 
 def written(statistics: Statistics, name: str) -> str:
-    """Everything in one of the `FORMATS` other than text."""
+    """All statistics in one of the `FORMATS` other than text."""
     if name == "json":
         return json.dumps(statistics.values(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     return {"csv": to_csv, "latex": to_latex}[name](statistics)

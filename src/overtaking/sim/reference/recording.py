@@ -243,7 +243,7 @@ class Recorder:
         contacts = _contacts(state)
         self._mix_contacts(contacts)
         self._mix_percepts()
-        longest = int(self.num_frames.max(initial=1))  # See `engine`.
+        longest = int(self.num_frames.max(initial=1))  # As in `engine._trajectories`.
         trimmed = {name: getattr(self.states, name)[:, :, :longest] for name in States.__slots__}
         running = np.arange(longest) < self.num_frames[:, None, None]
         there = self.scenario.vehicles.valid[:, :, None] & running

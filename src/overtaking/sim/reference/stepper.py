@@ -16,13 +16,14 @@ from overtaking.world.parameters import SUBSTEPS, Parameters
 
 
 class SteppedObservation(NamedTuple):
-    """What the egos of a batch observe after a step.
+    """The observations of the egos of a batch after a step.
 
     Attributes:
-        table: Numbers of each ego, shape (simulation, `WIDTH`). A simulation that ended within the
-            step is observed at its end; one that ended before has zeros.
-        runs: Whether a simulation goes on, shape (simulation,).
-        num_decisions: Decisions of this step that a simulation carried out, shape (simulation,).
+        table: Observed numbers of each ego, shape (simulation, `WIDTH`). A simulation that ended
+            within the step is observed at its end; one that ended earlier has zeros.
+        runs: Whether each simulation continues, shape (simulation,).
+        num_decisions: Number of decisions that each simulation carried out in this step, shape
+            (simulation,).
     """
 
     table: F32
@@ -58,7 +59,7 @@ class Stepper:
 
         Args:
             values: Steps of each number of the action, shape (simulation, `MOST_PARTS`).
-            decisions: How many, one at least.
+            decisions: Number of decisions, at least 1.
         """
         orders = None if self._kind is None else orders_of(self._kind, values)
         num_decisions = np.zeros(self._ran.shape, np.uint32)
@@ -73,7 +74,7 @@ class Stepper:
         return SteppedObservation(table, self._ran, num_decisions)
 
     def _observe(self) -> tuple[F32, Mask]:
-        """Numbers of all egos, also of simulations that have ended, and which simulations run."""
+        """Observed numbers of all egos, ended simulations included, and which simulations run."""
         is_running = np.float32(self._step) <= self._state.end_step
         self._perceive()
         state, given, p = self._state, self._given, self._here
