@@ -30,7 +30,7 @@ MOST_MEMORY_MB = 500
 MOST_SECONDS = 60.0
 """A case that takes longer hangs."""
 
-_ADDRESS_SPACE = 16 << 30
+_ADDRESS_SPACE = 4 << 30
 """What a process may ask for, so that a fault cannot take the memory of the machine [bytes]."""
 
 _SHOWN = 5

@@ -89,7 +89,9 @@ def _signed(manifest: bytes, given: Shard) -> str:
         "size_bytes": len(given.content),
         "sha256": hashlib.sha256(given.content).hexdigest(),
     }
-    with contextlib.suppress(pa.ArrowException, OSError):  # The footer may be damaged.
+    with contextlib.suppress(
+        pa.ArrowException, OSError, UnicodeDecodeError
+    ):  # The footer may be damaged.
         facts["rows"] = pq.read_metadata(io.BytesIO(given.content)).num_rows
     return json.dumps(values)
 

@@ -98,7 +98,7 @@ def test_more_rows_than_the_simulations_can_have_are_refused_before_they_are_rea
     with pytest.raises(
         ot.OvertakingError, match=f"rows of table {table}: expected at most {MOST[table]} "
     ):
-        ot.load(folder).table(table)
+        ot.load(folder)
 
 
 def test_rows_are_as_many_as_the_manifest_states(folder):
@@ -107,6 +107,15 @@ def test_rows_are_as_many_as_the_manifest_states(folder):
         ot.OvertakingError, match="rows of table events: expected 5, as the manifest"
     ):
         ot.load(folder).table("events")
+
+
+def test_tables_that_no_version_has_are_refused(folder):
+    manifest = json.loads((folder / "dataset.json").read_text())
+    tables = manifest["shards"][0]["tables"]
+    tables["../labels"] = tables["labels"]
+    (folder / "dataset.json").write_text(json.dumps(manifest))
+    with pytest.raises(ot.OvertakingError, match="table: expected simulations or "):
+        ot.load(folder).verify()
 
 
 def test_every_simulation_has_a_label_under_each_policy(folder):
@@ -119,6 +128,14 @@ def test_a_text_that_a_file_repeats_in_every_row_is_bounded(folder):
     rewrite(folder, "labels", with_cell("rule_set", 0, "a" * 5000))
     with pytest.raises(ot.OvertakingError, match="column rule_set: expected texts of at most 4096"):
         ot.load(folder).table("labels")
+
+
+def test_a_text_that_is_no_utf8_is_refused(folder):
+    index = SCHEMAS["simulations"].get_field_index("profile")
+    texts = pa.array([b"\xff", b"\xff"], pa.binary()).view(pa.string())
+    rewrite(folder, "simulations", lambda rows: rows.set_column(index, rows.field(index), texts))
+    with pytest.raises(ot.OvertakingError, match="expected a readable Parquet file, got.*UTF8"):
+        ot.load(folder).table("simulations")
 
 
 def test_a_file_that_expands_a_thousandfold_is_refused_by_its_metadata(tmp_path):

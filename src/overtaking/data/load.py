@@ -368,10 +368,12 @@ class Dataset(Summarized):
         return self._files.of(name, is_checked=is_checked)
 
     def check_first_shard(self) -> None:
-        """Check version and columns of each table in the first shard, without reading a row.
+        """Check version, columns and number of rows of each table in the first shard.
 
         Raises:
-            SchemaError: A file is damaged or lacks a column.
+            DatasetError: A table has more rows than its simulations can have, or others than the
+                manifest states.
+            SchemaError: A table lacks a column, or is of a newer version.
         """
         self._files.check_first_shard()
 

@@ -31,9 +31,9 @@ from overtaking.data.tables.digest import content_of
 from overtaking.data.tables.files import (
     FileFacts,
     TableWriter,
-    check_columns,
     check_footer,
     facts_of,
+    footer_rows,
     read_notes,
     read_table,
 )
@@ -292,7 +292,7 @@ class ShardFiles:
             facts = self._manifest.shards[shard.number].tables[table]
             if not is_intact(partial(path.open, "rb"), facts):
                 raise self._damaged(name, "others")
-            self._check_rows(path, table, shard)
+            self._check_rows(check_footer(path, table), str(path), table, shard)
             self._intact.add(name)
         return path
 
@@ -318,12 +318,14 @@ class ShardFiles:
                 self.one(table, shard)
 
     def check_first_shard(self) -> None:
-        """Check version and columns of each table in the first shard, without reading a row.
+        """Check version, columns and number of rows of each table in the first shard.
 
-        A store sends the ends of these files only. A missing or damaged file is found when it is
-        read, by its checksum.
+        Only the metadata at the ends of the files is read. A missing or damaged file is found when
+        it is read, by its checksum.
 
         Raises:
+            DatasetError: A table has more rows than its simulations can have, or others than the
+                manifest states.
             SchemaError: A table lacks a column, or is of a newer version.
         """
         shard = self.shards[0]
@@ -333,7 +335,8 @@ class ShardFiles:
             name = name_of(table, shard)
             unreadable = (OSError, UnicodeDecodeError, pa.ArrowException)
             with suppress(*unreadable), self._location.open(name) as file:
-                check_columns(file, self._location.at(name), table)
+                where = self._location.at(name)
+                self._check_rows(footer_rows(file, where, table), where, table, shard)
 
     def check_simulations(self, rows: pa.Table, where: str, table: str, shard: Shard) -> None:
         """Refuse rows of simulations that are not in the shard, and too many rows of one.
@@ -359,16 +362,19 @@ class ShardFiles:
             expected = f"simulations {shard.first} to {shard.stop - 1}"
             raise _other_rows(table, where, expected, int(key[is_other][0]))
 
-    def _check_rows(self, path: Path, table: str, shard: Shard) -> None:
-        """Check the footer of a file, and its number of rows, before any row is decoded.
+    def _check_rows(self, got: int, where: str, table: str, shard: Shard) -> None:
+        """Check the number of rows of a file, before any row is decoded.
+
+        Args:
+            got: Number of rows by the metadata of the file.
+            where: The file, for messages.
+            table: Name of its table.
+            shard: Which simulations.
 
         Raises:
-            DatasetError: It has other rows than the manifest states, or more than its simulations
-                can have.
-            SchemaError: The file is no Parquet file of this table.
+            DatasetError: The manifest states another number, or simulations cannot have so many.
         """
         facts = self._manifest.shards[shard.number].tables[table]
-        got = check_footer(path, table)
         each = ROWS_OF_EACH.get(table)
         most = self._most_rows[table] * shard.num_simulations
         if got > most:
@@ -379,12 +385,14 @@ class ShardFiles:
             expected = f"{each * shard.num_simulations}, {each} for each simulation"
         elif table == MARK and facts.size_bytes < HASH_BYTES * got:
             # Trace hashes cannot be compressed: the size of this file limits all other tables.
-            expected, got = f"at least {HASH_BYTES} bytes each", f"{facts.size_bytes} bytes"
+            expected = f"at least {HASH_BYTES} bytes each in {facts.size_bytes} bytes"
         else:
             return
-        raise _other_rows(table, str(path), expected, got)
+        raise _other_rows(table, where, expected, got)
 
     def _fetched(self, table: str, shard: Shard) -> Path:
+        if table not in SCHEMAS:  # Its name would be a part of a path.
+            raise DatasetError.not_among("table", str(self._location), SCHEMAS, table)
         if table not in self._manifest.shards[shard.number].tables:
             raise self._older(table)
         name = name_of(table, shard)

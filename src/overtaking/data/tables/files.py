@@ -195,52 +195,46 @@ def read_table(path: Path, table: str) -> pa.Table:
 
 
 def check_footer(path: Path, table: str) -> int:
+    """As `footer_rows`, of a file that may be missing or damaged.
+
+    Raises:
+        SchemaError: As `footer_rows`; or the file is missing or damaged.
+    """
+    return _read(path, lambda: footer_rows(path, str(path), table))
+
+
+def footer_rows(source: Path | BufferedIOBase, where: str, table: str) -> int:
     """Check version, columns and stated size of a file by its metadata; no row is decoded.
 
     Args:
-        path: The file.
+        source: The file, or its bytes.
+        where: Name of the file in messages.
         table: Name of one of the `SCHEMAS`.
 
     Returns:
         The number of its rows.
 
     Raises:
-        SchemaError: The file is missing, damaged, of another table or of a newer version, or its
-            rows would take far more memory than its size lets expect.
+        SchemaError: It is of another table or of a newer version, lacks a column, or its rows would
+            take far more memory than its size lets expect.
+        OSError: It is no Parquet file. Arrow has errors of its own for this, too.
     """
-
-    def read() -> int:
-        file, file_bytes = _opened(path, table), path.stat().st_size
-        row_bytes = sum(_cell_bytes(field.type) for field in file.schema_arrow)
-        groups = range(file.num_row_groups)
-        page_bytes = sum(file.metadata.row_group(index).total_byte_size for index in groups)
-        most = max(MOST_EXPANSION * file_bytes, SMALL_BYTES)
-        num_rows = file.metadata.num_rows
-        if max(row_bytes * num_rows, page_bytes) > most:
-            raise _refused(
-                path,
-                f"size of table {table}",
-                f"at most {most >> 20} MiB of rows in a file of {file_bytes} bytes",
-                f"{num_rows} rows",
-            )
-        return num_rows
-
-    return _read(path, read)
-
-
-def check_columns(file: BufferedIOBase, where: str, table: str) -> None:
-    """Check version and columns of a file by its metadata.
-
-    Args:
-        file: The bytes of the file.
-        where: Name of the file in messages.
-        table: Name of one of the `SCHEMAS`.
-
-    Raises:
-        SchemaError: It is of another table or of a newer version, or lacks a column.
-        OSError: It is no Parquet file; so is Arrow's own error.
-    """
-    _opened(file, table, where)
+    file = _opened(source, table, where)
+    is_path = isinstance(source, Path)
+    file_bytes = source.stat().st_size if is_path else source.seek(0, os.SEEK_END)
+    row_bytes = sum(_cell_bytes(field.type) for field in file.schema_arrow)
+    groups = range(file.num_row_groups)
+    page_bytes = sum(file.metadata.row_group(index).total_byte_size for index in groups)
+    most = max(MOST_EXPANSION * file_bytes, SMALL_BYTES)
+    num_rows = file.metadata.num_rows
+    if max(row_bytes * num_rows, page_bytes) > most:
+        raise _refused(
+            where,
+            f"size of table {table}",
+            f"at most {most >> 20} MiB of rows in a file of {file_bytes} bytes",
+            f"{num_rows} rows",
+        )
+    return num_rows
 
 
 def read_columns(path: Path, table: str, names: Sequence[str]) -> pa.Table:
@@ -400,6 +394,7 @@ def _checked_column(
     if column.null_count and field.name in NEVER_NULL[table]:
         raise _refused(path, what, "a value in every row", f"{column.null_count} nulls")
     if pa.types.is_dictionary(column.type):
+        column.validate(full=True)  # Parquet checks neither indices nor that texts are UTF-8.
         for chunk in column.chunks:
             longest = longest_text(chunk.dictionary)
             if longest > MOST_TEXT_BYTES:
