@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -22,10 +23,16 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ci
 
 
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sound") / "data"
+    ot.generate("pinto2023-physical", 2, 1, folder)
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    ot.generate("pinto2023-physical", 2, 1, tmp_path / "data")
-    return tmp_path / "data"
+def folder(sound: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(sound, tmp_path / "data")
 
 
 def rewrite(
@@ -134,7 +141,7 @@ def test_a_text_that_is_no_utf8_is_refused(folder):
     index = SCHEMAS["simulations"].get_field_index("profile")
     texts = pa.array([b"\xff", b"\xff"], pa.binary()).view(pa.string())
     rewrite(folder, "simulations", lambda rows: rows.set_column(index, rows.field(index), texts))
-    with pytest.raises(ot.OvertakingError, match="expected a readable Parquet file, got.*UTF8"):
+    with pytest.raises(ot.OvertakingError, match=r"expected a readable Parquet file, got.*UTF8"):
         ot.load(folder).table("simulations")
 
 
