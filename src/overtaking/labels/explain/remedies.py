@@ -51,6 +51,7 @@ def pass_in_next_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
     too_far = own - entered > 1
     lanes = np.where(too_far, own - entered, own - other)
     lacking = np.where(too_far, lanes - 1, 1 - lanes)
+    # A frame in queues lacks nothing, however the lanes lie.
     worst = int(np.where(_is_queue(facts, frames), 0, lacking).argmax())
     return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target)
 
@@ -58,10 +59,11 @@ def pass_in_next_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
 def pass_on_the_left(facts: BreachFacts) -> tuple[Remedy, ...]:
     """O1: in a lane to the left of the target's lane."""
     frames = _alongside(facts)
-    ego, target = (
-        lane_index(of.lane)[0, frames].astype(int) for of in (facts.case.signals, facts.case.target)
+    ego_lane, target_lane = (
+        lane_index(signals.lane)[0, frames].astype(int)
+        for signals in (facts.case.signals, facts.case.target)
     )
-    lanes = np.where(_is_queue(facts, frames), 1, ego - target)
+    lanes = np.where(_is_queue(facts, frames), 1, ego_lane - target_lane)
     worst = int(lanes.argmin())
     return sole(Quantity.LANES_LEFT, lanes[worst], 1.0, frames[worst], facts.target)
 

@@ -56,7 +56,7 @@ class Connections:
 
     Silence alone ends no connection: CARLA's own client connects before its first call, and may
     listen to sensors for hours without another call. Only when `MAX_CONNECTIONS` are open, a new
-    connection closes an old one: of the machine with the most connections those with the fewest
+    connection closes an old one: of the machines with the most connections those with the fewest
     calls (all counts from `NUM_CALLS_OF_CLIENT` on are equal), and of these the one whose last
     call is the longest time ago.
 
@@ -94,9 +94,10 @@ class Connections:
         Raises:
             CrowdedError: Even that one has made a call within the last `MIN_SILENCE`.
         """
-        ((host, _),) = Counter(connection.host for connection in self._open).most_common(1)
+        num_connections = Counter(connection.host for connection in self._open)
+        most = max(num_connections.values())
         oldest = min(
-            (connection for connection in self._open if connection.host == host),
+            (one for one in self._open if num_connections[one.host] == most),
             key=lambda connection: (
                 min(connection.num_calls, NUM_CALLS_OF_CLIENT),
                 connection.last_call_time,

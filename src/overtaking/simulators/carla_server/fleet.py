@@ -249,6 +249,7 @@ class Fleet:
         """
         self._moved = {}
         if not self._vehicles:
+            self._slide(duration)
             return []
         count = max(1, math.ceil(duration / LONGEST_STEP - 1e-9))
         mover = self._mover(duration, count)

@@ -400,7 +400,7 @@ class World:
             size = (camera.width, camera.height)
             shots.append(Shot(camera.stream, header, pose, size, camera.fov_deg))
         if shots:
-            bodies = [one for one in self.actors.values() if isinstance(one, Vehicle | Prop)]
+            bodies = [actor for actor in self.actors.values() if isinstance(actor, Vehicle | Prop)]
             self.pictures.draw(shots, self.map, bodies, self.weather)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from contextlib import ExitStack, suppress
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -94,6 +94,29 @@ def test_the_machine_with_the_most_connections_gives_way(monkeypatch: pytest.Mon
     asyncio.run(come_and_go())
     # The first one has been silent for longer, but its machine has no other connection.
     assert [writer.is_aborted for writer in writers] == [False, True, False, False]
+
+
+def test_of_machines_with_equally_many_connections_the_silent_one_gives_way(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 2)
+    crowd = Connections(lambda _: None)
+    client_writer, silent_writer, newcomer = (
+        RemoteWriter(f"10.0.0.{number}") for number in range(3)
+    )
+
+    async def come_and_go() -> None:
+        with ExitStack() as stack:
+            client, _ = (
+                stack.enter_context(crowd.enter(cast("Any", writer)))
+                for writer in (client_writer, silent_writer)
+            )
+            for _ in range(NUM_CALLS_OF_CLIENT):
+                client.note_call()
+            stack.enter_context(crowd.enter(cast("Any", newcomer)))
+
+    asyncio.run(come_and_go())
+    assert (client_writer.is_aborted, silent_writer.is_aborted) == (False, True)
 
 
 async def _close(writers: list[asyncio.StreamWriter]) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from overtaking.knowledge.blueprints import props
 from overtaking.simulators.carla_server import rays
-from overtaking.simulators.carla_server.actors import Vehicle, bounding_box
+from overtaking.simulators.carla_server.actors import Prop, Vehicle, bounding_box
 from overtaking.simulators.carla_server.arguments import (
     Attribute,
     Control,
@@ -223,6 +223,22 @@ def test_a_prop_with_physics_is_pushed_with_the_momentum_that_the_vehicle_loses(
     assert speed < gained < 2.0 * speed
     moved = world.actors[prop].pose.location.x - 1000.0
     assert moved == pytest.approx(gained**2 / (2.0 * 5.0), rel=0.2)
+    assert not world.fleet.moved_obstacles()
+
+
+def test_a_pushed_prop_slides_on_when_the_last_vehicle_is_destroyed():
+    world = new_world()
+    prop = world.actors[spawn(world, CONTAINER, pose(1000.0))]
+    assert isinstance(prop, Prop)
+    world.set_prop_physics(prop, has_physics=True)
+    car = spawn_car(world, pose(996.0), speed=15.0)
+    while not world.fleet.moved_obstacles():
+        world.tick()
+    world.destroy(car.actor_id)
+    place = prop.pose.location.x
+    for _ in range(200):
+        world.tick()
+    assert prop.pose.location.x > place + 5.0
     assert not world.fleet.moved_obstacles()
 
 
