@@ -90,7 +90,8 @@ _KINDS = {
     "bicycle": VehicleKind.B, "left_out": -2, "not_known": -3,
 }  # fmt: skip
 BY_LENGTH, LEFT_OUT, NOT_KNOWN = -1, -2, -3
-"""Codes of types beside `VehicleKind`: a car, whose size decides; not read; of a kind not known."""
+"""Codes of types beside `VehicleKind`: a car whose length decides about its kind; a vehicle that is
+not read; a vehicle of unknown kind."""
 
 _MOST_BYTES = 1 << 20
 _CELL = re.compile(r"^(.*?)\s*\[([^\[\]]*)\]$")
@@ -314,7 +315,7 @@ class _Reading:
             raise self.refused("files", ", ".join(TABLES), ", ".join(files))
 
     def unknown_key(self, what: str, key: str, known: Iterable[str]) -> ConfigError:
-        """The error for a key that a map does not have."""
+        """The error for a key that maps do not have; it proposes the nearest known key."""
         return ConfigError.of(
             what=shown(what),
             where=self.where,
@@ -342,7 +343,8 @@ def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
         columns: The map, which has the endings of the names of the files.
 
     Returns:
-        The files. Each may be compressed or not; of two of one name the one like `path` is taken.
+        The files. Each may be compressed or not. Where a file exists in several forms, the
+        compression of `path` comes first, then the uncompressed file.
 
     Raises:
         ConfigError: The path is not that of the table of states.
@@ -366,15 +368,15 @@ def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
 
 
 def _existing(path: Path, compression: str) -> Path:
-    """A file of a name, with one of the endings of compressed files or without; without if none.
+    """The file of a name in the form that exists; the uncompressed name if none does.
 
     Args:
-        path: The file without such an ending.
-        compression: The ending to try first.
+        path: The file without the ending of a compression.
+        compression: The ending to try first, such as ".gz"; empty for none.
     """
     endings = dict.fromkeys((compression, "", *COMPRESSED_SUFFIXES))
-    found = (path.with_name(path.name + ending) for ending in endings)
-    return next((each for each in found if each.exists()), path)
+    candidates = (path.with_name(path.name + ending) for ending in endings)
+    return next((candidate for candidate in candidates if candidate.exists()), path)
 
 
 def template(names: tuple[str, ...] = ()) -> str:

@@ -24,6 +24,7 @@ from overtaking.recordings.column_map import (
     ColumnMap,
     files_of,
 )
+from overtaking.recordings.messages import shown
 from overtaking.recordings.recording import kinds_by_length
 from overtaking.recordings.recording_checks import compare_sizes
 from overtaking.recordings.rows import ON_GRID, TORN, Rows, at_whole_frames, numbered
@@ -55,8 +56,12 @@ _OF_A_TRACK = ("type", "length", "width", "direction")
 _NOT_CHANGING = (*_OF_A_TRACK, "vehicle", "frame", "time", "lane")
 _MOST_ROWS, _MOST_FRAMES = 50_000_000, 10_000_000
 
-_MAX_SPEED = 150.0  # Two rows of an id that are farther apart are of two vehicles [m/s].
-_MAX_SPEED_RATIO = 20.0  # ... unless all positions of the table are in another unit.
+_MAX_SPEED = 150.0
+"""An id that moves faster between two rows belongs to two vehicles, one after the other [m/s]."""
+
+_MAX_SPEED_RATIO = 20.0
+"""Jumps must also exceed the median speed by this factor: with positions in a wrong unit, every row
+exceeds `_MAX_SPEED`, and no track would be left for `recording_checks` to name the unit."""
 
 Columns = dict[str, "NDArray[Any]"]
 
@@ -67,16 +72,16 @@ def read_rows(path: Path, columns: ColumnMap, only: Mapping[str, str] | None = N
     Args:
         path: The file, or the one of the states.
         columns: Where each quantity is.
-        only: Values that columns must have, beside those that the map names. Of the tables of
-            vehicles and of the recording it chooses rows where they have such a column.
+        only: Values that columns must have, beside those that the map names. The tables of vehicles
+            and of the recording are filtered too if they have such a column.
 
     Raises:
         ImportFormatError: A file is missing or damaged; the message names line and column.
         ConfigError: The path is not that of the table of states.
     """
-    asked = replace(columns, only={**columns.only, **(only or {})})
-    tables = {name: _read(file, asked, name) for name, file in files_of(path, asked).items()}
-    return _Join(asked, tables).rows()
+    chosen = replace(columns, only={**columns.only, **(only or {})})
+    tables = {name: _read(file, chosen, name) for name, file in files_of(path, chosen).items()}
+    return _Join(chosen, tables).rows()
 
 
 def _read(path: Path, columns: ColumnMap, table: str) -> _Table:
@@ -126,16 +131,20 @@ def _types(columns: ColumnMap, table: str) -> dict[str, pa.DataType]:
 
 
 def _further_types(names: Iterable[str], columns: ColumnMap, table: str) -> dict[str, pa.DataType]:
-    """Columns that a table may have beside those of the map: chosen values, and sizes again."""
-    wanted = dict.fromkeys(columns.only, TEXT)
+    """Columns of a table that the map does not name for it, with their types.
+
+    These are the columns by which rows are chosen, and in the table of states the sizes that the
+    table of vehicles has as well, which are compared.
+    """
+    optional = dict.fromkeys(columns.only, TEXT)
     if table == TRACKS:
-        wanted |= {
+        optional |= {
             column.names[0]: NUMBER
             for name, column in columns.columns.items()
             if name in _SIZES and column.table == VEHICLES
         }
-    there = {name.strip().casefold() for name in names}
-    return {name: kind for name, kind in wanted.items() if name.casefold() in there}
+    existing = {name.strip().casefold() for name in names}
+    return {name: kind for name, kind in optional.items() if name.casefold() in existing}
 
 
 def _limits(columns: ColumnMap, table: str) -> dict[str, float]:
@@ -153,9 +162,9 @@ class _Table:
     """Rows of a table as arrays.
 
     Attributes:
-        where: What the table is called in a message.
+        where: Name of the table in messages.
         columns: Cells of each column, shape (row,).
-        line: Place of each row in the file, same shape.
+        line: Index of each row in the file, from 0, same shape.
     """
 
     where: str
@@ -174,7 +183,7 @@ class _Table:
         return len(self.line)
 
     def check(self, is_right: Mask, name: str, expected: str) -> None:
-        """Refuse the first cell of a column that is not right."""
+        """Raise the error for the first cell of a column that is not right."""
         if not is_right.all():
             row = int(np.argmin(is_right))
             got = str(self.columns[name][row])
@@ -189,17 +198,24 @@ class _Table:
         return _Table(self.where, columns, self.line[rows])
 
     def chosen(self, only: Mapping[str, str]) -> _Table:
-        """The rows in which columns have some values."""
+        """The rows in which each column of `only` has the value that is stated for it.
+
+        Raises:
+            ImportFormatError: No row has these values.
+        """
         rows = np.ones(self.num_rows, np.bool_)
         for name, value in only.items():
             if name in self.columns:
-                rows &= self.columns[name].astype(object) == value
+                rows &= _has_value(self.columns[name], value)
+                if not rows.any():
+                    what = f"rows with {shown(name)}={shown(value)}"
+                    raise refused(self.where, what, "at least one", "none")
         return self.kept(rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OfTracks:
-    """What does not change within a track; arrays of shape (track,).
+    """Quantities that are constant within a track; arrays have shape (track,).
 
     Attributes:
         length: [m].
@@ -207,7 +223,7 @@ class _OfTracks:
         kind: `VehicleKind`.
         is_kind_known: Whether the kind is stated and agrees with the length.
         direction: Number of the carriageway; None where no column has it.
-        warnings: What the columns contradict each other in.
+        warnings: A sentence for each contradiction between columns.
     """
 
     length: F64
@@ -227,7 +243,7 @@ class _Join:
 
     def rows(self) -> Rows:
         """The states of the recording."""
-        tracks, silent = self.with_keys(self.tables[TRACKS])
+        tracks, empty = self.with_vehicle_and_time(self.tables[TRACKS])
         ids, vehicle, tracks = self.ids(tracks)
         type_code = self.type_codes(tracks, vehicle, ids)
         is_read = type_code != LEFT_OUT
@@ -238,7 +254,8 @@ class _Join:
             raise refused(tracks.where, "vehicles", "some that are read", "none")
         about = self.about()
         moment, interval = self.moments(tracks, vehicle, about)
-        is_missing = self.is_missing(tracks, silent)
+        is_missing = self.is_missing(tracks, empty)
+        # Complete rows come first among rows of one time, so that incomplete repetitions are dropped.
         order = np.lexsort((is_missing, moment, vehicle))
         tracks, vehicle, moment = tracks.kept(order), vehicle[order], moment[order]
         type_code, is_missing = type_code[order], is_missing[order]
@@ -249,7 +266,7 @@ class _Join:
         if not rows.any():
             raise refused(tracks.where, "rows", "positions", "none")
         tracks, vehicle, moment = tracks.kept(rows), vehicle[rows], moment[rows]
-        values = self.values(tracks, silent)
+        values = self.values(tracks, empty)
         track = _tracks(vehicle, moment, values, interval)
         first_row = np.flatnonzero(np.append(True, np.diff(track) != 0))
         track_vehicle = vehicle[first_row]
@@ -291,57 +308,63 @@ class _Join:
     def changing(self) -> list[str]:
         """The quantities that change from row to row."""
         columns = self.map.columns.items()
-        return [n for n, one in columns if one.table == TRACKS and n not in _NOT_CHANGING]
+        return [
+            name
+            for name, column in columns
+            if column.table == TRACKS and name not in _NOT_CHANGING
+        ]
 
-    def with_keys(self, tracks: _Table) -> tuple[_Table, frozenset[str]]:
-        """The rows that have a vehicle and a time, and the quantities that no row has.
+    def with_vehicle_and_time(self, tracks: _Table) -> tuple[_Table, frozenset[str]]:
+        """The rows that have a vehicle and a time, and the quantities whose columns are empty.
 
-        Rows without them are left out where the position is missing as well.
+        Raises:
+            ImportFormatError: There are no rows or too many, a frame is no whole number, or a row
+                with all its quantities lacks the vehicle or the time. Other rows without them are
+                left out.
         """
         if not 0 < tracks.num_rows <= _MOST_ROWS:
             expected = f"1 to {_MOST_ROWS:,}"
             raise refused(tracks.where, "rows", expected, f"{tracks.num_rows:,}")
-        silent = frozenset(
+        empty = frozenset(
             name
             for name in self.changing
             if name not in ("x", "y")
-            and all(np.isnan(tracks.columns[one]).all() for one in self.map.columns[name].names)
+            and all(np.isnan(tracks.columns[cell]).all() for cell in self.map.columns[name].names)
         )
-        name = "frame" if "frame" in self.map.columns else "time"
-        id_column, time_column = (self.map.columns[one].names[0] for one in ("vehicle", name))
+        id_column, time_column = self.map.columns["vehicle"].names[0], self.time_column
         has_id = tracks.columns[id_column].astype(object) != ""
         has_time = ~np.isnan(tracks.columns[time_column])
-        is_missing = self.is_missing(tracks, silent)
+        is_missing = self.is_missing(tracks, empty)
         tracks.check(has_id | is_missing, id_column, "a vehicle")
         tracks.check(has_time | is_missing, time_column, "a number")
-        if name == "frame":
+        if self.time_name == "frame":
             frame = tracks.columns[time_column]
             tracks.check(~has_time | (frame == np.rint(frame)), time_column, "a whole number")
-        return tracks.kept(has_id & has_time), silent
+        return tracks.kept(has_id & has_time), empty
 
-    def is_missing(self, tracks: _Table, silent: Iterable[str]) -> Mask:
-        """Whether a quantity that changes is missing, shape (row,)."""
+    def is_missing(self, tracks: _Table, empty: Iterable[str]) -> Mask:
+        """Whether a row lacks a quantity that changes, but for those of empty columns; (row,)."""
         missing = np.zeros(tracks.num_rows, np.bool_)
         for name in self.changing:
-            if name not in silent:
+            if name not in empty:
                 for column in self.map.columns[name].names:
                     missing |= np.isnan(tracks.columns[column])
         return missing
 
     def ids(self, tracks: _Table) -> tuple[NDArray[Any], I64, _Table]:
-        """The vehicles in order, the place of each row's among them, and the rows.
+        """The ids in order, the index of each row's id among them, and the rows.
 
-        The table of vehicles is left with one row for each.
+        Ids become numbers where all of them are. Repeated rows of the table of vehicles are dropped.
         """
         name = self.map.columns["vehicle"].names[0]
         numbers = _as_numbers(tracks.columns[name])
         vehicles = self.tables.get(VEHICLES)
         if vehicles is not None:
-            known = _as_numbers(vehicles.columns[name])
-            if known.dtype != numbers.dtype:  # Names among numbers: then all are names.
+            vehicle_ids = _as_numbers(vehicles.columns[name])
+            if vehicle_ids.dtype != numbers.dtype:  # Only one table has numbers: compare as text.
                 numbers = tracks.columns[name].astype("U40")
-                known = vehicles.columns[name].astype("U40")
-            vehicles = replace(vehicles, columns={**vehicles.columns, name: known})
+                vehicle_ids = vehicles.columns[name].astype("U40")
+            vehicles = replace(vehicles, columns={**vehicles.columns, name: vehicle_ids})
             self.tables[VEHICLES] = vehicles = _without_repeated(vehicles, name)
             file = self.map.files[VEHICLES].strip("_").partition(".")[0]
             is_known = np.isin(numbers, vehicles.columns[name])
@@ -350,13 +373,13 @@ class _Join:
         return ids, vehicle, replace(tracks, columns={**tracks.columns, name: numbers})
 
     def of_vehicles(self, cells: NDArray[Any], ids: NDArray[Any]) -> NDArray[Any]:
-        """Values for some ids, from those of each row of the table of vehicles."""
+        """The cells that some ids have in a column of the table of vehicles, shape of `ids`."""
         keys = self.tables[VEHICLES].columns[self.map.columns["vehicle"].names[0]]
         order = np.argsort(keys, kind="stable")
         return cells[order[np.searchsorted(keys[order], ids)]]
 
     def type_codes(self, tracks: _Table, vehicle: I64, ids: NDArray[Any]) -> I64:
-        """What the type of each row stands for: a kind, or a code of `column_map`."""
+        """A `VehicleKind`, `BY_LENGTH`, `LEFT_OUT` or `NOT_KNOWN` for each row, shape (row,)."""
         cell = self.cell("type")
         if cell is None:
             return np.full(tracks.num_rows, NOT_KNOWN)
@@ -365,13 +388,14 @@ class _Join:
         return self.of_vehicles(self.codes_of(*cell), ids)[vehicle]
 
     def codes_of(self, table: _Table, column: str) -> I64:
-        """What the words of a column of types stand for, shape (row,)."""
-        words, place = np.unique(table.columns[column], return_inverse=True)
+        """The code of each word in a column of types, as of `type_codes`, shape (row,)."""
+        words, word_index = np.unique(table.columns[column], return_inverse=True)
         codes = {"": NOT_KNOWN, **self.map.kinds}
         is_listed = np.array([word in codes for word in words.tolist()])
         expected = " or ".join(self.map.kinds) or "a type of the map"
-        table.check(is_listed[place], column, expected)
-        return np.array([codes.get(word, NOT_KNOWN) for word in words.tolist()], np.int64)[place]
+        table.check(is_listed[word_index], column, expected)
+        code_of_word = np.array([codes.get(word, NOT_KNOWN) for word in words.tolist()], np.int64)
+        return code_of_word[word_index]
 
     def check_vehicles(self, tracks: _Table) -> None:
         """Refuse sizes that no vehicle has, and directions other than 1 and 2.
@@ -405,13 +429,13 @@ class _Join:
         *,
         is_missing: Mask,
     ) -> Mask:
-        """Whether a row says again what the row before it says, shape (row,).
+        """Whether a row repeats the vehicle and time of the row before it, shape (row,).
 
         Args:
             tracks: Rows in order of vehicle, instant, and whether a quantity is missing.
-            vehicle: Place of the vehicle of each row, shape (row,).
+            vehicle: Index of the vehicle of each row in `ids`, shape (row,).
             moment: Instant of each row, same shape [frames].
-            ids: The vehicles.
+            ids: Id of each vehicle.
             is_missing: Whether a quantity is missing in each row, same shape.
 
         Raises:
@@ -422,34 +446,31 @@ class _Join:
         is_equal = np.ones(len(later), np.bool_)
         names = [name for name in tracks.columns if name not in self.map.only]
         for name in names:
-            now, before = tracks.columns[name][later], tracks.columns[name][later - 1]
-            same = now == before
-            if now.dtype.kind == "f":
-                same |= np.isnan(now) & np.isnan(before)
-            is_equal &= same.astype(np.bool_)
+            cells = tracks.columns[name]
+            is_equal &= _is_equal(cells[later], cells[later - 1])
         if is_equal.all():
             return is_same_time
         row = int(later[np.argmin(is_equal)])
         column = self.time_column
-        differing = [
-            name for name in names if tracks.columns[name][row] != tracks.columns[name][row - 1]
-        ]
-        cells = [
-            f"{name} {tracks.columns[name][k]}" for name in differing[:1] for k in (row - 1, row)
-        ]
+        name = next(
+            name
+            for name, cells in tracks.columns.items()
+            if name in names and not _is_equal(cells[[row]], cells[[row - 1]]).all()
+        )
+        conflict = " and ".join(f"{name} {tracks.columns[name][k]}" for k in (row - 1, row))
         raise refused_cell(
             tracks.where,
             int(tracks.line[row]),
             column,
             f"another {self.time_name} of vehicle {ids[vehicle[row]]} than in line "
             f"{tracks.line[row - 1] + 2}, or the same values",
-            f"{self.time_name} {tracks.columns[column][row]:g} again, with {' and '.join(cells)} "
+            f"{self.time_name} {tracks.columns[column][row]:g} again, with {conflict} "
             "(choose a part: --only COLUMN=VALUE)",
         )
 
     @property
     def time_name(self) -> str:
-        """The quantity that says when a row is: frame or time."""
+        """The quantity that states the instant of a row: frame or time."""
         return "frame" if "frame" in self.map.columns else "time"
 
     @property
@@ -478,12 +499,12 @@ class _Join:
     def about_tracks(
         self, tracks: _Table, track: I64, ids: NDArray[Any], type_code: I64
     ) -> _OfTracks:
-        """What does not change within a track.
+        """Sizes, kind and direction of each track.
 
         Args:
             tracks: The rows.
-            track: Number of the track of each row, growing, shape (row,).
-            ids: Vehicle of each track.
+            track: Index of the track of each row, ascending, shape (row,).
+            ids: Id of the vehicle of each track, shape (track,).
             type_code: As of `type_codes`, shape (row,).
         """
         count = len(ids)
@@ -534,17 +555,18 @@ class _Join:
     def kinds(self, length: F64, type_code: I64) -> tuple[I64, Mask]:
         """The kind of each vehicle, and whether it is known.
 
-        A kind is not known where none is stated, and where the length contradicts it.
+        A kind is unknown where none is stated, and where the length contradicts it.
 
         Args:
             length: Shape (vehicle,) [m].
             type_code: A kind, `BY_LENGTH` for a car, or `NOT_KNOWN`, same shape.
         """
-        is_car, nothing = type_code == BY_LENGTH, np.zeros(len(length), np.bool_)
-        by_length = kinds_by_length(length, is_truck=nothing, is_car=is_car).astype(np.int64)
+        is_car, no_truck = type_code == BY_LENGTH, np.zeros(len(length), np.bool_)
+        by_length = kinds_by_length(length, is_truck=no_truck, is_car=is_car).astype(np.int64)
         kind = np.where(type_code >= 0, type_code, by_length)
         is_known = (type_code != NOT_KNOWN) & may_be_kind(kind, length)
-        if self.cell("type") is None:  # Then no kind is known, which `Rows` says by another way.
+        if self.cell("type") is None:
+            # Without a column of types "kinds" is in `Recording.unknown`, which covers all vehicles.
             is_known[:] = True
         return kind, is_known
 
@@ -605,18 +627,27 @@ class _Join:
             )
         return moment, interval
 
-    def values(self, tracks: _Table, silent: Iterable[str]) -> dict[str, F64]:
-        """Quantities that change, as numbers in SI units, with the axes of the table."""
+    def values(self, tracks: _Table, empty: Iterable[str]) -> dict[str, F64]:
+        """Quantities that change, in SI units and the axes of the table, shape (row,) each.
+
+        Of a quantity with several columns, such as the four corners of a box, it is their mean.
+        """
         values: dict[str, F64] = {}
         for name in self.changing:
-            if name not in silent:
+            if name not in empty:
                 column = self.map.columns[name]
-                mean = np.mean([tracks.columns[one] for one in column.names], axis=0)
+                mean = np.mean([tracks.columns[cell] for cell in column.names], axis=0)
                 values[name] = mean * column.factor
         return values
 
     def oriented(self, values: dict[str, F64], about: _OfTracks, track: I64) -> dict[str, F64]:
-        """The same, of centres where a corner is stated, with y to the left of x."""
+        """Quantities of the centres of vehicles, with y to the left of x.
+
+        Args:
+            values: Quantities in the axes of the table, maybe of a corner, shape (row,) each.
+            about: Sizes of each track.
+            track: Index of the track of each row, shape (row,).
+        """
         values = dict(values)
         if self.map.point == "corner":
             values["x"] = values["x"] + about.length[track] * 0.5
@@ -634,37 +665,57 @@ class _Join:
 
 
 def _tracks(vehicle: I64, moment: F64, values: Mapping[str, F64], interval_ms: int) -> I64:
-    """Number of the track of each row: rows of a vehicle without a gap or a jump, shape (row,).
+    """Index of the track of each row, shape (row,). A gap or a jump begins a new track.
 
     Args:
-        vehicle: Place of the vehicle of each row, growing, shape (row,).
-        moment: Instant of each row, growing within a vehicle, same shape [frames].
+        vehicle: Index of the vehicle of each row, ascending, shape (row,).
+        moment: Instant of each row, ascending within a vehicle, same shape [frames].
         values: Positions x and y, same shape [m].
         interval_ms: Length of a frame [ms].
     """
     is_same = np.diff(vehicle) == 0
     apart = np.where(is_same, np.diff(moment), 1.0)
     speed = np.hypot(np.diff(values["x"]), np.diff(values["y"])) / (apart * interval_ms * 1e-3)
-    usual = float(np.median(speed[is_same])) if is_same.any() else 0.0
-    is_jump = speed > max(_MAX_SPEED, _MAX_SPEED_RATIO * usual)
+    median_speed = float(np.median(speed[is_same])) if is_same.any() else 0.0
+    is_jump = speed > max(_MAX_SPEED, _MAX_SPEED_RATIO * median_speed)
     return np.append(0, np.cumsum(~is_same | (apart > TORN) | is_jump))
 
 
+def _has_value(cells: NDArray[Any], value: str) -> Mask:
+    """Whether cells have a value that the user states as text: 12 is also 12.0 among numbers."""
+    if cells.dtype.kind != "f":
+        return cells.astype(object) == value
+    try:
+        return cells == float(value)
+    except ValueError:  # A word is in no column of numbers.
+        return np.zeros(len(cells), np.bool_)
+
+
+def _is_equal(cells: NDArray[Any], others: NDArray[Any]) -> Mask:
+    """Whether cells of two rows are equal, or both missing, shape (row,)."""
+    is_equal = cells == others
+    if cells.dtype.kind == "f":
+        is_equal |= np.isnan(cells) & np.isnan(others)
+    return is_equal.astype(np.bool_)
+
+
 def _without_repeated(vehicles: _Table, name: str) -> _Table:
-    """The table of vehicles without rows that say the same again.
+    """The table of vehicles without repeated rows.
+
+    Args:
+        vehicles: The table.
+        name: The column of ids.
 
     Raises:
         ImportFormatError: Two rows of a vehicle differ.
     """
     order = np.argsort(vehicles.columns[name], kind="stable")
-    cells = {each: column[order] for each, column in vehicles.columns.items()}
-    is_same_id = np.append(False, cells[name][1:] == cells[name][:-1])
+    columns = [column[order] for column in vehicles.columns.values()]
+    ids = vehicles.columns[name][order]
+    is_same_id = np.append(False, ids[1:] == ids[:-1])
     is_equal = np.ones(len(order), np.bool_)
-    for column in cells.values():
-        same = column[1:] == column[:-1]
-        if column.dtype.kind == "f":
-            same |= np.isnan(column[1:]) & np.isnan(column[:-1])
-        is_equal[1:] &= same.astype(np.bool_)
+    for column in columns:
+        is_equal[1:] &= _is_equal(column[1:], column[:-1])
     is_right = np.ones(len(order), np.bool_)
     is_right[order] = ~is_same_id | is_equal
     vehicles.check(
@@ -684,7 +735,7 @@ def _as_numbers(names: NDArray[Any]) -> NDArray[Any]:
 
 
 def _medians(values: F64, group: I64, count: int) -> F64:
-    """The median of the numbers of each group, NaN without any, shape (group,)."""
+    """The median of each group without its NaNs, NaN for an empty group, shape (group,)."""
     is_number = ~np.isnan(values)
     values, group = values[is_number], group[is_number]
     size = np.bincount(group, minlength=count)
@@ -699,7 +750,7 @@ def _medians(values: F64, group: I64, count: int) -> F64:
 
 
 def _most_frequent(codes: I64, group: I64, count: int) -> I64:
-    """The most frequent code of each group but `NOT_KNOWN`, which stands where no other does."""
+    """The most frequent code of each group; `NOT_KNOWN` only where a group has no other code."""
     kinds = np.unique(codes)
     votes = np.zeros((count, len(kinds)), np.int64)
     np.add.at(votes, (group, np.searchsorted(kinds, codes)), 1)

@@ -291,6 +291,33 @@ def test_a_repeated_row_without_a_position_is_dropped(tmp_path, frame):
     assert read(path).tracks.num_rows == len(frame)
 
 
+def test_the_differing_column_is_named_when_another_one_is_empty(tmp_path, frame):
+    path = tmp_path / "t.csv"
+    empty = frame.assign(v=np.nan)
+    pd.concat([empty, empty[50:51].assign(x=17.25)]).to_csv(path, index=False)
+    columns = {**MAP, "columns": {"speed": "v [m/s]", **MAP["columns"]}}
+    with pytest.raises(ImportFormatError, match=r"with x 270\.0 and x 17\.25"):
+        read_table(path, columns)
+
+
+# Rows that the user chooses
+
+
+@pytest.mark.parametrize("value", ["12", "12.0"])
+def test_rows_can_be_chosen_by_a_column_of_numbers(tmp_path, frame, value):
+    path = tmp_path / "t.csv"
+    frame.to_csv(path, index=False)
+    assert set(read(path, only={"length": value}).tracks.length.tolist()) == {12.0}
+
+
+@pytest.mark.parametrize(("column", "value"), [("length", "99"), ("length", "long"), ("kind", "x")])
+def test_a_choice_without_rows_is_named(tmp_path, frame, column, value):
+    path = tmp_path / "t.csv"
+    frame.to_csv(path, index=False)
+    with pytest.raises(ImportFormatError, match=f"rows with {column}={value}: expected at least"):
+        read(path, only={column: value})
+
+
 # Ids that restart
 
 
