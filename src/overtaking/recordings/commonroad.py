@@ -57,8 +57,11 @@ _MAX_STEP_S = 1.0
 _READ = frozenset(
     {"lanelet", "dynamicObstacle", "obstacle", "trafficSign", "scenarioTags", "location"}
 )
-_COUNTRY = re.compile("(?:C-)?([A-Za-z]{3})_.*")  # At the beginning of a benchmark's id.
-_MAX_NAMED = 5  # Obstacles that are left out and named.
+_COUNTRY = re.compile("(?:C-)?([A-Za-z]{3})_.*")
+"""Id of a benchmark, which begins with its country, such as DEU_Muc-1_1_T-1. The prefix "C-" marks
+scenarios of cooperative driving."""
+
+_MAX_NAMED = 5  # A message lists this many of the obstacles that are left out.
 _UNREAD = frozenset(
     {"occupancySet", "signalSeries", "initialSignalState", "planningProblem", "cycle", "stopLine"}
 )
@@ -149,8 +152,8 @@ class _Document:
         tags: Tags of the scenario.
         country: Code of ISO 3166-1 of its country, None if it is not known.
         left_out: Number of obstacles without a recorded path, by type.
-        unreadable: Vehicles among them whose states are not exact, with the reasons.
-        shift: What was taken off world coordinates [m].
+        unreadable: Id and reason of each vehicle among them whose states are not exact.
+        shift: Position in the file of the point that coordinates are counted from [m].
     """
 
     name: str = ""
@@ -174,9 +177,9 @@ class _Document:
         if element.name == "commonRoad":
             self._begin(element)
         elif element.name == "lanelet":
-            one = lanelet(element, speed_unit(self.country))
-            self._once(element, one.number, self.lanelets)
-            self.lanelets[one.number] = one
+            new_lanelet = lanelet(element, speed_unit(self.country))
+            self._once(element, new_lanelet.number, self.lanelets)
+            self.lanelets[new_lanelet.number] = new_lanelet
             element.children.clear()  # Only its place is still needed: points take much memory.
         elif element.name == "trafficSign":
             limit = posted_limit(element, speed_unit(self.country))
@@ -192,35 +195,38 @@ class _Document:
 
     def check(self, file: str) -> None:
         """Refuse a scenario without a road or without traffic."""
-        for what, items in (("lanelets", self.lanelets), ("vehicles with a path", self.obstacles)):
-            if not items:
-                got = "none" if what == "lanelets" else self.described_left_out or "none"
-                next_step = "choose a scenario with recorded traffic"
-                raise refused(file, "scenario", what, got, next_step)
+        next_step = "choose a scenario with recorded traffic"
+        if not self.lanelets:
+            raise refused(file, "scenario", "lanelets", "none", next_step)
+        if not self.obstacles:
+            got = self.described_left_out or "none"
+            raise refused(file, "scenario", "vehicles with a path", got, next_step)
 
     @property
     def described_left_out(self) -> str | None:
-        """Vehicles that are left out with the reasons, None if there are none."""
-        more = len(self.unreadable) - _MAX_NAMED
+        """Ids and reasons of vehicles without exact states, None if there are none."""
+        num_unnamed = len(self.unreadable) - _MAX_NAMED
         named = "; ".join(self.unreadable[:_MAX_NAMED])
-        return f"{named}; and {more} more" if more > 0 else named or None
+        return f"{named}; and {num_unnamed} more" if num_unnamed > 0 else named or None
 
     def mirror(self) -> None:
         """Swap left and right."""
-        self.lanelets = {number: one.mirrored() for number, one in self.lanelets.items()}
+        self.lanelets = {number: lanelet.mirrored() for number, lanelet in self.lanelets.items()}
         mirrored = [QUANTITIES.index(name) for name in ("y", "orientation", "yawRate")]
         for vehicle in self.obstacles.values():
             vehicle.states[:, mirrored] *= -1.0
 
     def move_near(self) -> None:
         """Bring lanelets and vehicles near the origin, by whole kilometres, if they are far."""
-        corners = np.array([corner for one in self.lanelets.values() for corner in one.box])
+        corners = np.array([corner for lanelet in self.lanelets.values() for corner in lanelet.box])
         self.shift = np.array(origin_near(*corners.T))
         if not self.shift.any():
             return
-        self.lanelets = {number: one.moved(self.shift) for number, one in self.lanelets.items()}
-        for one in self.obstacles.values():
-            one.states[:, :2] -= self.shift
+        self.lanelets = {
+            number: lanelet.moved(self.shift) for number, lanelet in self.lanelets.items()
+        }
+        for vehicle in self.obstacles.values():
+            vehicle.states[:, :2] -= self.shift
 
     def _begin(self, root: Element) -> None:
         version = root.attribute("commonRoadVersion")
@@ -331,7 +337,7 @@ def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
     for name, code in (("motorcycle", VehicleKind.MC), ("bicycle", VehicleKind.B)):
         kind[names == name] = code
         is_two_wheeler |= names == name
-    # Recordings of traffic are often "car" throughout, trucks of 20 m among them.
+    # Many recordings call every vehicle a car, also trucks of 20 m.
     is_kind_known = (is_car | is_truck | is_two_wheeler) & may_be_kind(kind, length)
     return {
         "ids": np.array([one.number for one in obstacles]),

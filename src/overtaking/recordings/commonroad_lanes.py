@@ -54,7 +54,7 @@ _UNITS: dict[str, Callable[[float], float]] = {
     "mph": lambda number: from_sign(number, "mph"),
     "m/s": float,
 }
-"""From the units that some writers put behind the number of a limit to m/s."""
+"""Conversion to m/s from each unit that writers append to the number of a limit."""
 
 _ROAD_KINDS = (DRIVING, "entry", "exit")  # What a road can be made of, each kind by itself.
 _DRIVERS = frozenset({"vehicle", "car"})  # Users without whom a lanelet is no driving lane.
@@ -147,7 +147,7 @@ def lanelet(element: Element, unit: str = "km/h") -> Lanelet:
 
     Args:
         element: The `<lanelet>`.
-        unit: The unit on the speed signs of its country.
+        unit: The unit on the speed signs of its country, "km/h" or "mph".
 
     Raises:
         ImportFormatError: Something is missing or no number; the message names line and element.
@@ -179,25 +179,30 @@ def lanelet(element: Element, unit: str = "km/h") -> Lanelet:
 
 
 def stated_limit(element: Element, unit: str) -> float | None:
-    """A speed limit that an element states [m/s], None where it states that none is known.
+    """A speed limit that an element states [m/s].
 
     Args:
-        element: The element. The format wants m/s; a value that no limit in m/s has is the number
-            on the sign, and some writers name the unit, as in 30kmh or 25mph.
-        unit: The unit on the speed signs of the country.
+        element: The element. The format prescribes m/s. Some writers append another unit, as in
+            30kmh or 25mph. A number too large for a limit in m/s is taken as the number on the
+            sign.
+        unit: The unit on the speed signs of the country, "km/h" or "mph".
+
+    Returns:
+        The limit, `NO_LIMIT` for infinity; None for zero and negative numbers, which some writers
+        use for an unknown limit.
 
     Raises:
-        ImportFormatError: The text of the element is no number.
+        ImportFormatError: The text of the element is no number, or a limit above `NO_LIMIT`.
     """
     if element.text.lower() in ("inf", "infinity"):
         return NO_LIMIT
     text = element.text.strip().lower()
-    named = next((name for name in _UNITS if text.endswith(name)), None)
-    if named is None:
+    stated_unit = next((name for name in _UNITS if text.endswith(name)), None)
+    if stated_unit is None:
         limit = limit_in_mps(element.value(), unit)
     else:
-        number = element.parse_number(text.removesuffix(named), what="text")
-        limit = _UNITS[named](number)
+        number = element.parse_number(text.removesuffix(stated_unit), what="text")
+        limit = _UNITS[stated_unit](number)
     if limit > NO_LIMIT:
         raise element.error("is no speed limit", f"at most {NO_LIMIT:g} m/s", f"{limit:g} m/s")
     return limit if limit > 0.0 else None

@@ -57,7 +57,8 @@ class LeftOut(NamedTuple):
     Attributes:
         number: Its id.
         kind: Its type.
-        reason: Why it is left out, None for what is no vehicle or has no trajectory.
+        reason: Why the vehicle is left out; None for an obstacle that is no vehicle or has no
+            trajectory.
     """
 
     number: int
@@ -66,15 +67,14 @@ class LeftOut(NamedTuple):
 
 
 def read_obstacle(element: Element) -> Obstacle | LeftOut:
-    """A vehicle from its element, or what is left out of the scene.
+    """A vehicle from its element, or the reason why it is left out of the scene.
 
-    An interval in place of a speed, direction or acceleration counts as not stated. An area in
-    place of a position, a time that is an interval, or a shape without sides leaves the obstacle
-    out.
+    An interval in place of a speed, direction or acceleration counts as not stated. An obstacle is
+    left out if a position is an area, a time is an interval, or the shape has no known size.
 
     Raises:
-        ImportFormatError: Something is missing, no number, too large or out of order; the message
-            names line and element.
+        ImportFormatError: An element is missing, a value is no number or too large, or states are
+            out of order; the message names line and element.
     """
     number, kind = element.integer("id"), element.required("type").text
     path = element.optional("trajectory")
@@ -98,7 +98,7 @@ def read_obstacle(element: Element) -> Obstacle | LeftOut:
 
 
 class _Uncertain(Exception):
-    """A part of an obstacle that the format allows and a recorded vehicle does not have."""
+    """A value of an obstacle that the format allows, but that is not exact, such as an area."""
 
 
 def _states(initial: Element, path: Element) -> tuple[list[Element], list[int]]:
@@ -124,8 +124,8 @@ def _states(initial: Element, path: Element) -> tuple[list[Element], list[int]]:
 def _size(shape: Element | None) -> tuple[float, float]:
     """Length and width of a shape [m]."""
     if shape is None or len(shape.children) != 1:
-        parts = "no" if shape is None or not shape.children else "several"
-        raise _Uncertain(f"{parts} shape")
+        is_missing = shape is None or not shape.children
+        raise _Uncertain("no shape" if is_missing else "several shapes")
     form = shape.children[0]
     if form.name == "rectangle":
         length, width = (form.required(name).value() for name in ("length", "width"))
@@ -135,10 +135,10 @@ def _size(shape: Element | None) -> tuple[float, float]:
         points = np.array(
             [[point.required(axis).value() for axis in ("x", "y")] for point in form.all("point")]
         )
-        # The polygon is given in the axes of the vehicle.
+        # The axes of the polygon are those of the vehicle, so that its extent is the size.
         length, width = map(float, np.ptp(points.reshape(-1, 2), axis=0)) if len(points) else (0, 0)
     else:
-        raise _Uncertain(f"a shape that is not known: {shown(form.name)}")
+        raise _Uncertain(f"an unknown shape: {shown(form.name)}")
     if not 0.1 <= min(length, width) <= max(length, width) <= _MAX_SIZE:
         raise shape.error(
             "has no size of a vehicle", f"0.1 to {_MAX_SIZE:g} m", f"{length:g} by {width:g} m"
@@ -162,8 +162,8 @@ def _point(state: Element) -> tuple[float, float]:
     position = state.required("position")
     point = position.optional("point")
     if point is None:
-        form = position.children[0].name if position.children else "nothing"
-        raise _Uncertain(f"line {position.line}: a position that is an area: {shown(form)}")
+        area = position.children[0].name if position.children else "nothing"
+        raise _Uncertain(f"line {position.line}: a position that is an area: {shown(area)}")
     x, y = (point.required(axis).value() for axis in ("x", "y"))
     return x, y
 

@@ -1,4 +1,4 @@
-"""What differs by country in map files: the side of traffic, speed signs, and the unit on them."""
+"""Differences between countries in map files: side of traffic, speed signs, unit on the signs."""
 
 import re
 
@@ -16,8 +16,8 @@ _LEFT_HAND = (
     "WS WSM,ZA ZAF,ZM ZMB,ZW ZWE"
 )
 LEFT_HAND = frozenset(re.split("[ ,]", _LEFT_HAND)) | {"UK"}
-"""Codes of ISO 3166-1 (both the two-letter and the three-letter ones) of the countries whose
-traffic keeps to the left, and the common UK."""
+"""Countries and territories with left-hand traffic: codes of ISO 3166-1 of two and three letters,
+and the customary UK."""
 
 _MILES = frozenset({"GB", "GBR", "UK", "US", "USA", "PR", "PRI", "LR", "LBR"})
 """Countries whose signs show miles per hour."""
@@ -35,13 +35,14 @@ SPEED_SIGNS = (
     "B31",  # Croatia.
 )
 """Signs that post a speed limit, as commonroad-io 2026.1 lists them by country
-(`commonroad.scenario.traffic_sign`). None of the codes means anything else in its tables."""
+(`commonroad.scenario.traffic_sign`). No country of that list uses one of the codes for another
+sign, so the country of a scenario need not be known."""
 
 _SPEED_SIGN = re.compile(f"(?:{'|'.join(map(re.escape, SPEED_SIGNS))})(?:-(?P<variant>[0-9]+))?")
 
-# The highest limits that are posted anywhere: 85 mph in Texas, 160 km/h in Abu Dhabi. A value
-# beyond them is no limit in m/s but the number on the sign.
 _HIGHEST_MPS = {"mph": 85.5 * MPS_PER_MPH, "km/h": mps_from_kmh(160.5)}
+"""The highest limits that signs post by unit, 85 mph in Texas and 160 km/h in Abu Dhabi, with half
+a unit for rounding [m/s]. A larger value in a file is the number on the sign."""
 
 
 def keeps_left(country: str) -> bool:
@@ -69,11 +70,13 @@ def is_speed_sign(code: str) -> bool:
 
 
 def number_on_sign(code: str) -> float | None:
-    """The number on a speed sign by the variant in its code: 120 for 274-120, else None."""
+    """The number on a speed sign by the variant in its code, such as 120 for 274-120, else None."""
     match = _speed_sign(code)
     variant = 0 if match is None or match["variant"] is None else int(match["variant"])
-    # Variants of old catalogues, such as 274-53 for 30 km/h, are no speeds.
-    return float(variant) if variant > 0 and variant % 5 == 0 else None
+    # Old German catalogues number the variants instead: 274-53 is 30 km/h, 274-55 is 50 km/h. The
+    # speeds on German signs are 5 km/h and multiples of 10 km/h, elsewhere multiples of 5.
+    step = 10 if code.strip().startswith("274") and variant != 5 else 5
+    return float(variant) if variant > 0 and variant % step == 0 else None
 
 
 def _speed_sign(code: str) -> re.Match[str] | None:
@@ -82,7 +85,7 @@ def _speed_sign(code: str) -> re.Match[str] | None:
 
 
 def limit_in_mps(value: float, unit: str) -> float:
-    """A limit that a file states in m/s, or as the number on the sign [m/s].
+    """The limit that a file states, in m/s or as the number on the sign [m/s].
 
     Args:
         value: The stated value.

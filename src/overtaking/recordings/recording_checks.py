@@ -1,9 +1,9 @@
 """Checks of recordings: quantities that a recording states twice have to agree.
 
-Speeds are held against positions, headings against movement, accelerations against speeds, sizes of
-one table against those of another, and positions against what vehicles can do. A contradiction is a
-warning that names the likely factor between units or the likely convention of angles. The recording
-is read as it is: a warning changes no number.
+Speeds are compared with positions, headings with the direction of movement, accelerations with
+speeds, sizes in one table with those in another, and positions with the speeds of ordinary traffic.
+A contradiction is a warning that names the likely factor between units or the likely convention of
+angles. The recording is read as it is: a warning changes no number.
 """
 
 from __future__ import annotations
@@ -43,33 +43,36 @@ FACTORS = {
 }
 """Factors between units that are often mixed up, and the units."""
 
-_FACTOR_TOLERANCE = 0.03  # A ratio this near a factor is that factor.
+_FACTOR_TOLERANCE = 0.03  # Largest difference of logarithms between a ratio and a factor.
 _MAX_DISAGREEMENT = 0.1  # Ratios of speeds this near 1 agree: clocks of cameras are off by as much.
-_MAX_ACCEL_DISAGREEMENT = 0.4  # Accelerations are smoothed in many ways.
-_MAX_SIZE_DIFFERENCE = 0.05  # Sizes that differ by more are not those of one vehicle.
-_MIN_CORRELATION = 0.8  # Of two series that shall be one quantity in two units.
-_MIN_ROWS = 30  # Fewer rows say nothing.
-_TIME_SPAN = 0.5  # Time over which movement is measured, against noise of positions [s].
+_MAX_ACCEL_DISAGREEMENT = 0.4  # Larger: sources smooth accelerations in different ways.
+_MAX_SIZE_DIFFERENCE = 0.05  # Sizes that differ by a larger share belong to different vehicles.
+_MIN_CORRELATION = 0.8  # Between two series that are one quantity in different units.
+_MIN_ROWS = 30  # With fewer rows a median or correlation is not reliable.
+_TIME_SPAN = (
+    0.5  # Movement is measured over this time, so that noise of positions averages out [s].
+)
 
-_MAX_ANGLE_ERROR = 0.26  # Headings and movement differ by more in no sound recording [rad].
-_MIN_LATERAL_SPEED = 0.1  # Below this there is noise [m/s].
+_MAX_ANGLE_ERROR = 0.26  # Above the slip and noise of sound recordings, far below 90 degrees [rad].
+_MIN_LATERAL_SPEED = 0.1  # Slower movement across the road is mostly noise [m/s].
 _MIN_WAY = 1.0  # Movement over a shorter way has no reliable direction [m].
 
-_MAX_TRAFFIC_SPEED = 70.0  # Faster than 19 of 20 vehicles of any traffic [m/s].
-_USUAL_SPEEDS = (5.0, 50.0)  # Of vehicles on a road, 19 of 20 are slower than such a speed [m/s].
-_VEHICLE_WIDTHS = (1.2, 3.2)  # In the median of vehicles with four wheels or more [m].
-_USUAL_WIDTHS = (1.5, 2.7)
+_MAX_TRAFFIC_SPEED = 70.0  # Above the 95th percentile of the speeds of any traffic [m/s].
+_USUAL_SPEEDS = (5.0, 50.0)  # Usual range of the 95th percentile of speeds on a road [m/s].
+_VEHICLE_WIDTHS = (1.2, 3.2)  # Possible median width of vehicles with four wheels or more [m].
+_USUAL_WIDTHS = (1.5, 2.7)  # Usual median width; narrower, so that it decides between factors [m].
 _LANE_WIDTHS = (2.75, 4.25)  # [m].
 _MAX_DRIFT = 0.3  # Faster movement across the road is a lane change [m/s].
-_MIN_SHARE_OF_LANE = 0.005  # Fewer states in a lane are of vehicles that pass over it.
+_MIN_SHARE_OF_LANE = 0.005  # Smaller shares of the states are vehicles that cross the lane.
 _LENGTH_FACTORS = (0.3048, 0.01, 0.001, 0.0254, 0.9144, 1.0 / 0.3048, 100.0, 1000.0)
+"""Factors of `FACTORS` between units of length, the most common mistake first."""
 
 
 def issue_warnings(where: str, sentences: Iterable[str]) -> None:
     """Issue a `RecordingWarning` for each sentence.
 
     Args:
-        where: What the recording is called.
+        where: Name of the recording in the message.
         sentences: One for each contradiction.
     """
     for sentence in sentences:
@@ -88,16 +91,16 @@ def check_ranges(recording: Recording) -> None:
     """
     tracks = recording.tracks
     for name in ("x", "y", "s", "d", "speed"):
-        values, most = getattr(tracks, name), largest_state(name)
-        is_right = np.abs(values) <= most  # Also false for NaN.
-        if is_right.all():
+        values, limit = getattr(tracks, name), largest_state(name)
+        is_in_range = np.abs(values) <= limit  # Also false for NaN.
+        if is_in_range.all():
             continue
-        row = int(np.argmin(is_right))
+        row = int(np.argmin(is_in_range))
         vehicle, unit = tracks.ids[tracks.vehicle[row]], "m/s" if name == "speed" else "m"
         raise refused(
             recording.name,
             f"{name} of vehicle {vehicle} in frame {tracks.frame[row]}",
-            f"at most {most:g} {unit}",
+            f"at most {limit:g} {unit}",
             f"{values[row]:g} {unit}",
             "correct the unit, or shift the origin of the coordinates",
         )
@@ -112,19 +115,19 @@ def compare_sizes(column: str, first: F64, second: F64) -> list[str]:
         second: Sizes in the table of vehicles, same shape [m].
 
     Returns:
-        A sentence if they contradict each other, else nothing.
+        A sentence if they contradict each other, else an empty list.
     """
-    both = (first > 0.0) & (second > 0.0)  # Also false for NaN.
-    if not both.any():
+    is_stated_twice = (first > 0.0) & (second > 0.0)  # Also false for NaN.
+    if not is_stated_twice.any():
         return []
-    ratio = first[both] / second[both]
+    ratio = first[is_stated_twice] / second[is_stated_twice]
     differs = np.abs(np.log(ratio)) > math.log1p(_MAX_SIZE_DIFFERENCE)
     if not differs.any():
         return []
     typical = float(np.median(ratio[differs]))
-    number = f"{int(differs.sum())} of {len(ratio)} vehicles"
+    share = f"{int(differs.sum())} of {len(ratio)} vehicles"
     return [
-        f"column {column}: for {number} the table of states and the table of vehicles differ"
+        f"column {column}: for {share} the table of states and the table of vehicles differ"
         f"{_by_factor(typical)}; the sizes of the table of vehicles are used"
     ]
 
@@ -148,18 +151,18 @@ class _Movement:
         """The movement in rows of tracks.
 
         Args:
-            start: First row of each track, and the number of rows, shape (track + 1,).
+            start: First row of each track, then the number of all rows, shape (track + 1,).
             frame_interval_ms: Time between rows [ms].
         """
-        step = max(1, round(_TIME_SPAN * 500.0 / frame_interval_ms))
-        count, number = np.diff(start), np.arange(start[-1])
+        half_span = max(1, round(_TIME_SPAN * 500.0 / frame_interval_ms))  # In frames.
+        count, row = np.diff(start), np.arange(start[-1])
         first, last = np.repeat(start[:-1], count), np.repeat(start[1:] - 1, count)
-        earlier, later = np.maximum(number - step, first), np.minimum(number + step, last)
-        whole = later - earlier == 2 * step
+        earlier, later = np.maximum(row - half_span, first), np.minimum(row + half_span, last)
+        is_inside = later - earlier == 2 * half_span  # Not cut off by the ends of the track.
         return cls(
-            earlier=earlier[whole],
-            later=later[whole],
-            elapsed=np.full(int(whole.sum()), 2 * step * frame_interval_ms * 1e-3),
+            earlier=earlier[is_inside],
+            later=later[is_inside],
+            elapsed=np.full(int(is_inside.sum()), 2 * half_span * frame_interval_ms * 1e-3),
         )
 
     @property
@@ -177,7 +180,7 @@ class _Movement:
 
 
 def check_rows(rows: Rows) -> list[str]:
-    """Hold the columns of a table against each other.
+    """Compare the columns of a table with each other.
 
     Args:
         rows: The rows, in the units that the map of columns declares.
@@ -193,7 +196,7 @@ def check_rows(rows: Rows) -> list[str]:
     sentences = [*rows.warnings, *_check_sizes(rows)]
     speed_sentences = _check_speeds(rows, movement, derived)
     sentences += speed_sentences
-    if not speed_sentences:
+    if not speed_sentences:  # A wrong unit of speeds or positions would also fail these checks.
         sentences += _check_axes(rows, movement, east, north)
         sentences += _check_traffic_speed(derived)
     sentences += _check_heading(rows, movement, east, north)
@@ -202,7 +205,7 @@ def check_rows(rows: Rows) -> list[str]:
 
 
 def _stated_speed(values: Mapping[str, F64]) -> tuple[str, F64] | None:
-    """The quantities that state the speed, and the speed; None where none does."""
+    """Name of the quantities that state the speed, and the speed [m/s]; None without any."""
     if "speed" in values:
         return "speed", np.abs(values["speed"])
     if "vx" in values and "vy" in values:
@@ -211,7 +214,7 @@ def _stated_speed(values: Mapping[str, F64]) -> tuple[str, F64] | None:
 
 
 def _check_speeds(rows: Rows, movement: _Movement, derived: F64) -> list[str]:
-    """Hold the stated speeds against those of the positions."""
+    """Compare the stated speeds with the movement of the positions."""
     stated = _stated_speed(rows.values)
     if stated is None:
         return []
@@ -219,27 +222,30 @@ def _check_speeds(rows: Rows, movement: _Movement, derived: F64) -> list[str]:
     ratio = _ratio(movement.mean(speed), derived)
     if ratio is None or abs(math.log(ratio)) <= math.log1p(_MAX_DISAGREEMENT):
         return []
-    fast = float(np.percentile(derived, 95.0))
-    side = ""
-    if fast > _MAX_TRAFFIC_SPEED:
-        side = f"; movement at {fast:.0f} m/s points to the unit of x and y"
-    elif fast * ratio > _MAX_TRAFFIC_SPEED:
-        side = f"; a speed of {fast * ratio:.0f} m/s points to the unit of {name}"
+    high_speed = float(np.percentile(derived, 95.0))
+    culprit = ""
+    if high_speed > _MAX_TRAFFIC_SPEED:
+        culprit = f"; movement at {high_speed:.0f} m/s points to the unit of x and y"
+    elif high_speed * ratio > _MAX_TRAFFIC_SPEED:
+        culprit = f"; a speed of {high_speed * ratio:.0f} m/s points to the unit of {name}"
     factor = _by_factor(ratio)
-    return [f"{name} and positions: the speeds are not those of the movement{factor}{side}"]
+    return [f"{name} and positions: the speeds are not those of the movement{factor}{culprit}"]
 
 
 def _ratio(stated: F64, derived: F64) -> float | None:
-    """Median ratio of two quantities where there is enough of both, None where there is not."""
-    reach = np.percentile(derived, 95.0), np.percentile(stated, 95.0)
-    enough = (derived > 0.2 * reach[0]) & (stated > 0.2 * reach[1])
-    if min(reach) <= 0.0 or enough.sum() < _MIN_ROWS:
+    """Median of stated / derived speeds, None with too few rows.
+
+    Rows below a fifth of the high speeds are left out: their ratios are mostly noise.
+    """
+    high_derived, high_stated = np.percentile(derived, 95.0), np.percentile(stated, 95.0)
+    is_fast = (derived > 0.2 * high_derived) & (stated > 0.2 * high_stated)
+    if min(high_derived, high_stated) <= 0.0 or is_fast.sum() < _MIN_ROWS:
         return None
-    return float(np.median(stated[enough] / derived[enough]))
+    return float(np.median(stated[is_fast] / derived[is_fast]))
 
 
 def _check_axes(rows: Rows, movement: _Movement, east: F64, north: F64) -> list[str]:
-    """Hold the axes of speeds against those of positions."""
+    """Compare the axes of speeds with those of positions."""
     if "vx" not in rows.values or "vy" not in rows.values:
         return []
     stated = {name: movement.mean(rows.values[name]) for name in ("vx", "vy")}
@@ -247,58 +253,62 @@ def _check_axes(rows: Rows, movement: _Movement, east: F64, north: F64) -> list[
         f"{name} and {axis}: they point in opposite directions; likely the sign of {name}, "
         f"or an axis that is flipped (y_axis)"
         for name, axis, rate in (("vx", "x", east), ("vy", "y", north))
-        if _likeness(stated[name], rate) < -_MIN_CORRELATION
+        if _cosine(stated[name], rate) < -_MIN_CORRELATION
     ]
-    own = _likeness(stated["vx"], east), _likeness(stated["vy"], north)
-    crossed = _likeness(stated["vx"], north), _likeness(stated["vy"], east)
-    if min(np.abs(crossed)) > _MIN_CORRELATION > max(np.abs(own)):
+    same_axis = _cosine(stated["vx"], east), _cosine(stated["vy"], north)
+    other_axis = _cosine(stated["vx"], north), _cosine(stated["vy"], east)
+    if min(np.abs(other_axis)) > _MIN_CORRELATION > max(np.abs(same_axis)):
         return ["vx and vy: they are the changes of y and x; likely the two are swapped"]
     return sentences
 
 
-def _likeness(first: F64, second: F64) -> float:
-    """Cosine between two series, 0 where one of them is nearly nothing."""
-    sizes = np.sqrt((first**2).mean()), np.sqrt((second**2).mean())
-    if min(sizes) < _MIN_LATERAL_SPEED:
+def _cosine(first: F64, second: F64) -> float:
+    """Cosine between two series of speeds; 0 where one of them is mostly noise."""
+    first_rms, second_rms = _rms(first), _rms(second)
+    if min(first_rms, second_rms) < _MIN_LATERAL_SPEED:
         return 0.0
-    return float((first * second).mean() / (sizes[0] * sizes[1]))
+    return float((first * second).mean() / (first_rms * second_rms))
+
+
+def _rms(values: F64) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 def _check_traffic_speed(derived: F64) -> list[str]:
-    """Refer to the unit of positions where vehicles are faster than any traffic."""
-    fast = float(np.percentile(derived, 95.0))
-    if fast <= _MAX_TRAFFIC_SPEED:
+    """Name the unit of positions where vehicles are faster than any traffic."""
+    high_speed = float(np.percentile(derived, 95.0))
+    if high_speed <= _MAX_TRAFFIC_SPEED:
         return []
-    factor = _factor_into(fast, _USUAL_SPEEDS)
+    factor = _factor_into(high_speed, _USUAL_SPEEDS)
     return [
-        f"positions: vehicles move at up to {fast:.0f} m/s, faster than any traffic"
+        f"positions: vehicles move at up to {high_speed:.0f} m/s, faster than any traffic"
         f"{_of_unit(factor, 'x and y')}"
     ]
 
 
 def _check_sizes(rows: Rows) -> list[str]:
-    """Hold the sizes of vehicles against those that vehicles have."""
-    wide = ~np.isin(rows.kind, (VehicleKind.MC, VehicleKind.B))
-    if not wide.any():
+    """Compare the sizes of vehicles with usual ones."""
+    has_four_wheels = ~np.isin(rows.kind, (VehicleKind.MC, VehicleKind.B))
+    if not has_four_wheels.any():
         return []
-    width, length = float(np.median(rows.width[wide])), float(np.median(rows.length[wide]))
+    width, length = (float(np.median(size[has_four_wheels])) for size in (rows.width, rows.length))
     if width > length:
         return [
             f"length and width: vehicles are {width:.3g} m wide and {length:.3g} m long in the "
             "median; likely the two columns are swapped"
         ]
-    least, most = _VEHICLE_WIDTHS
-    if least <= width <= most:
+    narrowest, widest = _VEHICLE_WIDTHS
+    if narrowest <= width <= widest:
         return []
     factor = _factor_into(width, _USUAL_WIDTHS)
     return [
-        f"width: vehicles are {width:.3g} m wide in the median, where {least:g} to {most:g} m are "
-        f"usual{_of_unit(factor, 'the sizes')}"
+        f"width: vehicles are {width:.3g} m wide in the median, where {narrowest:g} to "
+        f"{widest:g} m are usual{_of_unit(factor, 'the sizes')}"
     ]
 
 
 def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[str]:
-    """Hold the lanes that traffic uses against the widths of lanes.
+    """Compare the distance of the lanes that traffic uses with the widths of lanes.
 
     Args:
         road: A road whose lanes are inferred from the traffic.
@@ -306,17 +316,18 @@ def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[str]
         frame_interval_ms: Time between frames [ms].
 
     Returns:
-        A sentence if the traffic uses lanes that are regularly apart, and none between them.
+        A sentence if the traffic uses every second, third, ... lane only, as it does where the
+        positions are in feet; else an empty list.
     """
     movement = _Movement.of(tracks.start, frame_interval_ms)
-    # Vehicles that change lanes pass over those between.
+    # Vehicles that change lanes cross those between, so only states without lateral movement count.
     keeps_lane = np.abs(movement.rate(tracks.d)) < _MAX_DRIFT
     lanes, count = np.unique(tracks.lane_index[movement.middle[keeps_lane]], return_counts=True)
-    used = lanes[(lanes >= 0) & (count >= _MIN_SHARE_OF_LANE * count.sum())]
-    every = int(np.gcd.reduce(np.diff(used))) if len(used) > 1 else 1
-    if every < 2:
+    used_lanes = lanes[(lanes >= 0) & (count >= _MIN_SHARE_OF_LANE * count.sum())]
+    lane_step = int(np.gcd.reduce(np.diff(used_lanes))) if len(used_lanes) > 1 else 1
+    if lane_step < 2:
         return []
-    pitch = every * float(np.abs(np.diff(road.boundaries)).mean())
+    pitch = lane_step * float(np.abs(np.diff(road.boundaries)).mean())
     factor = _factor_into(pitch, _LANE_WIDTHS)
     if factor is None:
         return []
@@ -327,27 +338,27 @@ def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[str]
 
 
 def _check_heading(rows: Rows, movement: _Movement, east: F64, north: F64) -> list[str]:
-    """Hold headings against the direction of movement."""
+    """Compare headings with the direction of movement."""
     if "heading" not in rows.values:
         return []
-    moves = np.hypot(east, north) * movement.elapsed > _MIN_WAY
-    if moves.sum() < _MIN_ROWS:
+    is_moving = np.hypot(east, north) * movement.elapsed > _MIN_WAY
+    if is_moving.sum() < _MIN_ROWS:
         return []
-    direction = np.arctan2(north, east)[moves]
-    heading = rows.values["heading"][movement.middle][moves]
-    miss = _angle_error(heading, direction)
-    if miss <= _MAX_ANGLE_ERROR:
+    direction = np.arctan2(north, east)[is_moving]
+    heading = rows.values["heading"][movement.middle][is_moving]
+    error = _angle_error(heading, direction)
+    if error <= _MAX_ANGLE_ERROR:
         return []
-    misses = {
+    errors = {
         f"{unit}{convention}": _angle_error(turned, direction)
         for unit, scale in _ANGLE_UNITS.items()
         for convention, turned in _conventions(heading * scale).items()
     }
-    likely = min(misses, key=lambda name: misses[name])
-    found = f"; likely {likely}" if misses[likely] < 0.5 * _MAX_ANGLE_ERROR else ""
+    best = min(errors, key=lambda name: errors[name])
+    explanation = f"; likely {best}" if errors[best] < 0.5 * _MAX_ANGLE_ERROR else ""
     return [
-        f"heading and positions: the headings are {math.degrees(miss):.0f} degrees off the "
-        f"direction of movement in the median{found}"
+        f"heading and positions: the headings are {math.degrees(error):.0f} degrees off the "
+        f"direction of movement in the median{explanation}"
     ]
 
 
@@ -356,10 +367,11 @@ _ANGLE_UNITS = {
     "degrees where the map declares radians, ": math.pi / 180.0,
     "radians where the map declares degrees, ": 180.0 / math.pi,
 }
+"""Factor that corrects a heading, by the beginning of the words that explain it."""
 
 
 def _conventions(angle: F64) -> dict[str, F64]:
-    """Headings, anticlockwise from x, if angles follow another convention [rad]."""
+    """The headings, anticlockwise from x, that angles stand for under each convention [rad]."""
     return {
         "anticlockwise from x": angle,
         "clockwise from x (y is flipped)": -angle,
@@ -379,58 +391,72 @@ def _angle_error(heading: F64, direction: F64) -> float:
 
 
 def _check_accelerations(rows: Rows, movement: _Movement) -> list[str]:
-    """Hold accelerations against changes of speed, and turning against changes of heading."""
+    """Compare accelerations with changes of speed, and yaw rates with changes of heading."""
     values = rows.values
     pairs: list[tuple[str, str, F64]] = []
     stated = _stated_speed(values)
     if "accel_lon" in values and stated is not None:
         pairs.append(("accel_lon", stated[0], stated[1]))
-    pairs += [(f"a{k}", f"v{k}", values[f"v{k}"]) for k in "xy" if {f"a{k}", f"v{k}"} <= {*values}]
+    pairs += [
+        (f"a{axis}", f"v{axis}", values[f"v{axis}"])
+        for axis in "xy"
+        if f"a{axis}" in values and f"v{axis}" in values
+    ]
     if "yaw_rate" in values and "heading" in values:
         pairs.append(("yaw_rate", "heading", np.unwrap(values["heading"])))
     sentences: list[str] = []
-    for name, of, quantity in pairs:
-        stated_rate, derived = movement.mean(values[name]), movement.rate(quantity)
-        least = 0.02 if name == "yaw_rate" else 0.2  # Below this there is noise [rad/s, m/s^2].
-        size = tuple(float(np.sqrt((one**2).mean())) for one in (stated_rate, derived))
-        if size[1] < least or size[0] <= 0.0:
+    for name, source, quantity in pairs:
+        stated_rate, derived_rate = movement.mean(values[name]), movement.rate(quantity)
+        noise = (
+            0.02 if name == "yaw_rate" else 0.2
+        )  # Smaller rates are mostly noise [rad/s, m/s^2].
+        stated_rms, derived_rms = _rms(stated_rate), _rms(derived_rate)
+        if derived_rms < noise or stated_rms <= 0.0:
             continue
-        likeness = float((stated_rate * derived).mean() / (size[0] * size[1]))
-        if abs(likeness) < _MIN_CORRELATION:
+        cosine = float((stated_rate * derived_rate).mean() / (stated_rms * derived_rms))
+        if abs(cosine) < _MIN_CORRELATION:
             continue
-        if likeness < 0.0:
-            sentences.append(f"{name} and {of}: likely the sign of {name} is the opposite one")
+        if cosine < 0.0:
+            sentences.append(f"{name} and {source}: likely {name} has the opposite sign")
             continue
-        ratio = size[0] / size[1]
+        ratio = stated_rms / derived_rms
         if abs(math.log(ratio)) > math.log1p(_MAX_ACCEL_DISAGREEMENT):
             sentences.append(
-                f"{name} and {of}: {name} is not the change of {of} per second{_by_factor(ratio)}"
+                f"{name} and {source}: {name} is not the change of {source} per second"
+                f"{_by_factor(ratio)}"
             )
     return sentences
 
 
 def _by_factor(ratio: float) -> str:
-    """The end of a sentence about a ratio: the factor, and the units that it stands between."""
+    """The end of a sentence about a ratio: the nearest factor of `FACTORS` and its units."""
     for factor, units in FACTORS.items():
         for value, text in ((factor, f"{factor:.5g}"), (1.0 / factor, f"1/{factor:.5g}")):
             if abs(math.log(ratio / value)) <= _FACTOR_TOLERANCE:
                 return f": likely the factor {text} ({units})"
-    return f" by a factor of {ratio:.3g}, which is between no two usual units"
+    return f" by a factor of {ratio:.3g}, which is not a factor between usual units"
 
 
 def _of_unit(factor: float | None, quantity: str) -> str:
-    """The end of a sentence that names the factor which makes a quantity usual."""
+    """The end of a sentence about a quantity with an unusual size, and the factor that corrects it.
+
+    Args:
+        factor: One of `_LENGTH_FACTORS`, None if no factor corrects the size.
+        quantity: The quantity in words.
+    """
     if factor is None:
         return f"; check the unit of {quantity}"
-    shown = f"{factor:g}" if factor < 1.0 or factor >= 10.0 else "1/0.3048"
+    # Between 1 and 10 there is only the factor from metres to feet.
+    text = f"{factor:g}" if factor < 1.0 or factor >= 10.0 else "1/0.3048"
     units = next(
         units
-        for known, units in FACTORS.items()
-        if any(abs(math.log(factor / one)) < 1e-6 for one in (known, 1.0 / known))
+        for unit_factor, units in FACTORS.items()
+        if any(abs(math.log(factor / value)) < 1e-6 for value in (unit_factor, 1.0 / unit_factor))
     )
-    return f": likely the unit of {quantity} is off by the factor {shown} ({units})"
+    return f": likely the unit of {quantity} is off by the factor {text} ({units})"
 
 
 def _factor_into(value: float, usual: tuple[float, float]) -> float | None:
-    """The most common factor that takes a value into its usual range, None if none does."""
-    return next((f for f in _LENGTH_FACTORS if usual[0] <= value * f <= usual[1]), None)
+    """The first factor that takes a value into its usual range, None without any."""
+    low, high = usual
+    return next((factor for factor in _LENGTH_FACTORS if low <= value * factor <= high), None)

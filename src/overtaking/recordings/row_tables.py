@@ -255,7 +255,7 @@ class _Join:
         about = self.about()
         moment, interval = self.moments(tracks, vehicle, about)
         is_missing = self.is_missing(tracks, empty)
-        # Complete rows come first among rows of one time, so that incomplete repetitions are dropped.
+        # Of rows of one time, complete ones come first, so that incomplete repetitions are dropped.
         order = np.lexsort((is_missing, moment, vehicle))
         tracks, vehicle, moment = tracks.kept(order), vehicle[order], moment[order]
         type_code, is_missing = type_code[order], is_missing[order]
@@ -309,9 +309,7 @@ class _Join:
         """The quantities that change from row to row."""
         columns = self.map.columns.items()
         return [
-            name
-            for name, column in columns
-            if column.table == TRACKS and name not in _NOT_CHANGING
+            name for name, column in columns if column.table == TRACKS and name not in _NOT_CHANGING
         ]
 
     def with_vehicle_and_time(self, tracks: _Table) -> tuple[_Table, frozenset[str]]:
@@ -354,7 +352,8 @@ class _Join:
     def ids(self, tracks: _Table) -> tuple[NDArray[Any], I64, _Table]:
         """The ids in order, the index of each row's id among them, and the rows.
 
-        Ids become numbers where all of them are. Repeated rows of the table of vehicles are dropped.
+        Ids become numbers where all of them are. Repeated rows of the table of vehicles are
+        dropped.
         """
         name = self.map.columns["vehicle"].names[0]
         numbers = _as_numbers(tracks.columns[name])
@@ -566,7 +565,7 @@ class _Join:
         kind = np.where(type_code >= 0, type_code, by_length)
         is_known = (type_code != NOT_KNOWN) & may_be_kind(kind, length)
         if self.cell("type") is None:
-            # Without a column of types "kinds" is in `Recording.unknown`, which covers all vehicles.
+            # Without a column of types, "kinds" in `Recording.unknown` covers all vehicles.
             is_known[:] = True
         return kind, is_known
 

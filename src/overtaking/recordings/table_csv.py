@@ -1,4 +1,4 @@
-"""CSV files, compressed or not; the separator and the decimal mark are found."""
+"""CSV files, compressed or not; the separator and the decimal mark are detected."""
 
 # pyarrow ships no types.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SEPARATORS = (",", ";", "\t", "|")
 """Separators of cells. Where numbers have decimal commas, tables have semicolons or tabs."""
 
-_SAMPLE_BYTES = 1 << 16
+_SAMPLE_BYTES = 1 << 16  # Enough for the header of the widest table and some hundred rows.
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 
 
@@ -36,7 +36,7 @@ class Dialect(NamedTuple):
         separator: One of `SEPARATORS`, or a blank for columns aligned by blanks.
         decimal: `.` or `,`.
         names: Names of the columns.
-        has_header: Whether the first line has the names.
+        has_header: Whether the first line holds the names.
     """
 
     separator: str
@@ -73,10 +73,10 @@ def read_csv(
     try:
         table = _parse(path, types, dialect)
     except _ParseError as error:
-        # The first lines may hold whole numbers only, which have no decimal mark.
-        other = dialect._replace(decimal="," if dialect.decimal == "." else ".")
+        # If the sample holds whole numbers only, it does not show the decimal mark.
+        other_dialect = dialect._replace(decimal="," if dialect.decimal == "." else ".")
         try:
-            table = _parse(path, types, other)
+            table = _parse(path, types, other_dialect)
         except _ParseError:
             raise error.refusal from None
     return table.rename_columns(list(columns))
@@ -97,39 +97,41 @@ def _sample(path: Path) -> str:
     try:
         return head.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        if error.start >= len(head) - 3 and len(head) == _SAMPLE_BYTES:  # A letter is cut off.
+        # The sample may end within a letter, which has at most 4 bytes.
+        if error.start >= len(head) - 3 and len(head) == _SAMPLE_BYTES:
             return head[: error.start].decode("utf-8-sig")
         raise refused(path, "file", "a readable CSV file", "bytes that are no UTF-8") from None
 
 
 def _dialect(
-    path: Path, sample: str, wanted: Mapping[str, pa.DataType], header: Sequence[str] = ()
+    path: Path, sample: str, columns: Mapping[str, pa.DataType], header: Sequence[str] = ()
 ) -> Dialect:
-    """How a file is written, by its first lines.
+    """The dialect of a file, detected from its first lines.
 
     Args:
-        path: The file.
+        path: The file, for messages.
         sample: Its first lines.
-        wanted: Types of the columns to look for.
+        columns: Types of the columns that are to be read, by name.
         header: Names of the columns of a file without names.
     """
-    first = sample.partition("\n")[0]
-    found = {mark: _cells(path, first, mark) for mark in SEPARATORS}
-    if header and not any(cell.strip()[:1].isalpha() for cell in found[","]):
-        mark = max(SEPARATORS, key=lambda mark: len(found[mark]))
-        mark = mark if len(found[mark]) > 1 else " "
-        return Dialect(mark, ".", tuple(header), has_header=False)
-    keys = {name.casefold() for name in wanted}
+    first_line = sample.partition("\n")[0]
+    cells = {separator: _cells(path, first_line, separator) for separator in SEPARATORS}
+    if header and not any(cell.strip()[:1].isalpha() for cell in cells[","]):
+        separator = max(SEPARATORS, key=lambda separator: len(cells[separator]))
+        separator = separator if len(cells[separator]) > 1 else " "
+        return Dialect(separator, ".", tuple(header), has_header=False)
+    column_keys = {name.casefold() for name in columns}
 
-    def score(mark: str) -> tuple[int, int]:
-        names = found[mark]
-        return sum(name.strip().casefold() in keys for name in names), len(names)
+    def score(separator: str) -> tuple[int, int]:
+        """Number of columns to read among the names, then the number of names."""
+        names = cells[separator]
+        return sum(name.strip().casefold() in column_keys for name in names), len(names)
 
-    mark = max(SEPARATORS, key=score)
-    names = tuple(found[mark])
-    numbers = {name.casefold() for name, kind in wanted.items() if kind != pa.string()}
-    places = [k for k, name in enumerate(names) if name.strip().casefold() in numbers]
-    return Dialect(mark, _decimal(sample, mark, places), names)
+    separator = max(SEPARATORS, key=score)
+    names = tuple(cells[separator])
+    number_keys = {name.casefold() for name, kind in columns.items() if kind != pa.string()}
+    indices = [k for k, name in enumerate(names) if name.strip().casefold() in number_keys]
+    return Dialect(separator, _decimal_mark(sample, separator, indices), names)
 
 
 def _cells(path: Path, line: str, separator: str) -> list[str]:
@@ -140,30 +142,44 @@ def _cells(path: Path, line: str, separator: str) -> list[str]:
         raise refused(path, "line 1", "names of columns", str(error)) from None
 
 
-def _decimal(sample: str, separator: str, places: Collection[int]) -> str:
-    """The decimal mark of the numbers in some columns of the first lines."""
+def _decimal_mark(sample: str, separator: str, indices: Collection[int]) -> str:
+    """The decimal mark of the numbers in the first lines.
+
+    Args:
+        sample: The first lines of the file.
+        separator: Separator of its cells.
+        indices: Positions of the columns of numbers.
+    """
     lines = io.StringIO(sample.partition("\n")[2])
     try:
         for row in csv.reader(lines, delimiter=separator):
-            if any(k < len(row) and _DECIMAL_COMMA.fullmatch(row[k]) for k in places):
+            if any(k < len(row) and _DECIMAL_COMMA.fullmatch(row[k]) for k in indices):
                 return ","
     except csv.Error:
-        pass  # Arrow names the line.
+        pass  # Arrow refuses the same line, and names it.
     return "."
 
 
 def _parse(path: Path, types: Mapping[str, pa.DataType], dialect: Dialect) -> pa.Table:
-    """The columns of a file that is written in a known way."""
-    reading: dict[str, Any] = {}
+    """Some columns of a file with a known dialect.
+
+    Args:
+        path: The file.
+        types: Types of the columns, by their names in the file.
+        dialect: How its cells are written.
+    """
+    read_options: dict[str, Any] = {}
     if not dialect.has_header:
-        reading["column_names"] = list(dialect.names)
+        read_options["column_names"] = list(dialect.names)
     try:
         with open_bytes(path) as file:
             source, separator = _source(file, dialect)
             return pacsv.read_csv(
                 source,
                 # One thread, because only then Arrow knows the number of a bad row.
-                read_options=pacsv.ReadOptions(use_threads=False, block_size=1 << 22, **reading),
+                read_options=pacsv.ReadOptions(
+                    use_threads=False, block_size=1 << 22, **read_options
+                ),
                 parse_options=pacsv.ParseOptions(delimiter=separator, ignore_empty_lines=False),
                 convert_options=pacsv.ConvertOptions(
                     include_columns=list(types),
@@ -180,7 +196,10 @@ def _parse(path: Path, types: Mapping[str, pa.DataType], dialect: Dialect) -> pa
 
 
 def _source(file: Any, dialect: Dialect) -> tuple[Any, str]:
-    """What Arrow reads, and the separator in it."""
+    """The source that Arrow reads, and the separator in it.
+
+    Arrow takes one blank as a separator, so runs of blanks become commas.
+    """
     if dialect.separator != " ":
         return pa.PythonFile(file, mode="r"), dialect.separator
     text = re.sub(rb"[ \t]+", b",", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", file.read()))
@@ -188,6 +207,6 @@ def _source(file: Any, dialect: Dialect) -> tuple[Any, str]:
 
 
 def _place_of(error: Exception) -> str:
-    """The line that an error of Arrow's is about, which counts rows from the header on."""
-    found = re.search(r"[Rr]ow #(\d+)", str(error))
-    return f"line {found.group(1)}" if found else "table"
+    """The line that an error of Arrow names; Arrow counts rows from 1, the header among them."""
+    match = re.search(r"[Rr]ow #(\d+)", str(error))
+    return f"line {match.group(1)}" if match else "table"

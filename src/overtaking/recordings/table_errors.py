@@ -11,7 +11,14 @@ _NEXT_STEP = "use the files as their owners distribute them, or correct the map 
 
 
 def refused(where: Path | str, what: str, expected: str, got: str) -> ImportFormatError:
-    """The error for a file that is not what it should be."""
+    """The error for a file or a part of it that cannot be used.
+
+    Args:
+        where: The file, or the name of the table.
+        what: The part that is wrong.
+        expected: A description of the right content.
+        got: The content found.
+    """
     place = shown(where.name if isinstance(where, Path) else where, length=80)
     return messages.refused(place, what, expected, shown(got, length=150), _NEXT_STEP)
 
@@ -23,32 +30,34 @@ def refused_cell(
 
     Args:
         where: The file.
-        row: Row of the table, from 0.
+        row: Row of the table, from 0; the message counts lines from 1, the first for the names.
         name: Name of the column.
-        expected: What would have been right.
-        got: What was there.
+        expected: A description of the right value.
+        got: The value found.
     """
     return refused(where, f"line {row + 2}, column {name}", expected, got)
 
 
 def named(names: Sequence[str], wanted: Iterable[str], where: str) -> dict[str, str]:
-    """Name in the table of each wanted column.
+    """The name in a table of each wanted column, by the wanted name.
 
     Args:
         names: The columns of the table.
-        wanted: The columns to find. A name in other letters, capital or small, is the same if no
-            other column has it.
-        where: What the table is called in a message.
+        wanted: The columns to find. A column whose name differs only in capital letters and blanks
+            around it stands for a wanted one if no column has the exact name.
+        where: Name of the table in messages.
 
     Raises:
         ImportFormatError: A column is missing, or there are several of that name.
     """
-    found: dict[str, str] = {}
+    name_in_table: dict[str, str] = {}
     for name in wanted:
         exact = [column for column in names if column == name]
-        same = exact or [one for one in names if one.strip().casefold() == name.casefold()]
-        if len(same) != 1:
-            got = f"{len(same)} of them" if same else "none"
+        matches = exact or [
+            column for column in names if column.strip().casefold() == name.casefold()
+        ]
+        if len(matches) != 1:
+            got = f"{len(matches)} of them" if matches else "none"
             raise refused(where, "line 1", f"a column {name}", got)
-        found[name] = same[0]
-    return found
+        name_in_table[name] = matches[0]
+    return name_in_table

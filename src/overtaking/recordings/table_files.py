@@ -23,8 +23,8 @@ MAX_MAGNITUDE = 1.0e6
 """No metre, second or number of a frame in half an hour of a motorway is larger."""
 
 ARROW_SUFFIXES = (".arrow", ".arrows", ".feather")
-_ARROW_FILE_MAGIC = b"ARROW1"  # Files begin with it, streams do not.
-_CELL_BYTES = 8  # A number in memory, whatever its encoding in the file.
+_ARROW_FILE_MAGIC = b"ARROW1"  # Arrow files begin with these bytes, Arrow streams do not.
+_CELL_BYTES = 8  # Size of a number in memory, which does not depend on its encoding in the file.
 
 TEXT, NUMBER, WHOLE = pa.string(), pa.float64(), pa.int64()
 Types = Mapping[str, pa.DataType]
@@ -43,15 +43,15 @@ def read_columns(
     Args:
         path: The file. The ending of its name is its format: `.parquet`; one of `ARROW_SUFFIXES`;
             any other is CSV, compressed or not.
-        columns: Types of the wanted columns by name; the file may have more. A name in other
-            letters, capital or small, is the same if no other column has it.
+        columns: Types of the wanted columns by name; the file may have more. Names are matched as
+            `table_errors.named` describes.
         header: Names of all columns of a text file that has none, with blanks between the cells.
         limits: Largest size of the numbers of some columns; `MAX_MAGNITUDE` for the others.
         gaps: Columns of numbers in which cells may be missing.
 
     Returns:
-        A table with the columns in that order, without nulls. Numbers are finite, but NaN where a
-        cell of one of the `gaps` is missing.
+        A table with the columns in that order, without nulls. Numbers are finite, except NaN for a
+        missing cell in one of the `gaps`.
 
     Raises:
         ImportFormatError: The file is missing, too large, lacks a column, or has a cell that is no
@@ -61,7 +61,7 @@ def read_columns(
         return checked_table(_parquet(path, columns), columns, path.name, limits, gaps)
     if path.suffix in ARROW_SUFFIXES:
         return checked_table(_read_arrow(path, columns), columns, path.name, limits, gaps)
-    # Columns of whole numbers with missing cells are written as 3.0 by pandas.
+    # pandas writes whole numbers as 3.0 if cells of their column are missing.
     types = {name: NUMBER if kind == WHOLE else kind for name, kind in columns.items()}
     return checked_table(read_csv(path, types, header), columns, path.name, limits, gaps)
 
@@ -73,7 +73,7 @@ def checked_table(
     limits: Mapping[str, float] | None = None,
     gaps: Collection[str] = (),
 ) -> pa.Table:
-    """A table with the wanted columns, refused where a cell is no such value.
+    """A table with the wanted columns; raises an error for a cell of another type.
 
     Args:
         table: The table.
@@ -97,7 +97,7 @@ def checked_table(
 
 
 def _words(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Text without blanks around it; whole numbers without decimals, which pandas adds to them."""
+    """Text without blanks around it, and whole numbers without the ".0" that pandas adds."""
     trimmed = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
     return pc.replace_substring_regex(trimmed, r"^([+-]?\d+)\.0*$", r"\1")
 
@@ -162,6 +162,7 @@ def _open_arrow(path: Path, columns: Sequence[int] | None = None) -> Generator[A
             opened = ipc.open_stream if is_stream else ipc.open_file
             with opened(file, options=options) as reader:
                 yield reader
+    # Damaged names of columns are a UnicodeDecodeError or KeyError.
     except (pa.ArrowException, OSError, UnicodeDecodeError, KeyError) as error:
         raise refused(path, "file", expected, str(error)) from None
 
@@ -182,7 +183,7 @@ def _read_arrow(path: Path, columns: Types) -> pa.Table:
     num_rows = num_bytes = 0
     with _open_arrow(path, indices) as reader:
         if isinstance(reader, ipc.RecordBatchFileReader):
-            # Known before anything is decompressed; a stream has no such count.
+            # A file states its number of rows before cells are decompressed; a stream does not.
             if _CELL_BYTES * len(columns) * reader.count_rows() > most:
                 raise _too_many_cells(path, most, reader.count_rows())
             source = map(reader.get_batch, range(reader.num_record_batches))
@@ -195,6 +196,7 @@ def _read_arrow(path: Path, columns: Types) -> pa.Table:
             num_bytes += sum(map(_decoded_bytes, batch.columns))
             if num_bytes > most:
                 raise _too_many_cells(path, most, num_rows)
+        # Batches have the chosen columns only; the schema of a reader has all of them.
         read_schema = batches[0].schema if batches else reader.schema
     table = pa.Table.from_batches(batches, read_schema)
     return table.select(list(names.values())).rename_columns(list(names))
@@ -229,7 +231,7 @@ def _check_numbers(
     where: str, name: str, column: pa.ChunkedArray, most: float, *, may_be_missing: bool
 ) -> None:
     """Refuse numbers that are missing, not finite, or larger than anything in a recording."""
-    # An integer beyond 2**53 loses digits here; it is far beyond every limit all the same.
+    # `safe=False`: an integer beyond 2**53 loses digits, but it exceeds every limit anyway.
     sizes = pc.abs(pc.fill_null(column.cast(NUMBER, safe=False), np.nan))
     is_right = pc.less_equal(sizes, most)
     if may_be_missing:

@@ -20,11 +20,12 @@ MAX_BYTES = 1 << 31
 """Larger files are refused; the largest of highD has some 200 MB, NGSIM's of all sites 1.5 GB."""
 
 _MAX_EXPANSION, _SMALL_BYTES = 100, 1 << 24
-"""Cells of a compressed file may take so many times its size, and always 16 MB: a few bytes can
-stand for any number of rows."""
+"""The content of a compressed file may take 100 times its size, and 16 MB in any case: without a
+bound, a few bytes could fill the memory."""
 
 COMPRESSED_SUFFIXES = (".gz", ".bz2", ".xz", ".zst", ".lz4")
-"""Endings of the names of compressed files; what a file is is told by its first bytes."""
+"""Endings of the names of compressed files. They only serve to find files and to name recordings;
+the first bytes of a file decide how it is decompressed."""
 
 _MAGIC = {
     b"\x1f\x8b": "gzip",
@@ -38,7 +39,7 @@ _ARCHIVES = {
     b"7z\xbc\xaf": "a 7z archive",
     b"Rar!": "a RAR archive",
 }
-_LONGEST_MAGIC = 8
+_LONGEST_MAGIC = 8  # At least as long as every key of `_MAGIC` and `_ARCHIVES` [bytes].
 
 
 def uncompressed_name(path: Path) -> str:
@@ -52,7 +53,7 @@ def is_compressed_name(path: Path) -> bool:
 
 
 def max_cell_bytes(path: Path) -> int:
-    """Memory that the cells of a compressed file may take [bytes]."""
+    """Memory that the content of a compressed file may take [bytes]."""
     return min(max(_MAX_EXPANSION * path.stat().st_size, _SMALL_BYTES), MAX_BYTES)
 
 
@@ -89,7 +90,7 @@ def open_bytes(path: Path) -> Generator[BinaryIO]:
 
 
 def _kind(first: bytes, kinds: dict[bytes, str]) -> str | None:
-    """What the first bytes of a file say that it is."""
+    """The kind of file that begins with some bytes, None if `kinds` does not list it."""
     return next((kind for magic, kind in kinds.items() if first.startswith(magic)), None)
 
 
@@ -101,7 +102,7 @@ def _decompressed(file: BinaryIO, kind: str) -> BinaryIO:
 
 
 class _BoundedStream(io.RawIOBase):
-    """A stream that refuses to give more bytes than a compressed file of that size may hold."""
+    """A stream that raises an error after more bytes than a file of that size may hold."""
 
     def __init__(self, source: BinaryIO, path: Path) -> None:
         super().__init__()

@@ -52,7 +52,7 @@ def read_table(
 
     Args:
         path: The file; CSV, Parquet or Arrow.
-        columns: Which column holds what; see `column_map`.
+        columns: The column of each quantity; see `column_map`.
         road: The road, in the axes of the table; by default what the map says of it, and else
             lanes are inferred from the traffic.
         only: Values that columns must have.
@@ -75,15 +75,15 @@ def with_driving_side(columns: ColumnMap, side: str | None, road: Road | None) -
 
     Args:
         columns: The map.
-        side: "right" or "left", None to leave it as it is.
-        road: The road, if it is known; it has a side already.
+        side: "right" or "left", None for the side of the map.
+        road: The road of the traffic, None if it is inferred. Its side must be the same.
 
     Raises:
-        ConfigError: It is no side, or not that of the road.
+        ConfigError: The side is unknown, or differs from that of the road.
     """
     if side is None:
         return columns
-    sides = [one.value for one in DrivingSide]
+    sides = [driving_side.value for driving_side in DrivingSide]
     if side not in sides:
         raise ConfigError.not_among("driving side", "import", sides, side)
     if road is not None and road.driving_side.value != side:
@@ -123,9 +123,9 @@ def recording_of(
         driven = _centred(driven, place.road)
     there = on_road(place.road, driven.s, driven.d)
     if place.notes["lanes_from"] == LANES_FITTED:
-        of_lanes = check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
-        issue_warnings(rows.where, of_lanes)
-        sentences = [*sentences, *of_lanes]
+        lane_sentences = check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
+        issue_warnings(rows.where, lane_sentences)
+        sentences = [*sentences, *lane_sentences]
     ways = by_ways(kept(driven, there), place.road)
     if not ways.along:
         oncoming = ways.oncoming + ways.left_out

@@ -12,7 +12,7 @@ from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, RoadMark
 from overtaking.recordings.commonroad import read_commonroad
-from overtaking.recordings.countries import is_speed_sign, keeps_left
+from overtaking.recordings.countries import is_speed_sign, keeps_left, number_on_sign
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.scenes import scenes
 
@@ -70,11 +70,11 @@ def test_two_places_at_one_time_are_refused(write):
         ),
         ("<shape>.*?</shape>", "", "no shape"),
         ("<shape>.*?</shape>", "<shape/>", "no shape"),
-        ("<rectangle>.*?</rectangle>", "<oval/>", "a shape that is not known: oval"),
+        ("<rectangle>.*?</rectangle>", "<oval/>", "an unknown shape: oval"),
         (
             "<rectangle>.*?</rectangle>",
             "<circle><radius>1</radius></circle><circle><radius>2</radius></circle>",
-            "several shape",
+            "several shapes",
         ),
     ],
 )
@@ -199,6 +199,14 @@ def test_a_number_that_is_no_limit_in_metres_per_second_is_the_number_on_the_sig
     write, country, code, value, limit
 ):
     assert read_commonroad(write(posted(code, value, country))).road.speed_limit == limit
+
+
+@pytest.mark.parametrize(
+    ("code", "number"),
+    [("274-30", 30.0), ("274-5", 5.0), ("274-53", None), ("274-55", None), ("R2-1-65", 65.0)],
+)
+def test_the_variant_of_a_sign_is_a_speed_unless_old_catalogues_number_it(code, number):
+    assert number_on_sign(code) == number
 
 
 @pytest.mark.parametrize("code", ["274.2", "278", "275", "205", "R1-1", "B1", ""])
