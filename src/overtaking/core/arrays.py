@@ -1,8 +1,8 @@
 """Array types, each with its dtype.
 
-NumPy decides what `NDArray[np.uint8]` is at run time: a generic alias before NumPy 2.5 on Python
-3.12, a type alias since. An annotation therefore states its dtype beside the type, and
-`model.values` reads it there.
+An annotation states its dtype beside the type, where `model.batch.declared_dtype` reads it. The
+dtype cannot be read from `NDArray[np.uint8]`, which is a generic alias before NumPy 2.5 on Python
+3.12, and a type alias since.
 """
 
 from typing import Annotated, Any
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 F32 = Annotated[NDArray[np.floating[Any]], np.dtype(np.float32)]
-"""A float32 array. Type checkers see an array of any float: NumPy's own types lose the width after
-one operation, and would refuse right code."""
+"""A float32 array. Type checkers see an array of any float: in NumPy's own types the width is lost
+after one operation, so that they would report errors in correct code."""
 F64 = Annotated[NDArray[np.float64], np.dtype(np.float64)]
 I16 = Annotated[NDArray[np.int16], np.dtype(np.int16)]
 I32 = Annotated[NDArray[np.int32], np.dtype(np.int32)]

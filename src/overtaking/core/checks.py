@@ -25,7 +25,7 @@ def check_name(got: str, known: Iterable[str], *, what: str, where: str) -> None
 
 
 def nearest_first(name: str, names: Iterable[str]) -> list[str]:
-    """Names in the order in which they resemble a name."""
+    """Names in order of their similarity to a name, the most similar one first."""
 
     def similarity(other: str) -> float:
         return SequenceMatcher(a=name.lower(), b=other.lower()).ratio()

@@ -114,7 +114,7 @@ class ImportFormatError(OvertakingError, ValueError):
 
 
 class RecordingWarning(UserWarning):
-    """A recording that contradicts itself; it is read as it is, and its numbers may be wrong."""
+    """A recording that contradicts itself. It is read without changes; its numbers may be wrong."""
 
 
 class DatasetError(OvertakingError, RuntimeError):

@@ -1,4 +1,4 @@
-"""The packages that this one needs, always or for an extra, and how they are installed."""
+"""The packages that `overtaking` requires, always or for an extra, and commands to install them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ PACKAGE = "overtaking"
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A package that this one needs.
+    """A package that `overtaking` requires.
 
     Attributes:
-        package: Its name.
-        specifier: Its name and the versions that fit, such as `duckdb>=1.1`.
-        extra: The extra that needs it; empty if nothing works without it.
+        package: Name of the package.
+        specifier: Name and supported versions, such as `duckdb>=1.1`.
+        extra: The extra that requires it; empty if it is always required.
     """
 
     package: str
@@ -28,13 +28,13 @@ class Requirement:
     extra: str
 
     def is_newer_than(self, version: str) -> bool:
-        """Whether a version is below the lowest one that fits."""
+        """Whether the lowest supported version is newer than a version, such as the installed."""
         bound = re.search(r"[>=]=\s*([\w.]+)", self.specifier)
         return bound is not None and _release(version) < _release(bound[1])
 
 
 def _release(version: str) -> tuple[int, ...]:
-    """The numbers of a release to compare, without zeros at the end: 3.10 is 3.10.0."""
+    """The numbers of a release for comparison, without zeros at the end: 3.10 equals 3.10.0."""
     numbers = re.match(r"[\d.]*", version)
     parts = [int(part) for part in (numbers[0] if numbers else "").split(".") if part]
     while parts and parts[-1] == 0:
@@ -44,30 +44,31 @@ def _release(version: str) -> tuple[int, ...]:
 
 @cache
 def requirements() -> tuple[Requirement, ...]:
-    """What the installed package states that it needs."""
-    stated: list[Requirement] = []
+    """The requirements in the metadata of the installed package."""
+    packages: list[Requirement] = []
     for line in metadata.requires(PACKAGE) or []:
         specifier, _, marker = line.partition(";")
         extra = re.search(r"\bextra\s*==\s*['\"]([\w-]+)['\"]", marker)
         package = re.split(r"[^\w.-]", specifier.strip(), maxsplit=1)[0]
-        if package != PACKAGE:  # Groups such as `all` are made of the others.
-            stated.append(Requirement(package, specifier.strip(), extra[1] if extra else ""))
-    return tuple(stated)
+        if package != PACKAGE:  # Groups such as `all` require extras of the package.
+            name = extra[1] if extra else ""
+            packages.append(Requirement(package, specifier.strip(), name))
+    return tuple(packages)
 
 
 @cache
 def extras() -> dict[str, tuple[str, ...]]:
     """The requirements of each extra, such as `duckdb>=1.1` of `sql`."""
     by_extra: dict[str, tuple[str, ...]] = {}
-    for one in requirements():
-        if one.extra:
-            by_extra[one.extra] = (*by_extra.get(one.extra, ()), one.specifier)
+    for requirement in requirements():
+        if extra := requirement.extra:
+            by_extra[extra] = (*by_extra.get(extra, ()), requirement.specifier)
     return by_extra
 
 
 @cache
 def extra_groups() -> dict[str, tuple[str, ...]]:
-    """The extras that each group such as `all` or `common` is made of."""
+    """The extras in each group, such as `all` or `common`, in alphabetical order."""
     groups: dict[str, tuple[str, ...]] = {}
     for line in metadata.requires(PACKAGE) or []:
         match = re.match(rf"{PACKAGE}\[([\w,\s-]+)\].*\bextra\s*==\s*['\"]([\w-]+)['\"]", line)
@@ -77,16 +78,16 @@ def extra_groups() -> dict[str, tuple[str, ...]]:
 
 
 def install_command(extra: str) -> str:
-    """The command that installs an extra, or a group of extras, for the interpreter that runs.
+    """The command that installs an extra, or a group of extras, for the running interpreter.
 
-    It names the packages of the extra and not this one, which may be a clone.
+    It names the packages of the extra, not `overtaking[extra]`: an index does not know a clone.
     """
     names = extra_groups().get(extra, (extra,))
     return pip_command(*(specifier for name in names for specifier in extras()[name]))
 
 
 def pip_command(*specifiers: str) -> str:
-    """The command that installs packages for the interpreter that runs."""
+    """The command that installs packages for the running interpreter."""
     here, running = Path.cwd(), Path(sys.executable)
     is_below = here in running.parent.parents  # A shell looks for a bare name elsewhere.
     interpreter = running.relative_to(here) if is_below else running

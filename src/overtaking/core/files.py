@@ -54,15 +54,15 @@ def whole(file: BufferedIOBase, most_bytes: int) -> bytes:
 def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
     """The content of a TOML file, with or without a byte order mark.
 
-    Editors on Windows begin UTF-8 files with that mark, which TOML does not allow.
+    Some editors on Windows write that mark at the beginning of UTF-8 files; TOML forbids it.
 
     Args:
         path: The file.
-        max_bytes: Size of the largest file that is read [bytes].
+        max_bytes: Largest size of a file that is read [bytes].
 
     Raises:
-        OSError: It is too large or cannot be read.
-        ValueError: It is not TOML in UTF-8.
+        OSError: The file is too large or cannot be read.
+        ValueError: The content is not TOML in UTF-8.
         RecursionError: Its values are nested too deeply.
     """
     with opened(path) as file:

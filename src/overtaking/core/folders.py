@@ -54,7 +54,7 @@ def refuse_strangers(out: Path) -> None:
 
 
 def describe_place(path: Path) -> str:
-    """What is at a path that should be free or a folder, in words."""
+    """A description of a path that exists but is not an empty folder, for a message."""
     if path.is_dir():
         return "a folder with something in it"
     return "a file" if path.exists() else "a symbolic link to nothing"

@@ -155,8 +155,8 @@ class Buffers:
             self._layouts[name], self._memory[name] = layout, as_left(layout, ends[-1])
         memory, begins = self._memory[name], [0, *ends]
         return {
-            # Slices without elements all begin at one address, and the engine refuses to write to
-            # two arrays that do.
+            # Empty slices can share an address with another array, and the engine refuses to write
+            # to two arrays at one address.
             field: memory[begin : begin + size].view(kind).reshape(shape)
             if size
             else np.empty(shape, kind)

@@ -23,7 +23,7 @@ def pool_of(name: str, threads: int) -> ThreadPoolExecutor:
 @cache
 def _process_pool(process: int, name: str, threads: int) -> ThreadPoolExecutor:
     """The threads of a name in one process: a forked child has none of its parent's threads."""
-    del process  # Only a key.
+    del process  # Only part of the key of the cache.
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix=f"overtaking-{name}")
 
 

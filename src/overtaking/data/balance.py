@@ -71,8 +71,9 @@ class Balance:
     def __str__(self) -> str:
         """The settings in one line."""
         end = "fewer simulations if that is not enough" if self.allows_missing else "no fewer"
+        policy = f"policy {self.policy}" if self.policy else "the policy of the profile"
         return (
-            f"equal numbers by {','.join(self.by)} under policy {self.policy or 'of the profile'} "
+            f"equal numbers by {','.join(self.by)} under {policy} "
             f"from at most {self.candidates} candidates, {end}"
         )
 

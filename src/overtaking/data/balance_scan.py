@@ -218,8 +218,8 @@ class Scan:
         recipe = self._recipe
         index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
         scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
-        said = label(self._simulator.simulate(scenario), policies=[self._policy])
-        return self._balance.cell_of(said.labels.classes[:, 0], scenario.weather.night)
+        labelled = label(self._simulator.simulate(scenario), policies=[self._policy])
+        return self._balance.cell_of(labelled.labels.classes[:, 0], scenario.weather.night)
 
     def _save(self) -> None:
         found = self.selection

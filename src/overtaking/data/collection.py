@@ -210,11 +210,11 @@ def _names(file_format: str, folder: Path) -> list[str]:
     if file_format not in ENDINGS:
         raise ConfigError.not_among("format", "import", ENDINGS, file_format)
     endings = ENDINGS[file_format]
-    is_text = file_format != "commonroad"  # Tables may be compressed.
+    may_be_compressed = file_format != "commonroad"  # XML is read uncompressed only.
     names = sorted(
         file.name
         for file in folder.iterdir()
-        if (uncompressed_name(file) if is_text else file.name).endswith(endings)
+        if (uncompressed_name(file) if may_be_compressed else file.name).endswith(endings)
     )
     if names:
         return names

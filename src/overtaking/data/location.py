@@ -59,7 +59,7 @@ class Folder:
         """The files and folders at its top; none if it is not there.
 
         Raises:
-            NotADirectoryError: There is a file instead, or a symbolic link to nothing.
+            NotADirectoryError: There is a file instead, or a symbolic link whose target is missing.
         """
         if not self.path.exists():
             if self.path.is_symlink():

@@ -12,10 +12,10 @@ from overtaking.core.errors import LockedError
 FILE_NAME = ".lock"
 
 NO_LOCK_VARIABLE = "OVERTAKING_NO_LOCK"
-"""Variable of the environment: with the value 1, folders are written without a lock."""
+"""Environment variable; if it is 1, folders are written without a lock."""
 
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
-"""Errors of file systems that have no locks, such as some network and FUSE file systems."""
+"""Errors of file systems without locks, such as some network and FUSE file systems."""
 
 _FAR = 1 << 20
 """Windows forbids all others to read locked bytes, so the locked byte lies behind the text."""
@@ -25,15 +25,15 @@ _FAR = 1 << 20
 def locked(folder: Path) -> Generator[None]:
     """Hold a folder for writing.
 
-    The lock file stays behind: a file that is deleted can be locked twice. No lock is taken if the
-    environment has `NO_LOCK_VARIABLE`; then the caller must not start two writers.
+    The lock file stays behind: a file that is deleted can be locked twice. No lock is taken if
+    `NO_LOCK_VARIABLE` is 1 in the environment; then the user must not start two writers.
 
     Args:
         folder: An existing folder.
 
     Raises:
-        LockedError: Another process holds it; the message says which. Or the file system has no
-            locks.
+        LockedError: Another process holds the folder, which the message names; or the file system
+            has no locks.
         OSError: The lock file cannot be written.
     """
     if os.environ.get(NO_LOCK_VARIABLE) == "1":

@@ -204,9 +204,9 @@ class Identity(_Record):
 
     @field_serializer("road", mode="wrap")
     def _road_values(self, road: Road, dump: SerializerFunctionWrapHandler) -> Any:
-        """Values of the road, without parts of the course that are empty and without zero origins.
+        """Values of the road, without zero origins and empty parts of the course.
 
-        Left-out parts leave the fingerprints of roads as they are that have none of them.
+        A field that is added to `Road` later must not change the fingerprint of a road without it.
         """
         values = dump(road)
         for name in ("origin_x", "origin_y"):
@@ -415,6 +415,7 @@ def read_manifest(location: Location) -> Manifest:
     path = location.at(FILE_NAME)
     try:
         with location.open(FILE_NAME) as file:
+            # Editors on Windows add a byte order mark, which JSON does not allow.
             data = whole(file, _MOST_BYTES).removeprefix(codecs.BOM_UTF8)
     except OSError as error:
         if location.has(FILE_NAME):
@@ -434,7 +435,10 @@ def read_manifest(location: Location) -> Manifest:
 
 
 def _no_manifest(location: Location, error: OSError) -> DatasetError:
-    """The error for a place without a data set; it may be the name or file of a profile."""
+    """The error for a location without a data set.
+
+    Users often name a profile or its file instead; then the next step generates a data set from it.
+    """
     where = str(location)
     path = Path(where)
     if where in profile_names() or (path.suffix == ".toml" and path.is_file()):

@@ -161,7 +161,7 @@ class Verdict(Summarized):
         return self.rules[self.rules["verdict"] == "illegal"]
 
     def summary(self) -> dict[str, object]:
-        """Names and values to show: how the simulation ended, its classes, the broken rules."""
+        """Outcome, class under each policy and broken rules, by the name that is shown."""
         return {
             "simulation": self.simulation,
             "outcome": self.outcome,

@@ -37,7 +37,7 @@ Axes = tuple[str | int, ...]
 """Names of the axes of an array; a number is a fixed length."""
 
 _ARRAY_ORIGINS = (np.ndarray, get_origin(NDArray[Any]))
-"""What `NDArray[…]` is made of at run time, which depends on the version of NumPy."""
+"""Origin of `NDArray[…]` at run time, by version of NumPy; see `core.arrays`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,14 +117,14 @@ class FieldSpec:
 
 @dataclass(frozen=True, slots=True)
 class BatchField:
-    """A field of a batch: its declaration with the defaults of its class filled in.
+    """A field of a batch: its declaration, completed by the defaults of its class.
 
     Attributes:
         name: Name of the field.
         spec: Its declaration.
         axes: Axes of the array.
         dtype: The dtype of an array; None for anything else.
-        type: Its type, without what `Annotated` attaches to it.
+        type: Its type, without the metadata of `Annotated`.
         column: Name of its column, without the unit; None if it is not written.
     """
 
@@ -169,9 +169,9 @@ def field_from_annotation(name: str, annotation: Any, axes: Axes = ()) -> BatchF
     """A field, or a parameter of a function, as its annotation declares it.
 
     Args:
-        name: Its name.
+        name: Name of the field or parameter.
         annotation: Its annotation, a type or `Annotated` with a `FieldSpec`.
-        axes: Axes of an array whose declaration names none.
+        axes: Axes of an array whose `FieldSpec` states none.
     """
     metadata = tuple(_metadata(annotation))
     spec = next((item for item in metadata if isinstance(item, FieldSpec)), FieldSpec())
@@ -191,7 +191,7 @@ def declared_dtype(annotation: Any) -> np.dtype[Any] | None:
 
 
 def without_metadata(annotation: Any) -> Any:
-    """The type that an annotation names."""
+    """The type of an annotation, without `Annotated`."""
     return annotation.__origin__ if get_origin(annotation) is Annotated else annotation
 
 
@@ -202,9 +202,9 @@ def union_members(annotation: Any) -> tuple[Any, ...]:
 
 
 def _metadata(annotation: Any) -> Iterator[object]:
-    """What `Annotated` attaches to an annotation, then to the members of its union."""
-    # The annotation itself comes first, as its `FieldSpec` counts, such as that of
-    # `Annotated[F32 | None, FieldSpec(…)]`. Python joins the metadata of nested `Annotated`.
+    """The metadata of an annotation, then that of the members of its union."""
+    # The outer `FieldSpec` comes first because it overrides those of the members, as in
+    # `Annotated[F32 | None, FieldSpec(…)]`. Python itself joins the metadata of nested `Annotated`.
     if get_origin(annotation) is Annotated:
         yield from annotation.__metadata__
     for member in union_members(without_metadata(annotation)):

@@ -59,8 +59,8 @@ def check(batch: Any, where: str, name: str = "") -> None:
             array, the first element.
     """
     checker = _BatchChecker(where)
-    # Structure first: a range may end at the length of an axis, which any field can set, and
-    # constraints need arrays of matching shapes.
+    # Structure first: the end of a range may be the length of an axis, which a later field can set,
+    # and constraints need arrays of matching shapes.
     checker.check_structure(batch, name)
     checker.check_values(batch, name)
 
@@ -128,7 +128,7 @@ class _BatchChecker:
 
     def __init__(self, where: str) -> None:
         self._where = where
-        # Length of each axis, and the field that set it: the first array decides.
+        # Length of each axis, and the field that set it: the first array with that axis.
         self._axis_lengths: dict[str | int, tuple[int, str]] = {}
 
     def check_structure(self, batch: Any, path: str) -> None:
@@ -210,7 +210,7 @@ def _fields_of(batch: Any, path: str) -> Iterator[tuple[BatchField, Any, str]]:
 
 
 def _is_in_range(spec: FieldSpec, high: float, values: Any) -> Any:
-    """Whether each value is in the range; NaN never is."""
+    """Whether each value is in the range, same shape; False for NaN."""
     is_above = values > spec.low if spec.low_is_open else values >= spec.low
     is_inside = is_above & (values <= high)
     return is_inside if spec.missing is None else is_inside | (values == spec.missing)

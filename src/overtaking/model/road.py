@@ -37,8 +37,8 @@ MAX_LANES = 8
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
 MAX_NEIGHBOUR_WIDTH = 100.0
 MAX_COORDINATE = 1.8e6
-"""World millimetres are int32, and the engines cut them off at 2000 km. A road of at most 100 km
-ends before that [m]."""
+"""Largest x0 and y0 of a road [m]. World positions are int32 millimetres, which the engines clip at
+2000 km; a road of at most 100 km that begins here ends before."""
 
 MAX_ORIGIN = 1.0e8  # Wider than any map projection of the Earth in metres.
 MAX_CURVED_WIDTH = (
@@ -120,9 +120,10 @@ class Road:
             [rad].
         speed_limit: Limit that is posted for the driving lanes, on a road with `Course.limits` the
             highest one [m/s].
-        origin_x: Source x of the world origin: what was taken off the x of a file in absolute
-            coordinates, such as UTM, so that millimetres fit the recorded integers [m].
-        origin_y: Source y of the world origin [m].
+        origin_x: x of the world's origin in the file that the road comes from [m]. It is not 0 for
+            files with large coordinates, such as UTM, whose millimetres exceed the recorded
+            integers.
+        origin_y: y of the same point [m].
         slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
         fast_side_neighbour: Lane beside `lanes[-1]`, or None.
         course: What changes along the road; None if nothing does.
@@ -294,7 +295,7 @@ class Road:
         return east * cosine + north * sine, north * cosine - east * sine
 
     def to_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
-        """Coordinates of world points in the file that the road comes from [m].
+        """Coordinates (x, y) of world points in the file that the road comes from [m].
 
         Args:
             x: World x, any shape [m].
@@ -306,7 +307,7 @@ class Road:
         )
 
     def from_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
-        """World coordinates of points in the file's coordinates [m]; the inverse of `to_source`."""
+        """World coordinates (x, y) of points that are given in the coordinates of the file [m]."""
         return (
             np.asarray(x, dtype=np.float64) - self.origin_x,
             np.asarray(y, dtype=np.float64) - self.origin_y,

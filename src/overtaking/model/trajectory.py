@@ -150,40 +150,40 @@ STEPS = {
 """Size of a step of each number in `States` [SI units]."""
 
 NOISY_STATES = frozenset({"accel_lon", "accel_lat", "yaw_rate"})
-"""Quantities that are differences of measured ones. Noise in a recording may exceed what their
-integers hold, although no vehicle does; such values are cut off at the largest one."""
+"""Quantities that are differentiated from measured ones. Their noise in a recording may exceed the
+range of the recorded integers, although no vehicle reaches it; such values are clipped."""
 
 
 def largest_state(name: str) -> float:
-    """Largest size of a field of `States` that its integers hold [SI units]."""
+    """Largest magnitude of a field of `States`, one of `STEPS`, that is recorded [SI units]."""
     _, high = batch_fields(States)[name].spec.limits
     return min(float(np.iinfo(STATE_TYPES[name]).max), high) * STEPS[name]
 
 
 def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[Any]:
-    """A field of `States` as the integers that are recorded, rounded half to even.
+    """The recorded integers of a field of `States`, rounded half to even.
 
     Args:
         name: The field, one of `STEPS`.
-        steps: Its values over the size of a step, any shape.
-        where: What the values are of, for the message.
+        steps: Its values divided by the size of a step, any shape [steps].
+        where: Name of the recording or simulation, for the message.
 
     Raises:
-        SchemaError: A value is beyond what the integers hold, and not of `NOISY_STATES`.
+        SchemaError: A value is too large for the integers or NaN, in a field that is not among
+            `NOISY_STATES`.
     """
     dtype = STATE_TYPES[name]
     steps = np.rint(steps)
     if name in NOISY_STATES:
         largest = np.iinfo(dtype).max
         return np.clip(steps, -largest, largest).astype(dtype)
-    most = largest_state(name)
-    is_right = np.abs(steps) <= np.iinfo(dtype).max  # Also false for NaN.
-    if not is_right.all():
+    is_in_range = np.abs(steps) <= np.iinfo(dtype).max  # Also false for NaN.
+    if not is_in_range.all():
         raise SchemaError.of(
             what=name,
             where=where,
-            expected=f"at most {most:g} in SI units",
-            got=f"{float(steps[~is_right].flat[0]) * STEPS[name]:g}",
+            expected=f"at most {largest_state(name):g} in SI units",
+            got=f"{float(steps[~is_in_range].flat[0]) * STEPS[name]:g}",
             next_step="shift the coordinates, or correct their unit",
         )
     return steps.astype(dtype)
@@ -318,8 +318,8 @@ class Trajectories(Batch):
             are there and mean nothing. Empty for simulations of this package.
         present: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
             where every vehicle is there from the first frame to the last.
-        is_kind_known: Whether the kind of each vehicle is known, (simulation, vehicle); None where
-            all kinds are, or where "kinds" is among `unknown`.
+        is_kind_known: Whether the kind of each vehicle is known, (simulation, vehicle); None if all
+            kinds are known, or none of them because "kinds" is among `unknown`.
         actions: What another driver did with the ego; None where the model drove it.
         branched: What it branches from, and what is different; None for a simulation as it is.
     """

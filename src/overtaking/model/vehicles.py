@@ -32,6 +32,7 @@ class VehicleKind(IntEnum):
     B = 6  # bicycle with rider
 
 
+# Names of the lengths in `labels.toml`; the other kinds are cars.
 _LENGTH_NAMES = {
     VehicleKind.V: "van",
     VehicleKind.T: "truck",
@@ -41,16 +42,16 @@ _LENGTH_NAMES = {
 
 
 def may_be_kind(kind: ArrayLike, length: ArrayLike) -> Mask:
-    """Whether vehicles of a kind can be so long.
+    """Whether a length is possible for a vehicle of a kind.
 
     Args:
         kind: `VehicleKind`, any shape.
-        length: A shape that broadcasts with it [m].
+        length: Length, in a shape that broadcasts with that of `kind` [m].
 
     Returns:
-        A mask of the common shape. The ranges are those of `kind_length` in `labels.toml`.
+        A mask of the common shape, by the ranges of `kind_length` in `labels.toml`.
     """
-    names = [_LENGTH_NAMES.get(each, "car") for each in VehicleKind]
+    names = [_LENGTH_NAMES.get(vehicle_kind, "car") for vehicle_kind in VehicleKind]
     shortest, longest = (
         np.array([number("labels.toml", f"kind_length.{end}.{name}") for name in names])
         for end in ("shortest", "longest")

@@ -148,7 +148,13 @@ def trajectories(
 
 
 def _known_kinds(recording: Recording, windows: Sequence[Window], slots: int) -> Mask | None:
-    """Whether the kind of each vehicle is known; None where all are."""
+    """Whether the kind of each vehicle is known, shape (window, slot); None if all kinds are.
+
+    Args:
+        recording: The recording.
+        windows: The windows, with their vehicles.
+        slots: Number of vehicles of a simulation; empty slots count as known.
+    """
     is_known = np.ones((len(windows), slots), np.bool_)
     for row, window in zip(is_known, windows, strict=True):
         row[: len(window.vehicles)] = recording.tracks.is_kind_known[list(window.vehicles)]
@@ -211,7 +217,8 @@ def _scenario(
         weight=np.ones(count),
         vehicles=assumed_bodies(
             valid,
-            # As data sets give it back, which have null for a kind that is not known.
+            # Data sets store null for an unknown kind and load it as the assumed kind. With the
+            # same kind here, labels before and after storing agree.
             np.where(tracks.is_kind_known, tracks.kind, np.uint8(ASSUMED_KIND))[who],
             tracks.length[who].astype(np.float32),
             tracks.width[who].astype(np.float32),

@@ -58,8 +58,8 @@ _READ = frozenset(
     {"lanelet", "dynamicObstacle", "obstacle", "trafficSign", "scenarioTags", "location"}
 )
 _COUNTRY = re.compile("(?:C-)?([A-Za-z]{3})_.*")
-"""Id of a benchmark, which begins with its country, such as DEU_Muc-1_1_T-1. The prefix "C-" marks
-scenarios of cooperative driving."""
+"""Id of a benchmark, which begins with its country, such as ZAM_Merge-1_1_T-1. The prefix "C-"
+marks scenarios of cooperative driving."""
 
 _MAX_NAMED = 5  # A message lists this many of the obstacles that are left out.
 _UNREAD = frozenset(

@@ -54,8 +54,8 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
         options: Options of that format by name: `attempts_only`, `vehicles` (of a simulation),
             `lanelet` (an id), `driving_side` ("right" or "left"), `direction` (1 or 2), `road` (a
             `Road`), `columns` (a map), `only` (values that columns must have), `smooth` (whether
-            tracks are smoothed), `speed_limit` (in m/s, in place of that of the
-            file, infinite for none).
+            tracks are smoothed), `speed_limit` (in m/s, in place of that of the file; infinite for
+            none).
 
     Raises:
         ConfigError: There is no such format, or an option is not for it.

@@ -1,4 +1,4 @@
-"""Speed limits of roads: as files state them, stretch after stretch, or as the user does."""
+"""Speed limits of roads: those of a file, stretch by stretch, or one that the user states."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from overtaking.model.course import MAX_SPEED_LIMIT, Course, Limit
 from overtaking.model.road import Road
 
 NO_LIMIT = MAX_SPEED_LIMIT
-"""Stands for a road without a speed limit [m/s]."""
+"""Speed limit of a road without one: the largest that `Road` allows [m/s]."""
 
 Stated = tuple[float, float, float]
 """Where a stretch begins [m], the limit along the road from there on, and against it [m/s]."""
@@ -21,7 +21,7 @@ def with_speed_limit(road: Road, speed_limit: float) -> Road:
 
     Args:
         road: The road.
-        speed_limit: The limit; infinite, or `NO_LIMIT`, where there is none [m/s].
+        speed_limit: The limit; infinite or `NO_LIMIT` for none [m/s].
 
     Raises:
         ConfigError: The limit is not positive, or too large.

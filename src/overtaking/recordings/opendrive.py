@@ -42,19 +42,19 @@ def read_opendrive(
         path: The file, not compressed.
         road_id: Id of the road in the file; may be left out if the file has only one. Ids with
             commas between them are a route: each road leads to the next without a junction.
-        lanes: Take the lanes right or left of the reference line. Without it those that run along
-            the line are taken, or the others where there are no such lanes.
+        lanes: Side of the reference line, "right" or "left", whose lanes are taken. By default
+            they are those that run along the line, or the others where there are no such lanes.
         speed_limit: Limit in place of all of the file's [m/s]. Where neither states one, the
             general limit of Portuguese law for the kind of road holds.
-        driving_side: Side of the road that traffic keeps to, in place of the file's. That is the
-            `rule` of the road, or what the directions of its lanes or the countries of its signals
-            show; without any of them the right.
+        driving_side: Side of the road that traffic keeps to, "right" or "left". By default it
+            follows from the file: from the directions of lanes, the `rule` of the road or the
+            countries of its signals, as `side_of_traffic` describes; else it is the right.
 
     Returns:
         The road, named after file and id, and its part of the file's road if it is not all of it.
 
     Raises:
-        ConfigError: `lanes`, `speed_limit` or `driving_side` is out of range.
+        ConfigError: `lanes` or `driving_side` is no side, or `speed_limit` is out of range.
         ImportFormatError: The file is no such OpenDRIVE, or the road is of a shape that is not
             supported; the message names file, line, element, road and reason.
     """
@@ -134,10 +134,10 @@ def _drivable(verdicts: Mapping[str, Road | ImportFormatError]) -> str:
 def road_choice(
     lanes: Side | None = None, speed_limit: float | None = None, driving_side: Side | None = None
 ) -> Choice:
-    """What a caller states of a road.
+    """The options of a caller of `read_opendrive`, checked.
 
     Raises:
-        ConfigError: A side is unknown, or the limit is out of range.
+        ConfigError: A side is neither "right" nor "left", or the limit is out of range.
     """
     for name, side in (("lanes", lanes), ("driving_side", driving_side)):
         if side is not None and side not in OTHER_SIDE:

@@ -33,7 +33,8 @@ Side = Literal["right", "left"]
 """Side of a file's reference line, looking along it."""
 
 Direction = Literal["along", "against", "both", "unstated"]
-"""Direction of traffic by the file's reference line."""
+"""Direction of traffic relative to the reference line; "unstated" where only the side of the lane
+implies it."""
 
 SIDES: tuple[Side, Side] = ("right", "left")
 
@@ -59,13 +60,13 @@ DRIVING = "driving"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LaneRecords:
-    """A lane of a lane section, with what the file states along it, by station of the road.
+    """A lane of a lane section, with its records by station of the road.
 
     Attributes:
         element: The `<lane>`.
         lane_id: Its id.
         kind: Its type.
-        direction: Where its traffic goes, as far as the file says so of the lane itself.
+        direction: Direction of its traffic, if the file states it for the lane itself.
         widths: Its width [m].
         marks: Its `<roadMark>` elements.
         speeds: Its `<speed>` elements.
@@ -98,7 +99,7 @@ class LaneRecords:
 
     @property
     def stations(self) -> Iterator[float]:
-        """Where something of the lane is stated anew [m]."""
+        """Stations at which a record of the lane begins [m]."""
         yield from self.widths.starts
         yield from self.marks.starts
         yield from self.speeds.starts
@@ -106,7 +107,7 @@ class LaneRecords:
     def mark_at(self, station: float) -> RoadMark:
         """The line on the outer side of the lane."""
         entry = self.marks.at(station)
-        # Whatever a file invents is `OTHER`.
+        # Types of marks that OpenDRIVE does not define are `OTHER`.
         return (
             RoadMark.NONE if entry is None else MARKS.get(entry.attribute("type"), RoadMark.OTHER)
         )
@@ -127,12 +128,15 @@ class LaneRecords:
             )
         least = min(width.extremes(end - start))
         if least < -TOLERANCE:
-            wanted = "a width of at least 0"
-            raise width.element.error(f"of lane {self.lane_id}", wanted, f"{least:g} m")
+            expected = "a width of at least 0"
+            raise width.element.error(f"of lane {self.lane_id}", expected, f"{least:g} m")
         return width
 
     def has_width(self, start: float, end: float) -> bool:
-        """Whether the lane has a width somewhere between two stations, or states none."""
+        """Whether the lane has a width somewhere between two stations.
+
+        A lane without records of a width counts as one, so that `width_from` raises the error.
+        """
         spans = self.widths.spans(start, end)
         return not spans or any(
             abs(width) > TOLERANCE for piece, length in spans for width in piece.extremes(length)
@@ -141,7 +145,7 @@ class LaneRecords:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SideSection:
-    """What a lane section states of one side of a road.
+    """One side of a lane section.
 
     Attributes:
         element: The `<laneSection>`.
@@ -168,7 +172,7 @@ class SideSection:
 
     @property
     def stations(self) -> Iterator[float]:
-        """Where the section or something of its lanes begins [m]."""
+        """Stations at which the section or a record of its lanes begins [m]."""
         yield self.start
         for lane in self.lanes if self.centre is None else (*self.lanes, self.centre):
             for station in lane.stations:
@@ -227,6 +231,7 @@ class SideSections:
                 lanes=_side_lanes(element, side, start, rule),
                 centre=_centre_lane(element, start),
             )
+            # Without sections of this side, `ends` still holds the end of the road.
             for (element, start), end in zip(of_side, ends, strict=False)
             if end - start > TOLERANCE
         )
@@ -244,7 +249,7 @@ class SideSections:
 
 
 def _states_side(section: Element, side: Side) -> bool:
-    """Whether a lane section says anything of a side: one with `singleSide` says it of one side."""
+    """Whether a lane section holds for a side: with `singleSide`, only if it has lanes there."""
     if section.attribute("singleSide", default="false").strip() not in ("true", "1"):
         return True
     group = section.optional(side)
@@ -285,16 +290,18 @@ _TRAVEL: dict[str, Direction] = {
     "backward": "against",
     "bidirectional": "both",
 }
-"""RoadRunner's `travelDir` in the user data of lanes; any other states nothing."""
+"""Direction of traffic for each `travelDir` in RoadRunner's user data of lanes. Other values, such
+as "undirected", state no direction."""
 
 
 def _direction(lane: Element, side: Side, rule: DrivingSide) -> Direction:
-    """Where the traffic of a lane goes.
+    """The direction of the traffic of a lane, if the file states it for the lane.
 
     Args:
         lane: The `<lane>`.
         side: Side of the reference line on which it lies.
-        rule: Side of traffic by the `rule` of the road, to which `direction` refers.
+        rule: Side of traffic by the `rule` of the road. The attribute `direction` is relative to
+            it: "reversed" is against the direction that the rule gives to this side.
     """
     stated = lane.attribute("direction", default="standard").strip()
     if stated == "both":
@@ -320,7 +327,11 @@ _RULES = {"RHT": DrivingSide.RIGHT, "LHT": DrivingSide.LEFT}
 
 
 def stated_rule(road: Element) -> DrivingSide | None:
-    """The side of traffic by the `rule` of a road, None where it states none."""
+    """The side of traffic by the `rule` of a road, None where it states none.
+
+    Raises:
+        ImportFormatError: The rule is not one of OpenDRIVE's.
+    """
     rule = road.attribute("rule", default="").strip()
     if rule and rule not in _RULES:
         raise road.error("attribute rule", " or ".join(_RULES), f'"{shown(rule)}"')
@@ -330,26 +341,20 @@ def stated_rule(road: Element) -> DrivingSide | None:
 def side_of_traffic(road: Element, length: float) -> DrivingSide:
     """The side of the road that traffic keeps to.
 
-    On a road with driving lanes of both directions, and on one without a `rule`, the directions of
-    its lanes decide if they state any; else the `rule`; without one the countries of its signals.
+    The directions that driving lanes state decide on a road without a `rule`, and on one with
+    driving lanes on both sides of the reference line. Else the `rule` decides, or without one the
+    countries of the signals.
 
     Args:
         road: The `<road>`.
         length: Its length [m].
 
     Raises:
-        ImportFormatError: The rule is none of OpenDRIVE's, or the lanes are damaged.
+        ImportFormatError: The rule is not one of OpenDRIVE's, or the lanes are damaged.
     """
     rule = stated_rule(road)
     default = rule or _side_of_signals(road)
-    right, left = (
-        [
-            lane
-            for section in SideSections.of(road, side, length).sections
-            for lane in section.driving
-        ]
-        for side in SIDES
-    )
+    right, left = (SideSections.of(road, side, length).driving for side in SIDES)
     lanes = [*((lane, True) for lane in right), *((lane, False) for lane in left)]
     votes = Counter[DrivingSide]()
     for lane, is_right in lanes:
@@ -364,11 +369,14 @@ def side_of_traffic(road: Element, length: float) -> DrivingSide:
 
 
 def _side_of_signals(road: Element) -> DrivingSide:
-    """The side of traffic in the country that most signals of a road name; else the right."""
+    """The side of traffic in the most frequent country of a road's signals; else the right."""
     signals = road.optional("signals")
     codes = (
-        [] if signals is None else [one.attributes.get("country", "") for one in signals.children]
+        []
+        if signals is None
+        else [signal.attributes.get("country", "") for signal in signals.children]
     )
+    # Signals without a country of ISO 3166-1 name a catalogue, often "OpenDRIVE".
     countries = Counter(code for code in codes if len(code) in (2, 3))
     most_common = countries.most_common(1)
     return DrivingSide.LEFT if most_common and keeps_left(most_common[0][0]) else DrivingSide.RIGHT
@@ -501,13 +509,13 @@ def cells(
     for start, end in _between(stations, length):
         sections = near.at(start), far.at(start)
         along = runs_along(side, driving_side)
-        here = _CrossSection(road, side, start, end, *sections, along=along)
+        cross_section = _CrossSection(road, side, start, end, *sections, along=along)
         try:
             banking.check_flat(start, end)
-            cell = _cell(here, kind_at(types, start))
-            limit = against = speed_limit or limit_at(road, types, here.speeds, start)
+            cell = _cell(cross_section, kind_at(types, start))
+            limit = against = speed_limit or limit_at(road, types, cross_section.speeds, start)
             if cell.is_two_way and speed_limit is None:
-                against = limit_at(road, types, here.speeds_beyond, start)
+                against = limit_at(road, types, cross_section.speeds_oncoming, start)
             inner = _plus(cell.inner, _offset(offsets, start, side))
             cells.append(replace(cell, inner=inner, limit=limit, limit_against=against))
         except Unfit as error:
@@ -516,7 +524,7 @@ def cells(
 
 
 def _between(stations: Iterable[float], length: float) -> Iterator[tuple[float, float]]:
-    """The stretches of a road between stations [m]."""
+    """Start and end of each stretch between stations, without stretches of no length [m]."""
     cuts = [0.0]
     for station in sorted(stations):
         if cuts[-1] + TOLERANCE < station < length - TOLERANCE:
@@ -526,11 +534,12 @@ def _between(stations: Iterable[float], length: float) -> Iterator[tuple[float, 
 
 def _offset(offsets: Profile, start: float, side: Side) -> Cubic | None:
     """The lane offset from a station on, outward positive; None where there is none."""
-    here = offsets.at(start)
-    if here is None:
+    offset = offsets.at(start)
+    if offset is None:
         return None
     sign = -1.0 if side == "right" else 1.0
-    return replace(here, a=sign * here.a, b=sign * here.b, c=sign * here.c, d=sign * here.d)
+    a, b, c, d = (sign * value for value in (offset.a, offset.b, offset.c, offset.d))
+    return replace(offset, a=a, b=b, c=c, d=d)
 
 
 def _plus(one: Cubic, other: Cubic | None) -> Cubic:
@@ -541,7 +550,7 @@ def _plus(one: Cubic, other: Cubic | None) -> Cubic:
 
 
 class _CrossSection(NamedTuple):
-    """The lanes of a stretch of road, those of the chosen side and those beyond the centre line.
+    """The lanes of a stretch of road, on the chosen side of the reference line and on the other.
 
     Attributes:
         road: The `<road>`.
@@ -567,45 +576,40 @@ class _CrossSection(NamedTuple):
 
     @property
     def speeds(self) -> list[Records]:
-        """Speeds of the driving lanes of the chosen side."""
-        return self._speeds(self.near)
+        """Speeds of the driving lanes of the chosen side, without oncoming ones."""
+        return [lane.speeds for lane in self._driving(self.near) if not self.is_oncoming(lane)]
 
     @property
-    def speeds_beyond(self) -> list[Records]:
-        """Speeds of the driving lanes of the other side."""
-        return self._speeds(self.far)
+    def speeds_oncoming(self) -> list[Records]:
+        """Speeds of the oncoming lanes: those on the chosen side, or else those on the other."""
+        near = [lane for lane in self._driving(self.near) if self.is_oncoming(lane)]
+        return [lane.speeds for lane in near or self._driving(self.far)]
 
     @property
     def element(self) -> Element:
-        """Where the lanes are stated, for messages."""
+        """The element that states the lanes, for messages."""
         section = self.near or self.far
         return self.road if section is None else section.element
 
     @property
     def centre(self) -> RoadMark:
-        """The line on the reference line, from left to right."""
+        """The mark on the reference line, its parts from left to right."""
         sections = [section for section in (self.near, self.far) if section is not None]
         stated = [section for section in sections if section.centre is not None]
         if not stated:
             return RoadMark.NONE
-        # Of two sections that hold for one side each, the later one states the line anew.
+        # If each side has a section of its own, the later one replaces the mark of the other.
         latest = max(stated, key=lambda section: section.start)
         assert latest.centre is not None
         return latest.centre.mark_at(self.start)
 
-    def _speeds(self, section: SideSection | None) -> list[Records]:
-        is_near = section is self.near
+    def _driving(self, section: SideSection | None) -> list[LaneRecords]:
+        """The driving lanes of a section that have a width on the stretch."""
         lanes = () if section is None else section.lanes
-        return [
-            lane.speeds
-            for lane in lanes
-            if lane.kind == DRIVING
-            and self._has_width(lane)
-            and not (is_near and self.is_oncoming(lane))
-        ]
+        return [lane for lane in lanes if lane.kind == DRIVING and self._has_width(lane)]
 
     def _has_width(self, lane: LaneRecords) -> bool:
-        # A record that begins within the tolerance behind the start holds from the start on.
+        # Skip the tolerance: a record that begins within it already holds at the start.
         return lane.has_width(min(self.start + TOLERANCE, self.end), self.end)
 
     def width(self, lane: LaneRecords) -> Cubic:
@@ -619,8 +623,8 @@ class _CrossSection(NamedTuple):
     def strips(self, side: Side) -> list["_MarkedLane"]:
         """The lanes of a side that have a width, from the reference line outward.
 
-        A lane of no width is left out, and the lines on either side of it are one: the outermost
-        that is painted.
+        A lane of no width is left out. Its inner and outer line coincide; the outermost of them
+        that is painted remains.
         """
         section = self.near if side == self.side else self.far
         lanes = () if section is None else section.lanes
@@ -645,9 +649,9 @@ class _MarkedLane(NamedTuple):
         lane: The lane.
         inner_mark: Line towards the reference line.
         outer_mark: Line away from it.
-        edge_mark: The same where no driving lane lies beyond. A driving lane that has tapered to
-            no width leaves its outer line there; the line of a lane of another type is not that of
-            the driving lanes.
+        edge_mark: Line away from it if the lane is the outermost driving lane. Beyond it, a driving
+            lane that has tapered to no width leaves its outer line here; the line of a lane of
+            another type is not a border of the driving lanes.
     """
 
     lane: LaneRecords
@@ -664,70 +668,74 @@ class _MarkedLane(NamedTuple):
         return Strip(self.lane.lane_id, self.lane.kind, width, self.inner_mark, self.outer_mark)
 
 
-def _cell(here: _CrossSection, kind: str) -> Cell:
-    """The driving lanes of a stretch and what lies beside them, without limits yet."""
-    lanes = here.strips(here.side)
-    first, last = _driving_block(here, lanes)
-    inside = [here.width(marked.lane) for marked in lanes[:first]]
-    inner = Cubic(element=here.element, start=here.start, a=0.0, b=0.0, c=0.0, d=0.0)
-    for width in inside:
+def _cell(cross_section: _CrossSection, kind: str) -> Cell:
+    """The driving lanes of a stretch and the lanes beside them, without limits yet."""
+    element, start, end = cross_section.element, cross_section.start, cross_section.end
+    lanes = cross_section.strips(cross_section.side)
+    first, last = _driving_block(cross_section, lanes)
+    inner_widths = [cross_section.width(marked.lane) for marked in lanes[:first]]
+    inner = Cubic(element=element, start=start, a=0.0, b=0.0, c=0.0, d=0.0)
+    for width in inner_widths:
         inner = _plus(inner, width)
     strips = []
     for index in range(first, last + 1):
         lane = lanes[index]
         if index == last:
             lane = lane._replace(outer_mark=lane.edge_mark)
-        width = _constant(here, lane.lane)
+        width = _constant_width(cross_section, lane.lane)
         _check_driving(lane.lane, width)
         strips.append(lane.measured(width))
-    across = not any(max(width.extremes(here.end - here.start)) > TOLERANCE for width in inside)
-    inner_neighbour = _first_wide(
-        here, here.strips(OTHER_SIDE[here.side]) if across else lanes[:first][::-1]
+    across = not any(max(width.extremes(end - start)) > TOLERANCE for width in inner_widths)
+    neighbours = (
+        cross_section.strips(OTHER_SIDE[cross_section.side]) if across else lanes[:first][::-1]
     )
-    if first and inner_neighbour is not None and here.is_oncoming(lanes[first - 1].lane):
-        # An oncoming lane on this side of the reference line: its inner line is that to the road.
+    inner_neighbour = _first_wide(cross_section, neighbours)
+    if first and inner_neighbour is not None and cross_section.is_oncoming(lanes[first - 1].lane):
+        # An oncoming lane on the chosen side of the reference line. Seen in its own direction, the
+        # border to the driving lanes is its inner line.
         across, inner_neighbour = True, inner_neighbour.turned()
     return Cell(
-        start=here.start,
-        end=here.end,
+        start=start,
+        end=end,
         strips=tuple(strips),
         inner=inner,
         inner_neighbour=inner_neighbour,
-        outer_neighbour=_first_wide(here, lanes[last + 1 :]),
+        outer_neighbour=_first_wide(cross_section, lanes[last + 1 :]),
         across=across,
         kind=kind,
     )
 
 
-def _constant(here: _CrossSection, lane: LaneRecords) -> float:
-    """A width that stays the same [m]; ImportFormatError if it varies."""
-    width = here.width(lane)
-    for other in width.extremes(here.end - here.start):
-        if abs(other - width.a) > TOLERANCE:
-            where = f"of lane {lane.lane_id} varies after s = {here.start:.1f} m"
-            raise unfit(width.element, where, f"a constant {width.a:.3f} m", f"{other:.3f} m")
+def _constant_width(cross_section: _CrossSection, lane: LaneRecords) -> float:
+    """The width of a lane that is the same along the stretch [m]; ImportFormatError if not."""
+    width = cross_section.width(lane)
+    for extreme in width.extremes(cross_section.end - cross_section.start):
+        if abs(extreme - width.a) > TOLERANCE:
+            what = f"of lane {lane.lane_id} varies after s = {cross_section.start:.1f} m"
+            raise unfit(width.element, what, f"a constant {width.a:.3f} m", f"{extreme:.3f} m")
     return width.a
 
 
-def _first_wide(here: _CrossSection, lanes: Sequence[_MarkedLane]) -> Strip | None:
-    """The first of some lanes with a width all along."""
+def _first_wide(cross_section: _CrossSection, lanes: Sequence[_MarkedLane]) -> Strip | None:
+    """The first of some lanes that has a width on the whole stretch."""
     for marked in lanes:
-        width = here.least_width(marked.lane)
+        width = cross_section.least_width(marked.lane)
         if width > TOLERANCE:
             return marked.measured(width)
     return None
 
 
-def _driving_block(here: _CrossSection, lanes: Sequence[_MarkedLane]) -> tuple[int, int]:
-    """First and last position of the driving lanes; ImportFormatError unless they are adjacent."""
+def _driving_block(cross_section: _CrossSection, lanes: Sequence[_MarkedLane]) -> tuple[int, int]:
+    """First and last index of the driving lanes; ImportFormatError unless they are adjacent."""
     driving = [index for index, marked in enumerate(lanes) if marked.lane.kind == DRIVING]
-    block = [index for index in driving if not here.is_oncoming(lanes[index].lane)]
-    where = f"at s = {here.start:.1f} m"
+    block = [index for index in driving if not cross_section.is_oncoming(lanes[index].lane)]
+    where = f"at s = {cross_section.start:.1f} m"
     if driving and not block:
         raise _unfit_direction(lanes[driving[0]].lane)
     if not 1 <= len(block) <= MAX_LANES:
-        wanted = f"1 to {MAX_LANES} driving lanes"
-        raise unfit(here.element, f"{where}, {here.side} side", wanted, str(len(block)))
+        expected = f"1 to {MAX_LANES} driving lanes"
+        what = f"{where}, {cross_section.side} side"
+        raise unfit(cross_section.element, what, expected, str(len(block)))
     if block[-1] - block[0] >= len(block):
         between = next(
             lanes[index].lane for index in range(block[0], block[-1]) if index not in block
@@ -744,7 +752,7 @@ def _driving_block(here: _CrossSection, lanes: Sequence[_MarkedLane]) -> tuple[i
 
 
 def _unfit_direction(lane: LaneRecords) -> Unfit:
-    """The error for a driving lane whose traffic does not go where that of its side goes."""
+    """The error for a driving lane whose direction is not that of the other lanes of its side."""
     return unfit(
         lane.element,
         f"{lane.lane_id} has a direction",

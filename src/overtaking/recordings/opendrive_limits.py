@@ -19,15 +19,15 @@ _IN_MPS: dict[str, Callable[[float], float]] = {
     "kmh": mps_from_kmh,
     "mph": lambda value: value * MPS_PER_MPH,
 }
-"""From each of OpenDRIVE's units of speed, and from a spelling that files have."""
+"""Conversion to m/s from OpenDRIVE's units of speed, and from kmh, which files also have."""
 
 _UNDEFINED = "undefined"
 _NO_LIMIT = ("no limit", "no_limit", "unlimited", "none")  # The first is OpenDRIVE's own word.
-_OWN = "pass a limit with --speed-limit"
+_NEXT_STEP = "pass a limit with --speed-limit"
 
 
 def kind_at(types: Records, station: float) -> str:
-    """The type of a road at a station, that of its first `<type>` before it."""
+    """The type of a road at a station; before the first `<type>`, the type that it states."""
     entry = _type_at(types, station)
     return UNKNOWN if entry is None else shown(entry.attribute("type"))
 
@@ -47,10 +47,10 @@ def limit_at(road: Element, types: Records, speeds: Sequence[Records], station: 
 
     Returns:
         The limit of the lanes; if they state none, of the road; if that states none, the general
-        limit of Portuguese law for its type. `NO_LIMIT` where the file says that there is none.
+        limit of Portuguese law for its type. `NO_LIMIT` where the file states "no limit".
 
     Raises:
-        ImportFormatError: The lanes have several, or one that the model cannot use.
+        ImportFormatError: The lanes have different limits, or one that the model cannot use.
     """
     of_lanes = [_limit(lane.at(station)) for lane in speeds]
     if any(limit is not None for limit in of_lanes):
@@ -68,7 +68,7 @@ def _common(road: Element, limits: Sequence[float | None]) -> float:
     if first is None or any(limit != first for limit in limits):
         stated = sorted({"none" if limit is None else f"{limit:.2f} m/s" for limit in limits})
         wanted = "one for all driving lanes"
-        raise unfit(road, "has several speed limits", wanted, ", ".join(stated[:8]), _OWN)
+        raise unfit(road, "has several speed limits", wanted, ", ".join(stated[:8]), _NEXT_STEP)
     return first
 
 
@@ -84,7 +84,7 @@ def _limit(entry: Element | None) -> float | None:
         raise entry.error("attribute unit", "m/s, km/h or mph", f'"{shown(unit)}"')
     limit = _IN_MPS[unit.lower()](entry.number("max"))
     if not 0.0 < limit <= MAX_SPEED_LIMIT:
-        wanted = f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s"
-        stated = "" if "unit" in entry.attributes else ", as no unit is stated"
-        raise unfit(entry, "attribute max", wanted, f"{limit:g} m/s{stated}", _OWN)
+        expected = f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s"
+        note = "" if "unit" in entry.attributes else ", as no unit is stated"
+        raise unfit(entry, "attribute max", expected, f"{limit:g} m/s{note}", _NEXT_STEP)
     return limit

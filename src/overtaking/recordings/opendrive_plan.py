@@ -20,9 +20,9 @@ MAX_GAP = 0.05
 MAX_KINK = 0.01
 """Change of the heading between two pieces that still counts as a joint [rad]."""
 MAX_CORNER = 0.1
-"""Change of the heading between two pieces up to which a road of lines is rounded there [rad]."""
+"""Largest change of the heading between two pieces that is rounded; beyond it is an error [rad]."""
 MAX_ROUNDING = 0.1
-"""How far a rounded corner may lie beside its tip: as close as fitted lines of recordings [m]."""
+"""Largest distance of a rounded corner from its tip: as close as fitted lines of recordings [m]."""
 MAX_MISFIT = 0.001
 """How far a clothoid may end beside the cubic that it stands for [m]."""
 MAX_STRETCH = 0.002
@@ -97,16 +97,20 @@ def pieces_between(road: Element, start: float, end: float, inner: Sequence[Cubi
 
 
 def _round_corners(chains: list[list[Piece]]) -> None:
-    """Replace corners between chains of pieces by two arcs each, one in either chain.
+    """Replace each corner between two chains of pieces by two arcs, one in each chain.
 
-    Exporters write bends as lines with corners between them, where a road has none.
+    Some exporters approximate bends by lines with corners between them; real roads have none.
+
+    Args:
+        chains: The pieces of each `<geometry>`, which are changed in place.
     """
-    # Of a piece with corners at both ends, each takes less than half.
+    # A piece may have corners at both ends; each uses less than half of it.
     reach = [(0.45 * chain[0].length, 0.45 * chain[-1].length) for chain in chains]
     for index, (before, after) in enumerate(itertools.pairwise(chains)):
         kink = abs(_kink(before[-1], after[0]))
         if kink <= MAX_KINK:
             continue
+        # An arc that is tangent to both lines t before the tip lies t tan(kink / 4) beside it.
         trimmed = min(reach[index][1], reach[index + 1][0], MAX_ROUNDING / math.tan(0.25 * kink))
         first = _cut(before[-1], 0.0, before[-1].length - trimmed)
         last = _cut(after[0], trimmed, after[0].length)
@@ -125,27 +129,31 @@ def _two_arcs(start: Place, end: Place) -> tuple[Piece, Piece]:
 
     Source: Bolton, Biarc curves, Computer-Aided Design 7 (1975).
     """
-    one, other = (np.array([math.cos(place[2]), math.sin(place[2])]) for place in (start, end))
-    begin, finish = np.array(start[:2]), np.array(end[:2])
-    chord_line = finish - begin
-    along = float(chord_line @ (one + other))
-    bend = 2.0 * (1.0 - float(one @ other))
-    # The tangents are d long: bend d^2 + 2 along d = chord^2, in the form that loses no digits.
-    square = float(chord_line @ chord_line)
+    start_direction, end_direction = (
+        np.array([math.cos(place[2]), math.sin(place[2])]) for place in (start, end)
+    )
+    start_point, end_point = np.array(start[:2]), np.array(end[:2])
+    chord_vector = end_point - start_point
+    along = float(chord_vector @ (start_direction + end_direction))
+    bend = 2.0 * (1.0 - float(start_direction @ end_direction))
+    # The length d of the tangents solves bend d^2 + 2 along d = chord^2. This form of the root does
+    # not divide by `bend`, which is nearly 0 for a small corner.
+    square = float(chord_vector @ chord_vector)
     tangent = square / (along + math.sqrt(along * along + bend * square))
-    middle = 0.5 * (begin + tangent * one + finish - tangent * other)
-    first = _arc_to(start, middle)
-    turned = start[2] + first.curvature * first.length
-    return first, _arc_to((float(middle[0]), float(middle[1]), turned), finish)
+    joint = 0.5 * (start_point + tangent * start_direction + end_point - tangent * end_direction)
+    first = _arc_to(start, joint)
+    joint_heading = start[2] + first.curvature * first.length
+    return first, _arc_to((float(joint[0]), float(joint[1]), joint_heading), end_point)
 
 
 def _arc_to(start: Place, end: F64) -> Piece:
     """The arc from a place and direction to a point."""
     east, north = float(end[0]) - start[0], float(end[1]) - start[1]
     chord_length = math.hypot(east, north)
-    half = math.remainder(math.atan2(north, east) - start[2], math.tau)
-    curvature = 2.0 * math.sin(half) / chord_length
-    length = chord_length if half == 0.0 else chord_length * half / math.sin(half)
+    # The chord of an arc turns by half of the angle by which the arc turns.
+    half_turn = math.remainder(math.atan2(north, east) - start[2], math.tau)
+    curvature = 2.0 * math.sin(half_turn) / chord_length
+    length = chord_length if half_turn == 0.0 else chord_length * half_turn / math.sin(half_turn)
     return Piece(*start, length, curvature, curvature)
 
 
@@ -171,16 +179,16 @@ def _moved(
         inner: How far it is moved, by station, in order [m].
         element: The road, for messages.
     """
-    # Only those that begin before the end of the piece, and the last that begins before its start.
-    begin_of = attrgetter("start")
-    low = max(bisect_right(inner, station, key=begin_of) - 1, 0)
-    high = bisect_left(inner, station + piece.length * scale, key=begin_of)
-    near = inner[low : max(high, low + 1)]
-    begins = [(one.start - station) / scale for one in near]
-    for one, begin, stop in zip(near, begins, [*begins[1:], math.inf], strict=True):
+    # The cubics that hold on the piece: the last that begins before it, and those that begin on it.
+    start_of = attrgetter("start")
+    low = max(bisect_right(inner, station, key=start_of) - 1, 0)
+    high = bisect_left(inner, station + piece.length * scale, key=start_of)
+    on_piece = inner[low : max(high, low + 1)]
+    begins = [(cubic.start - station) / scale for cubic in on_piece]
+    for cubic, begin, stop in zip(on_piece, begins, [*begins[1:], math.inf], strict=True):
         first, last = max(begin, 0.0), min(stop, piece.length)
         if last - first > TOLERANCE or (first == 0.0 and last == piece.length):
-            left = one.starting(station + first * scale)
+            left = cubic.starting(station + first * scale)
             yield from _beside(_cut(piece, first, last), left, scale, element)
 
 
@@ -295,16 +303,19 @@ def _cubic(piece: Piece, shape: Element) -> list[Piece]:
 
 
 def _cubic_by_abscissa(piece: Piece, shape: Element) -> list[Piece]:
-    """A `<poly3>` of OpenDRIVE 1.4: the offset to the left is a cubic of the way ahead."""
+    """A `<poly3>` of OpenDRIVE 1.4: the offset v to the left is a cubic of the abscissa u ahead."""
     left = Polynomial([shape.number(name) for name in "abcd"])
     slope, second = left.deriv(), left.deriv().deriv()
     nodes, weights = np.polynomial.legendre.leggauss(64)
 
     def length(end: float) -> float:
-        speed = np.hypot(1.0, slope(0.5 * end * (nodes + 1.0)))
+        """Length of the curve from u = 0 to an end [m]."""
+        speed = np.hypot(1.0, slope(0.5 * end * (nodes + 1.0)))  # Of the curve as u grows [1].
         return 0.5 * end * float((weights * speed).sum())
 
-    low, high = 0.0, piece.length  # The curve is at least as long as its way ahead.
+    # The file states the length of the curve. The u of its end is found by bisection; it is at most
+    # that length. 60 halvings reach the precision of float64.
+    low, high = 0.0, piece.length
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if length(middle) < piece.length else (low, middle)

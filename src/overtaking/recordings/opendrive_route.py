@@ -137,7 +137,7 @@ class Way:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """What a caller states of a road, None where the file decides.
+    """Options of a caller about a road; each is None where the file decides.
 
     Attributes:
         lanes: Side of the reference line on which the driving lanes lie.
@@ -160,7 +160,7 @@ def read_part(path: Path, road: Element, choice: Choice = AS_IN_FILE) -> Route:
     Args:
         path: The file, for the name of the road.
         road: The `<road>`.
-        choice: What the caller states.
+        choice: Options of the caller.
 
     Raises:
         ImportFormatError: The road is of a shape that is not supported.
@@ -247,14 +247,14 @@ def _longest(ways: Sequence[Way], speed_limit: float | None) -> list[tuple[Way, 
     rows: list[list[tuple[Way, Cell]]] = [[]]
     refusals: list[Unfit] = []
     for way in ways:
-        found = cells(
+        stretches = cells(
             way.element,
             side=way.side,
             length=way.length,
             speed_limit=speed_limit,
             driving_side=way.driving_side,
         )
-        for cell in found if way.along else reversed(found):
+        for cell in stretches if way.along else reversed(stretches):
             if isinstance(cell, Unfit):
                 refusals.append(cell)
                 rows.append([])
@@ -370,7 +370,7 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
 
 
 def _near_origin(line: Alignment) -> Alignment:
-    """A reference line counted from an origin near it, if it is far from that of the file."""
+    """The line in coordinates that count from an origin near it, if it is far from the file's."""
     pieces = line.course.line if line.course else ()
     starts = np.array([(line.x, line.y), *(piece[:2] for piece in pieces)])
     east, north = origin_near(*starts.T)

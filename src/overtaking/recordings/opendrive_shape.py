@@ -19,7 +19,7 @@ TOLERANCE = 0.005
 MAX_CURVATURE = 1.0e-9
 """A smaller curvature moves the end of 3 km of road by less than `TOLERANCE` [1/m]."""
 MIN_GEOMETRY_LENGTH = 0.001
-"""A shorter geometry is skipped: it moves nothing by `TOLERANCE`, and its heading is noise [m]."""
+"""Shorter geometries are skipped: they are below `TOLERANCE`, and their heading is noise [m]."""
 MAX_GRADE = 0.01
 """Slope that still counts as flat: its share of gravity is below 0.1 m/s^2 [1]."""
 MAX_STEP = 0.01
@@ -64,7 +64,7 @@ class Alignment:
         length: Its length [m].
         inner_edge: Distance of the innermost border of the driving lanes from it, outward [m].
         course: What changes along it; None where nothing does.
-        origin: Coordinates in the file of the point that x and y are counted from [m].
+        origin: Position in the file of the point that x and y are counted from [m].
     """
 
     x: float
@@ -77,17 +77,17 @@ class Alignment:
 
 
 def geometries(road: Element) -> list[Element]:
-    """The `<geometry>` elements of a road, without those of no length.
+    """The `<geometry>` elements of a road, except those shorter than `MIN_GEOMETRY_LENGTH`.
 
     Raises:
-        ImportFormatError: No geometry is left, or one has a negative length.
+        ImportFormatError: No geometry is left, or a length is negative.
     """
     elements = road.required("planView").all("geometry")
     for geometry in elements:
         if geometry.number("length") < 0.0:
             length = geometry.attribute("length")
             raise geometry.error("attribute length", "0 m or more", f"{length} m")
-    # Some exporters close each course with a geometry of length 0 whose heading means nothing.
+    # Some exporters end each road with a geometry of length 0 and an arbitrary heading.
     geometries = [
         geometry for geometry in elements if geometry.number("length") > MIN_GEOMETRY_LENGTH
     ]
@@ -99,7 +99,7 @@ def geometries(road: Element) -> list[Element]:
 
 
 def straight_line(road: Element, length: float) -> Alignment | None:
-    """The reference line of a road as one straight line, None where it is no such line.
+    """The reference line of a road if it is one straight line, else None.
 
     Args:
         road: The `<road>`.
@@ -212,7 +212,7 @@ class Profile:
         Args:
             entries: The elements.
             origin: What their stations are counted from [m].
-            station: Attribute with the station, `s` or `sOffset`; 0 where it is missing.
+            station: Attribute with the station, `s` or `sOffset`; a missing one counts as 0.
 
         Raises:
             ImportFormatError: The stations do not ascend.
@@ -226,17 +226,17 @@ class Profile:
         return cls(pieces, tuple(piece.start for piece in pieces))
 
     def at(self, station: float) -> Cubic | None:
-        """The polynomial that holds at a station, counted from there; None before the first."""
+        """The polynomial that holds at a station, beginning there; None before the first."""
         index = bisect_right(self.starts, station + TOLERANCE) - 1
         return None if index < 0 else self.pieces[index].starting(station)
 
     def value(self, station: float) -> float:
-        """The value at a station; before the first polynomial, that polynomial continued."""
+        """The value at a station; the first polynomial also holds before its start."""
         index = max(bisect_right(self.starts, station) - 1, 0)
         return self.pieces[index].value(station - self.starts[index])
 
     def spans(self, start: float, end: float) -> list[tuple[Cubic, float]]:
-        """The polynomials between two stations, each with the length over which it holds [m]."""
+        """The polynomials between two stations, each with the length on which it holds [m]."""
         first = max(bisect_right(self.starts, start) - 1, 0)
         last = bisect_left(self.starts, end)
         stops = [*self.starts[first + 1 : last], end]
@@ -276,7 +276,7 @@ class Records:
 
 
 def out_of_order(element: Element, station: str) -> Exception:
-    """The error for an entry that starts before the one that stands above it."""
+    """The error for an element whose station is smaller than that of the element before it."""
     got = element.attribute(station, default="none")
     return element.error(f"attribute {station}", "ascending values", got)
 
@@ -330,29 +330,29 @@ class Banking:
         lateral = road.optional("lateralProfile")
         if lateral is None:
             return cls()
-        bent = (
+        curved_shapes = (
             shape
             for shape in lateral.all("shape")
             if any(shape.number(name) != 0.0 for name in "abcd")
         )
         rolls = tuple(Profile.of(lateral.all(name)) for name in ("superelevation", "crossfall"))
-        return cls(rolls, next(bent, None))
+        return cls(rolls, next(curved_shapes, None))
 
     @property
     def stations(self) -> list[float]:
-        """Where the roll is stated anew [m]."""
+        """Stations at which a record of the roll begins [m]."""
         return [station for roll in self.rolls for station in roll.starts]
 
     def check_flat(self, start: float, end: float) -> None:
-        """Refuse a surface that leans more than it must to drain, or bends, between two stations.
+        """Check that the surface is flat between two stations, except for the fall that drains it.
 
         Raises:
-            ImportFormatError: The surface is such a one.
+            ImportFormatError: The surface is banked by more than `MAX_BANKING`, or curved.
         """
         for roll in self.rolls:
             for piece, length in roll.spans(start, end):
-                lean = max(map(abs, piece.extremes(length)))
-                _check_small(piece, "is banked", lean, MAX_BANKING)
+                largest_roll = max(map(abs, piece.extremes(length)))
+                _check_small(piece, "is banked", largest_roll, MAX_BANKING)
         if self.shape is not None:
             raise unfit(self.shape, "bends the surface", "a flat road", "a lateral shape")
 

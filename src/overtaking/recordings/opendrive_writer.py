@@ -61,8 +61,8 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
 
     Args:
         road: The road. `read_opendrive` gives it back, under the name of the file; places and sight
-            are left out. The origin of its coordinates is the offset in the header, so that
-            simulators, which compute in float32, have small coordinates.
+            are left out. Coordinates in the file count from the origin of the road, which is the
+            offset in the header: simulators compute in float32 and need small coordinates.
         road_id: Its id in the file.
 
     Raises:
@@ -93,7 +93,7 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
 
 
 def _offset(road: Road) -> str:
-    """The element of the offset of the file's coordinates from those of the source, if any."""
+    """The `<offset>` of a road with an origin, else empty."""
     if not (road.origin_x or road.origin_y):
         return ""
     return f'<offset x="{road.origin_x!r}" y="{road.origin_y!r}" z="0" hdg="0"/>'

@@ -1,6 +1,7 @@
-"""Coordinates far from the origin, such as UTM, and the origin near them that a road keeps.
+"""Origins for roads whose files have large coordinates, such as UTM.
 
-Recorded positions are int32 millimetres, which end at 2147 km.
+Recorded positions are int32 millimetres and hold at most 2147 km, so positions are counted from an
+origin near the road, which `Road.origin_x` and `Road.origin_y` keep.
 """
 
 import numpy as np
@@ -9,18 +10,18 @@ from numpy.typing import ArrayLike
 FAR = 1.0e6
 """Coordinates beyond this are counted from another origin [m]."""
 
-_GRID = 1000.0  # Origins are whole kilometres, so that decimals stay those of the file.
+_GRID = 1000.0  # Origins are whole kilometres, so that positions keep the decimals of the file [m].
 
 
 def origin_near(x: ArrayLike, y: ArrayLike) -> tuple[float, float]:
-    """The origin from which the coordinates of points are counted [m].
+    """The origin (x, y) from which the coordinates of points are counted [m].
 
     Args:
-        x: Their x in the file, any shape [m].
-        y: Their y, same shape [m].
+        x: x of the points in the file, any shape [m].
+        y: y of the points, same shape [m].
 
     Returns:
-        Zeros where all points are within `FAR`, else whole kilometres at their least x and y.
+        Zeros if all coordinates are within `FAR`, else the smallest x and y in whole kilometres.
     """
     least = np.array([np.min(x), np.min(y)])
     if max(np.abs(least).max(), np.max(x), np.max(y)) <= FAR:

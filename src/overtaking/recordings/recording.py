@@ -40,7 +40,7 @@ class Tracks:
     Attributes:
         ids: The source's number of each vehicle, each different, shape (vehicle,).
         kind: `VehicleKind`, same shape.
-        is_kind_known: Whether that is stated and agrees with the length, same shape.
+        is_kind_known: Whether the kind is stated and agrees with the length, same shape.
         length: Same shape [m].
         width: Same shape [m].
         carriageway: Number of the carriageway that it drives on; those on different ones have
@@ -149,13 +149,13 @@ class Recording:
         """Refuse quantities that the recorded integers cannot hold.
 
         Raises:
-            ImportFormatError: A position, speed or angle is too large; the message names vehicle
-                and frame.
+            ImportFormatError: A position or speed is too large; the message names vehicle and
+                frame.
         """
         check_ranges(self)
 
     def with_speed_limit(self, speed_limit: float) -> Self:
-        """The recording on a road with one speed limit, which is then known.
+        """The recording on a road with one speed limit, which counts as known.
 
         Args:
             speed_limit: The limit, infinite for none [m/s].
@@ -302,7 +302,7 @@ def kinds_by_length(length: F64, *, is_truck: NDArray[np.bool_], is_car: NDArray
 
     Small, medium and large are parted half-way between the typical lengths of the three classes. A
     vehicle without a stated type is a truck from half-way between van and truck on. Vans are not
-    distinguished. Whether a length contradicts a stated type is a question to `may_be_kind`.
+    distinguished. `may_be_kind` checks whether a length contradicts a stated type.
 
     Args:
         length: Shape (vehicle,) [m].

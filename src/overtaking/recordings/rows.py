@@ -17,7 +17,7 @@ ON_GRID = 1e-3
 """Instants this near a frame are that frame's: 3 mm at 30 m/s and 10 frames a second [frames]."""
 
 TORN = 1.5
-"""A vehicle that is away for longer has two tracks [frames]."""
+"""A longer time between two rows of a vehicle is a gap that begins a new track [frames]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 LANES_FITTED = "traffic, equally wide"
-"""Note of a road whose lanes are the equally wide ones that fit the traffic."""
+"""Note `lanes_from` of a road whose lanes are inferred from traffic, all of one width."""
 
 WIDTHS = np.arange(2.75, 4.26, 0.01)
 """Widths of lanes that are looked for [m]."""
@@ -111,12 +111,10 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         along, across = ReferenceLine.of(line.pieces).road_coordinates(x, y)
         notes["line_pieces"], notes["line_off_m"] = len(line.pieces), round(line.miss, 3)
     if "borders_m" in stated:
-        # Stated borders are offsets in the coordinates of the table.
-        offset = origin[1] * cosine - origin[0] * sine
-        borders, notes["lanes_from"] = (
-            _stated_borders(stated["borders_m"]) - offset,
-            "map of columns",
-        )
+        # Stated borders count from the origin of the table, `across` from the one near the traffic.
+        origin_across = origin[1] * cosine - origin[0] * sine
+        borders = _stated_borders(stated["borders_m"]) - origin_across
+        notes["lanes_from"] = "map of columns"
     elif rows.lane is not None and "lanes" in stated:
         borders = _named_borders(rows, across, [f"{one}" for one in stated["lanes"]])
         notes["lanes_from"] = "traffic, by the named lanes"
@@ -251,7 +249,15 @@ def _road(
     pieces: tuple[Piece, ...],
     origin: tuple[float, float],
 ) -> Road:
-    """The road between borders that are counted from its line, in a world with an origin."""
+    """The road between some borders.
+
+    Args:
+        rows: The rows, for the limit and the name.
+        columns: The map, which may state parts of the road.
+        borders: Offsets of the borders of the lanes from the line, shape (border,) [m].
+        pieces: The line, in coordinates that count from the origin.
+        origin: Position in the table of the point that coordinates count from [m].
+    """
     side = columns.road.get("driving_side", "right")
     if side not in ("right", "left"):
         raise ConfigError.not_among("road.driving_side", "map of columns", ("right", "left"), side)

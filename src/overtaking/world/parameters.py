@@ -181,7 +181,7 @@ class Parameters:
 
     @property
     def num_frames(self) -> int:
-        """Frames of the longest simulation that these parameters allow."""
+        """Frames of the longest simulation that these parameters allow; 1 for an empty batch."""
         last = self.of_simulations.last_step
         return int(last.max()) // self.record_every + 1 if last.size else 1
 

@@ -116,6 +116,16 @@ def test_a_lane_of_oncoming_traffic_may_lie_on_the_same_side(tmp_path):
     assert found.boundaries == pytest.approx([-10.5, -7.0, -3.5])
 
 
+def test_an_oncoming_lane_on_the_same_side_has_a_limit_of_its_own(tmp_path):
+    lanes = [
+        lane(-1, more=f'<speed sOffset="0" max="30"/>{stated("backward")}'),
+        lane(-2, more=f'<speed sOffset="0" max="20"/>{stated("forward")}'),
+    ]
+    kind = '<type s="0" type="motorway"/>'
+    two_way = read(tmp_path, road(kind=kind, sections=section(right=lanes)))
+    assert two_way.speed_limit == 30.0
+
+
 def test_left_hand_roads_of_scenariogeneration_are_read(tmp_path):
     line = xodr.Line(300.0)
     made_road = xodr.create_road(line, 1, left_lanes=2, right_lanes=1)
