@@ -208,6 +208,23 @@ def test_a_value_that_no_simulation_has_is_refused_in_one_line(
         use(folder)
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("frame_interval_ms", 0, "frame_interval"),
+        ("frame_interval_ms", 7, "expected 50, as the manifest states, got 7"),
+        ("horizon_s", 600.0, "expected at most 20, as the manifest states, got 600"),
+    ],
+)
+def test_times_that_the_specification_does_not_give_are_not_simulated(
+    tmp_path, column, value, message
+):
+    ot.generate("pinto2023-physical", 1, 1, tmp_path / "data", keep="features")
+    rewrite(tmp_path / "data", "simulations", with_cell(column, 0, value))
+    with pytest.raises(ot.OvertakingError, match=message):
+        ot.load(tmp_path / "data").trajectory(0)
+
+
 @pytest.mark.parametrize("lane_id", [2**31, -(2**15) - 1, 2**15])
 def test_a_lane_id_that_tables_cannot_hold_is_refused(folder, lane_id):
     manifest = json.loads((folder / "dataset.json").read_text())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
@@ -430,7 +430,31 @@ class Dataset(Summarized):
         identity = self._manifest.identity
         scenario = restore_scenario(rows, self.road, identity.unknown, identity.pushes)
         check(scenario, self.where)
+        if identity.spec:
+            self._check_times(scenario, identity.spec)
         return scenario
+
+    def _check_times(self, scenario: Scenario, spec: Mapping[str, Any]) -> None:
+        """Refuse times that the specification does not give: they decide the number of frames."""
+        interval_ms, horizon_s = spec["profile"]["frame_interval_ms"], spec["time"]["horizon_s"]
+        longest = float(scenario.horizon.max(initial=0.0))
+        for column, is_right, expected, got in (
+            (
+                "frame_interval_ms",
+                scenario.frame_interval_ms == interval_ms,
+                interval_ms,
+                scenario.frame_interval_ms,
+            ),
+            ("horizon_s", longest <= np.float32(horizon_s), f"at most {horizon_s:g}", longest),
+        ):
+            if not is_right:
+                raise DatasetError.of(
+                    what=f"column {column} of table simulations",
+                    where=self.where,
+                    expected=f"{expected}, as the manifest states",
+                    got=got,
+                    next_step="restore the data set from a copy, or generate it again",
+                )
 
     def _recorded(self, rows: Mapping[str, pa.Table]) -> Trajectories:
         """The recordings of some simulations, from their rows or simulated again."""
