@@ -248,3 +248,8 @@ def test_benchmarks_are_of_this_version_and_refuse_another(tmp_path):
             read(changed)
     with pytest.raises(ConfigError, match="overtake"):
         read("overtakes")
+
+
+def test_the_error_for_a_missing_benchmark_file_names_its_path(tmp_path):
+    with pytest.raises(ConfigError, match=r"missing\.toml: .*readable TOML file.*correct the path"):
+        read(tmp_path / "missing.toml")

@@ -122,7 +122,15 @@ def read(source: str | Path) -> Benchmark:
         )
     except ConfigError:
         raise  # It is a ValueError too, and names the key already.
-    except (OSError, ValueError, RecursionError, KeyError, TypeError) as error:
+    except OSError as error:
+        raise ConfigError.of(
+            what="benchmark",
+            where=str(path),
+            expected="a readable TOML file",
+            got=error.strerror or str(error),
+            next_step="correct the path",
+        ) from error
+    except (ValueError, RecursionError, KeyError, TypeError) as error:
         raise _refused(
             path, "a benchmark: name, version, model_version, endpoints, [[scenes]]", error
         ) from error
