@@ -21,7 +21,7 @@ def test_a_toml_file_that_is_too_large_is_refused(tmp_path):
         read_toml(path, 100)
 
 
-def test_a_folder_is_no_place_for_a_file(tmp_path):
+def test_a_folder_is_not_replaced_by_a_file(tmp_path):
     with pytest.raises(IsADirectoryError, match=str(tmp_path)):
         put(tmp_path, b"content")
 

@@ -1,4 +1,4 @@
-"""What CommonRoad scenarios hold besides exact states, German signs and right-hand traffic."""
+"""CommonRoad scenarios with inexact states, signs of other countries and left-hand traffic."""
 
 from __future__ import annotations
 
@@ -273,7 +273,7 @@ def test_oncoming_lanelets_show_the_side_of_traffic(write, adjacent, country):
 
 
 @pytest.mark.parametrize("country", ["GBR", "C-AUS", "JPN", "IND", "ZAF", "HKG", "nzl"])
-def test_where_nothing_comes_the_country_tells_the_side(write, country):
+def test_without_oncoming_lanelets_the_country_decides_the_side(write, country):
     text = mirrored(commonroad()).replace("ZAM_Hand", f"{country}_Hand")
     found = read_commonroad(write(text))
     assert_is_mirror_image(found, read_commonroad(write(commonroad())))
@@ -292,7 +292,7 @@ def test_other_countries_drive_on_the_right(write, country):
     assert read_commonroad(write(text)).road.driving_side is DrivingSide.RIGHT
 
 
-def test_an_option_tells_the_side_of_traffic(write):
+def test_an_option_sets_the_side_of_traffic(write):
     path = write(mirrored(commonroad()))
     found = read_commonroad(path, driving_side="left")
     assert scenes(found).counts["candidate_overtakes"] == 1

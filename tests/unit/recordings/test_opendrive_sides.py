@@ -58,7 +58,7 @@ LEFT_HAND = {
 
 @pytest.mark.parametrize("sections", [two_sides, one_side])
 @pytest.mark.parametrize("name", LEFT_HAND)
-def test_the_file_tells_that_traffic_keeps_to_the_left(tmp_path, sections, name):
+def test_left_hand_traffic_is_read_from_rule_and_directions(tmp_path, sections, name):
     header, right, left = LEFT_HAND[name]
     found = read(tmp_path, road(header=header, sections=sections(right, left)), lanes="right")
     assert found.driving_side is DrivingSide.LEFT
@@ -71,7 +71,7 @@ def test_the_file_tells_that_traffic_keeps_to_the_left(tmp_path, sections, name)
 
 
 @pytest.mark.parametrize("rule", ["RHT", "LHT"])
-def test_lanes_of_both_sides_count_more_than_the_rule(tmp_path, rule):
+def test_directions_of_lanes_on_both_sides_override_the_rule(tmp_path, rule):
     """RoadRunner states the direction of each lane; `direction` is relative to the rule."""
     header = f'rule="{rule}"'
     right, left = {"more": stated("forward")}, {"more": stated("backward")}
@@ -82,7 +82,7 @@ def test_lanes_of_both_sides_count_more_than_the_rule(tmp_path, rule):
     assert found.driving_side is opposite[rule]
 
 
-def test_the_countries_of_signals_tell_the_side(tmp_path):
+def test_the_countries_of_signals_decide_the_side(tmp_path):
     signals = '<signals><signal id="1" s="5" t="1" country="GB"/></signals>'
     text = road(sections=one_side({}, {})).replace("<objects>", f"{signals}<objects>")
     assert read(tmp_path, text).driving_side is DrivingSide.LEFT
@@ -92,7 +92,7 @@ def test_the_countries_of_signals_tell_the_side(tmp_path):
     assert read(tmp_path, ruled).driving_side is DrivingSide.RIGHT
 
 
-def test_an_option_tells_the_side(tmp_path):
+def test_an_option_sets_the_side(tmp_path):
     text = road(sections=two_sides({}, {}))
     found = read(tmp_path, text, driving_side="left")
     assert found.driving_side is DrivingSide.LEFT

@@ -1,4 +1,4 @@
-"""Quantities that a recording states twice are held against each other."""
+"""Quantities that a recording states twice are compared with each other."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ ALL = {
 }
 
 
-def test_a_sound_table_is_not_warned_about(frame):
+def test_a_table_without_contradictions_gives_no_warning(frame):
     assert sentences(frame, **ALL) == []
 
 
@@ -149,7 +149,7 @@ def test_the_convention_of_headings_is_named(frame, heading, name):
     x, y = turned.x * cosine - turned.y * sine, turned.x * sine + turned.y * cosine
     warning = sentence(turned.assign(x=x, y=y), heading="heading [rad]")
     assert warning.startswith("heading and positions")
-    assert f"likely {name}" in warning or name in warning
+    assert name in warning.partition("; likely ")[2]
 
 
 def test_radians_that_are_declared_as_degrees_are_named(frame):

@@ -240,7 +240,7 @@ def test_a_vehicle_without_any_length_is_named(tmp_path, frame):
         read(path)
 
 
-def test_a_vehicle_without_a_type_is_of_no_known_kind(tmp_path, frame):
+def test_a_vehicle_without_a_type_has_an_unknown_kind(tmp_path, frame):
     path = tmp_path / "t.csv"
     frame.loc[frame.id == 5, "kind"] = None
     frame.to_csv(path, index=False)
@@ -413,7 +413,7 @@ def test_rules_for_trucks_are_undecidable_for_a_vehicle_of_unknown_kind(tmp_path
     }
 
 
-# Facts of the road that the user states
+# Properties of the road that the user states
 
 
 @pytest.mark.parametrize(
