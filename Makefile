@@ -19,7 +19,7 @@ PACKAGES := dev
 # The SIMD levels that are wanted, and those of the engine that is there.
 LEVELS := $(or $(OVERTAKING_LEVELS),all)
 BUILT   = $(shell cat $(VENV)/.engine 2>/dev/null)
-# What `make test-pythons` tries: versions such as `3.12 3.13`, or `newest --quick`, which CI runs.
+# Arguments of `make test-pythons`: versions such as `3.12 3.13`; CI passes `newest --quick`.
 PYTHONS ?=
 # How often `make test-all` runs the property tests, each time with other examples.
 ROUNDS ?= 20

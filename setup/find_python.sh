@@ -1,17 +1,17 @@
 #!/bin/sh
 # Print the path of a Python that this project can use.
 #
-#     setup/find_python.sh NAME     the Python called NAME, or another one if that is too old
+#     setup/find_python.sh NAME     the command NAME, or another Python if NAME cannot be used
 #     setup/find_python.sh 3.13     a Python 3.13, and no other
 #
-# pyproject.toml says which versions are supported: the lowest one, and those that are tested.
+# pyproject.toml states the lowest supported version, and the versions that are tested.
 set -u
 project="$(dirname "$0")/../pyproject.toml"
 lowest=$(sed -n 's/^requires-python = ">=3\.\([0-9]*\)"/\1/p' "$project")
 tested=$(sed -n 's/.*Programming Language :: Python :: 3\.\([0-9]*\)".*/\1/p' "$project" | sort -rn)
 
-# The file that a command stands for, with its version; nothing if it does not run. Shims of pyenv
-# are on PATH for every version, and fail for those that are not active.
+# Version and path of the Python that a command runs; empty if the command fails. pyenv puts a shim
+# on PATH for every version, and the shims of inactive versions fail.
 describe() {
   "$1" -c 'import sys; print("%d %d %s" % (sys.version_info[0], sys.version_info[1], sys.executable))' \
     </dev/null 2>/dev/null

@@ -1,15 +1,15 @@
 #!/bin/sh
-# Run a command with a Rust toolchain: that of this machine, or one that lies in .rust of this clone.
+# Run a command with a Rust toolchain: the one of this machine, or one in .rust of this clone.
 #
 #     setup/with_rust.sh cargo build
 #
-# A toolchain is installed there if the machine has none that is new enough.
+# If neither is new enough, the script installs a toolchain into .rust.
 set -u
 root=$(cd "$(dirname "$0")/.." && pwd)
 needed=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' "$root/Cargo.toml")
 installer_url=https://sh.rustup.rs
 
-# The version of cargo; nothing if it does not run, as rustup's does not without a toolchain.
+# The version of cargo; empty if cargo does not run, as rustup's cargo without a toolchain.
 cargo_version() {
   cargo --version 2>/dev/null | cut -d ' ' -f 2
 }

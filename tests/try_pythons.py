@@ -29,10 +29,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 TIMEOUT = 1800.0
-"""Longest time of one command, for a machine that does much else [s]."""
+"""Longest time of one command, on a busy machine [s]."""
 
 QUICK_COUNT = 10
-"""Most simulations and replicates of an example with --quick."""
+"""Largest number of simulations or replicates of an example with --quick."""
 
 DRIVER = """
 import numpy as np
@@ -44,10 +44,10 @@ def keep_gap(seen):
 """
 
 FIRST = ("generate", "import", "label")
-"""Commands that make or change what others read, in order: data/pinto and data/scene."""
+"""Commands that write the inputs of others (data/pinto, data/scene), in the order of their runs."""
 
 SERVERS = ("view", "carla serve")
-"""Commands that run until Ctrl-C. They say so when they are ready."""
+"""Commands that run until Ctrl-C. They print a line with `READY` when they are ready."""
 
 READY = "Ctrl-C ends"
 
@@ -91,13 +91,13 @@ def run(command: list[str], folder: Path, *, allowed: tuple[int, ...] = (0,)) ->
 
 
 def environment() -> dict[str, str]:
-    """Variables of this process without those of a Python that is active or of a run of make."""
+    """Environment variables of this process, without those of an active environment or of make."""
     left_out = {"PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "MAKEFLAGS", "MAKELEVEL", "MFLAGS"}
     return {name: value for name, value in os.environ.items() if name not in left_out}
 
 
 def find_python(version: str) -> str | None:
-    """Path of the interpreter of a version; None if the machine has none."""
+    """Path of the interpreter of a version; None if it is not installed."""
     process = subprocess.run(
         [ROOT / "setup/find_python.sh", version], capture_output=True, text=True
     )
@@ -106,8 +106,8 @@ def find_python(version: str) -> str | None:
 
 def tested_versions() -> list[str]:
     """The versions that pyproject.toml says are tested, such as 3.11."""
-    found = re.findall(r":: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
-    return sorted(found, key=lambda version: int(version.removeprefix("3.")))
+    versions = re.findall(r":: (3\.\d+)", "\n".join(PROJECT["classifiers"]))
+    return sorted(versions, key=lambda version: int(version.removeprefix("3.")))
 
 
 def install(python: str, version: str, folder: Path, *, lowest: bool) -> Environment:
@@ -131,7 +131,8 @@ def examples(trial: Environment) -> dict[str, list[str]]:
     """The example that the help of each command prints, by the words of the command."""
     names: list[str] = []
     for name in command_names(trial):
-        names += [f"{name} {each}" for each in command_names(trial, name)] or [name]
+        subcommands = command_names(trial, name)
+        names += [f"{name} {subcommand}" for subcommand in subcommands] or [name]
     with ThreadPoolExecutor(2) as pool:
         return dict(zip(names, pool.map(lambda name: example(trial, name), names), strict=True))
 
@@ -155,7 +156,8 @@ def example(trial: Environment, name: str) -> list[str]:
 
 
 def shortened(words: list[str]) -> list[str]:
-    """An example with fewer simulations; that of `generate` makes what others read."""
+    """An example with fewer simulations."""
+    # Other examples read simulations of this data set by number, so it keeps its size.
     if words[1] == "generate":
         return words
     previous = ["", *words]
@@ -172,14 +174,14 @@ def has_carla(trial: Environment) -> bool:
 
 
 def make_inputs(trial: Environment):
-    """Write the files that the examples read and that are the user's own."""
+    """Write the files that the examples expect from the user: a driver, a scene, a map."""
     (trial.folder / "my_driver.py").write_text(DRIVER)
-    one = ["data/pinto", "--simulations", "3", "--out", "exported"]
+    arguments = ["data/pinto", "--simulations", "3", "--out", "exported"]
     for file_format, suffix, name in (
         ("commonroad", "*.xml", "scene.xml"),
         ("openscenario", "*.xodr", "town.xodr"),
     ):
-        trial.run("overtaking", "export", *one, "--format", file_format)
+        trial.run("overtaking", "export", *arguments, "--format", file_format)
         exported = next((trial.folder / "exported").glob(suffix))
         shutil.copy(exported, trial.folder / name)
         shutil.rmtree(trial.folder / "exported")

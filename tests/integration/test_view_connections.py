@@ -73,7 +73,7 @@ def is_closed(connection: socket.socket) -> bool:
 
 
 def is_open(connection: socket.socket) -> bool:
-    """Whether the server has not yet closed a connection on which it sends nothing."""
+    """Whether the server keeps a connection open on which it sends nothing."""
     connection.setblocking(False)
     try:
         connection.recv(1)
@@ -85,7 +85,7 @@ def is_open(connection: socket.socket) -> bool:
 
 
 @pytest.mark.parametrize("count", [63, 500])
-def test_silent_connections_lock_nobody_out(url: str, count: int):
+def test_silent_connections_lock_no_client_out(url: str, count: int):
     with ExitStack() as stack:
         silent = [stack.enter_context(connect(url)) for _ in range(count)]
         client = Client(url)

@@ -1,4 +1,4 @@
-"""Values on the page are those of the tables, at their vehicle and time. Needs Chromium."""
+"""The page shows the values of the tables, for the right vehicle and time. Needs Chromium."""
 
 from __future__ import annotations
 
@@ -261,7 +261,7 @@ def test_margins_and_marks_are_those_of_the_verdict(
                         assert not now.startswith("−")
                     assert mark == expected_mark
                     is_broken_now = now == "broken" or now.startswith("−")
-                    assert is_broken_now == any(one.split()[0] == code for one in shown_as_broken)
+                    assert is_broken_now == any(rule.split()[0] == code for rule in shown_as_broken)
                     num_positive += mark == "✗" and now.startswith("+")
                 chips = page.locator(".alerts li").all_inner_texts()
                 assert {chip.split()[1] for chip in chips} <= set(paper["broken"])
@@ -271,7 +271,7 @@ def test_margins_and_marks_are_those_of_the_verdict(
 def test_only_rules_that_the_policy_counts_are_red(
     browser: Browser, url: str, key: Any, dataset: Dataset, capsys: pytest.CaptureFixture[str]
 ):
-    for policy in (one.name for one in POLICIES):
+    for policy in (policy.name for policy in POLICIES):
         with at(browser, url, key, f"#policy={policy}") as page:
             for number in range(NUM_OPENED):
                 values = described(dataset, number, capsys)
@@ -279,8 +279,8 @@ def test_only_rules_that_the_policy_counts_are_red(
                 counted = codes.locator(".counted-rule").all_inner_texts()
                 others = codes.locator(".other-rule").all_inner_texts()
                 assert set(counted) == set(values["policies"][policy]["broken"])
-                every = {breach["rule"] for breach in values["broken"]}
-                assert {code.strip("()") for code in others} == every - set(counted)
+                broken = {breach["rule"] for breach in values["broken"]}
+                assert {code.strip("()") for code in others} == broken - set(counted)
                 assert all(code[0] == "(" for code in others)
                 colours = codes.evaluate(
                     "cell => [cell, ...cell.children].map(one => getComputedStyle(one).color)"
@@ -341,8 +341,8 @@ def test_a_recording_opens_on_a_long_simulation_and_marks_short_ones(
     num_frames = dataset.simulations()["num_frames"].tolist()
     short = num_frames.index(3)
     page_file = recording.parent / "page.html"
-    chosen = f"{short}-{len(dataset) - 1}"
-    export = ["view", str(recording), "--export", str(page_file), "--simulations", chosen, "-q"]
+    numbers = f"{short}-{len(dataset) - 1}"
+    export = ["view", str(recording), "--export", str(page_file), "--simulations", numbers, "-q"]
     assert main(export) == 0
     with opened(browser, page_file) as page:
         link = page.evaluate("location.hash")

@@ -50,7 +50,7 @@ class Player:
         self.braking_from: dict[str, Any] = {}
 
     def play(self) -> dict[str, Any]:
-        """Play to the stop trigger, remove everything, and tell what happened."""
+        """Play to the stop trigger, remove all actors, and return the results of `finish`."""
         self.set_environment()
         for entity in self.root.iter("ScenarioObject"):
             self.spawn(entity)
@@ -63,7 +63,7 @@ class Player:
         while now < stop:
             now += TICK
             self.world.tick()
-            for event in [one for one in events if time_of(one) <= now]:
+            for event in [event for event in events if time_of(event) <= now]:
                 events.remove(event)
                 group = attribute(self.root, ".//ManeuverGroup//EntityRef", "entityRef")
                 self.act(group, event)
@@ -119,10 +119,14 @@ class Player:
             actor.set_autopilot(True, self.manager.get_port())
 
     def finish(self, starts: dict[str, Any]) -> dict[str, Any]:
-        """What happened; afterwards the world is empty and the client can end."""
+        """Measure the results and remove all actors.
+
+        Returns:
+            Distances [m] and speeds [m/s] of actors, lanes of vehicles, collisions, rain [%].
+        """
         town = self.world.get_map()
         weather = self.world.get_weather()
-        found = {
+        results = {
             "travelled": {
                 name: starts[name].distance(actor.get_location())
                 for name, actor in self.actors.items()
@@ -140,7 +144,7 @@ class Player:
             "collisions": sorted(set(self.collisions)),
             "rain": weather.precipitation,
         }
-        self.manager.shut_down()  # It would still ask for vehicles that are destroyed.
+        self.manager.shut_down()  # Else it queries vehicles that are destroyed below.
         for sensor in self.sensors:
             sensor.stop()
         for actor in [*self.sensors, *self.actors.values()]:
@@ -148,14 +152,14 @@ class Player:
         settings = self.world.get_settings()
         settings.synchronous_mode = False
         self.world.apply_settings(settings)
-        return found
+        return results
 
 
 def attribute(element: ET.Element, path: str, name: str) -> str:
     """An attribute of the first element at a path."""
-    found = element.find(path)
-    assert found is not None, path
-    return found.attrib[name]
+    descendant = element.find(path)
+    assert descendant is not None, path
+    return descendant.attrib[name]
 
 
 def time_of(element: ET.Element | None) -> float:

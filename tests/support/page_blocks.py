@@ -6,11 +6,11 @@ A comment above a block, which no reader of the page sees, says how a test treat
 * `<!-- run: long -->`: it takes longer, or needs the network; `make test-docs` runs it.
 * `<!-- run: until ready -->`: the command serves until it is interrupted; the test interrupts it
   when it has printed an address.
-* `<!-- run: never: REASON -->`: it needs what no test has, such as a cluster.
+* `<!-- run: never: REASON -->`: tests cannot run it, for example because it needs a cluster.
 * `<!-- run: by TEST -->`: another test, a path below `tests`, runs it.
 * `<!-- save: FILE -->`: the block is the content of a file.
-* `<!-- output -->`: the block is what the last block that was run prints; `...` is any text.
-* `<!-- part of output -->`: the block is a part of it.
+* `<!-- output -->`: the block is the output of the last block that was run; `...` is any text.
+* `<!-- part of output -->`: the block is a part of that output.
 * `<!-- given: NAME ... -->`, anywhere: files that the page expects.
 """
 
@@ -62,9 +62,9 @@ class Block:
 
     Attributes:
         page: Path of the page below the repository, and the line of the block.
-        language: What stands behind the fence.
+        language: The word after the opening fence.
         content: The text of the block.
-        comment: The comment above it; empty if there is none.
+        comment: The comment above it, empty without one.
     """
 
     page: str
@@ -98,8 +98,8 @@ def page_blocks(root: Path, page: str) -> list[Block]:
 
 def given_names(root: Path, page: str) -> list[str]:
     """Names of the files that a page expects."""
-    found = GIVEN.search((root / page).read_text(encoding="utf-8"))
-    return found[1].split() if found else []
+    match = GIVEN.search((root / page).read_text(encoding="utf-8"))
+    return match[1].split() if match else []
 
 
 class PageRun:
@@ -175,7 +175,7 @@ def run_command(line: str, page: str) -> None:
 
 
 def run_session(content: str, names: dict[str, Any], page: str) -> dict[str, Any]:
-    """Run an interactive session and compare what it prints; the names that it leaves."""
+    """Run an interactive session and compare its output; returns the names that it defines."""
     test = doctest.DocTestParser().get_doctest(content, names, page, page, 0)
     report: list[str] = []
     result = doctest.DocTestRunner().run(test, out=report.append, clear_globs=False)
@@ -184,7 +184,7 @@ def run_session(content: str, names: dict[str, Any], page: str) -> dict[str, Any
 
 
 def serve_until_ready(content: str) -> None:
-    """Start a command that serves, and interrupt it once it has printed where."""
+    """Start a server, and interrupt it once it has printed its address."""
     (line,) = content.splitlines()
     program, *arguments = shlex.split(line)
     assert program == "overtaking"

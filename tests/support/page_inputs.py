@@ -80,4 +80,4 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "town.xodr": write_map,
     "recordings": write_folder_of_tables,
 }
-"""What writes each file."""
+"""Functions that write the files, by the name of the file."""

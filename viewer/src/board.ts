@@ -112,7 +112,7 @@ function lawRow(needs: Needs, finding: LawRow): Row {
   const counts = isCounted(needs, finding.rule);
   const state = !finding.breach ? "near" : counts ? "broken" : "aside";
   const mark = !finding.breach ? "✓" : counts ? "✗" : "(✗)";
-  // The mark and this margin are of the whole simulation, the other margin is of the frame at the cursor.
+  // The mark and `least` describe the whole simulation, `now` the frame at the cursor.
   const least = h("span", { class: "value least" }, `least ${formatMargin(finding.margin, rule.unit)}`);
   const atCursor = h("span", { class: "value now" });
   const description = finding.breach ? (counts ? "broken" : `broken, not counted by policy ${needs.policy}`) : "kept, near its limit";

@@ -15,7 +15,7 @@ export interface Words {
   themes: Record<"light" | "dark", Record<string, string>>;
   kinds?: Record<string, string>; // Vehicles by name.
   critical_ttc_s: number; // A time to collision that is shorter is critical.
-  min_duration_s: number; // Into a shorter simulation no overtake fits.
+  min_duration_s: number; // No overtake fits into a shorter simulation.
   road: Record<"ego" | "target" | "branch" | "brake" | "indicator" | "tail" | "lamp" | "glass" | "flash", string>;
 }
 
@@ -314,12 +314,12 @@ export async function open(entry: Entry): Promise<Run> {
   return unpack((await new Response(stream).json()) as Packed);
 }
 
-// The recorded frame that holds at a place between frames. A place that is whole but for its rounding is that frame.
+// The last recorded frame at or before a position between frames. The tolerance absorbs the rounding of whole positions.
 export function recordedFrame(frame: number): number {
   return Math.floor(frame + 1e-6);
 }
 
-// The decision whose beliefs hold at a frame.
+// Index of the decision whose beliefs apply at a frame.
 function decisionAt(run: Run, every: BeliefColumns, frame: number): number {
   return Math.floor((recordedFrame(frame) * run.interval * 1000) / every.interval_ms + 1e-6);
 }
@@ -329,7 +329,7 @@ function metresOf(column: SparseColumn, k: number): number | null {
   return millimetres === null ? null : millimetres / 1000;
 }
 
-// Where the ego believes its neighbours to be at a frame; null where that is not known.
+// Where the ego believes its neighbours to be at a frame; null before the beliefs are loaded.
 export function believedNeighboursAt(run: Run, frame: number): BelievedNeighbour[] | null {
   const { every } = run;
   if (!every) return null;
@@ -358,21 +358,21 @@ export function believedNeighboursAt(run: Run, frame: number): BelievedNeighbour
   });
 }
 
-// What the driver believes about one vehicle.
+// The driver's belief about one vehicle.
 export interface Belief {
   gap: number | null; // [m]; null: the driver does not see the vehicle.
   trueGap: number | null; // [m]
   isBehind: boolean; // Both gaps are measured behind the ego.
 }
 
-// The belief about a vehicle at a frame, whatever role it has for the driver then; null where no belief is about it. Roles do
-// not name a vehicle: from the decision to pull out on, the driver's leader is the one in the lane it changes to.
+// The belief about a vehicle at a frame, in any role; null without one. Beliefs are found by the slot, not by the role: from
+// the decision to pull out on, the driver's leader is the vehicle ahead in the new lane.
 export function beliefAbout(run: Run, slot: number, frame: number): Belief | null {
   const { every } = run;
   if (!every) return null;
   const k = decisionAt(run, every, frame);
   const roles = every.roles.filter((role) => role.slot[k] === slot);
-  // A vehicle between two lanes has two roles, and is seen if it is seen in one of them.
+  // A vehicle between two lanes has two roles. The driver sees it if it sees it in either role.
   const role = roles.find(({ seen }) => seen[k]) ?? roles[0];
   return role ? { gap: metresOf(role.gap_mm, k), trueGap: metresOf(role.true_gap_mm, k), isBehind: role.role.endsWith("rear") } : null;
 }

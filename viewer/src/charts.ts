@@ -27,10 +27,10 @@ type Quantity = (vehicle: Vehicle, k: number) => number;
 
 const KMH = 3.6;
 const CHART = 92;
-const NEAR_GAP = 100; // [m]; where gaps differ by much, larger ones run along the edge, or the near ones could not be read.
-const MAX_SPREAD = 2; // Up to this multiple of a near gap the axis holds all of them.
-const TICK_ROOM = 34; // For the words of an axis [px].
-const ARROW_ROOM = 52; // Between two texts at the edge [px].
+const NEAR_GAP = 100; // [m]; in charts with far larger gaps the axis ends here, so that near gaps remain readable.
+const MAX_SPREAD = 2; // The axis includes all gaps if none exceeds this multiple of NEAR_GAP.
+const TICK_ROOM = 34; // Width of the texts of an axis [px].
+const ARROW_ROOM = 52; // Width of an arrow with its value [px].
 const LONG_TTC_S = 20; // A longer time to collision has no decimals.
 const TIMES = [10, 5, 3, 2, 1, 0.5, 0.2, 0.1]; // [s]
 const TICK = 13; // Between the words of an axis [px].
@@ -143,7 +143,7 @@ function formatTtc(inverse: number): string {
   return 1 / inverse > LONG_TTC_S ? `over ${LONG_TTC_S}` : plain(1 / inverse, 1);
 }
 
-// In the legend a belief follows what it is about; other courses come last.
+// In the legend a belief follows the line of its vehicle; branches come last.
 function inLegendOrder(lines: Line[]): Line[] {
   const rank = ["target", "belief-target", "ego", "behind", "belief", "limit", "branch"];
   return lines.toSorted((a, b) => rank.indexOf(a.kind) - rank.indexOf(b.kind));
@@ -173,8 +173,8 @@ function chart(needs: Needs, title: string, unit: string, lines: Line[], axis: (
   });
 }
 
-// Arrows where curves run along the edge of their chart, with the farthest value of each stretch. Beliefs have none, as they
-// repeat what they are about.
+// Arrows where curves run along the edge of their chart, with the farthest value of each stretch. Beliefs have no arrows, as the
+// curves of the true gaps have them.
 function edgeTexts(needs: Needs, lines: Line[], low: number, high: number): SVGElement[] {
   const x = xOf(needs);
   const texts: SVGElement[] = [];
@@ -236,7 +236,7 @@ function linearAxis(values: number[]): Axis {
   return { low, high, ticks: ticks.map((tick) => [tick, String(tick)]) };
 }
 
-// Holds the near gaps; all gaps, if none is near.
+// The axis of gaps: up to NEAR_GAP if some gaps are near and others far larger, else all gaps.
 export function gapAxis(gaps: number[]): Axis {
   const isNear = gaps.some((gap) => Math.abs(gap) <= NEAR_GAP);
   const isWide = gaps.some((gap) => Math.abs(gap) > MAX_SPREAD * NEAR_GAP);

@@ -1,4 +1,4 @@
-// How long simulations are, in words. Recordings of traffic have some that last a few frames.
+// Durations of simulations, in words. Some simulations of recorded traffic last only a few frames.
 
 import type { Row, Words } from "./bundle.ts";
 

@@ -31,14 +31,14 @@ export function helpDialog(): HTMLDialogElement {
   const marks: [string, string][] = [
     ["solid frame, blue", "the ego, whose overtaking is studied"],
     ["dashed frame, orange", "the target, the vehicle to overtake"],
-    ["dashed white box", "where the driver believes the vehicle that is named beside it; hatched if it does not see it"],
+    ["dashed white box", "believed position of the vehicle that is named beside it; hatched if the driver does not see the vehicle"],
     ["▲ ▼ in a chart", "the curve is beyond the axis, and that is its farthest value"],
     ["dashed box with a letter", "a vehicle of that branch, where it is elsewhere than in the original"],
     ["band around a share", "its 95 % interval among the futures; fewer than 20 futures have no share"],
     ["dotted line across the road", "how far the ego sees a lit vehicle"],
     ["✗ and coloured hatching", "a rule is broken, and the policy counts it"],
     ["(✗) and grey hatching", "a rule is broken, and the policy does not count it"],
-    ["least, now", "the margin that decides about the whole simulation, and the one at the cursor; negative: broken"],
+    ["least, now", "smallest margin of the whole simulation, and margin at the cursor; negative: broken"],
   ];
   const dialog = h(
     "dialog",

@@ -63,7 +63,7 @@ export function draw(canvas: HTMLCanvasElement, { width, height }: Size, run: Ru
   drawScaleBar(view);
 }
 
-// The beliefs of recorded decisions, of each vehicle the latest.
+// The latest recorded belief about each vehicle.
 function latestDecisions(beliefs: BelievedNeighbour[], time: number): BelievedNeighbour[] {
   const latest = new Map<number | null, BelievedNeighbour>();
   for (const belief of beliefs) if (belief.time_s <= time + 1e-9) latest.set(belief.vehicle, belief);
@@ -199,7 +199,7 @@ function drawPosts({ c, width, height, x, y, scale, night, tags }: View, edges: 
     const isFree = low + SCALE_ROOM < height || x(s) > 40 + barOf(scale) * scale;
     if (low + 24 >= height || s < 0 || !isFree) continue;
     c.fillText(`${s} m`, x(s), low + 22);
-    tags.push({ left: x(s) - POST_TEXT / 2, wide: POST_TEXT, y: low + 22, draw: () => undefined }); // Names lie elsewhere.
+    tags.push({ left: x(s) - POST_TEXT / 2, wide: POST_TEXT, y: low + 22, draw: () => undefined }); // Keeps names of vehicles off this text.
   }
 }
 
@@ -309,7 +309,7 @@ function drawGap(view: View, here: { vehicle: Vehicle; at: Pose }[], target: num
   c.moveTo(x(from), row);
   c.lineTo(x(to), row);
   c.stroke();
-  // Between the two where there is room for it, else above or below both.
+  // Between the two vehicles if there is room, else above or below both.
   const isRoomy = Math.abs(x(to) - x(from)) > GAP_TEXT;
   const aside = Math.max(ego.vehicle.width, other.vehicle.width) * view.across + GAP_ASIDE;
   const rows = isRoomy ? [row + 4] : [row - aside, row + aside];

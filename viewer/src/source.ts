@@ -100,8 +100,8 @@ function embedded(bundle: Bundle): Source {
   };
 }
 
-// The simulation with which a page opens: the first whose attempt is recorded to its end, then any attempt, then any that is long
-// enough for one, then the longest.
+// The simulation with which a page opens: the first attempt that is recorded to its end; without one, the first attempt; without
+// one, the first simulation that is long enough for an overtake; else the longest.
 export function mostInformative<T extends Row>(rows: T[], policy: string, words: Words): T {
   const long = rows.filter((row) => !isShort(words, row.duration_s));
   const attempts = long.filter((row) => row.classes[policy] !== "No_attempt");

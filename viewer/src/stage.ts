@@ -64,7 +64,7 @@ function air({ run, frame }: Shown): string {
   return [run.air.text, ...seen, ...(ego ? describeCourse(run, ego.s) : [])].join(" · ");
 }
 
-// Whether there is ever an alert: its room is kept then, so that the page does not jump.
+// Whether the simulation has any alert. If so, the space for alerts stays reserved, so that the page does not jump.
 function isAnyCounted(reader: Reader): boolean {
   return reader.run.law.some((row) => row.breach !== null && isCounted(reader, row.rule));
 }

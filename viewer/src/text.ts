@@ -19,7 +19,7 @@ export interface Reader {
   seek: (frame: number) => void;
 }
 
-// The moment in one sentence or two.
+// A description of a frame in one or two sentences.
 export function describeFrame(reader: Reader, frame: number): string {
   const { run, words } = reader;
   const time = frame * run.interval;

@@ -219,7 +219,7 @@ export function drawBranch(view: View, letter: string, branch: Placed[], origina
   }
 }
 
-// A vehicle where it is believed to be. The belief of a recorded decision goes on for a while at the believed speed.
+// A vehicle at its believed position. After a recorded decision, this position moves on at the believed speed for a while.
 export function drawBelief(view: View, ghost: BelievedNeighbour, run: Run, words: Words): void {
   const { c, x, y, scale, across, time } = view;
   const age = time - ghost.time_s;
@@ -247,7 +247,7 @@ export function drawBelief(view: View, ghost: BelievedNeighbour, run: Run, words
   c.restore();
 }
 
-// What is written beside a belief, the longer text first: which vehicle it is about, and the gap as believed and in truth.
+// Texts beside a belief, the longer one first: the name of the vehicle, and the believed and the true gap.
 export function beliefLabels(belief: BelievedNeighbour, run: Run): string[] {
   const symbol = run.vehicles.find((vehicle) => vehicle.slot === belief.vehicle)?.symbol;
   const believed = belief.gap_m === null ? "not seen" : `believed ${plain(belief.gap_m, 0)} m`;

@@ -1,6 +1,7 @@
 """Progress of long work, shown below the running cell of a notebook."""
 
 import importlib
+import inspect
 import sys
 import time
 from collections.abc import Callable
@@ -23,12 +24,14 @@ _INTERVAL_S = 0.25  # A reader cannot follow faster updates, and each one is sto
 
 def show_progress(function: Callable[P, T]) -> Callable[P, T]:
     """The function; in a notebook, a call without `progress` shows it below the cell."""
+    signature = inspect.signature(function)
 
     @wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> T:
-        if kwargs.get(PROGRESS) is None:
-            kwargs[PROGRESS] = notebook_progress(function.__name__)
-        return function(*args, **kwargs)
+        given = signature.bind_partial(*args, **kwargs)  # `progress` may be positional.
+        if given.arguments.get(PROGRESS) is None:
+            given.arguments[PROGRESS] = notebook_progress(function.__name__)
+        return function(*given.args, **given.kwargs)
 
     return called
 

@@ -299,11 +299,13 @@ def test_an_option_of_reset_chooses_the_simulations():
     env = made(3)
     _, info = env.reset(seed=5, options={"index": [7, 100, 2]})
     np.testing.assert_array_equal(info["index"], [7, 100, 2])
-    chosen, _ = env.reset(options={"index": [1, 0, 2]})
+    observations, _ = env.reset(options={"index": [1, 0, 2]})
     _, info = env.reset()
-    np.testing.assert_array_equal(info["index"], [0, 1, 2])  # The sequence has not moved.
+    np.testing.assert_array_equal(
+        info["index"], [0, 1, 2]
+    )  # `index` does not advance the sequence.
     first, _ = env.reset(seed=5)
-    np.testing.assert_array_equal(chosen, first[[1, 0, 2]])
+    np.testing.assert_array_equal(observations, first[[1, 0, 2]])
     mask = np.array([False, True, False])
     _, info = env.reset(options={"reset_mask": mask, "index": 40})
     np.testing.assert_array_equal(info["index"], [0, 40, 2])
@@ -338,21 +340,21 @@ def test_every_reset_names_the_simulation():
     assert env.reset()[1]["index"] == 1
     assert env.reset(options={"index": 70})[1]["index"] == 70
     for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
-        begun = set()
+        indices = set()
         for *_, info in stepped(mode):
-            begun |= set(info["index"].tolist())
-        assert {0, 1, 2, 3, 4} < begun
+            indices |= set(info["index"].tolist())
+        assert {0, 1, 2, 3, 4} < indices
 
 
 @pytest.mark.parametrize("labels", [False, True])
 def test_info_has_the_same_keys_at_reset_and_at_every_step(labels):
     env = made(3, labels=labels)
-    seen, info = env.reset(seed=5)
+    observations, info = env.reset(seed=5)
     names = set(info)
     assert "index" in names
     assert ("outcome" in names) == labels
     for _ in range(60):
-        seen, *_, info = env.step(wish(seen))
+        observations, *_, info = env.step(wish(observations))
         assert set(info) == names
 
 
@@ -386,7 +388,7 @@ def test_a_copy_of_a_single_environment_goes_on_as_the_original():
 
 
 def test_a_step_in_which_an_episode_ends_is_as_long_as_the_episode():
-    """The last step of an episode of 8 s is 2 s long, whatever the action would hold for."""
+    """The last step of an episode of 8 s is 2 s long, although actions hold for 3 s."""
     env = made(4, hold=60, reward=step_length, action="decision")
     env.reset(seed=5)
     lengths = np.array([env.step(np.zeros(4, int))[1] for _ in range(3)])
@@ -400,17 +402,17 @@ def step_length(before, action, after, events) -> np.ndarray:
 
 
 def test_the_last_observation_is_that_of_the_end():
-    """An episode that ends within a step is observed as if it had been asked at every decision."""
+    """The last observation of an episode that ends within a step does not depend on `hold`."""
     last_observations = []
     for hold in (1, 20):
         env = made(4, hold=hold, action="decision", autoreset_mode="DISABLED")
         env.reset(seed=5)
         last = {}
         while len(last) < 4:
-            seen, _, terminated, truncated, _ = env.step(np.zeros(4, int))
+            observations, _, terminated, truncated, _ = env.step(np.zeros(4, int))
             ended = terminated | truncated
-            last |= {row: seen[row] for row in np.flatnonzero(ended) if row not in last}
-            env._has_ended[:] = False  # Go on with those that have not ended.
+            last |= {row: observations[row] for row in np.flatnonzero(ended) if row not in last}
+            env._has_ended[:] = False  # Without this, `step` demands a reset of ended episodes.
         last_observations.append(np.array([last[row] for row in range(4)]))
     np.testing.assert_array_equal(*last_observations)
 
@@ -436,7 +438,7 @@ def test_a_picture_shows_the_present_state():
 
 @pytest.mark.ci
 def test_a_picture_is_that_of_the_film():
-    """What `overtaking video` draws of the whole simulation, at the same time; labels aside."""
+    """The road is drawn as `overtaking video` draws it at the same time."""
     scenes = ot.sample(PROFILE, 1, seed=5, overrides=SHORT)
     trajectories = ot.drive(scenes, lambda _: np.zeros((1, 1)), observe="human", action="decision")
     film = Film(trajectories, title="Simulation 0")

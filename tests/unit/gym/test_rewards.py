@@ -94,7 +94,7 @@ def test_a_step_costs_its_own_length():
 
 
 def test_progress_of_an_environment_follows_from_its_observations():
-    """Time of the step less the time that its distance takes at the wished speed."""
+    """The loss is the length of the step minus the time for its distance at the desired speed."""
     env = made(8, reward="progress", action="decision", hold=10, overrides=None)
     index = [column.name for column in envs.COLUMNS].index("position")
     before, _ = env.reset(seed=2)
@@ -136,7 +136,7 @@ def stay_out(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
     "driver", [pull_out_near_a_leader, pull_out_and_return_in_turns, give_up_often, stay_out]
 )
 def test_overtake_once_and_the_label_agree(driver):
-    """Where a second overtake has another target, too: 250 simulations of each driver."""
+    """The reward follows the label also after a second pull-out with another target."""
     env = made(50, hold=10, action="decision", reward="overtake_once", labels=True, overrides=None)
     observations, _ = env.reset(seed=3)
     clock, completed, rewarded = np.zeros(50, int), list[bool](), list[bool]()

@@ -151,10 +151,10 @@ def test_few_simulations_are_counted_in_whole_numbers(simulations: int):
 
 
 def test_the_same_figure_has_the_same_bytes(result: Statistics):
-    one, other = (single.draw_classes(result.classes, policy="paper") for _ in range(2))
-    assert style.to_svg(one) == style.to_svg(other)
-    assert style.to_png(one) == style.to_png(other)
-    assert b"<dc:date>" not in style.to_svg(one)
+    first, second = (single.draw_classes(result.classes, policy="paper") for _ in range(2))
+    assert style.to_svg(first) == style.to_svg(second)
+    assert style.to_png(first) == style.to_png(second)
+    assert b"<dc:date>" not in style.to_svg(first)
 
 
 def test_a_users_settings_change_nothing_and_are_left_alone(result: Statistics):

@@ -45,7 +45,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Report:
+def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
     """A report without figures; what it is with them is said in tests/integration."""
     out = tmp_path_factory.mktemp("report")
     with pytest.MonkeyPatch.context() as patch:
@@ -59,16 +59,16 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Report:
         )
 
 
-def test_the_page_explains_its_classes_features_and_policies(made: Report):
-    text = made.path.read_text(encoding="utf-8")
+def test_the_page_explains_its_classes_features_and_policies(report: Report):
+    text = report.path.read_text(encoding="utf-8")
     for group in GROUPS:
         for name, term in terms(group).items():
-            is_shown = group != "classes" or name in made.statistics.sample.classes
+            is_shown = group != "classes" or name in report.statistics.sample.classes
             assert (escape(term.meaning) in text) == is_shown, name
 
 
-def test_what_comes_from_outside_is_escaped(made: Report):
-    text = made.path.read_text(encoding="utf-8")
+def test_what_comes_from_outside_is_escaped(report: Report):
+    text = report.path.read_text(encoding="utf-8")
     assert "A &lt;title&gt; &amp; more" in text
     assert "<title> &" not in text
     bad = '<img src=x onerror="x">'
@@ -86,25 +86,25 @@ def test_what_comes_from_outside_is_escaped(made: Report):
     assert "<img" not in table_block(table, {})
 
 
-def test_the_page_warns_of_leaks_and_reads_p_values_with_care(made: Report):
-    text = made.path.read_text(encoding="utf-8")
+def test_the_page_warns_of_leaks_and_reads_p_values_with_care(report: Report):
+    text = report.path.read_text(encoding="utf-8")
     assert "No Success_L among the" in text
     assert "not the probability that there is none" in text
     assert "Benjamini" in text
 
 
-def test_without_simulations_it_says_so(made: Report):
+def test_without_simulations_it_says_so(report: Report):
     said = "These data have no simulations to draw, only features."
-    assert said in made.remarks
-    assert said in made.path.read_text(encoding="utf-8")
+    assert said in report.remarks
+    assert said in report.path.read_text(encoding="utf-8")
 
 
 def test_the_same_features_make_the_same_report(undrawn: None, tmp_path: Path):
-    made = [
+    report = [
         write_report(synthetic_features(30), tmp_path / name, title="x", policy="paper")
         for name in ("one", "two")
     ]
-    assert made[0].path.read_bytes() == made[1].path.read_bytes()
+    assert report[0].path.read_bytes() == report[1].path.read_bytes()
 
 
 def test_an_earlier_report_leaves_nothing_behind(tmp_path: Path):
@@ -132,19 +132,19 @@ def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path)
         raise DatasetError("the simulator has changed")
 
     frame = synthetic_features(12)
-    made = write_report(frame, tmp_path, title="x", example=example, policy="paper")
-    assert any("the simulator has changed" in one for one in made.remarks)
-    assert not any(name.startswith("example") for name in made.figures)
+    report = write_report(frame, tmp_path, title="x", example=example, policy="paper")
+    assert any("the simulator has changed" in one for one in report.remarks)
+    assert not any(name.startswith("example") for name in report.figures)
 
 
 def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path: Path):
     labelled = label(simulate(sample("motorway", 12, 1)))
     illegal = int(np.flatnonzero(labelled.findings.verdict[:, 2] == Verdict.ILLEGAL)[0])
     one = labelled.select(np.array([illegal]))
-    made = write_report(
+    report = write_report(
         synthetic_features(12), tmp_path, title="x", example=lambda _: one, policy="paper"
     )
-    text = made.path.read_text(encoding="utf-8")
+    text = report.path.read_text(encoding="utf-8")
     (quoted, *_) = re.findall(r'<blockquote class="verdicts">(.*?)</blockquote>', text)
     broken = {
         rule
@@ -191,8 +191,8 @@ def test_a_poor_data_set_has_a_report_that_says_so(undrawn: None, tmp_path: Path
         "drawn": synthetic_features(9),
     }
     reading = "matched" if kind == "drawn" else None
-    made = write_report(frames[kind], tmp_path, title="x", reading=reading, policy="paper")
-    text = made.path.read_text(encoding="utf-8")
+    report = write_report(frames[kind], tmp_path, title="x", reading=reading, policy="paper")
+    text = report.path.read_text(encoding="utf-8")
     said = {
         "one": "fewer than two simulations",
         "constant": "The same in all simulations, or missing in all: SP",
@@ -219,8 +219,8 @@ found = util.find_spec
 util.find_spec = lambda name, *rest: None if name == "matplotlib" else found(name, *rest)
 from overtaking.show.report.write import write_report
 from tests.support.features import synthetic_features
-made = write_report(synthetic_features(30), Path(sys.argv[1]), title="x", policy="paper")
-print(len(made.figures), len(made.tables), *made.remarks, sep="|")
+report = write_report(synthetic_features(30), Path(sys.argv[1]), title="x", policy="paper")
+print(len(report.figures), len(report.tables), *report.remarks, sep="|")
 """
 
 

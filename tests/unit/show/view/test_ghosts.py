@@ -32,19 +32,19 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
         out &= percepts.vehicle[0, :, _ONCOMING] != NO_VEHICLE
         if not out.any():
             continue
-        told = beliefs_at_every_decision(runs, beliefs(scenario))
-        comes = next(one for one in told["roles"] if one["role"] == "oncoming")
+        columns = beliefs_at_every_decision(runs, beliefs(scenario))
+        oncoming = next(role for role in columns["roles"] if role["role"] == "oncoming")
         for row in np.flatnonzero(out):
-            at = round(percepts.time[0, row] / told["interval_ms"])
+            at = round(percepts.time[0, row] / columns["interval_ms"])
             slot = percepts.vehicle[0, row, _ONCOMING]
-            assert comes["slot"][at] == slot
-            assert comes["seen"][at] == 1
-            assert abs(comes["gap_mm"][at] - percepts.gap[0, row, _ONCOMING]) <= 1
+            assert oncoming["slot"][at] == slot
+            assert oncoming["seen"][at] == 1
+            assert abs(oncoming["gap_mm"][at] - percepts.gap[0, row, _ONCOMING]) <= 1
             true = percepts.true_gap[0, row, _ONCOMING]
-            assert abs(comes["true_gap_mm"][at] - true) <= 1
+            assert abs(oncoming["true_gap_mm"][at] - true) <= 1
             # It stands ahead, as far as it is believed to be from where it is.
             frame = round(percepts.time[0, row] / scenario.frame_interval_ms)
-            place = comes["s_mm"][at] - (comes["gap_mm"][at] - true)
+            place = oncoming["s_mm"][at] - (oncoming["gap_mm"][at] - true)
             assert abs(place - runs.states.s[0, slot, frame]) <= 20
             compared += 1
     assert compared >= 4

@@ -1,0 +1,25 @@
+"""Calls of functions that show their progress in notebooks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from overtaking.core.notebook import show_progress
+
+if TYPE_CHECKING:
+    from overtaking.core.steps import Progress
+
+
+@show_progress
+def progress_of(data: str, progress: Progress | None, *, every: int = 1) -> Progress | None:
+    del data, every
+    return progress
+
+
+def test_progress_may_be_positional():
+    def progress(done: int, total: int) -> None:
+        del done, total
+
+    assert progress_of("data", progress, every=2) is progress
+    assert progress_of("data", progress=progress) is progress
+    assert progress_of("data", None) is None
