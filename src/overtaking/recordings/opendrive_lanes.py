@@ -202,7 +202,7 @@ class SideSections:
             length: Length of the road [m].
 
         Raises:
-            ImportFormatError: There are none, they are out of order, or ids of lanes are missing.
+            ImportFormatError: The road has no sections, they are out of order, or lanes lack an id.
         """
         lanes = road.required("lanes")
         elements = lanes.all("laneSection")
