@@ -214,8 +214,14 @@ def test_several_maps_are_offered_and_loaded_by_their_names(tmp_path: Path):
         "Town99",
         "motorway",
     ]
-    assert {one.rsplit("/", 1)[-1] for one in names} == {"Town06", "Town98", "Town99", "motorway"}
-    assert "Town98 or Town99 or motorway, got 'Town01'" in refused
+    assert {one.rsplit("/", 1)[-1] for one in names} == {
+        "Town06",
+        "Town98",
+        "Town99",
+        "motorway",
+        "rural",
+    }
+    assert "Town98 or Town99 or motorway or rural, got 'Town01'" in refused
 
 
 @pytest.mark.ci

@@ -323,7 +323,7 @@ def test_maps_are_loaded_by_name_and_unknown_ones_refused(server: Address):
         """,
     )
     names, motorway, refused, back = found
-    assert names == ["/Game/Carla/Maps/Town06", "/Game/Carla/Maps/motorway"]
+    assert names == [f"/Game/Carla/Maps/{name}" for name in ("Town06", "motorway", "rural")]
     assert motorway.endswith("motorway")
     assert "Town99" in refused
     assert back.endswith("Town06")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import pytest
 
@@ -63,7 +63,8 @@ def test_default_policies_exist_and_the_help_states_them():
     names = {file["default"], *file["default_of_profile"].values()}
     assert names <= {policy.name for policy in POLICIES}
     profiles = " and ".join(file["default_of_profile"])
-    help_text = options.Policy.__metadata__[0].help
+    _, option = get_args(options.Policy)
+    help_text = option.help
     assert f"[default: {file['default']}; paper for {profiles}]" in help_text
 
 

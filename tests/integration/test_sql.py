@@ -311,7 +311,15 @@ def test_memory_is_bounded_whatever_is_fetched(folder: Path, sql: str, said: str
     assert int(database) < 128 + 500  # What the packages take, and the pieces of files.
 
 
-def test_a_long_cell_is_whole_but_in_a_table(folder: Path, capsys: pytest.CaptureFixture[str]):
+@pytest.mark.parametrize("width", [None, "80"])
+def test_a_long_cell_is_whole_but_in_a_table(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    width: str | None,
+):
+    if width is not None:
+        monkeypatch.setenv("COLUMNS", width)
     sql = "select repeat('A', 100000) as x"
     assert run(capsys, "sql", folder, sql, "--format", "csv").count("A") == 100_000
     table = run(capsys, "sql", folder, sql)

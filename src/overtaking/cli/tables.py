@@ -86,7 +86,7 @@ class FittingTable:
         labels, values = columns[: self.num_labels], columns[self.num_labels :]
         if widths := self._fit(columns, width):
             return [(columns, widths)]
-        if not all(self.is_number[column] for column in values):
+        if not values or not all(self.is_number[column] for column in values):
             return None
         blocks: list[tuple[list[int], list[int]]] = []
         while values:

@@ -43,6 +43,11 @@ FACTORS = {
 }
 """Factors between units that are often mixed up, and the units."""
 
+_LENGTH_UNITS = {
+    factor: FACTORS[factor] for factor in (0.3048, 1000.0, 100.0, 0.0254, 0.9144, 10.0)
+}
+"""Those of them that are between units of length."""
+
 _FACTOR_TOLERANCE = 0.03  # Largest difference of logarithms between a ratio and a factor.
 _MAX_DISAGREEMENT = 0.1  # Ratios of speeds this near 1 agree: clocks of cameras are off by as much.
 _MAX_ACCEL_DISAGREEMENT = 0.4  # Larger: sources smooth accelerations in different ways.
@@ -128,7 +133,7 @@ def compare_sizes(column: str, first: F64, second: F64) -> list[str]:
     share = f"{int(differs.sum())} of {len(ratio)} vehicles"
     return [
         f"column {column}: for {share} the table of states and the table of vehicles differ"
-        f"{_by_factor(typical)}; the sizes of the table of vehicles are used"
+        f"{_by_factor(typical, _LENGTH_UNITS)}; the sizes of the table of vehicles are used"
     ]
 
 
@@ -428,9 +433,9 @@ def _check_accelerations(rows: Rows, movement: _Movement) -> list[str]:
     return sentences
 
 
-def _by_factor(ratio: float) -> str:
-    """The end of a sentence about a ratio: the nearest factor of `FACTORS` and its units."""
-    for factor, units in FACTORS.items():
+def _by_factor(ratio: float, factors: Mapping[float, str] = FACTORS) -> str:
+    """The end of a sentence about a ratio: the nearest of some factors and its units."""
+    for factor, units in factors.items():
         for value, text in ((factor, f"{factor:.5g}"), (1.0 / factor, f"1/{factor:.5g}")):
             if abs(math.log(ratio / value)) <= _FACTOR_TOLERANCE:
                 return f": likely the factor {text} ({units})"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from matplotlib.figure import Figure as MatplotlibFigure
+from matplotlib.text import Text
 from tests.support.features import synthetic_features
 
 from overtaking.analysis.stats.associations import associations
@@ -54,7 +55,7 @@ def test_a_figure_has_its_width_and_is_complete_and_readable(
     assert figure.get_size_inches()[0] == style.WIDTHS[width]
     style.to_svg(figure)
     assert is_complete(figure)
-    sizes = {text.get_size() for text in figure.findobj(_is_text)}
+    sizes = {text.get_size() for text in figure.findobj(_is_text) if isinstance(text, Text)}
     smallest = 6.4 if (picture.name, width) == ("p-values", "page") else SMALLEST_LETTERS
     assert smallest <= min(sizes) <= max(sizes) <= 9.0
 
