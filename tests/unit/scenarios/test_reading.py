@@ -2,6 +2,7 @@ import copy
 import json
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -282,8 +283,8 @@ def test_a_profile_with_a_byte_order_mark_is_read(tmp_path):
     assert spec(path) == spec("motorway")
 
 
-def test_a_data_set_in_place_of_a_profile_is_named_as_such(tmp_path):
-    folder = tmp_path / "a folder"
+def test_a_data_set_in_place_of_a_profile_is_named_as_such(workdir):
+    folder = Path("a folder")  # A longer path would be cut off in the message.
     folder.mkdir()
     with pytest.raises(ConfigError, match="expected the name of a profile or a TOML file, got a f"):
         spec(folder)

@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import json
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -23,6 +24,7 @@ from overtaking.data.tables.columns import codes, names_of
 from overtaking.data.tables.digest import ContentDigest
 from overtaking.data.tables.schemas import (
     FORMAT,
+    FORMER_NAMES,
     KEYS,
     NEVER_NULL,
     SCHEMAS,
@@ -370,6 +372,9 @@ def _checked_rows(
     fields: list[pa.Field] = []
     for name in wanted:
         field = schema.field(name)
+        if (table, name) in FORMER_NAMES and _version(rows.schema.metadata or {}) < VERSION:
+            names_then = (*names_of(field), *FORMER_NAMES[table, name])
+            field = field.with_metadata(field.metadata | {b"names": json.dumps(names_then)})
         if name not in rows.schema.names:
             arrays.append(pa.chunked_array([pa.nulls(rows.num_rows, field.type)]))
             fields.append(field.with_nullable(True))

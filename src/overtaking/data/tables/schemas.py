@@ -371,6 +371,9 @@ SINCE = {one.name: one.since for columns in COLUMNS.values() for one in columns}
 VERSION = max(CHANGED, *SINCE.values())
 """Version of all schemas; it rises when a column is added, removed or changes its meaning."""
 
+FORMER_NAMES = {("labels", "detail"): ("left_road",)}
+"""Names of codes by table and column that older versions wrote and this one does not."""
+
 KEYS = {
     table: tuple(one.name for one in columns if one.is_key) for table, columns in COLUMNS.items()
 }
