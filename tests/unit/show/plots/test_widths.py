@@ -55,7 +55,8 @@ def test_a_figure_has_its_width_and_is_complete_and_readable(
     assert figure.get_size_inches()[0] == style.WIDTHS[width]
     style.to_svg(figure)
     assert is_complete(figure)
-    sizes = {text.get_fontsize() for text in figure.findobj(_is_text) if isinstance(text, Text)}
+    texts = [text for text in figure.findobj(_is_text) if isinstance(text, Text)]
+    sizes = {float(text.get_fontsize()) for text in texts}
     smallest = 6.4 if (picture.name, width) == ("p-values", "page") else SMALLEST_LETTERS
     assert smallest <= min(sizes) <= max(sizes) <= 9.0
 
