@@ -60,8 +60,8 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     columns = column_map(FORMAT)
     files = {name: file.name for name, file in files_of(Path(path), columns).items()}
     rows = read_rows(Path(path), columns)
-    sentences = check_rows(rows)
-    issue_warnings(rows.where, sentences)
+    findings = check_rows(rows)
+    issue_warnings(rows.where, findings)
     assert rows.direction is not None
     wanted = DIRECTIONS if direction is None else (direction,)
     used = [one for one in wanted if (rows.direction == one).any()]
@@ -93,8 +93,8 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
             "states": ways.tracks.num_rows,
             "states_off_the_road": driven.num_rows - int(on_lanes.sum()),
             "has_speed_limit": limit is not None,
-            **({"warnings": sentences} if sentences else {}),
         },
+        findings=tuple(findings),
     )
 
 

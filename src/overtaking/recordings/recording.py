@@ -16,6 +16,7 @@ from overtaking.knowledge import vehicle_classes
 from overtaking.model.road import Road
 from overtaking.model.trajectory import BEYOND_SLOW_EDGE
 from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.findings import Finding
 from overtaking.recordings.limits import with_speed_limit
 from overtaking.recordings.recording_checks import check_ranges
 
@@ -118,6 +119,10 @@ class Tracks:
             self.start[:-1] - self.first, np.diff(self.start)
         )
 
+    def name_of(self, vehicle: int) -> str:
+        """Name of a vehicle in messages and results."""
+        return str(self.ids[vehicle])
+
     def row(self, vehicle: int, frame: int) -> int:
         """The row of a vehicle in a frame in which it is present."""
         return int(self.start[vehicle] + frame - self.first[vehicle])
@@ -135,6 +140,7 @@ class Recording:
         tracks: The vehicles.
         unknown: What the source does not tell, names of `UNKNOWNS`.
         notes: What the reader decided, left out or measured, by name with units.
+        findings: What the examination of the recording found.
     """
 
     name: str
@@ -144,6 +150,7 @@ class Recording:
     tracks: Tracks
     unknown: frozenset[str]
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse quantities that the recorded integers cannot hold.

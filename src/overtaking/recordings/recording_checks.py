@@ -18,6 +18,7 @@ import numpy as np
 from overtaking.core.errors import RecordingWarning
 from overtaking.model.trajectory import largest_state
 from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.findings import Check, Consequence, Finding
 from overtaking.recordings.messages import refused
 
 if TYPE_CHECKING:
@@ -73,15 +74,20 @@ _LENGTH_FACTORS = (0.3048, 0.01, 0.001, 0.0254, 0.9144, 1.0 / 0.3048, 100.0, 100
 """Factors of `FACTORS` between units of length, the most common mistake first."""
 
 
-def issue_warnings(where: str, sentences: Iterable[str]) -> None:
-    """Issue a `RecordingWarning` for each sentence.
+def issue_warnings(where: str, findings: Iterable[Finding]) -> None:
+    """Issue a `RecordingWarning` for each finding.
 
     Args:
         where: Name of the recording in the message.
-        sentences: One for each contradiction.
+        findings: What the examination found.
     """
-    for sentence in sentences:
-        warnings.warn(f"{where}: {sentence}", RecordingWarning, stacklevel=2)
+    for finding in findings:
+        warnings.warn(f"{where}: {finding.detail}", RecordingWarning, stacklevel=2)
+
+
+def _reported(check: Check, detail: str, rows: int) -> Finding:
+    """A finding about the whole file that changes no value."""
+    return Finding(check=check, consequence=Consequence.REPORTED, detail=detail, rows=rows)
 
 
 def check_ranges(recording: Recording) -> None:
@@ -111,16 +117,17 @@ def check_ranges(recording: Recording) -> None:
         )
 
 
-def compare_sizes(column: str, first: F64, second: F64) -> list[str]:
+def compare_sizes(column: str, first: F64, second: F64, num_rows: int) -> list[Finding]:
     """Compare the sizes of vehicles in two tables.
 
     Args:
         column: Name of the column in both tables.
         first: Sizes in the table of states, NaN where it has none, shape (vehicle,) [m].
         second: Sizes in the table of vehicles, same shape [m].
+        num_rows: Number of rows of the recording.
 
     Returns:
-        A sentence if they contradict each other, else an empty list.
+        A finding if they contradict each other, else an empty list.
     """
     is_stated_twice = (first > 0.0) & (second > 0.0)  # Also false for NaN.
     if not is_stated_twice.any():
@@ -131,10 +138,11 @@ def compare_sizes(column: str, first: F64, second: F64) -> list[str]:
         return []
     typical = float(np.median(ratio[differs]))
     share = f"{int(differs.sum())} of {len(ratio)} vehicles"
-    return [
+    detail = (
         f"column {column}: for {share} the table of states and the table of vehicles differ"
         f"{_by_factor(typical, _LENGTH_UNITS)}; the sizes of the table of vehicles are used"
-    ]
+    )
+    return [_reported(Check.SIZES, detail, num_rows)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,29 +192,35 @@ class _Movement:
         return (values[self.earlier] + values[self.later] + 2.0 * values[self.middle]) / 4.0
 
 
-def check_rows(rows: Rows) -> list[str]:
+def check_rows(rows: Rows) -> list[Finding]:
     """Compare the columns of a table with each other.
 
     Args:
         rows: The rows, in the units that the map of columns declares.
 
     Returns:
-        A sentence for each contradiction, with the likely factor or convention.
+        The findings of the rows, and one for each contradiction, with the likely factor or
+        convention.
     """
+    sentences = [(Check.SIZES, sentence) for sentence in _check_sizes(rows)]
     movement = _Movement.of(rows.start, rows.frame_interval_ms)
-    if len(movement.middle) < _MIN_ROWS:
-        return [*rows.warnings, *_check_sizes(rows)]
+    if len(movement.middle) >= _MIN_ROWS:
+        sentences += _check_movement(rows, movement)
+    num_rows = int(rows.start[-1])
+    return [*rows.findings, *(_reported(check, text, num_rows) for check, text in sentences)]
+
+
+def _check_movement(rows: Rows, movement: _Movement) -> list[tuple[Check, str]]:
+    """Compare speeds, headings and accelerations with the movement of the positions."""
     east, north = (movement.rate(rows.values[name]) for name in ("x", "y"))
     derived = np.hypot(east, north)
-    sentences = [*rows.warnings, *_check_sizes(rows)]
-    speed_sentences = _check_speeds(rows, movement, derived)
-    sentences += speed_sentences
-    if not speed_sentences:  # A wrong unit of speeds or positions would also fail these checks.
-        sentences += _check_axes(rows, movement, east, north)
-        sentences += _check_traffic_speed(derived)
-    sentences += _check_heading(rows, movement, east, north)
-    sentences += _check_accelerations(rows, movement)
-    return sentences
+    checks = [(Check.SPEEDS, _check_speeds(rows, movement, derived))]
+    if not checks[0][1]:  # A wrong unit of speeds or positions would also fail these checks.
+        checks.append((Check.AXES, _check_axes(rows, movement, east, north)))
+        checks.append((Check.SPEEDS, _check_traffic_speed(derived)))
+    checks.append((Check.HEADINGS, _check_heading(rows, movement, east, north)))
+    checks.append((Check.ACCELERATIONS, _check_accelerations(rows, movement)))
+    return [(check, sentence) for check, sentences in checks for sentence in sentences]
 
 
 def _stated_speed(values: Mapping[str, F64]) -> tuple[str, F64] | None:
@@ -312,7 +326,7 @@ def _check_sizes(rows: Rows) -> list[str]:
     ]
 
 
-def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[str]:
+def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[Finding]:
     """Compare the distance of the lanes that traffic uses with the widths of lanes.
 
     Args:
@@ -321,7 +335,7 @@ def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[str]
         frame_interval_ms: Time between frames [ms].
 
     Returns:
-        A sentence if the traffic uses every second, third, ... lane only, as it does where the
+        A finding if the traffic uses every second, third, ... lane only, as it does where the
         positions are in feet; else an empty list.
     """
     movement = _Movement.of(tracks.start, frame_interval_ms)
@@ -336,10 +350,11 @@ def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[str]
     factor = _factor_into(pitch, _LANE_WIDTHS)
     if factor is None:
         return []
-    return [
+    detail = (
         f"positions: traffic drives in lanes that are {pitch:.1f} m apart, with none between them"
         f"{_of_unit(factor, 'x and y')}"
-    ]
+    )
+    return [_reported(Check.LANES, detail, tracks.num_rows)]
 
 
 def _check_heading(rows: Rows, movement: _Movement, east: F64, north: F64) -> list[str]:

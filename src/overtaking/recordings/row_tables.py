@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.core.arrays import F64, I64, Mask
+    from overtaking.recordings.findings import Finding
 
 INTERVALS_MS = (10.0, 1000.0)
 """Least and most time between two frames [ms]."""
@@ -223,7 +224,7 @@ class _OfTracks:
         kind: `VehicleKind`.
         is_kind_known: Whether the kind is stated and agrees with the length.
         direction: Number of the carriageway; None where no column has it.
-        warnings: A sentence for each contradiction between columns.
+        findings: Contradictions between columns.
     """
 
     length: F64
@@ -231,7 +232,7 @@ class _OfTracks:
     kind: I64
     is_kind_known: Mask
     direction: I64 | None
-    warnings: list[str]
+    findings: list[Finding]
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +297,7 @@ class _Join:
                 "rows_repeated": int(is_repeated.sum()),
                 "rows_missing": int((is_missing & ~is_repeated).sum()),
             },
-            warnings=tuple(about_tracks.warnings),
+            findings=tuple(about_tracks.findings),
         )
 
     def cell(self, name: str) -> tuple[_Table, str] | None:
@@ -508,7 +509,7 @@ class _Join:
         """
         count = len(ids)
         sizes: dict[str, F64] = {}
-        warnings: list[str] = []
+        findings: list[Finding] = []
         for name in _SIZES:
             cell = self.cell(name)
             if cell is None:
@@ -529,7 +530,7 @@ class _Join:
                 continue
             sizes[name] = self.of_vehicles(table.columns[column], ids) * factor
             if of_tracks is not None:
-                warnings += compare_sizes(column, of_tracks, sizes[name])
+                findings += compare_sizes(column, of_tracks, sizes[name], tracks.num_rows)
         kind, is_kind_known = self.kinds(sizes["length"], _most_frequent(type_code, track, count))
         return _OfTracks(
             length=sizes["length"],
@@ -537,7 +538,7 @@ class _Join:
             kind=kind,
             is_kind_known=is_kind_known,
             direction=self.directions(tracks, track, ids),
-            warnings=warnings,
+            findings=findings,
         )
 
     def directions(self, tracks: _Table, track: I64, ids: NDArray[Any]) -> I64 | None:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.core.arrays import F64, I64, U8, Mask
+    from overtaking.recordings.findings import Finding
 
 ON_GRID = 1e-3
 """Instants this near a frame are that frame's: 3 mm at 30 m/s and 10 frames a second [frames]."""
@@ -42,7 +43,7 @@ class Rows:
         lane: Name of the lane, shape (row,); None where none is given.
         about: What holds for the whole recording, by the names of `QUANTITIES`.
         notes: What was decided or measured.
-        warnings: Sentences about columns that contradict each other.
+        findings: What the examination of the tables found.
     """
 
     where: str
@@ -59,7 +60,7 @@ class Rows:
     lane: NDArray[Any] | None
     about: dict[str, Any]
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def vehicle(self) -> I64:

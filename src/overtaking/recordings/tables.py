@@ -112,8 +112,8 @@ def recording_of(
         ImportFormatError: No straight road can be inferred, or nobody drives along it.
         ConfigError: The map is wrong.
     """
-    sentences = check_rows(rows)
-    issue_warnings(rows.where, sentences)
+    findings = check_rows(rows)
+    issue_warnings(rows.where, findings)
     place = located(rows, columns, road)
     if not np.ptp(place.s) < _WIDEST:
         raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
@@ -123,9 +123,9 @@ def recording_of(
         driven = _centred(driven, place.road)
     there = on_road(place.road, driven.s, driven.d)
     if place.notes["lanes_from"] == LANES_FITTED:
-        lane_sentences = check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
-        issue_warnings(rows.where, lane_sentences)
-        sentences = [*sentences, *lane_sentences]
+        lane_findings = check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
+        issue_warnings(rows.where, lane_findings)
+        findings += lane_findings
     ways = by_ways(kept(driven, there), place.road)
     if not ways.along:
         oncoming = ways.oncoming + ways.left_out
@@ -151,8 +151,8 @@ def recording_of(
             "world_shift_m": [place.road.origin_x, place.road.origin_y],
             "derived": derived(columns),
             "columns": {"source": columns.source, "tested": columns.is_tested},
-            **({"warnings": sentences} if sentences else {}),
         },
+        findings=tuple(findings),
     )
 
 

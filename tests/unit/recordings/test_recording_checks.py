@@ -53,7 +53,8 @@ def frame() -> pd.DataFrame:
 
 
 def sentences(table: pd.DataFrame, **columns: str) -> list[str]:
-    return check_rows(rows_of(table, column_map({**COLUMNS, **columns})))
+    rows = rows_of(table, column_map({**COLUMNS, **columns}))
+    return [finding.detail for finding in check_rows(rows)]
 
 
 def sentence(table: pd.DataFrame, **columns: str) -> str:
@@ -200,7 +201,7 @@ def test_sizes_of_two_tables_are_compared(tmp_path: Path):
     assert [one.partition("column ")[2].partition(":")[0] for one in warning] == ["length", "width"]
     assert all("5 of 5 vehicles" in one and "1/0.3048" in one for one in warning)
     assert sorted(found.tracks.length.tolist()) == [4.5, 4.5, 4.5, 4.5, 12.0]
-    assert len(found.notes["warnings"]) == 2
+    assert len(found.findings) == 2
 
 
 def test_speeds_of_highd_in_another_unit_are_named(tmp_path: Path):
