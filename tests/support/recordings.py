@@ -381,8 +381,8 @@ def whole(recording: Recording, ego_id: int) -> Trajectories:
     What was exported and is read again is the simulation that it was, slot by slot.
     """
     tracks = recording.tracks
-    ego = int(np.flatnonzero(tracks.ids == ego_id)[0])
-    others = [one for one in np.argsort(tracks.ids).tolist() if one != ego]
+    ego = int(np.flatnonzero(tracks.names == str(ego_id))[0])
+    others = [one for one in np.argsort(tracks.names.astype(np.int64)).tolist() if one != ego]
     first, last = int(tracks.first[ego]), int(tracks.last[ego])
     window = Window(ego=ego, leader=ego, first=first, last=last, vehicles=(ego, *others))
     return trajectories(recording, [window])

@@ -44,8 +44,8 @@ def vehicles_of(
 
     After the ego and its leader come those around it when its movement begins and when it is back,
     and who comes the other way then, then those that are around it in most frames, then those that
-    are nearest to it at the beginning. Of two that are equal the one with the smaller id is first,
-    so nothing depends on the order in the file.
+    are nearest to it at the beginning. Of two that are equal, the earlier among the
+    tracks comes first, so nothing depends on the order in the file.
 
     Args:
         recording: The recording.
@@ -64,7 +64,7 @@ def vehicles_of(
     for frame in dict.fromkeys((window.moves or window.first, window.returns or window.last)):
         chosen |= dict.fromkeys(_coming(recording, ego, frame))
     counts = Counter(near[near != NOBODY].tolist())
-    by_time = sorted(counts, key=lambda one: (-counts[one], int(tracks.ids[one])))
+    by_time = sorted(counts, key=lambda vehicle: (-counts[vehicle], vehicle))
     chosen |= dict.fromkeys(by_time)
     chosen |= dict.fromkeys(_nearest(recording, window))
     return tuple(chosen)[:num_slots]
@@ -76,7 +76,7 @@ def _coming(recording: Recording, ego: int, frame: int) -> list[int]:
     there = np.flatnonzero(tracks.is_oncoming & (tracks.first <= frame) & (tracks.last >= frame))
     rows = tracks.start[there] + frame - tracks.first[there]
     ahead = tracks.s[rows] - tracks.s[tracks.row(ego, frame)]
-    order = np.lexsort((tracks.ids[there], np.round(ahead, 3)))
+    order = np.argsort(np.round(ahead, 3), kind="stable")
     return there[order[ahead[order] > 0.0][:MEETING]].tolist()
 
 
@@ -89,7 +89,7 @@ def _nearest(recording: Recording, window: Window) -> list[int]:
     frame = np.maximum(tracks.first[there], window.first)
     own = tracks.s[tracks.start[window.ego] + frame - tracks.first[window.ego]]
     apart = np.abs(tracks.s[tracks.start[there] + frame - tracks.first[there]] - own)
-    return there[np.lexsort((tracks.ids[there], np.round(apart, 3), frame))].tolist()
+    return there[np.lexsort((np.round(apart, 3), frame))].tolist()
 
 
 def coverage(recording: Recording, around: Surroundings, windows: Sequence[Window]) -> float:

@@ -169,7 +169,7 @@ def overtakes(recording: Recording, changes: LaneChanges, around: Surroundings) 
         around: The neighbours of all vehicles.
 
     Returns:
-        The windows in order of their first frame, then of the ego's id.
+        The windows in order of their first frame, then of the ego among the tracks.
     """
     found: list[Window] = []
     for k in np.flatnonzero(changes.is_left):
@@ -179,7 +179,7 @@ def overtakes(recording: Recording, changes: LaneChanges, around: Surroundings) 
         if leader is None or (is_same_move and changes.is_left[k - 1]):
             continue
         found.append(_window(recording, changes, int(k), leader))
-    return _ordered(recording, found)
+    return _ordered(found)
 
 
 def _window(recording: Recording, changes: LaneChanges, k: int, leader: int) -> Window:
@@ -236,7 +236,7 @@ def followers(recording: Recording, changes: LaneChanges, around: Surroundings) 
         offset = int(tracks.first[ego])
         last = min(run[1], run[0] + MAX_FRAMES - 1)
         found.append(Window(ego=ego, leader=leader, first=offset + run[0], last=offset + last))
-    return _ordered(recording, found)
+    return _ordered(found)
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int] | None:
@@ -249,10 +249,9 @@ def _longest_run(flags: NDArray[np.bool_]) -> tuple[int, int] | None:
     return (int(begins[best]), int(ends[best])) if ends[best] > begins[best] else None
 
 
-def _ordered(recording: Recording, windows: list[Window]) -> list[Window]:
+def _ordered(windows: list[Window]) -> list[Window]:
     """Windows in an order that does not depend on how they were found."""
-    ids = recording.tracks.ids
-    return sorted(windows, key=lambda one: (one.first, int(ids[one.ego]), one.last))
+    return sorted(windows, key=lambda window: (window.first, window.ego, window.last))
 
 
 def num_passes(tracks: Tracks) -> int:

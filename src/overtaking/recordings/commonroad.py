@@ -340,7 +340,7 @@ def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
     # Many recordings call every vehicle a car, also trucks of 20 m.
     is_kind_known = (is_car | is_truck | is_two_wheeler) & may_be_kind(kind, length)
     return {
-        "ids": np.array([one.number for one in obstacles]),
+        "names": np.array([str(one.number) for one in obstacles], np.object_),
         "kind": kind,
         "is_kind_known": is_kind_known,
         "length": length,

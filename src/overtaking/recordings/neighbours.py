@@ -37,7 +37,7 @@ class Surroundings:
         """The neighbours in a recording, by the lanes that the centres are in."""
         tracks = recording.tracks
         key = _keys(tracks)
-        # Of two vehicles at the same position neither is ahead of the one with the smaller id.
+        # Of two vehicles at the same position neither is ahead of the first among the tracks.
         order = np.lexsort((tracks.vehicle, key))
         sorted_keys = key[order]
         rows = np.full((len(PLACES), tracks.num_rows), NOBODY)

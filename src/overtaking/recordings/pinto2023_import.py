@@ -85,7 +85,7 @@ class TableScenes(Parts):
 
     def _with_frames(self, made: Trajectories, numbers: range) -> Trajectories:
         """The batch with stages and collisions, as far as OV and C tell."""
-        given, ids = self.frames, self.recording.tracks.ids
+        given, name_of = self.frames, self.recording.tracks.name_of
         stage, collided = made.stage.copy(), made.collided_with.copy()
         contacts = made.contacts
         partner, time = contacts.partner.copy(), contacts.time.copy()
@@ -96,13 +96,15 @@ class TableScenes(Parts):
             stage[place, :count] = np.select(
                 [begun == 0, begun == 1], [Stage.FOLLOW, Stage.PULL_OUT], Stage.RETURN
             )
-            slots = {int(ids[one]): slot for slot, one in enumerate(self.windows[number].vehicles)}
+            slots = {
+                name_of(vehicle): slot for slot, vehicle in enumerate(self.windows[number].vehicles)
+            }
             hit = given.partner[rows]
             frames = np.flatnonzero(hit > 0)
             if len(frames):
-                slot = slots[int(hit[frames[0]])]
+                slot = slots[str(hit[frames[0]])]
                 at = frames[0] * self.recording.frame_interval_ms
-                collided[place, frames] = [slots[int(one)] for one in hit[frames]]
+                collided[place, frames] = [slots[str(partner_id)] for partner_id in hit[frames]]
                 partner[place, [Role.EGO, slot]] = [slot, Role.EGO]
                 time[place, [Role.EGO, slot]] = at
         return made.replace(
@@ -218,7 +220,7 @@ def _windows(source: Path, tracks: Tracks, numbers: I64, frames: Frames) -> list
     windows: list[Window] = []
     for k in range(len(numbers)):
         there = np.flatnonzero(tracks.carriageway == k)
-        is_ego = tracks.ids[there] == frames.ego[first[k]]
+        is_ego = tracks.names[there] == str(frames.ego[first[k]])
         ego = int(there[is_ego][0])
         begin, end = int(frames.frame[first[k]]), int(frames.frame[last[k]])
         has_ego = (int(tracks.first[ego]), int(tracks.last[ego])) == (begin, end)

@@ -173,7 +173,7 @@ def tracks_of(
     length = values["length_m"][begins]
     nobody = np.zeros(len(begins), np.bool_)
     return Tracks(
-        ids=values["id"][begins],
+        names=values["id"][begins].astype(str).astype(np.object_),
         kind=kinds_by_length(length, is_truck=nobody, is_car=nobody),
         is_kind_known=~nobody,  # No kind is: "kinds" is unknown for all of them.
         length=length,

@@ -28,7 +28,7 @@ NEVER_RECORDED = frozenset(
 OPPOSITE = -1
 """Carriageway of the vehicles that come the other way on a road with a lane for them."""
 
-_OF_A_VEHICLE = ("ids", "kind", "is_kind_known", "length", "width", "carriageway")
+_OF_A_VEHICLE = ("names", "kind", "is_kind_known", "length", "width", "carriageway")
 _BESIDE = 6.0  # Vehicles farther than this from the outer lanes belong to another road [m].
 _LEAST_STRETCH = 0.5  # Nearer to the centre of a bend is no part of a road.
 _HALF_SMOOTHING_MS = 100  # As the signals have it: a central difference over 0.2 s.
@@ -39,7 +39,8 @@ class Tracks:
     """The vehicles of a recording; the rows of a vehicle are adjacent, in order of time.
 
     Attributes:
-        ids: The source's number of each vehicle, each different, shape (vehicle,).
+        names: Name or number of each vehicle in the source, each different, shape (vehicle,); a
+            later track of a vehicle is `NAME (2)`.
         kind: `VehicleKind`, same shape.
         is_kind_known: Whether the kind is stated and agrees with the length, same shape.
         length: Same shape [m].
@@ -62,7 +63,7 @@ class Tracks:
         lane: Lane index as in `States.lane`.
     """
 
-    ids: I64
+    names: NDArray[np.object_]
     kind: U8
     is_kind_known: Mask
     length: F64
@@ -85,7 +86,7 @@ class Tracks:
     @property
     def num_vehicles(self) -> int:
         """Number of vehicles."""
-        return len(self.ids)
+        return len(self.names)
 
     @property
     def num_rows(self) -> int:
@@ -121,7 +122,7 @@ class Tracks:
 
     def name_of(self, vehicle: int) -> str:
         """Name of a vehicle in messages and results."""
-        return str(self.ids[vehicle])
+        return str(self.names[vehicle])
 
     def row(self, vehicle: int, frame: int) -> int:
         """The row of a vehicle in a frame in which it is present."""

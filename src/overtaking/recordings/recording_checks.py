@@ -107,7 +107,7 @@ def check_ranges(recording: Recording) -> None:
         if is_in_range.all():
             continue
         row = int(np.argmin(is_in_range))
-        vehicle, unit = tracks.ids[tracks.vehicle[row]], "m/s" if name == "speed" else "m"
+        vehicle, unit = tracks.name_of(tracks.vehicle[row]), "m/s" if name == "speed" else "m"
         raise refused(
             recording.name,
             f"{name} of vehicle {vehicle} in frame {tracks.frame[row]}",

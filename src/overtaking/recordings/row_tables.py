@@ -27,7 +27,7 @@ from overtaking.recordings.column_map import (
 from overtaking.recordings.messages import shown
 from overtaking.recordings.recording import kinds_by_length
 from overtaking.recordings.recording_checks import compare_sizes
-from overtaking.recordings.rows import ON_GRID, TORN, Rows, at_whole_frames, numbered
+from overtaking.recordings.rows import ON_GRID, TORN, Rows, at_whole_frames, track_names
 from overtaking.recordings.table_errors import named, refused, refused_cell
 from overtaking.recordings.table_files import (
     NUMBER,
@@ -278,7 +278,7 @@ class _Join:
         owner = grid.owner
         return Rows(
             where=tracks.where,
-            ids=numbered(ids, track_vehicle[owner]),
+            names=track_names(ids.astype(str).astype(np.object_), track_vehicle[owner]),
             kind=about_tracks.kind[owner].astype(np.uint8),
             is_kind_known=about_tracks.is_kind_known[owner],
             length=about_tracks.length[owner],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -27,9 +28,7 @@ class Rows:
 
     Attributes:
         where: The file, for messages.
-        ids: Number of each vehicle, each different, shape (vehicle,). Vehicles with names are
-            numbered in the order of these; of a vehicle that was away, the later tracks have
-            numbers beyond all others.
+        names: Name of each track, each different, shape (vehicle,); see `track_names`.
         kind: `VehicleKind`, same shape.
         is_kind_known: Whether the kind is stated and agrees with the length, same shape.
         length: Same shape [m].
@@ -47,7 +46,7 @@ class Rows:
     """
 
     where: str
-    ids: I64
+    names: NDArray[np.object_]
     kind: U8
     is_kind_known: Mask
     length: F64
@@ -65,7 +64,7 @@ class Rows:
     @property
     def vehicle(self) -> I64:
         """Place of each row's vehicle, shape (row,)."""
-        return np.repeat(np.arange(len(self.ids)), np.diff(self.start))
+        return np.repeat(np.arange(len(self.names)), np.diff(self.start))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,10 +142,24 @@ def _interpolated(vehicle: I64, moment: F64, values: dict[str, F64], ends: I64) 
     )
 
 
-def numbered(ids: NDArray[Any], owner: I64) -> I64:
-    """A number for each track: the source's for the first of a vehicle, and then others."""
-    numbers = ids if ids.dtype.kind == "i" else np.arange(len(ids))
-    is_first = np.append(True, np.diff(owner) != 0)
-    found = numbers[owner].astype(np.int64)
-    found[~is_first] = int(numbers.max()) + 1 + np.arange((~is_first).sum())
-    return found
+def track_names(vehicle_names: NDArray[np.object_], vehicle: I64) -> NDArray[np.object_]:
+    """Name of each track: that of its vehicle, then `NAME (2)` for its second track, and so on.
+
+    Args:
+        vehicle_names: Name of each vehicle.
+        vehicle: Index of the vehicle of each track, shape (track,); tracks of a vehicle are in
+            order of time.
+    """
+    names = vehicle_names[vehicle].copy()
+    taken = set(names.tolist())
+    num_tracks: Counter[int] = Counter()
+    for track, place in enumerate(vehicle.tolist()):
+        num_tracks[place] += 1
+        if num_tracks[place] == 1:
+            continue
+        # A file may have a vehicle of the name "12 (2)".
+        while (name := f"{vehicle_names[place]} ({num_tracks[place]})") in taken:
+            num_tracks[place] += 1
+        names[track] = name
+        taken.add(name)
+    return names

@@ -75,10 +75,10 @@ class Parts:
 
         It names the part and, slot by slot, the vehicles as the recording does.
         """
-        ids = self.recording.tracks.ids
+        name_of = self.recording.tracks.name_of
         return [
             f"{self.name} {self._part(number)} vehicles "
-            + " ".join(str(ids[vehicle]) for vehicle in self.windows[number].vehicles)
+            + " ".join(name_of(vehicle) for vehicle in self.windows[number].vehicles)
             for number in numbers
         ]
 

@@ -43,7 +43,7 @@ def line_of_traffic(rows: Rows, x: F64, y: F64, heading: float | None) -> Fitted
     Raises:
         ImportFormatError: No vehicle moves.
     """
-    vehicle = np.repeat(np.arange(len(rows.ids)), np.diff(rows.start))
+    vehicle = np.repeat(np.arange(len(rows.names)), np.diff(rows.start))
     first, last = rows.start[:-1], rows.start[1:] - 1
     longest = int(np.argmax(np.hypot(x[last] - x[first], y[last] - y[first])))
     part = slice(rows.start[longest], rows.start[longest + 1])

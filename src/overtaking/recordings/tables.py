@@ -204,12 +204,12 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64) -> Tracks:
     lon = push * cosine + pull * sine if turned("a") else rate(speed)
     x, y = road.world(s, d)
     return Tracks(
-        ids=rows.ids,
+        names=rows.names,
         kind=rows.kind.astype(np.uint8),
         is_kind_known=rows.is_kind_known,
         length=rows.length,
         width=rows.width,
-        carriageway=np.zeros(len(rows.ids), np.int64),
+        carriageway=np.zeros(len(rows.names), np.int64),
         first=rows.frame[rows.start[:-1]],
         start=rows.start,
         x=x,

@@ -133,8 +133,8 @@ def test_two_lanes_in_one_go_are_one_candidate_and_two_movements_are_two(tmp_pat
     twice = replace(go, moves=((4.0, 1), (14.0, 2)), ramp=3.0)
     recording = read(tmp_path, [twice, leader, second])
     windows = overtakes(recording, lane_changes(recording), Surroundings.of(recording))
-    ids = recording.tracks.ids
-    assert [int(ids[one.leader]) for one in windows] == [2, 3]
+    names = recording.tracks.names
+    assert [int(names[one.leader]) for one in windows] == [2, 3]
     # The second begins when the first movement has ended, not ten seconds before its own.
     assert windows[0].moves is not None
     assert windows[1].first > windows[0].moves + 20
@@ -163,8 +163,8 @@ def test_slots_go_to_those_who_matter_and_the_rest_is_said_to_be_missing(tmp_pat
     recording = read(tmp_path, QUIET)
     around = Surroundings.of(recording)
     (window,) = overtakes(recording, lane_changes(recording), around)
-    ids = recording.tracks.ids
-    everybody = [int(ids[one]) for one in vehicles_of(recording, around, window)]
+    names = recording.tracks.names
+    everybody = [int(names[one]) for one in vehicles_of(recording, around, window)]
     assert everybody[:3] == [7, 3, 5]
     assert sorted(everybody) == [3, 5, 7, 9]
     few = scenes(recording, num_slots=2)
@@ -176,7 +176,7 @@ def test_of_a_track_that_leaves_the_road_the_longest_piece_stays():
     count = 10
     values = np.arange(count, dtype=np.float64)
     tracks = Tracks(
-        ids=np.array([4, 8]),
+        names=np.array(["4", "8"], np.object_),
         kind=np.zeros(2, np.uint8),
         is_kind_known=np.ones(2, np.bool_),
         length=np.ones(2),
@@ -190,7 +190,7 @@ def test_of_a_track_that_leaves_the_road_the_longest_piece_stays():
     )
     rows = np.array([True, False, True, True, False, True, False, False, False, False])
     left = kept(tracks, rows)
-    assert left.ids.tolist() == [4]
+    assert left.names.tolist() == ["4"]
     assert left.s.tolist() == [2.0, 3.0]
     assert left.first.tolist() == [102]
     assert left.last.tolist() == [103]
@@ -217,8 +217,8 @@ def test_the_leader_of_a_follower_is_in_slot_one(tmp_path):
     ]
     recording = read(tmp_path, movers)
     found = scenes(recording)
-    ids = recording.tracks.ids
-    slots = {int(ids[one.ego]): [int(ids[k]) for k in one.vehicles] for one in found.windows}
+    names = recording.tracks.names
+    slots = {int(names[one.ego]): [int(names[k]) for k in one.vehicles] for one in found.windows}
     assert slots[5] == [5, 9, 1]
     assert slots[1][:2] == [1, 5]
     assert 9 not in slots
@@ -229,9 +229,9 @@ def test_who_is_there_at_the_return_goes_before_who_is_beside_for_longer(tmp_pat
     recording = read(tmp_path, movers)
     around = Surroundings.of(recording)
     (window,) = overtakes(recording, lane_changes(recording), around)
-    ids = recording.tracks.ids
-    assert [int(ids[one]) for one in vehicles_of(recording, around, window, 3)] == [7, 3, 9]
-    assert [int(ids[one]) for one in vehicles_of(recording, around, window, 4)] == [7, 3, 9, 11]
+    names = recording.tracks.names
+    assert [int(names[one]) for one in vehicles_of(recording, around, window, 3)] == [7, 3, 9]
+    assert [int(names[one]) for one in vehicles_of(recording, around, window, 4)] == [7, 3, 9, 11]
 
 
 def test_the_leader_is_looked_for_in_the_lane_that_is_left(tmp_path):
@@ -242,5 +242,5 @@ def test_the_leader_is_looked_for_in_the_lane_that_is_left(tmp_path):
     recording = read(tmp_path, [ego, left, entered])
     changes = lane_changes(recording)
     (window,) = overtakes(recording, changes, Surroundings.of(recording))
-    assert recording.tracks.ids[window.leader] == 3
+    assert recording.tracks.names[window.leader] == "3"
     assert window.moves == pytest.approx(21, abs=2)

@@ -52,7 +52,7 @@ def test_positions_come_back_along_and_across_a_straight_or_bent_road(write, cur
     movers = [Mover(number=1, s=30.0, speed=25.0, lane=1, last=200), Mover(number=2, s=60.0)]
     found = read_commonroad(write(commonroad(movers, road, version=version)))
     tracks = found.tracks
-    assert tracks.ids.tolist() == [1, 2]
+    assert tracks.names.tolist() == ["1", "2"]
     lane = found.road.centres[1]
     first = slice(0, tracks.start[1])
     assert np.abs(tracks.d[first] - lane).max() < 0.01
@@ -81,11 +81,11 @@ def test_an_overtake_is_found_with_its_target_and_its_window(write):
     found = read_commonroad(write(commonroad()))
     changes = lane_changes(found)
     windows = overtakes(found, changes, Surroundings.of(found))
-    ids = found.tracks.ids
+    names = found.tracks.names
     assert changes.old.tolist() == [0, 1]
     assert changes.new.tolist() == [1, 0]
     (window,) = windows
-    assert (ids[window.ego], ids[window.leader]) == (7, 3)
+    assert (names[window.ego], names[window.leader]) == ("7", "3")
     # The ramp runs from 2 s to 6 s, its speed exceeds 0.15 m/s after 0.3 s.
     assert window.moves == pytest.approx(23, abs=1)
     assert window.first == 0
@@ -348,7 +348,7 @@ def test_a_border_with_edges_of_no_length_contains_what_it_did(write, tiny):
     extra = f"<point><x>{tiny!r}</x><y>{tiny!r}</y></point>"
     with np.errstate(all="raise", under="ignore"):
         found = read_commonroad(write(text.replace(first, first + extra)))
-    assert found.tracks.ids.tolist() == [3, 5, 7, 9]
+    assert found.tracks.names.tolist() == ["3", "5", "7", "9"]
 
 
 @given(

@@ -34,7 +34,7 @@ def with_change(number: int, pattern: str, replacement: str, count: int = 0) -> 
 
 
 def rows_of(recording, number: int) -> slice:
-    place = int(np.flatnonzero(recording.tracks.ids == number)[0])
+    place = int(np.flatnonzero(recording.tracks.names == str(number))[0])
     return slice(*recording.tracks.start[place : place + 2])
 
 
@@ -82,7 +82,7 @@ def test_an_obstacle_without_exact_states_is_left_out_and_named(
     write, pattern, replacement, reason
 ):
     found = read_commonroad(write(with_change(9, pattern, replacement)))
-    assert sorted(found.tracks.ids.tolist()) == [3, 5, 7]
+    assert sorted(found.tracks.names) == ["3", "5", "7"]
     assert found.notes["vehicles_left_out"].startswith("obstacle 9: ")
     assert reason in found.notes["vehicles_left_out"]
     assert found.notes["obstacles_left_out"] == {"car": 1}
@@ -105,7 +105,7 @@ def test_a_polygon_has_the_size_of_its_extent(write):
     points = "".join(f"<point><x>{x}</x><y>{y}</y></point>" for x, y in corners)
     polygon = f"<polygon>{points}</polygon>"
     found = read_commonroad(write(with_change(9, "<rectangle>.*?</rectangle>", polygon)))
-    place = found.tracks.ids.tolist().index(9)
+    place = found.tracks.names.tolist().index("9")
     assert (found.tracks.length[place], found.tracks.width[place]) == (5.0, 2.0)
 
 
@@ -250,7 +250,7 @@ def assert_is_mirror_image(found, plain) -> None:
     assert found.road.driving_side is DrivingSide.LEFT
     assert plain.road.driving_side is DrivingSide.RIGHT
     assert found.road.is_two_way == plain.road.is_two_way
-    assert found.tracks.ids.tolist() == plain.tracks.ids.tolist()
+    assert found.tracks.names.tolist() == plain.tracks.names.tolist()
     for name in ("s", "x", "speed", "lane", "accel_lon"):
         assert getattr(found.tracks, name) == pytest.approx(getattr(plain.tracks, name), abs=1e-4)
     for name in ("y", "d", "heading", "accel_lat", "yaw_rate"):

@@ -20,7 +20,7 @@ def test_a_missing_speed_is_measured_and_said_to_be(write):
     text = commonroad()
     bare = text.replace("<velocity><exact>30</exact></velocity>", "")
     found = read_commonroad(write(bare))
-    seven = int(np.flatnonzero(found.tracks.ids == 7)[0])
+    seven = int(np.flatnonzero(found.tracks.names == "7")[0])
     rows = slice(found.tracks.start[seven], found.tracks.start[seven + 1])
     # Along the path, so a little more than 30 m/s while it crosses lanes.
     assert found.tracks.speed[rows] == pytest.approx(30.0, abs=0.1)
@@ -32,7 +32,7 @@ def test_pedestrians_and_predictions_without_a_path_are_left_out_and_counted(wri
     walker = commonroad([Mover(number=90, kind="pedestrian")]).split("</lanelet>")[-1]
     walker = walker.replace("</commonRoad>", "")
     found = read_commonroad(write(commonroad(more=walker)))
-    assert 90 not in found.tracks.ids
+    assert "90" not in found.tracks.names
     assert found.notes["obstacles_left_out"] == {"pedestrian": 1}
 
 
@@ -68,7 +68,7 @@ def test_oncoming_vehicles_are_no_egos_and_meetings_are_no_passes(write):
     assert both.notes["oncoming_left_out"] == 2
     assert alone.notes["oncoming_left_out"] == 0
     assert both.counts == alone.counts
-    assert both.recording.tracks.ids.tolist() == [3, 5, 7, 9]
+    assert both.recording.tracks.names.tolist() == ["3", "5", "7", "9"]
     assert both.notes["states_off_the_road"] == alone.notes["states_off_the_road"]
 
 
@@ -76,7 +76,7 @@ def test_who_backs_up_or_turns_for_a_moment_stays(write):
     text = commonroad([*OVERTAKE, Mover(number=4, s=400.0, speed=-1.0, lane=2)])
     turned = f"<exact>{np.pi:.6f}</exact></orientation>"
     found = read_commonroad(write(text.replace(turned, "<exact>0</exact></orientation>")))
-    assert found.tracks.ids.tolist() == [3, 4, 5, 7, 9]
+    assert found.tracks.names.tolist() == ["3", "4", "5", "7", "9"]
 
 
 def test_a_road_with_nothing_but_oncoming_vehicles_is_refused(write):
@@ -114,11 +114,11 @@ def test_an_overtake_on_the_other_side_is_one_and_who_comes_is_oncoming(write):
     tracks = found.recording.tracks
     assert found.road.is_two_way
     assert found.road.bends
-    assert tracks.ids[tracks.is_oncoming].tolist() == [21, 22]
+    assert tracks.names[tracks.is_oncoming].tolist() == ["21", "22"]
     assert (found.notes["oncoming"], found.notes["oncoming_left_out"]) == (2, 0)
     assert (found.counts["passes"], found.counts["candidate_overtakes"]) == (1, 1)
     (window,) = found.windows
-    assert tracks.ids[list(window.vehicles)].tolist() == [7, 3, 21, 22]
+    assert tracks.names[list(window.vehicles)].tolist() == ["7", "3", "21", "22"]
     run = found.trajectories(range(1))
     assert run.scenario.start_lane.tolist() == [[0, 0, 1, 1]]
     said = ot.label(run)
@@ -137,7 +137,7 @@ def test_the_other_way_of_the_same_road_is_read_by_its_own_lanelet(write):
     found = read_commonroad(write(two_way([replace(one, last=199) for one in movers])))
     assert found.notes["lanelets_by_lane"] == [[99]]
     assert not found.road.is_two_way  # Lanelet 99 has no neighbour on the left that it names.
-    assert found.tracks.ids.tolist() == [21, 22]
+    assert found.tracks.names.tolist() == ["21", "22"]
     assert found.notes["oncoming_left_out"] == 1
 
 
@@ -147,12 +147,12 @@ def test_the_other_way_of_the_same_road_is_read_by_its_own_lanelet(write):
 def test_passes_are_those_of_a_plain_count(shared_data):
     tracks = read_commonroad(shared_data / "commonroad" / "USA_US101-5_1_T-1.xml").tracks
     position = {
-        (int(tracks.ids[v]), int(f)): float(tracks.s[row])
+        (int(tracks.names[v]), int(f)): float(tracks.s[row])
         for row, (v, f) in enumerate(zip(tracks.vehicle, tracks.frame, strict=True))
     }
     seen: dict[tuple[int, int], list[float]] = {}
     for (one, frame), s in position.items():
-        for other in tracks.ids.tolist():
+        for other in map(int, tracks.names):
             if other != one and (other, frame) in position:
                 seen.setdefault((one, other), []).append(s - position[other, frame])
     assert sum(gaps[0] < 0.0 < gaps[-1] for gaps in seen.values()) == 40

@@ -34,7 +34,7 @@ def test_the_columns_are_those_of_the_owners_tools():
 def test_a_box_at_its_upper_left_corner_becomes_a_centre_along_and_across(tmp_path):
     found = read_highd(highd(tmp_path))
     tracks = found.tracks
-    three = int(np.flatnonzero(tracks.ids == 3)[0])
+    three = int(np.flatnonzero(tracks.names == "3")[0])
     rows = slice(tracks.start[three], tracks.start[three + 1])
     time = np.arange(300) * 0.04
     assert found.frame_interval_ms == 40
@@ -78,9 +78,9 @@ def test_one_direction_can_be_chosen_and_must_be_where_the_lanes_differ(tmp_path
     path = highd(tmp_path, upper=SLOW, upper_lines="4;7.5;11;14.5;18")
     with pytest.raises(ConfigError, match="different numbers of lanes"):
         read_highd(path)
-    assert read_highd(path, direction=1).tracks.ids.tolist() == [20, 21]
+    assert read_highd(path, direction=1).tracks.names.tolist() == ["20", "21"]
     assert read_highd(path, direction=1).road.num_lanes == 4
-    assert read_highd(path, direction=2).tracks.ids.tolist() == [3, 5, 7, 9]
+    assert read_highd(path, direction=2).tracks.names.tolist() == ["3", "5", "7", "9"]
     with pytest.raises(ConfigError, match="direction"):
         read_highd(path, direction=3)
 
@@ -90,7 +90,7 @@ def test_lanes_of_different_widths_are_averaged_and_nobody_changes_lane_by_it(tm
     assert np.allclose(np.diff(found.road.boundaries), [3.6, 3.7, 3.7])
     assert found.notes["widening"] == pytest.approx(0.2 / 3.7, abs=1e-4)
     # A vehicle in the middle of a lane of 3.5 m is in the middle of that of 3.6 m.
-    three = int(np.flatnonzero(found.tracks.ids == 3)[0])
+    three = int(np.flatnonzero(found.tracks.names == "3")[0])
     assert found.tracks.d[found.tracks.start[three]] == pytest.approx(found.road.centres[0])
 
 
@@ -144,7 +144,7 @@ def test_rows_in_any_order_are_the_same_recording(tmp_path):
     path.write_text("\n".join([head, *reversed(rows)]) + "\n", encoding="utf-8")
     again = read_highd(path)
     assert np.array_equal(first.tracks.s, again.tracks.s)
-    assert np.array_equal(first.tracks.ids, again.tracks.ids)
+    assert np.array_equal(first.tracks.names, again.tracks.names)
 
 
 def _changed(path, line: int, column: int, cell: str) -> None:

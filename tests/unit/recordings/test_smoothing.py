@@ -46,7 +46,7 @@ def test_steady_motion_stays_and_noise_shrinks(tmp_path):
     exact, rough = read_table(path, COLUMNS), read_table(noisy_path, COLUMNS)
     smooth = smoothed(rough)
     assert smooth.notes["smoothing_s"] == {"position": 0.5, "speed": 1.0, "accel": 4.0}
-    steady = exact.tracks.ids[exact.tracks.vehicle] == 3
+    steady = exact.tracks.names[exact.tracks.vehicle] == "3"
     middle = np.flatnonzero(steady)[40:-40]  # Nearer to the ends fewer frames are averaged.
     weights = np.exp(-np.abs(np.arange(-31, 32)) / 10.0) * (np.abs(np.arange(-31, 32)) <= 30)
     weights /= weights.sum()

@@ -29,6 +29,7 @@ from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.recordings.pinto2023 import read_table as read_paper
 from overtaking.recordings.pinto2023 import write_table
+from overtaking.recordings.rows import track_names
 from overtaking.recordings.scenes import scenes
 from overtaking.recordings.table_files import NUMBER, read_columns
 from overtaking.recordings.tables import read_table
@@ -199,7 +200,7 @@ def test_rows_without_anything_are_a_gap(tmp_path, frame):
     frame.loc[frame.index[40:44], :] = np.nan
     frame.to_csv(path, index=False)
     found = read(path)
-    assert sorted(found.tracks.ids)[:4] == [3, 5, 7, 9]
+    assert found.tracks.names.tolist() == ["3", "5", "7", "7 (2)", "9"]
     assert found.notes["tracks_torn"] == 1
 
 
@@ -245,7 +246,7 @@ def test_a_vehicle_without_a_type_has_an_unknown_kind(tmp_path, frame):
     frame.loc[frame.id == 5, "kind"] = None
     frame.to_csv(path, index=False)
     found = read(path)
-    assert found.tracks.is_kind_known[found.tracks.ids == 5].tolist() == [False]
+    assert found.tracks.is_kind_known[found.tracks.names == "5"].tolist() == [False]
 
 
 def test_whole_numbers_may_have_decimals(tmp_path):
@@ -391,7 +392,7 @@ def test_a_kind_that_the_length_contradicts_is_not_known(tmp_path, frame, kind, 
     frame.loc[frame.id == 7, ["kind", "length"]] = kind, length
     frame.to_csv(path, index=False)
     tracks = read(path).tracks
-    assert tracks.is_kind_known[tracks.ids == 7].tolist() == [is_known]
+    assert tracks.is_kind_known[tracks.names == "7"].tolist() == [is_known]
 
 
 def test_rules_for_trucks_are_undecidable_for_a_vehicle_of_unknown_kind(tmp_path, frame):
@@ -530,3 +531,13 @@ def test_a_vehicle_of_unknown_kind_is_unknown_in_a_commonroad_file(tmp_path, fra
     types = re.findall(r"<dynamicObstacle id=\"(\d+)\"><type>(\w+)</type>", text)
     assert types[0] == ("1000", "unknown")
     assert types[1] == ("1001", "car")
+
+
+# Names of vehicles
+
+
+def test_tracks_of_a_vehicle_are_counted_and_names_of_the_file_stay():
+    names = np.array(["12", "12 (2)", "x"], np.object_)
+    vehicle = np.array([0, 0, 0, 1, 2, 2])
+    expected = ["12", "12 (3)", "12 (4)", "12 (2)", "x", "x (2)"]
+    assert track_names(names, vehicle).tolist() == expected
