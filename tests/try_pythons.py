@@ -294,6 +294,8 @@ def main() -> int:
     versions = options.versions or tested
     if versions == ["newest"]:
         installed = [version for version in tested if find_python(version)]
+        if not installed:
+            parser.error(f"none of Python {', '.join(tested)} is installed on this machine")
         for version in tested[tested.index(installed[-1]) + 1 :]:
             print(f"Python {version}: not installed on this machine, so not tried")
         versions = installed[-1:]

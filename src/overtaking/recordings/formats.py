@@ -24,7 +24,7 @@ FORMATS: dict[str, frozenset[str]] = {
     "exid": _OF_ALL | {"road", "only", "driving_side"},
     "highd": _OF_ALL | {"direction"},
     "ngsim": _OF_ALL | {"road", "only", "driving_side"},
-    "pinto2023": frozenset({"road"}),
+    "pinto2023": frozenset({"road", "speed_limit"}),
     "table": _OF_ALL | {"road", "only", "columns", "driving_side"},
 }
 """Each format with the options that its reader takes."""
@@ -105,7 +105,10 @@ def _read(file_format: str, source: Path, options: Mapping[str, Any]) -> Scenes 
     if file_format == "pinto2023":
         from overtaking.recordings.pinto2023_import import read_pinto2023
 
-        return read_pinto2023(source, road=options.get("road"))
+        table = read_pinto2023(source, road=options.get("road"))
+        if (limit := options.get("speed_limit")) is None:
+            return table
+        return replace(table, recording=table.recording.with_speed_limit(limit))
     from overtaking.recordings.scenes import NUM_SLOTS, scenes
 
     recording = _recording(file_format, source, options)

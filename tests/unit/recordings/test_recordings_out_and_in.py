@@ -20,6 +20,7 @@ from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, 
 from overtaking.recordings.export import write_folder
 from overtaking.recordings.highd import read_highd
 from overtaking.recordings.highd_write import write_highd
+from overtaking.recordings.formats import read_recording
 from overtaking.recordings.pinto2023_import import read_pinto2023, speed_ratios
 
 COUNT = 4
@@ -270,6 +271,14 @@ def test_limits_that_change_come_back_with_their_road_and_are_not_known_without(
     one = read_pinto2023(write(slower, tmp_path / "s.parquet"), road=road).recording
     assert one.road.speed_limit == pytest.approx(40 / 3.6)
     assert one.road.course == Course()
+
+
+def test_a_stated_speed_limit_replaces_that_of_the_table(table, tmp_path):
+    path = write(table, tmp_path / "t.parquet")
+    options = {"speed_limit": 20.0}
+    recording = read_recording("pinto2023", path, options).scenes.recording
+    assert recording.road.speed_limit == 20.0
+    assert "speed_limit" not in recording.unknown
 
 
 def test_frames_that_are_missing_or_uneven_are_refused(table, tmp_path):

@@ -215,6 +215,10 @@ class _Recorded:
             up(bodies.width[at]),
         )
 
+    def kind_unknown(self) -> Columns:
+        row, slot = np.nonzero(self._run.scenario.vehicles.valid & ~self._run.known_kinds)
+        return self._numbers[row], slot
+
     def against(self) -> Columns:
         row, slot = np.nonzero(oncoming(self._run))
         return self._numbers[row], slot

@@ -66,6 +66,32 @@ def test_both_say_the_same_of_every_fixture(place: int):
     assert {code: first[code] for code in expected_first} == expected_first
 
 
+def without_kinds(case: Case) -> Case:
+    """The same case, recorded without knowledge of any vehicle's kind."""
+    is_known = np.zeros_like(case.trajectories.known_kinds)
+    return case.replace(trajectories=case.trajectories.replace(is_kind_known=is_known))
+
+
+@pytest.mark.parametrize("law_text", ["", LAW_DE], ids=["Portugal", "Germany"])
+@pytest.mark.parametrize("place", range(0, len(FIXTURES), 5))
+def test_logic_decides_no_rule_that_unknown_kinds_leave_open(place: int, law_text: str):
+    case = without_kinds(FIXTURES[place][3]())
+    pack, codes = (GERMANY, CODES_DE) if law_text else (PORTUGAL, CODES)
+    verdicts, _ = in_logic(program_of(case, every=10**6), LAW + law_text)
+    expected, _ = in_python(case, pack, codes)
+    decided = {code: verdicts[code] for code in codes if verdicts[code] != "undecidable"}
+    assert decided == {code: expected[code] for code in decided}
+
+
+def test_logic_leaves_open_what_a_truck_would_break():
+    places = [place for place in range(len(FIXTURES)) if known(place)[1].get("L20") == "illegal"]
+    assert places
+    for place in places:
+        case = without_kinds(FIXTURES[place][3]())
+        verdicts, _ = in_logic(program_of(case, every=10**6))
+        assert verdicts["L20"] == "undecidable"
+
+
 @cache
 def german(place: int) -> tuple[str, dict[str, str], dict[str, int]]:
     """The facts of a German fixture, and what Python says of it."""
