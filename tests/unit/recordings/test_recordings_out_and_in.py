@@ -18,9 +18,9 @@ from overtaking.recordings import pinto2023
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
 from overtaking.recordings.export import write_folder
+from overtaking.recordings.formats import read_recording
 from overtaking.recordings.highd import read_highd
 from overtaking.recordings.highd_write import write_highd
-from overtaking.recordings.formats import read_recording
 from overtaking.recordings.pinto2023_import import read_pinto2023, speed_ratios
 
 COUNT = 4
