@@ -56,6 +56,7 @@ Objects:
     Sensor              the numbers of a sensor, for a policy that does not see like a human
     Move                a decision that a policy may answer
     OvertakingError     the base of all errors
+    RecordingWarning    a warning about a recording that was read; import_report has the findings
     rules               what rules of law of one's own are made of
     weather             weather with something taken away: weather.dry and friends
 
@@ -77,6 +78,7 @@ _HOMES = {
     "Move": "overtaking.model.actions",
     "Observation": "overtaking.sim.observation",
     "OvertakingError": "overtaking.core.errors",
+    "RecordingWarning": "overtaking.core.errors",
     "Road": "overtaking.model.road",
     "Scenario": "overtaking.model.scenario",
     "Sensor": "overtaking.sim.sensor",

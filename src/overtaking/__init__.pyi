@@ -35,6 +35,7 @@ from overtaking.api.whatif import save_branches as save_branches
 from overtaking.api.whatif import save_twin as save_twin
 from overtaking.api.whatif import twin as twin
 from overtaking.core.errors import OvertakingError as OvertakingError
+from overtaking.core.errors import RecordingWarning as RecordingWarning
 from overtaking.data.balance import Balance as Balance
 from overtaking.data.load import Dataset as Dataset
 from overtaking.labels.label import Labelled as Labelled

@@ -210,6 +210,7 @@ def import_recording(
     path: str | Path,
     out: str | Path,
     *,
+    strict: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> Dataset:
@@ -220,6 +221,8 @@ def import_recording(
             paper's table) or `table` (any columns).
         path: The file; of exiD and highD its `_tracks.csv`.
         out: Folder for the data set; it must not exist, or be empty.
+        strict: Whether a recording with findings is refused before anything is written. (It is not
+            the policy of that name.)
         progress: Called with the number of simulations that are done, and of all.
         options: `attempts_only=True` leaves out vehicles that follow and never move left, and
             `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
@@ -231,13 +234,16 @@ def import_recording(
             `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
 
     Returns:
-        The complete, labelled data set; its manifest counts what was found and measured.
+        The complete, labelled data set; its manifest counts what was found and measured, and its
+        `import_report` lists the findings of the examination. A `RecordingWarning` names the first.
 
     Raises:
         ConfigError: There is no such format, an option is not for it, or the folder is taken.
-        ImportFormatError: The file cannot be used; the message names line and element or column.
+        ImportFormatError: The file cannot be used; the message names line and element or column. Or
+            `strict` refuses a finding.
         DatasetError: The folder cannot be written. Nothing is left behind.
     """
+    from overtaking.data.import_report import refuse_findings, warn_about
     from overtaking.data.importing import write_scenes
     from overtaking.recordings.formats import read_recording
 
@@ -245,8 +251,12 @@ def import_recording(
         argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
     read = read_recording(file_format, path, options)
+    if strict:
+        refuse_findings(read.scenes.import_findings)
     write_scenes(read, target, file_format, progress)
-    return load(target)
+    data = load(target)
+    warn_about(data.import_findings)
+    return data
 
 
 @checked
@@ -312,6 +322,7 @@ def from_frame(
     speed_limit: float | None = None,
     attempts_only: bool = False,
     vehicles: int = 16,
+    strict: bool = False,
 ) -> Trajectories:
     """The overtakes in a table of states; called as `Trajectories.from_frame`.
 
@@ -327,15 +338,19 @@ def from_frame(
             the map or the road states.
         attempts_only: Whether vehicles that follow and never move left are left out.
         vehicles: Vehicles of a simulation at most.
+        strict: Whether a table with findings is refused. (It is not the policy of that name.)
 
     Returns:
         A simulation for each overtake, and for each vehicle that follows another; `unknown` says
-        what the table does not tell.
+        what the table does not tell, `import_report` what was found in its examination. A
+        `RecordingWarning` names the first finding.
 
     Raises:
         ConfigError: The map or the road cannot be used.
-        ImportFormatError: The table cannot be used; the message names row and column.
+        ImportFormatError: The table cannot be used; the message names row and column. Or `strict`
+            refuses a finding.
     """
+    from overtaking.data.import_report import refuse_findings, warn_about
     from overtaking.recordings.column_map import column_map
     from overtaking.recordings.row_tables import rows_of
     from overtaking.recordings.scenes import scenes
@@ -347,7 +362,11 @@ def from_frame(
     if speed_limit is not None:
         recording = recording.with_speed_limit(speed_limit)
     recorded_scenes = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)
-    return recorded_scenes.trajectories(range(len(recorded_scenes)))
+    if strict:
+        refuse_findings(recorded_scenes.import_findings)
+    trajectories = recorded_scenes.trajectories(range(len(recorded_scenes)))
+    warn_about(trajectories.import_findings)
+    return trajectories
 
 
 @checked

@@ -65,6 +65,10 @@ Smooth = Annotated[
         "NGSIM.",
     ),
 ]
+Strict = Annotated[
+    bool,
+    options.option("--strict", "Refuse recordings with findings (not the policy of that name)."),
+]
 Template = Annotated[
     bool,
     options.option("--template", "With table: write a map of its columns to fill in, to --out."),
@@ -114,6 +118,7 @@ def import_recording(
     columns: Columns = None,
     only: Only = None,
     smooth: Smooth = None,
+    strict: Strict = False,
     template: Template = False,
     engine: options.Engine = "auto",
     workers: options.Workers = None,
@@ -153,7 +158,8 @@ def import_recording(
         return output.wrote(values, lambda _: facts(_of_folder(values)))
     _refuse_of_file(resume=resume, engine=engine != "auto", **how)
     with output.progress("simulations") as meter:
-        data = api.import_recording(file_format, file, out, progress=meter, **given)
+        data = api.import_recording(file_format, file, out, strict=strict, progress=meter, **given)
+    output.say_findings(data.import_findings)
     values = of_import(data) | output.duration
     output.wrote(values, lambda _: render(values))
 
@@ -209,6 +215,7 @@ def of_import(data: "Dataset") -> dict[str, Any]:
         "counts": source.counts,
         "notes": source.notes,
         "content_hash": data.content_hash,
+        "import_report": [finding.to_dict() for finding in data.import_findings],
     }
 
 

@@ -6,12 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any
+from warnings import catch_warnings, simplefilter
 
 import typer
 
 from overtaking.cli.failures import tell
 from overtaking.cli.help import EXAMPLE, HelpCommand
 from overtaking.cli.output import Output
+from overtaking.core.errors import RecordingWarning
 
 Body = Callable[..., int | None]
 """A command: an `Output`, then what it takes from the command line; returns the exit status.
@@ -361,10 +363,8 @@ def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None
     def run(*, quiet: bool, json: bool, log: Path | None, **arguments: Any) -> int | None:
         try:
             title = f"{group} {name}".strip()
-            with (
-                Output(title, quiet=quiet, json=json, log=log) as output,
-                output.warnings_as_remarks(),
-            ):
+            with Output(title, quiet=quiet, json=json, log=log) as output, catch_warnings():
+                simplefilter("ignore", RecordingWarning)  # Commands print the report instead.
                 given = _renamed(output, arguments)
                 for place, kind in groups.items():
                     given[place] = kind(

@@ -9,18 +9,15 @@ import re
 import sys
 import time
 import traceback
-import warnings
 from collections.abc import Mapping
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from overtaking.cli.failures import FAULT, explain
 from overtaking.cli.streams import can_encode, discard, print_error_line, terminal_width
-from overtaking.core.errors import RecordingWarning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
@@ -29,6 +26,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from overtaking.analysis.stats.table import Table
+    from overtaking.model.import_report import ImportFinding
 
     Part = str | Table | Mapping[str, str]
     """A paragraph, a table, or words with their meanings (a mapping)."""
@@ -99,21 +97,16 @@ class Output:
         if not self.quiet:
             print_error_line(text)
 
-    @contextmanager
-    def warnings_as_remarks(self) -> Generator[None]:
-        """Print warnings about recordings as remarks of one line, each time they are issued."""
-        show = warnings.showwarning
+    def say_findings(self, findings: Iterable[ImportFinding]) -> None:
+        """Print an import report as remarks, one line for each check.
 
-        def say(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-            if issubclass(category, RecordingWarning):
-                self.say(f"warning: {' '.join(str(message).split())}")
-            else:
-                show(message, category, *place, **more)
+        Args:
+            findings: The rows of the report.
+        """
+        from overtaking.model.import_report import check_lines
 
-        with warnings.catch_warnings():
-            warnings.simplefilter("always", RecordingWarning)
-            warnings.showwarning = say
-            yield
+        for line in check_lines(findings):
+            self.say(f"warning: {' '.join(line.split())}")
 
     def result(
         self, values: Mapping[str, Any], render: Callable[[Console], RenderableType]

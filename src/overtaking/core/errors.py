@@ -114,7 +114,10 @@ class ImportFormatError(OvertakingError, ValueError):
 
 
 class RecordingWarning(UserWarning):
-    """A recording that contradicts itself. It is read without changes; its numbers may be wrong."""
+    """A recording that was read, and in whose examination something was found.
+
+    `import_report` has each finding, and what the reader did about it.
+    """
 
 
 class DatasetError(OvertakingError, RuntimeError):

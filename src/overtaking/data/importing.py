@@ -14,6 +14,7 @@ from overtaking.core.folders import refuse_strangers, whole_folder
 from overtaking.core.steps import Progress, Steps
 from overtaking.data import plan, shards
 from overtaking.data.completion import complete
+from overtaking.data.import_report import write_report
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.location import Folder
 from overtaking.data.manifest import Identity, Manifest, Provenance, Source
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
     Scenes = CutScenes | TableScenes
 
-READER_VERSION = "2"
+READER_VERSION = "3"
 """Changes whenever the same file gives other values."""
 
 SIMULATOR = "recording"
@@ -91,7 +92,11 @@ def _write(scenes: "Scenes", identity: Identity, folder: Path, step: Steps) -> N
     """Write all files of the data set into a folder."""
     tables, location = identity.keep.tables, Folder(folder)
     location.prepare(tables)
-    started = Manifest(identity=identity, provenance=Provenance.of_this_run({}))
+    started = Manifest(
+        identity=identity,
+        import_report=write_report(location, scenes.import_findings),
+        provenance=Provenance.of_this_run({}),
+    )
     records = tuple(
         shards.write_shard(
             location,

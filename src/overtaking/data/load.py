@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationEr
 from overtaking.core.summary import Summarized
 from overtaking.data import plan
 from overtaking.data.choice import stretches
+from overtaking.data.import_report import read_report, report_frame
 from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import Manifest, read_manifest
 from overtaking.data.shards import ShardFiles
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from overtaking.data.recipe import Simulator
     from overtaking.data.views import Verdict
     from overtaking.model.actions import Actions
+    from overtaking.model.import_report import ImportFinding
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectory import Trajectories
@@ -198,6 +201,28 @@ class Dataset(Summarized):
             DatasetError: It was made before there was such a table.
         """
         return _decoded(self.table("safety"))
+
+    @property
+    def import_report(self) -> pd.DataFrame:
+        """What the examination of the recording found, a row per finding.
+
+        Columns: `recording`, `check`, `vehicle` (text; missing for the whole file), `first_time_s`
+        (as the file counts; NaN for the whole file), `rows`, `consequence` ("corrected", "left out"
+        or "reported") and `detail`. Empty for simulations of this package.
+
+        Raises:
+            DatasetError: The file of the report is missing or damaged.
+        """
+        return report_frame(self.import_findings)
+
+    @cached_property
+    def import_findings(self) -> tuple[ImportFinding, ...]:
+        """The rows of `import_report`.
+
+        Raises:
+            DatasetError: The file of the report is missing or damaged.
+        """
+        return read_report(self._location, self._manifest.import_report)
 
     @checked
     def features(
@@ -384,6 +409,7 @@ class Dataset(Summarized):
             DatasetError: One of them is missing or damaged.
         """
         self._files.verify()
+        read_report(self._location, self._manifest.import_report)
 
     @property
     def _tables(self) -> tuple[str, ...]:
@@ -462,7 +488,7 @@ class Dataset(Summarized):
             identity = self._manifest.identity
             restored = restore(rows, self.road, identity.unknown, identity.pushes)
             check(restored, self.where)
-            return restored
+            return restored.replace(import_findings=self.import_findings)
         again = self._again(self._scenario(rows), restore_actions(rows))
         hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())
         known = np.frombuffer(hashes, dtype="<u4").reshape(-1, 4)

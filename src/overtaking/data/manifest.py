@@ -279,6 +279,18 @@ def _with_limit(recipe: Recipe) -> Balance | None:
     return dataclasses.replace(recipe.balance, candidates=limit, policy=policy)
 
 
+class ReportRecord(_Record):
+    """The import report of a data set, `import_report.json`.
+
+    Attributes:
+        rows: Number of findings.
+        sha256: Hash over the bytes of the file.
+    """
+
+    rows: Annotated[int, Field(ge=0)]
+    sha256: _Hash
+
+
 class Provenance(_Record):
     """Time, machine and software of a run; part of no hash.
 
@@ -333,6 +345,8 @@ class Manifest(_Record):
         identity: What decides the content.
         shards: The finished shards; empty until complete.
         balance: What became of the cells; null until complete, and if there are none.
+        import_report: The report of a recording; null for simulations. It is no part of the
+            content hash.
         provenance: Where and when.
     """
 
@@ -343,6 +357,7 @@ class Manifest(_Record):
     identity: Identity
     shards: Annotated[tuple[ShardRecord, ...], Field(max_length=plan.MAX_SHARDS)] = ()
     balance: BalanceRecord | None = None
+    import_report: ReportRecord | None = None
     provenance: Provenance
 
     @model_validator(mode="after")

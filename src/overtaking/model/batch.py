@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import Mask
 from overtaking.core.errors import ConfigError, NoSuchSimulationError
 from overtaking.core.summary import Summarized
+from overtaking.model.import_report import joined_findings
 
 B = TypeVar("B", bound="Batch")
 
@@ -150,6 +151,8 @@ class BatchField:
 def batch_fields(cls: type) -> Mapping[str, BatchField]:
     """The declared fields of a dataclass by name, in their order.
 
+    Fields without a part in comparisons (`compare=False`) are remarks, not declared fields.
+
     Raises:
         TypeError: A field is an array without a dtype.
     """
@@ -157,6 +160,7 @@ def batch_fields(cls: type) -> Mapping[str, BatchField]:
     declared = {
         field.name: field_from_annotation(field.name, field.type, axes)
         for field in dataclasses.fields(cls)
+        if field.compare
     }
     for name, field in declared.items():
         origins = {get_origin(member) for member in union_members(field.type)}
@@ -340,6 +344,8 @@ class Delayed(Batch):
 def concatenate(batches: list[B]) -> B:
     """Join batches along the simulation axis; all other values must be equal in all of them.
 
+    Import reports are joined too; a finding that several of them have appears once.
+
     Raises:
         ValueError: The list is empty or a shared value differs.
     """
@@ -357,6 +363,8 @@ def concatenate(batches: list[B]) -> B:
             changes[field.name] = tuple(
                 concatenate(list(ones)) for ones in zip(*values, strict=True)
             )
+        elif not field.compare:
+            changes[field.name] = joined_findings(values)
         elif any(value != values[0] for value in values):
             raise ValueError(f"concatenate: {field.name} differs between the batches")
     return dataclasses.replace(first, **changes)  # type: ignore[type-var]

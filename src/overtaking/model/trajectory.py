@@ -7,7 +7,7 @@ agree.
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 from importlib import import_module
 from typing import Annotated, Any
@@ -21,6 +21,7 @@ from overtaking.core.errors import SchemaError
 from overtaking.model.actions import Actions
 from overtaking.model.batch import Batch, Constraint, batch_fields
 from overtaking.model.changes import Branched
+from overtaking.model.import_report import ImportFinding
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, Scenario
 from overtaking.model.values import along, documented, meant, within
@@ -322,6 +323,8 @@ class Trajectories(Batch):
             kinds are known, or none of them because "kinds" is among `unknown`.
         actions: What another driver did with the ego; None where the model drove it.
         branched: What it branches from, and what is different; None for a simulation as it is.
+        import_findings: Rows of `import_report`. They describe the source, so comparisons and
+            hashes ignore them.
     """
 
     scenario: Scenario
@@ -339,13 +342,14 @@ class Trajectories(Batch):
     is_kind_known: Annotated[Mask | None, along("simulation", "vehicle")] = None
     actions: Actions | None = None
     branched: Branched | None = None
+    import_findings: tuple[ImportFinding, ...] = field(default=(), compare=False)
 
     @classmethod
     def from_frame(cls, table: Any, **options: Any) -> "Trajectories":
         """The overtakes in a table of states, of any columns, units and rate.
 
-        The arguments are those of `overtaking.api.from_frame`: `columns`, `road`, `attempts_only`
-        and `vehicles`.
+        The arguments are those of `overtaking.api.from_frame`: `columns`, `road`, `driving_side`,
+        `speed_limit`, `attempts_only`, `vehicles` and `strict`.
 
         Args:
             table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
@@ -357,6 +361,17 @@ class Trajectories(Batch):
         """
         # By name, as the root does: a noun imports no reader (docs/adr/0040).
         return import_module("overtaking.api.formats").from_frame(table, **options)
+
+    @property
+    def import_report(self) -> Any:
+        """What the examination of the recordings found: a pandas DataFrame, a row per finding.
+
+        Columns: `recording`, `check`, `vehicle` (text; missing for the whole file), `first_time_s`
+        (as the file counts; NaN for the whole file), `rows`, `consequence` ("corrected", "left out"
+        or "reported") and `detail`. Empty for simulations of this package.
+        """
+        # By name, because this package loads no table library.
+        return import_module("overtaking.data.import_report").report_frame(self.import_findings)
 
     @property
     def headings(self) -> tuple[NDArray[np.int16], float]:

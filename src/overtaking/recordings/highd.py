@@ -25,7 +25,7 @@ from overtaking.recordings.column_map import (
 )
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, by_ways, kept
-from overtaking.recordings.recording_checks import check_rows, issue_warnings
+from overtaking.recordings.recording_checks import check_rows
 from overtaking.recordings.road import scaled
 from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_errors import refused, refused_cell
@@ -61,7 +61,6 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     files = {name: file.name for name, file in files_of(Path(path), columns).items()}
     rows = read_rows(Path(path), columns)
     findings = check_rows(rows)
-    issue_warnings(rows.where, findings)
     assert rows.direction is not None
     wanted = DIRECTIONS if direction is None else (direction,)
     used = [one for one in wanted if (rows.direction == one).any()]

@@ -2,27 +2,25 @@
 
 Speeds are compared with positions, headings with the direction of movement, accelerations with
 speeds, sizes in one table with those in another, and positions with the speeds of ordinary traffic.
-A contradiction is a warning that names the likely factor between units or the likely convention of
-angles. The recording is read as it is: a warning changes no number.
+A contradiction is a finding that names the likely factor between units or the likely convention of
+angles. The recording is read as it is: such a finding changes no number.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.errors import RecordingWarning
 from overtaking.model.trajectory import largest_state
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.findings import Check, Consequence, Finding
 from overtaking.recordings.messages import refused
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from overtaking.core.arrays import F64, I64
     from overtaking.model.road import Road
@@ -72,17 +70,6 @@ _MAX_DRIFT = 0.3  # Faster movement across the road is a lane change [m/s].
 _MIN_SHARE_OF_LANE = 0.005  # Smaller shares of the states are vehicles that cross the lane.
 _LENGTH_FACTORS = (0.3048, 0.01, 0.001, 0.0254, 0.9144, 1.0 / 0.3048, 100.0, 1000.0)
 """Factors of `FACTORS` between units of length, the most common mistake first."""
-
-
-def issue_warnings(where: str, findings: Iterable[Finding]) -> None:
-    """Issue a `RecordingWarning` for each finding.
-
-    Args:
-        where: Name of the recording in the message.
-        findings: What the examination found.
-    """
-    for finding in findings:
-        warnings.warn(f"{where}: {finding.detail}", RecordingWarning, stacklevel=2)
 
 
 def _reported(check: Check, detail: str, rows: int) -> Finding:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.model.import_report import ImportFinding
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
 from overtaking.model.vehicles import VehicleKind
@@ -65,10 +66,27 @@ class Parts:
         """What the reader decided, left out or measured."""
         return self.recording.notes
 
+    @property
+    def import_findings(self) -> tuple[ImportFinding, ...]:
+        """What the examination of the recording found, the rows of its import report."""
+        return tuple(
+            ImportFinding(
+                recording=self.name,
+                check=str(finding.check),
+                vehicle=finding.vehicle,
+                first_time_s=finding.first_time_s,
+                rows=finding.rows,
+                consequence=str(finding.consequence),
+                detail=finding.detail,
+            )
+            for finding in self.recording.findings
+        )
+
     def trajectories(self, numbers: range) -> Trajectories:
         """Some of the simulations."""
         windows = self.windows[numbers.start : numbers.stop]
-        return trajectories(self.recording, windows, first_index=numbers.start)
+        made = trajectories(self.recording, windows, first_index=numbers.start)
+        return made.replace(import_findings=self.import_findings)
 
     def sources(self, numbers: range) -> list[str]:
         """The origin of some simulations in the recording, one text for each.

@@ -22,7 +22,7 @@ from overtaking.recordings.recording import (
     on_road,
     slope,
 )
-from overtaking.recordings.recording_checks import check_lanes, check_rows, issue_warnings
+from overtaking.recordings.recording_checks import check_lanes, check_rows
 from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_road import LANES_FITTED, check_straight, located
@@ -113,7 +113,6 @@ def recording_of(
         ConfigError: The map is wrong.
     """
     findings = check_rows(rows)
-    issue_warnings(rows.where, findings)
     place = located(rows, columns, road)
     if not np.ptp(place.s) < _WIDEST:
         raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
@@ -123,9 +122,7 @@ def recording_of(
         driven = _centred(driven, place.road)
     there = on_road(place.road, driven.s, driven.d)
     if place.notes["lanes_from"] == LANES_FITTED:
-        lane_findings = check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
-        issue_warnings(rows.where, lane_findings)
-        findings += lane_findings
+        findings += check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
     ways = by_ways(kept(driven, there), place.road)
     if not ways.along:
         oncoming = ways.oncoming + ways.left_out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ import pytest
 from tests.support.recordings import OVERTAKE, Bend, Mover, exid, highd, states
 
 from overtaking.cli import main
-from overtaking.core.errors import ImportFormatError, RecordingWarning
+from overtaking.core.errors import ImportFormatError
 from overtaking.recordings.column_map import column_map
 from overtaking.recordings.highd import read_highd
 from overtaking.recordings.recording_checks import check_rows
@@ -118,8 +118,10 @@ def test_positions_of_slow_traffic_in_feet_are_found_by_its_lanes():
     slow = [replace(one, speed=one.speed * 0.3, s=one.s * 0.5) for one in MOVERS]
     wrong = pd.DataFrame(states(slow))
     wrong[["x", "y"]] /= 0.3048
-    with pytest.warns(RecordingWarning, match=r"11\.5 m apart.* by the factor 0\.3048"):
-        recording_of(rows_of(wrong, column_map(COLUMNS)), column_map(COLUMNS), "t")
+    (finding,) = recording_of(
+        rows_of(wrong, column_map(COLUMNS)), column_map(COLUMNS), "t"
+    ).findings
+    assert re.search(r"11\.5 m apart.* by the factor 0\.3048", finding.detail)
 
 
 @pytest.mark.parametrize("factor", [0.3048, 1 / 0.3048])
@@ -185,9 +187,7 @@ def test_a_yaw_rate_in_degrees_is_named(frame):
 
 def test_sizes_of_two_tables_are_compared(tmp_path: Path):
     path = exid(tmp_path, MOVERS)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        read_table(path, "exid")
+    assert read_table(path, "exid").findings == ()
     lines = path.read_text(encoding="utf-8").splitlines()
     names = lines[0].split(",")
     rows = [line.split(",") for line in lines[1:]]
@@ -195,13 +195,14 @@ def test_sizes_of_two_tables_are_compared(tmp_path: Path):
         for name in ("width", "length"):
             row[names.index(name)] = f"{float(row[names.index(name)]) / 0.3048:.4f}"
     path.write_text("\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n", "utf-8")
-    with pytest.warns(RecordingWarning) as caught:
-        found = read_table(path, "exid")
-    warning = [str(one.message) for one in caught]
-    assert [one.partition("column ")[2].partition(":")[0] for one in warning] == ["length", "width"]
-    assert all("5 of 5 vehicles" in one and "1/0.3048" in one for one in warning)
+    found = read_table(path, "exid")
+    details = [finding.detail for finding in found.findings]
+    assert [text.partition("column ")[2].partition(":")[0] for text in details] == [
+        "length",
+        "width",
+    ]
+    assert all("5 of 5 vehicles" in text and "1/0.3048" in text for text in details)
     assert sorted(found.tracks.length.tolist()) == [4.5, 4.5, 4.5, 4.5, 12.0]
-    assert len(found.findings) == 2
 
 
 def test_speeds_of_highd_in_another_unit_are_named(tmp_path: Path):
@@ -211,11 +212,11 @@ def test_speeds_of_highd_in_another_unit_are_named(tmp_path: Path):
     for row in rows:
         row[6], row[7] = (f"{float(row[k]) * 3.6:.4f}" for k in (6, 7))
     path.write_text("\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n", "utf-8")
-    with pytest.warns(RecordingWarning, match=r"likely the factor 3\.6"):
-        read_highd(path)
+    (finding,) = read_highd(path).findings
+    assert "likely the factor 3.6" in finding.detail
 
 
-def test_warnings_reach_the_command_line(tmp_path: Path, frame, capsys):
+def test_findings_reach_the_command_line(tmp_path: Path, frame, capsys):
     path, columns = tmp_path / "t.csv", tmp_path / "map.toml"
     frame.assign(v=frame.v * 3.6).to_csv(path, index=False)
     cells = {**COLUMNS, "speed": "v [m/s]"}
@@ -224,9 +225,9 @@ def test_warnings_reach_the_command_line(tmp_path: Path, frame, capsys):
     line = ["import", "table", str(path), "--columns", str(columns), "--out", str(tmp_path / "d")]
     assert main(line) == 0
     err = capsys.readouterr().err
-    assert "warning: t.csv: speed and positions" in err
+    assert "warning: map t: speeds: reported, 1,500 rows: speed and positions" in err
     assert "likely the factor 3.6" in err
-    assert "recording_checks.py" not in err
+    assert "RecordingWarning" not in err
 
 
 # Positions that integers cannot hold
