@@ -5,8 +5,17 @@ import dataclasses
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+MAX_SHOWN_ROWS = 60
+"""Most rows of a table that is shown, as in pandas."""
+
+MAX_SHOWN_CHARACTERS = 50
+"""Most characters of a cell that is shown, as in pandas."""
+
+_LINE_WIDTH = 100  # Wider tables continue below.
 
 _PLAIN = (str, int, float, Path)
 
@@ -17,9 +26,11 @@ class Summarized:
     __slots__ = ()
 
     def __init_subclass__(cls) -> None:
-        """Keep the short `repr`, where `dataclass` would write one of all fields."""
+        """Keep the `repr` of a summarized base, where `dataclass` would write one of all fields."""
         super().__init_subclass__()
-        cls.__repr__ = Summarized.__repr__
+        if "__repr__" not in vars(cls):
+            summarized = [base for base in cls.__mro__ if issubclass(base, Summarized)]
+            cls.__repr__ = next(base.__repr__ for base in summarized if "__repr__" in vars(base))
 
     def summary(self) -> Mapping[str, object]:
         """Names and values to show: fields with one value, and how many the others have."""
@@ -49,3 +60,25 @@ class Summarized:
             for name, value in self.summary().items()
         )
         return f"<table><caption>{type(self).__name__}</caption><tbody>{rows}</tbody></table>"
+
+
+class ShownAsTable(Summarized):
+    """Base of dataclasses that show their rows below the summary."""
+
+    __slots__ = ()
+
+    def to_pandas(self) -> Any:
+        """The rows as a DataFrame."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """The summary in one line, and the first and last rows with all columns."""
+        rows = self.to_pandas().to_string(
+            max_rows=MAX_SHOWN_ROWS, max_colwidth=MAX_SHOWN_CHARACTERS, line_width=_LINE_WIDTH
+        )
+        return f"{super().__repr__()}\n{rows}"
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks."""
+        rows = self.to_pandas().to_html(max_rows=MAX_SHOWN_ROWS)
+        return f"<p>{escape(super().__repr__())}</p>{rows}"

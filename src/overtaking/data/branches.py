@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import DatasetError
 from overtaking.core.folders import refuse_strangers, whole_folder
 from overtaking.data import plan, shards
@@ -32,7 +33,7 @@ BY = "engine"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class Told(ContentEquality):
     """A simulation to write down.
 
     Attributes:

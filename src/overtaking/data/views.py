@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from overtaking.core.checks import check_name
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import SchemaError
 from overtaking.core.summary import Summarized
 from overtaking.core.units import kmh_from_mps
@@ -134,7 +135,7 @@ def _cells(table: pd.DataFrame, columns: tuple[str, ...]) -> list[object]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict(Summarized):
+class Verdict(Summarized, ContentEquality):
     """The labels of one simulation.
 
     Attributes:

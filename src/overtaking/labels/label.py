@@ -24,7 +24,7 @@ from overtaking.labels.law import (
     check,
     legality,
 )
-from overtaking.model.batch import Batch
+from overtaking.model.batch import IdentityBatch
 from overtaking.model.decisions import Decisions
 from overtaking.model.events import Detail, Events, Outcome
 from overtaking.model.features import Features
@@ -35,7 +35,7 @@ from overtaking.model.trajectory import Trajectories
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Labelled(Batch):
+class Labelled(IdentityBatch):
     """A recording and its labels.
 
     Attributes:

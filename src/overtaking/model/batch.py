@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import Mask
+from overtaking.core.equality import ContentEquality, is_same_content
 from overtaking.core.errors import ConfigError, NoSuchSimulationError
 from overtaking.core.summary import Summarized
 from overtaking.model.import_report import joined_findings
@@ -233,7 +234,7 @@ class Constraint:
     got: NDArray[Any]
 
 
-class Batch(Summarized):
+class Batch(Summarized, ContentEquality):
     """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
 
     A field may also be another batch, or a tuple of them. What comes from outside is checked by
@@ -261,6 +262,10 @@ class Batch(Summarized):
     def constraints(self) -> Iterable[Constraint]:
         """What its fields must fulfil together."""
         return ()
+
+    def equals(self, other: object) -> bool:
+        """Whether another batch has the same class and the same content; NaN equals NaN."""
+        return is_same_content(self, other)
 
     def select(self, simulations: NDArray[np.integer] | NDArray[np.bool_] | slice) -> Self:
         """The same batch, restricted to some simulations.
@@ -309,6 +314,18 @@ class Batch(Summarized):
                 where = f"{type(self).__name__}.replace"
                 raise ConfigError.not_among("field", where, known, name)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+
+class IdentityBatch(Batch):
+    """A batch that equals no other object, so that results can be stored by it (`model.once`).
+
+    `equals` compares the content.
+    """
+
+    __slots__ = ()
+
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
 
 
 class Delayed(Batch):
@@ -365,7 +382,7 @@ def concatenate(batches: list[B]) -> B:
             )
         elif not field.compare:
             changes[field.name] = joined_findings(values)
-        elif any(value != values[0] for value in values):
+        elif not all(is_same_content(value, values[0]) for value in values):
             raise ValueError(f"concatenate: {field.name} differs between the batches")
     return dataclasses.replace(first, **changes)  # type: ignore[type-var]
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from overtaking.core.arrays import F32, I32, U8, Mask
-from overtaking.model.batch import Batch
+from overtaking.model.batch import Batch, IdentityBatch
 from overtaking.model.events import Events
 from overtaking.model.signals import Signals, TargetSignals
 from overtaking.model.trajectory import Trajectories
@@ -68,8 +68,8 @@ _TITLES = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
-class Case(Batch):
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
+class Case(IdentityBatch):
     """All that rules and features may look at; equal to itself alone.
 
     Attributes:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.arrays import F64
+from overtaking.core.equality import ContentEquality
 
 _HALF_PI = math.pi / 2.0
 _SINE = tuple((-1.0) ** (k // 2) / math.factorial(k) for k in range(19, 0, -2))
@@ -88,7 +89,7 @@ class Piece(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReferenceLine:
+class ReferenceLine(ContentEquality):
     """A line of pieces; arrays have shape (piece,).
 
     Before its start and beyond its end the line goes on straight.

@@ -5,17 +5,16 @@ from functools import wraps
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
-from overtaking.model.batch import Batch
+from overtaking.model.batch import IdentityBatch
 
-B = TypeVar("B", bound=Batch)
+B = TypeVar("B", bound=IdentityBatch)
 T = TypeVar("T")
 
 
 def once(function: Callable[[B], T]) -> Callable[[B], T]:
     """A function whose result for a batch is kept as long as the batch exists.
 
-    Batches must be compared by identity. All who ask share the answer; its arrays must not be
-    changed.
+    All callers share the result; its arrays must not be changed.
     """
     answers: WeakKeyDictionary[B, T] = WeakKeyDictionary()
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64, U8, U64
-from overtaking.model.batch import Batch, Constraint
+from overtaking.model.batch import Constraint, IdentityBatch
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import MAX_LENGTH, Road
 from overtaking.model.values import within
@@ -32,8 +32,8 @@ def slots_for(vehicles: int) -> int:
     return max(vehicles, 1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
-class Scenario(Batch):
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
+class Scenario(IdentityBatch):
     """Inputs of a batch of simulations on one road.
 
     Attributes:

@@ -19,7 +19,7 @@ from overtaking.core import units
 from overtaking.core.arrays import I16, I32, U8, U32, Mask
 from overtaking.core.errors import SchemaError
 from overtaking.model.actions import Actions
-from overtaking.model.batch import Batch, Constraint, batch_fields
+from overtaking.model.batch import Batch, Constraint, IdentityBatch, batch_fields
 from overtaking.model.changes import Branched
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.road import Road
@@ -302,7 +302,7 @@ def placed(road: Road, states: States, there: NDArray[np.bool_]) -> States:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trajectories(Batch):
+class Trajectories(IdentityBatch):
     """A batch of recorded simulations with everything needed to label them.
 
     Attributes:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ImportFormatError
 from overtaking.model.line import ReferenceLine
 from overtaking.model.road import Road
@@ -16,7 +17,7 @@ from overtaking.recordings.xml import Element
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MappedRoad:
+class MappedRoad(ContentEquality):
     """One road of a map.
 
     Attributes:

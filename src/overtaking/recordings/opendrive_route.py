@@ -16,6 +16,7 @@ from typing import Self
 
 import numpy as np
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.model.course import Course, Line
 from overtaking.model.line import Piece
@@ -55,7 +56,7 @@ Stretch = tuple[float, float, Cell]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class Part(ContentEquality):
     """What a road of the model takes of one road of a file.
 
     Attributes:

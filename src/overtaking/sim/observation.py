@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from overtaking.core import philox
 from overtaking.core.arrays import F32, Mask
+from overtaking.core.equality import ContentEquality
 from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
 from overtaking.model.scenario import Scenario
 from overtaking.world.parameters import VehicleParameters
@@ -20,7 +21,7 @@ _MEETING_PLACE = {name: place for place, name in enumerate(MEETING)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class Seen(ContentEquality):
     """What the egos of a batch observe, every row a simulation.
 
     Attributes:

@@ -6,22 +6,27 @@ the name of a file and is forbidden to open one: a query can neither write nor r
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import re
 import time
 from dataclasses import dataclass
 from importlib.util import find_spec
+from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.database.views import VIEWS
 from overtaking.core.bounds import check_bounds, over
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.plain import plain
-from overtaking.core.summary import Summarized
+from overtaking.core.summary import ShownAsTable
 from overtaking.core.worker import ENDED, Worker
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from overtaking.data.load import Dataset
 
 MAX_ROWS = 10_000
@@ -39,7 +44,7 @@ _PATIENCE_S = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer(Summarized):
+class Answer(ShownAsTable, ContentEquality):
     """The answer to a query.
 
     Attributes:
@@ -55,6 +60,15 @@ class Answer(Summarized):
     def values(self) -> dict[str, Any]:
         """The answer for JSON."""
         return plain(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The rows as a DataFrame; null is NaN in columns of floats, NA in columns of integers."""
+        import pandas as pd
+
+        cells = zip(*self.rows, strict=True) if self.rows else [()] * len(self.columns)
+        frame = pd.DataFrame({number: _to_series(column) for number, column in enumerate(cells)})
+        frame.columns = pd.Index(self.columns)  # Names may repeat.
+        return frame
 
     def csv(self) -> str:
         """The answer as CSV with a header; null is empty."""
@@ -110,6 +124,18 @@ def query(
             if "exit status 1" in ending and "MemoryError" not in ending:
                 raise RuntimeError(ending) from None  # A fault of our own.
             raise too_large(memory_mib) from None
+
+
+def _to_series(cells: tuple[Any, ...]) -> pd.Series[Any]:
+    """A column of an answer."""
+    import pandas as pd
+
+    # pandas makes floats of integers beside nulls; these are exact up to 2**53 only.
+    if None in cells and {type(cell) for cell in cells} == {int, NoneType}:
+        with contextlib.suppress(OverflowError):  # DuckDB has integers of 128 bits.
+            return pd.Series(cells, dtype="Int64")
+        return pd.Series(cells, dtype=object)
+    return pd.Series(cells)
 
 
 def _answer(worker: Worker, timeout_s: float) -> Answer:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from overtaking import scenarios
 from overtaking.analysis.evaluation.endpoints import PRIMARY
 from overtaking.analysis.evaluation.run import evaluate
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
 from overtaking.core.summary import Summarized
@@ -68,7 +69,7 @@ class Benchmark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchmarkResult(Summarized):
+class BenchmarkResult(Summarized, ContentEquality):
     """The evaluations of a benchmark.
 
     Attributes:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.evaluation.bootstrap import FEW, LEVEL
 from overtaking.analysis.evaluation.endpoints import POLICY
+from overtaking.core.equality import ContentEquality
 from overtaking.core.plain import plain
 from overtaking.core.summary import Summarized
 
@@ -22,7 +23,7 @@ LEAST_EFFECTIVE = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rate:
+class Rate(ContentEquality):
     """An endpoint of one driver in one kind of weather.
 
     Attributes:
@@ -64,7 +65,7 @@ class Rate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contrast:
+class Contrast(ContentEquality):
     """The difference of a policy and a reference in one endpoint.
 
     Attributes:
@@ -122,7 +123,7 @@ class Contrast:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Margin:
+class Margin(ContentEquality):
     """Weighted quantiles of a margin of one driver's attempts.
 
     Attributes:
@@ -145,7 +146,7 @@ class Margin:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Worst:
+class Worst(ContentEquality):
     """One of the worst scenes of the policy.
 
     Attributes:
@@ -162,7 +163,7 @@ class Worst:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluation(Summarized):
+class Evaluation(Summarized, ContentEquality):
     """A policy beside references in the same scenes.
 
     Attributes:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.law.policies import breaches, duration
 from overtaking.model.events import Outcome
@@ -33,7 +34,7 @@ unit in which it is told; and its values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve:
+class Curve(ContentEquality):
     """Legal overtakes under one policy.
 
     Attributes:

@@ -10,13 +10,14 @@ from overtaking.analysis.learning.cuts import supervised_cuts
 from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.wording import condition_text, rounded
 from overtaking.core.arrays import Mask
+from overtaking.core.equality import ContentEquality
 
 _LEAST_SHARE = 0.002
 """Least share of examples that must meet a condition, and that must fail it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
+class Condition(ContentEquality):
     """A numeric attribute on one side of a border, or a nominal one with or without a level.
 
     Attributes:
@@ -52,7 +53,7 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rule:
+class Rule(ContentEquality):
     """A conjunction of conditions.
 
     Attributes:

@@ -20,6 +20,7 @@ from overtaking.analysis.learning.examples import Examples
 from overtaking.analysis.learning.models import Outcomes, Split, predicted_right, split
 from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.core.arrays import Mask
+from overtaking.core.equality import ContentEquality
 
 Factors = Mapping[str, tuple[str, ...]]
 
@@ -29,7 +30,7 @@ _MOST = 5000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ranked:
+class Ranked(ContentEquality):
     """A factor in the order of importance.
 
     Attributes:

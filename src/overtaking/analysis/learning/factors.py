@@ -15,6 +15,7 @@ from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.targets import Target, is_ended
 from overtaking.analysis.stats.columns import ALL_CLASSES
 from overtaking.core.arrays import F64, I64
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import DatasetError
 from overtaking.core.plain import plain
 from overtaking.core.steps import Progress, Steps
@@ -31,7 +32,7 @@ BINS = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bin:
+class Bin(ContentEquality):
     """The held-out examples in one interval of confidence.
 
     Attributes:
@@ -46,7 +47,7 @@ class Bin:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModelFound:
+class ModelFound(ContentEquality):
     """A model, tested on held-out examples.
 
     Attributes:
@@ -75,7 +76,7 @@ class ModelFound:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leakage:
+class Leakage(ContentEquality):
     """The accuracy that a leaking feature would fake.
 
     Attributes:
@@ -92,7 +93,7 @@ class Leakage:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FactorsFound(Summarized):
+class FactorsFound(Summarized, ContentEquality):
     """Models and factors of a target.
 
     Attributes:

@@ -13,6 +13,7 @@ from overtaking.analysis.learning.models import TREES, Split
 from overtaking.analysis.learning.scores import Score, best_threshold, score
 from overtaking.analysis.learning.targets import Target
 from overtaking.core.arrays import F64, Mask
+from overtaking.core.equality import ContentEquality
 from overtaking.core.steps import Progress
 from overtaking.core.summary import Summarized
 
@@ -26,7 +27,7 @@ BASELINE = "speed over the limit alone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LearnedRule:
+class LearnedRule(ContentEquality):
     """A rule with its scores.
 
     Attributes:
@@ -59,7 +60,7 @@ class LearnedRule:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RulesFound(Summarized):
+class RulesFound(Summarized, ContentEquality):
     """The rules for a target.
 
     Attributes:

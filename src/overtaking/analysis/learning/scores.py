@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.arrays import F64, I64, Mask
+from overtaking.core.equality import ContentEquality
 from overtaking.core.intervals import wilson
 from overtaking.core.plain import plain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Score:
+class Score(ContentEquality):
     """The confusion matrix of a binary prediction, and its scores; NaN where one is undefined.
 
     Attributes:

@@ -18,9 +18,12 @@ from overtaking.analysis.logic.reasoning import (
 from overtaking.analysis.logic.source import groups
 from overtaking.core.bounds import room_after
 from overtaking.core.checks import check_least
-from overtaking.core.summary import Summarized
+from overtaking.core.equality import ContentEquality
+from overtaking.core.summary import ShownAsTable
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from overtaking.core.arrays import I64
     from overtaking.core.steps import Progress
     from overtaking.data.load import Dataset
@@ -29,7 +32,7 @@ Value = int | str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answers(Summarized):
+class Answers(ShownAsTable, ContentEquality):
     """The answers to a question.
 
     Attributes:
@@ -45,6 +48,12 @@ class Answers(Summarized):
     is_cut: bool
     num_asked: int
     frame_interval_ms: int
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The rows as a DataFrame with a column for each variable."""
+        import pandas as pd
+
+        return pd.DataFrame(self.rows, columns=[column.name for column in self.columns])
 
 
 def ask(

@@ -19,6 +19,7 @@ from overtaking.analysis.logic.facts import group_text
 from overtaking.analysis.logic.question import variables_of
 from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
 from overtaking.analysis.logic.vocabulary import MAX_FRAME
+from overtaking.core.equality import ContentEquality
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,7 +35,7 @@ Ground = tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class Step(ContentEquality):
     """An instance of a rule.
 
     Attributes:
@@ -57,7 +58,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
+class Proof(ContentEquality):
     """Why one rule is broken.
 
     Attributes:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from overtaking.core.equality import ContentEquality
 from overtaking.knowledge import presets
 from overtaking.knowledge.paper import statements
 from overtaking.model.labels import OvertakeClass
@@ -25,7 +26,7 @@ COMPLETED = (OvertakeClass.SUCCESS_I, OvertakeClass.SUCCESS_L, OvertakeClass.SUC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Inference:
+class Inference(ContentEquality):
     """The weather that the means of a class imply, if CARLA's presets were used unmodified.
 
     Attributes:
@@ -44,7 +45,7 @@ class Inference:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lawful:
+class Lawful(ContentEquality):
     """Completed overtakes by day or by night, and the legal ones, over all replicates.
 
     Attributes:

@@ -24,6 +24,7 @@ from overtaking.analysis.reproduction.variants import (
     pushed,
 )
 from overtaking.core.checks import check_least
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.plain import plain
 from overtaking.core.steps import Progress, Steps
@@ -54,7 +55,7 @@ _REACH = 0.025  # Share of the replicates beyond either end of the interval.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class Comparison(ContentEquality):
     """A number of the paper and ours, in the unit of the paper.
 
     Attributes:
@@ -143,7 +144,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reproduction(Summarized):
+class Reproduction(Summarized, ContentEquality):
     """A study and our replicates of its data set.
 
     Attributes:

@@ -11,6 +11,7 @@ import numpy as np
 from overtaking.analysis.reproduction.measures import POLICY, measured
 from overtaking.analysis.reproduction.replicates import Replicates, members
 from overtaking.analysis.stats.columns import PAPER_CLASSES
+from overtaking.core.equality import ContentEquality
 from overtaking.knowledge.paper import Measure, Statement, statements
 from overtaking.model.labels import OvertakeClass
 
@@ -28,7 +29,7 @@ _FEWEST = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Variant:
+class Variant(ContentEquality):
     """Classes of simulations of a specification in which one thing is different.
 
     Attributes:
@@ -65,7 +66,7 @@ def pushed(spec: Spec, factor: float) -> Spec | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Collided:
+class Collided(ContentEquality):
     """The collided of all replicates, or a part of them.
 
     Attributes:

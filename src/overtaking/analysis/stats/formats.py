@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterable
+from html import escape
 
 import pandas as pd
 
@@ -45,11 +46,38 @@ def page_parts(statistics: Statistics) -> list[str | Table | dict[str, str]]:
         statistics.dynamic,
         _legend("features", BY_NAME),
     ]
-    if statistics.waiting is not None:
-        parts.append(_waiting_to_text(statistics.waiting))
-    parts += [f"note: {note}" for note in statistics.notes]
-    parts += [f"warning: {leak.sentence}" for leak in statistics.leaks]
-    return parts
+    return parts + _remarks(statistics)
+
+
+def _remarks(statistics: Statistics) -> list[str]:
+    """The waiting time, notes and warnings."""
+    waiting = [] if statistics.waiting is None else [_waiting_to_text(statistics.waiting)]
+    notes = [f"note: {note}" for note in statistics.notes]
+    return [*waiting, *notes, *(f"warning: {leak.sentence}" for leak in statistics.leaks)]
+
+
+def to_text(statistics: Statistics) -> str:
+    """All tables and remarks as plain text."""
+    tables = [table_to_text(table) for table in statistics.tables]
+    return "\n\n".join(tables + _remarks(statistics))
+
+
+def to_html(statistics: Statistics) -> str:
+    """All tables and remarks as HTML without styles, for notebooks."""
+    remarks = [f"<p>{escape(text)}</p>" for text in _remarks(statistics)]
+    return "".join([*map(_table_to_html, statistics.tables), *remarks])
+
+
+def _table_to_html(table: Table) -> str:
+    header = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
+    rows = "".join(
+        f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>"
+        for row in _without_repeats(table)
+    )
+    return (
+        f"<table><caption>{escape(table.title)}</caption><thead><tr>{header}</tr></thead>"
+        f"<tbody>{rows}</tbody></table><p>{escape(table.note)}</p>"
+    )
 
 
 def _legend(group: str, names: Iterable[str]) -> dict[str, str]:

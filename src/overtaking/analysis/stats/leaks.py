@@ -9,6 +9,7 @@ import numpy as np
 from overtaking.analysis.stats.columns import BY_NAME, CENSORED, NOMINAL, WEATHER
 from overtaking.analysis.stats.sample import Sample
 from overtaking.core.arrays import Mask
+from overtaking.core.equality import ContentEquality
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +22,7 @@ MAX_VALUES = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Leak:
+class Leak(ContentEquality):
     """A class that does not occur in a stratum, where it should by its frequency.
 
     Attributes:

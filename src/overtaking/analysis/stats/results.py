@@ -11,6 +11,7 @@ from overtaking.analysis.stats.sample import Sample, prepare
 from overtaking.analysis.stats.survival import Survival, waiting_time
 from overtaking.analysis.stats.table import Table
 from overtaking.analysis.stats.tables import class_table, dynamic_table, static_table
+from overtaking.core.equality import ContentEquality
 from overtaking.core.plain import plain
 from overtaking.core.summary import Summarized
 
@@ -18,7 +19,7 @@ _DECENT_SHARE = 0.3  # Below this share of effective simulations, weighted numbe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Statistics(Summarized):
+class Statistics(Summarized, ContentEquality):
     """The statistics of a labelled data set.
 
     Attributes:
@@ -43,6 +44,23 @@ class Statistics(Summarized):
     def tables(self) -> tuple[Table, ...]:
         """The tables in order."""
         return self.classes, self.static, self.dynamic
+
+    def to_pandas(self) -> dict[str, pd.DataFrame]:
+        """The exact values of each table by its name, and the curve of waiting times if known."""
+        frames = {table.name: table.rows.copy() for table in self.tables}
+        return frames if self.waiting is None else frames | {"waiting-time": self.waiting.rows()}
+
+    def __repr__(self) -> str:
+        """The text of `overtaking stats` without the glossary."""
+        from overtaking.analysis.stats.formats import to_text
+
+        return to_text(self)
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks."""
+        from overtaking.analysis.stats.formats import to_html
+
+        return to_html(self)
 
     def values(self) -> dict[str, Any]:
         """Everything as plain values for JSON."""

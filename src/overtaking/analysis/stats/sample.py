@@ -18,6 +18,7 @@ from overtaking.analysis.stats.columns import (
     WEIGHT,
 )
 from overtaking.core.arrays import F64, Mask
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import SchemaError
 
 _WHERE = "features"
@@ -25,7 +26,7 @@ _MAX_SHOWN = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sample:
+class Sample(ContentEquality):
     """The features of some simulations.
 
     Attributes:

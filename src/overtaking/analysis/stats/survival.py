@@ -10,11 +10,12 @@ from overtaking.analysis.stats.columns import CLASS, NO_ATTEMPT
 from overtaking.analysis.stats.moments import sums
 from overtaking.analysis.stats.sample import Sample
 from overtaking.core.arrays import F64, Mask
+from overtaking.core.equality import ContentEquality
 from overtaking.core.intervals import Z95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Survival:
+class Survival(ContentEquality):
     """A Kaplan-Meier curve; arrays have shape (instant,), one for each time at which drivers began.
 
     Attributes:

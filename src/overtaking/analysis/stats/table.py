@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import pandas as pd
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.plain import plain
 
 NO_VALUE = "–"
@@ -25,7 +26,7 @@ class Style(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class Table(ContentEquality):
     """A table.
 
     Attributes:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.validation.overtakes import STRATA, cell
 from overtaking.analysis.validation.tally import GROUPS, Tally, ratio
+from overtaking.core.equality import ContentEquality
 from overtaking.model.labels import OvertakeClass
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ LEVEL = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rate:
+class Rate(ContentEquality):
     """A rate of both profiles.
 
     Attributes:

@@ -25,6 +25,7 @@ from overtaking.analysis.validation.changes import (
 from overtaking.analysis.validation.poisson import poisson_limits
 from overtaking.analysis.validation.tally import Tally, quantile, ratio
 from overtaking.analysis.validation.traffic import ACCEL_WIDTH, GAP_WIDTH, limit
+from overtaking.core.equality import ContentEquality
 from overtaking.core.intervals import wilson
 from overtaking.core.plain import plain
 from overtaking.knowledge.validation import Standing, Target, targets
@@ -38,7 +39,7 @@ Statistic = Callable[[Tally], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Figure:
+class Figure(ContentEquality):
     """One figure of a profile.
 
     Attributes:

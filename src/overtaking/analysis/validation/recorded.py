@@ -14,6 +14,7 @@ import numpy as np
 from overtaking.analysis.validation import changes, ring
 from overtaking.analysis.validation.places import Moments, next_to
 from overtaking.analysis.validation.traffic import Batch, limit
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import OvertakingError
 from overtaking.core.plain import plain
 from overtaking.model.vehicles import Role
@@ -45,7 +46,7 @@ Samples = dict[str, "Array"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Likeness:
+class Likeness(ContentEquality):
     """One quantity in recordings and in simulations like them.
 
     Attributes:
@@ -72,7 +73,7 @@ class Likeness:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class Comparison(ContentEquality):
     """Recordings beside simulations.
 
     Attributes:

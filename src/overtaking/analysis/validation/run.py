@@ -27,6 +27,7 @@ from overtaking.analysis.validation.figures import (
 )
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch
+from overtaking.core.equality import ContentEquality
 from overtaking.core.memory import Buffers
 from overtaking.core.plain import plain
 from overtaking.core.steps import Progress, Steps
@@ -62,7 +63,7 @@ RING_SHARE = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stratum:
+class Stratum(ContentEquality):
     """Classes in one kind of weather.
 
     Attributes:
@@ -77,7 +78,7 @@ class Stratum:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Validation(Summarized):
+class Validation(Summarized, ContentEquality):
     """The figures of a profile, its classes by weather, and its weights.
 
     Attributes:

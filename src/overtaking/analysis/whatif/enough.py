@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from overtaking.analysis.whatif.beliefs import Percept
 from overtaking.analysis.whatif.scenes import Scene, class_of, pull_out
 from overtaking.core.checks import check_name
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.label import Labelled, label
@@ -59,7 +60,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sufficient:
+class Sufficient(ContentEquality):
     """What was found of one quantity.
 
     Attributes:
@@ -81,7 +82,7 @@ class Sufficient:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Enough:
+class Enough(ContentEquality):
     """What would have been enough.
 
     Attributes:

@@ -11,6 +11,7 @@ from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.arrays import I64
 from overtaking.core.checks import check_name
+from overtaking.core.equality import ContentEquality
 from overtaking.core.intervals import wilson
 from overtaking.labels.label import label
 from overtaking.labels.law import choose_policy
@@ -31,7 +32,7 @@ _TRIES = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fan:
+class Fan(ContentEquality):
     """The futures of one simulation.
 
     Attributes:

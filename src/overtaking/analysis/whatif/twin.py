@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.analysis.whatif.scenes import Scene, pull_out
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.data.branches import Told
 from overtaking.labels.label import Labelled, label
@@ -35,7 +36,7 @@ class Effect(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parting:
+class Parting(ContentEquality):
     """The first frame in which two simulations move differently.
 
     Attributes:
@@ -56,7 +57,7 @@ class Parting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Twin:
+class Twin(ContentEquality):
     """A simulation and its twin.
 
     Attributes:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.stats.formats import table_to_csv, table_to_latex
 from overtaking.analysis.stats.table import Table
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import put
 from overtaking.show.palette import CLASS_COLOURS
@@ -19,7 +20,7 @@ FIGURES, TABLES, PAGE, VIEW = "figures", "tables", "index.html", "view.html"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class Written(ContentEquality):
     """What was written.
 
     Attributes:

@@ -7,6 +7,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
+from overtaking.core.equality import ContentEquality
 from overtaking.show.video.canvas import HEIGHT, WIDTH
 from overtaking.show.video.encode import require, write_film
 from overtaking.show.video.film import Film
@@ -18,7 +19,7 @@ _WAITING = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Video:
+class Video(ContentEquality):
     """A film that was made.
 
     Attributes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import put
 from overtaking.data.load import Dataset
@@ -30,7 +31,7 @@ LARGE = 8_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ViewPage:
+class ViewPage(ContentEquality):
     """A page that was written.
 
     Attributes:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road
@@ -32,7 +33,7 @@ _SIDEWAYS = 0.25  # Lateral speed from which a vehicle is changing lanes [m/s].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class Limits(ContentEquality):
     """Measured limits.
 
     Attributes:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.model.trajectory import METRES_PER_STEP, RADIANS_PER_STEP, Trajectories
 from overtaking.model.vehicles import Role
@@ -65,7 +66,7 @@ class ReplayJob:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Replayed:
+class Replayed(ContentEquality):
     """A replayed simulation.
 
     Attributes:
