@@ -11,7 +11,8 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -25,7 +26,7 @@ from overtaking.show.server.connections import MAX_CONNECTIONS
 from overtaking.show.server.library import Library
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator, Iterator
 
     from overtaking.data.load import Dataset
 
@@ -211,30 +212,68 @@ def test_queries_beyond_the_limit_are_refused_and_delay_nothing_else(
     assert headers["retry-after"] == "1"
 
 
-@stopped_by_signals
-def test_ctrl_c_ends_with_an_unfinished_post_and_without_a_traceback(data: Dataset):
-    command = [sys.executable, "-m", "overtaking", "view", str(data.path), "--port", "0"]
-    server = subprocess.Popen(
+VIEW = """
+import sys
+from overtaking.cli import main
+from overtaking.show.server import library
+library.SQL_SECONDS = 3600.0  # Longer than the patience of the tests.
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def runs_query(server: int) -> bool:
+    """Whether a server, by its process id, has a child process that answers a query (Linux)."""
+    children = Path(f"/proc/{server}/task").glob("*/children")
+    processes = [child for file in children for child in file.read_text("ascii").split()]
+    commands = [Path(f"/proc/{process}/cmdline").read_bytes() for process in processes]
+    return any(b"database.child" in command for command in commands)
+
+
+@contextmanager
+def view_command(data: Dataset) -> Generator[tuple[subprocess.Popen[str], str]]:
+    """The process of `overtaking view` and the address of its page."""
+    command = [sys.executable, "-c", VIEW, "view", str(data.path), "--port", "0"]
+    with subprocess.Popen(
         command,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
-    )
-    try:
-        assert server.stdout is not None
-        url = next(m[0] for line in server.stdout if (m := re.search(r"http://\S+", line)))
+    ) as server:
+        try:
+            assert server.stdout is not None
+            url = next(m[0] for line in server.stdout if (m := re.search(r"http://\S+", line)))
+            yield server, url
+        finally:
+            server.kill()
+
+
+@stopped_by_signals
+def test_ctrl_c_ends_with_an_unfinished_post_and_without_a_traceback(data: Dataset):
+    with view_command(data) as (server, url):
         with connect(url) as unfinished, connect(url):
             unfinished.sendall(post_head(url, 100) + b"{")
             assert Client(url).ask("GET", "/")[0] == 200
             server.send_signal(signal.SIGINT)
             assert server.wait(PATIENCE_S) == 130
+        assert server.stdout is not None
         assert "Traceback" not in server.stdout.read()
-    finally:
-        server.kill()
-        server.wait()
-        if server.stdout is not None:
-            server.stdout.close()
+
+
+@stopped_by_signals
+def test_ctrl_c_does_not_wait_for_a_query(data: Dataset):
+    endless = "SELECT count(*) FROM range(1000000) a, range(1000000) b WHERE hash(a, b) = 7"
+    with view_command(data) as (server, url), ThreadPoolExecutor(1) as pool:
+        client = Client(url).enter()
+        answer = pool.submit(client.ask, "POST", "/api/sql", {"sql": endless})
+        assert eventually(lambda: runs_query(server.pid))
+        server.send_signal(signal.SIGINT)
+        assert server.wait(PATIENCE_S) == 130
+        with suppress(ConnectionError):  # The server ends with the answer or before it.
+            status, refusal, _ = answer.result()
+            assert (status, "end of the program" in refusal["error"]) == (400, True)
+        assert server.stdout is not None
+        assert "Traceback" not in server.stdout.read()
 
 
 @stopped_by_signals

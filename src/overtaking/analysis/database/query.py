@@ -13,6 +13,7 @@ import re
 import time
 from dataclasses import dataclass
 from importlib.util import find_spec
+from threading import Event
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,9 @@ BEGUN = "begun"
 
 _PATIENCE_S = 60.0
 """Longest time for the process to start [s]."""
+
+_POLL_S = 0.2
+"""A cancelled query ends within this time [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +90,7 @@ def query(
     max_rows: int = MAX_ROWS,
     timeout_s: float = TIMEOUT_S,
     memory_mib: int = MEMORY_MIB,
+    cancelled: Event | None = None,
 ) -> Answer:
     """The answer to one query.
 
@@ -97,9 +102,10 @@ def query(
         timeout_s: Time limit [s], 0.001 to 1e9.
         memory_mib: Memory limit of the database [MiB], 16 to 1e9, which Linux enforces; the answer
             may take an eighth of it.
+        cancelled: Ends the query when another thread sets it; None: it cannot be cancelled.
 
     Raises:
-        ConfigError: It is no query, is wrong, or exceeds its time or memory.
+        ConfigError: It is no query, is wrong, is cancelled, or exceeds its time or memory.
         DatasetError: A file of the data set is damaged.
         MissingExtraError: DuckDB is not installed.
     """
@@ -115,7 +121,7 @@ def query(
     with Worker(_MODULE, variables={"ARROW_DEFAULT_MEMORY_POOL": "system"}) as worker:
         worker.send(request)
         try:
-            return _answer(worker, timeout_s)
+            return _answer(worker, timeout_s, cancelled or Event())
         except TimeoutError:
             bound = f"an answer within {timeout_s:g} s"
             raise over("sql", bound, "one that takes longer") from None
@@ -138,11 +144,11 @@ def _to_series(cells: tuple[Any, ...]) -> pd.Series[Any]:
     return pd.Series(cells)
 
 
-def _answer(worker: Worker, timeout_s: float) -> Answer:
+def _answer(worker: Worker, timeout_s: float, cancelled: Event) -> Answer:
     """The answer of the process, which begins with the names of the columns or an error.
 
     Raises:
-        ConfigError: The process has refused the query.
+        ConfigError: The process has refused the query, or it is cancelled.
         EOFError: It ended before the answer was complete.
         TimeoutError: The answer was not complete in time.
     """
@@ -150,7 +156,7 @@ def _answer(worker: Worker, timeout_s: float) -> Answer:
     rows: list[tuple[Any, ...]] = []
     end = time.monotonic() + _PATIENCE_S
     while True:
-        message = worker.receive(max(0.0, end - time.monotonic()))
+        message = _next_message(worker, end, cancelled)
         if message == BEGUN:
             end = time.monotonic() + timeout_s
         elif message is ENDED:
@@ -163,6 +169,35 @@ def _answer(worker: Worker, timeout_s: float) -> Answer:
             columns = message
         else:
             rows += message
+
+
+def _next_message(worker: Worker, end: float, cancelled: Event) -> Any:
+    """The next message of the process.
+
+    Args:
+        worker: The process.
+        end: Instant of `time.monotonic` at which waiting ends [s].
+        cancelled: Set when the query is cancelled.
+
+    Raises:
+        ConfigError: The query is cancelled.
+        TimeoutError: No message arrived until the end.
+    """
+    while True:
+        left = end - time.monotonic()
+        try:
+            return worker.receive(max(0.0, min(left, _POLL_S)))
+        except TimeoutError:
+            if cancelled.is_set():
+                raise ConfigError.of(
+                    what="query",
+                    where="sql",
+                    expected="an answer",
+                    got="the end of the program before it",
+                    next_step="start it again",
+                ) from None
+            if left <= _POLL_S:
+                raise
 
 
 def _tables(data: Dataset, sql: str) -> dict[str, tuple[list[str], Any]]:

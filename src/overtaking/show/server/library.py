@@ -59,6 +59,7 @@ class Library:
         self._queries = Kept(_KEPT_QUERIES, self._query)
         self._fans = Kept(_KEPT_FANS, self._fan)
         self._querying, self._fanning = threading.Lock(), threading.Lock()
+        self._is_closed = threading.Event()
 
     def read(self) -> None:
         """Read what the list needs; the page shows a failure."""
@@ -69,6 +70,10 @@ class Library:
         except Exception:
             self._failure = FAULT
             raise
+
+    def close(self) -> None:
+        """Cancel queries that run or wait."""
+        self._is_closed.set()
 
     def start(self) -> dict[str, Any]:
         """What the page needs at its start."""
@@ -157,7 +162,12 @@ class Library:
     def _query(self, text: str) -> dict[str, Any]:
         with self._querying:
             found = query(
-                self._data, text, max_rows=SQL_ROWS, timeout_s=SQL_SECONDS, memory_mib=SQL_MIB
+                self._data,
+                text,
+                max_rows=SQL_ROWS,
+                timeout_s=SQL_SECONDS,
+                memory_mib=SQL_MIB,
+                cancelled=self._is_closed,
             )
         values = found.values()
         mask = _mask(values["columns"], values["rows"], len(self._data))

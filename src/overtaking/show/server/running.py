@@ -24,6 +24,19 @@ if TYPE_CHECKING:
 _HOST = "127.0.0.1"
 
 
+class _QueryCancellingServer(uvicorn.Server):
+    """A server that does not wait for queries when it shuts down."""
+
+    def __init__(self, library: Library, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self._library = library
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        # Without this, Ctrl-C waits until the query exceeds its time.
+        self._library.close()
+        await super().shutdown(sockets)
+
+
 class Server:
     """A server that listens on the loopback address, and on no other.
 
@@ -47,7 +60,8 @@ class Server:
         keys, hosts = Keys(port), (f"{_HOST}:{port}", f"localhost:{port}")
         self.url = f"http://{hosts[0]}/#token={keys.token}"
         self._reader = threading.Thread(target=library.read, daemon=True)
-        self._server = uvicorn.Server(
+        self._server = _QueryCancellingServer(
+            library,
             uvicorn.Config(
                 app(library, hosts, keys),
                 access_log=False,
@@ -58,7 +72,7 @@ class Server:
                 server_header=False,
                 timeout_keep_alive=KEEP_ALIVE_TIMEOUT,
                 ws="none",
-            )
+            ),
         )
 
     def run(self) -> None:
