@@ -91,9 +91,11 @@ def test_labels_are_those_of_the_recordings_one_by_one(folder, once, tmp_path):
 
 
 def test_a_recording_that_cannot_be_used_is_named_with_its_error(once):
-    (name,) = once.glob("refused-*.json")
-    assert list(json.loads(name.read_text())) == [BAD]
-    assert "expected" in json.loads(name.read_text())[BAD]
+    result = json.loads((once / "recordings.json").read_text())
+    assert list(result["failed"]) == [BAD]
+    assert "expected a column x" in result["failed"][BAD]
+    assert (result["refused"], result["faults"]) == (1, 0)
+    assert not list(once.glob("fault-*"))
 
 
 @pytest.mark.parametrize(

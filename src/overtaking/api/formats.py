@@ -16,6 +16,7 @@ from overtaking.core.steps import Progress
 from overtaking.data.load import Dataset
 from overtaking.data.location import folder_of
 from overtaking.model.checks import argument, checked
+from overtaking.model.import_report import ImportFinding
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Trajectories
 from overtaking.recordings import export as recording_export
@@ -250,7 +251,7 @@ def import_recording(
     for name, value in options.items():
         argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
-    read = read_recording(file_format, path, options)
+    read = read_recording(file_format, path, _with_road(options))
     if strict:
         refuse_findings(read.scenes.import_findings)
     write_scenes(read, target, file_format, progress)
@@ -269,47 +270,70 @@ def label_recordings(
     workers: int | None = None,
     address: str | None = None,
     resume: bool = False,
+    strict: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Label every recording of a folder, however many, each on its own road.
+
+    A recording that cannot be read and labelled to its end has no simulations in the result; the
+    others go on.
 
     Args:
         file_format: As in `import_recording`.
         folder: Where the recordings lie; files with other endings are left alone.
         out: Folder for the tables of labels, `simulations` among them, and `recordings.json`.
             A simulation has the number of its recording, counted by name, times a million plus its
-            own. Recordings that cannot be used are named in `refused-*.json`.
+            own. `fault-*.txt` has the traceback of a fault of this package, with the number of the
+            recording.
         engine: `auto`, `threads`, `processes` or `ray`; the choice changes no byte.
         workers: How many processes; one on each core by default.
         address: Of a Ray cluster that runs.
-        resume: Whether to complete what an earlier call has begun.
+        resume: Whether to complete what an earlier call has begun; failed recordings are tried
+            again.
+        strict: Whether all recordings are examined first, which reads them twice, and a finding is
+            an error before anything is written. (It is not the policy of that name.)
         progress: Called with the number of recordings that are done, and of all.
         options: As in `import_recording`.
 
     Returns:
-        Counts, the hash over all tables, and what decided them.
+        The content of `recordings.json`: counts, the hash over all tables, and the options that
+        decided them; `failed`, the reason for each recording without simulations, of which `faults`
+        are faults of this package and `refused` the others; `import_report`, the findings of the
+        examination, as rows. A `RecordingWarning` names the first of a recording, for ten
+        recordings at most.
 
     Raises:
-        ConfigError: There is no recording, an option is not for the format, or the engine cannot be
-            used.
+        ConfigError: There is no recording, an option is not for the format or out of its range, or
+            the engine cannot be used.
+        ImportFormatError: `strict` refuses a finding.
         DatasetError: The folder holds something else or cannot be written; finished shards are
             kept.
     """
     from overtaking.data.collection import label_folder
     from overtaking.data.executors import executor_for
+    from overtaking.data.import_report import warn_about
 
     for name, value in options.items():
         argument(value, _READER_OPTIONS.get(name, Any), "label_recordings", name)
-    return label_folder(
+    result = label_folder(
         file_format,
         folder_of(folder, "read"),
         folder_of(out, "label to"),
-        options,
+        _with_road(options),
         executor=lambda shards: executor_for(engine, shards, address=address, workers=workers),
         resume=resume,
+        strict=strict,
         progress=progress,
     )
+    warn_about([ImportFinding(**row) for row in result["import_report"]])
+    return result
+
+
+def _with_road(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a reader with the road itself in place of its name or file."""
+    road = options.get("road")
+    return {**options} if road is None else {**options, "road": road_of(road)}
 
 
 @checked

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from overtaking.cli import options
+from overtaking.cli.failures import FAULT
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
+from overtaking.model.import_report import ImportFinding
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -73,6 +75,8 @@ Template = Annotated[
     bool,
     options.option("--template", "With table: write a map of its columns to fill in, to --out."),
 ]
+_MAX_FAILURES = 10
+_FOLDER_COUNTS = ("recordings", "refused", "faults", "simulations")
 _WORDS = {
     "vehicles": "vehicles",
     "lane_changes_left": "lane changes to the left",
@@ -124,12 +128,14 @@ def import_recording(
     workers: options.Workers = None,
     address: options.Address = None,
     resume: options.Resume = False,
-) -> None:
+) -> int | None:
     """Convert recordings of real traffic into a labelled data set.
 
     Each overtake, and each vehicle that follows another, becomes a simulation. --map and --road
     name the road of a table, in the axes of its positions. Of a folder all recordings are labelled,
     each on its own road, without keeping frames: --engine, --workers and --resume are for these.
+    A recording that fails is named, and the others go on; the exit status is 70 after a fault of
+    overtaking itself.
     """
     from overtaking import api
     from overtaking.cli import arguments
@@ -137,7 +143,8 @@ def import_recording(
 
     if template:
         api.write_column_map(file, out)
-        return output.wrote({"map": str(out)}, lambda _: facts([("map of columns", str(out))]))
+        output.wrote({"map": str(out)}, lambda _: facts([("map of columns", str(out))]))
+        return None
     given = arguments.given(
         columns=columns,
         smooth=smooth or None,
@@ -151,17 +158,29 @@ def import_recording(
     how = {"workers": workers, "address": address}
     if file.is_dir():
         with output.progress("recordings") as meter:
-            said = api.label_recordings(
-                file_format, file, out, engine=engine, resume=resume, progress=meter, **how, **given
+            result = api.label_recordings(
+                file_format,
+                file,
+                out,
+                engine=engine,
+                resume=resume,
+                strict=strict,
+                progress=meter,
+                **how,
+                **given,
             )
-        values = {"data": str(out)} | said | output.duration
-        return output.wrote(values, lambda _: facts(_of_folder(values)))
+        output.say_findings(ImportFinding(**row) for row in result["import_report"])
+        _say_failures(output, list(result["failed"].values()))
+        values = {"data": str(out)} | result | output.duration
+        output.wrote(values, lambda _: facts(_of_folder(values)))
+        return FAULT if result["faults"] else None
     _refuse_of_file(resume=resume, engine=engine != "auto", **how)
     with output.progress("simulations") as meter:
         data = api.import_recording(file_format, file, out, strict=strict, progress=meter, **given)
     output.say_findings(data.import_findings)
     values = of_import(data) | output.duration
     output.wrote(values, lambda _: render(values))
+    return None
 
 
 # `import` is a keyword, so the function has another name than the command.
@@ -191,9 +210,17 @@ def _refuse_of_file(**given: Any) -> None:
             )
 
 
+def _say_failures(output: Output, reasons: list[str]) -> None:
+    """Print why recordings of a folder failed, ten at most."""
+    for reason in reasons[:_MAX_FAILURES]:
+        output.say(f"failed: {reason}")
+    if len(reasons) > _MAX_FAILURES:
+        output.say(f"failed: {len(reasons) - _MAX_FAILURES:,} others; recordings.json names them")
+
+
 def _of_folder(values: dict[str, Any]) -> list[tuple[str, str]]:
     """Counts of a folder of recordings."""
-    counts = [(name, f"{values[name]:,}") for name in ("recordings", "refused", "simulations")]
+    counts = [(name, f"{values[name]:,}") for name in _FOLDER_COUNTS]
     return [*counts, ("content", values["content_hash"]), ("tables", values["data"])]
 
 

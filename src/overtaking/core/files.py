@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import stat
 import tomllib
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from io import BufferedIOBase, BufferedReader
     from pathlib import Path
+
+
+_SURROGATE = re.compile("[\ud800-\udfff]")
+
+
+def as_utf8(text: str) -> str:
+    r"""A text that UTF-8 can hold: bytes of a file name that are not UTF-8 become `\xe9`.
+
+    Python keeps such bytes of a name as surrogates, which no file in UTF-8 can hold.
+    """
+    return _SURROGATE.sub(_escape, text)
+
+
+def _escape(surrogate: re.Match[str]) -> str:
+    code = ord(surrogate.group())
+    # Python adds 0xDC00 to the byte (PEP 383).
+    return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else f"\\u{code:04x}"
 
 
 def ending(path: Path) -> Path:

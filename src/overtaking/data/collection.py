@@ -1,24 +1,30 @@
 """Labels of a folder of recordings, a shard of them at a time: in parallel, and to be resumed.
 
 Recordings have roads of their own, so the result is no data set, but the tables of labels and a
-manifest. A recording that cannot be used is named with its error, and the others go on. What a
-shard holds follows from its files alone: who makes it, and when, changes no byte.
+manifest. A recording that cannot be read and labelled to its end is named with the reason, and the
+others go on. The content of a shard follows from its files alone: neither the process that makes it
+nor the time changes a byte.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
-from overtaking.core.errors import ConfigError, DatasetError, ImportFormatError
+from overtaking.core.errors import ConfigError, DatasetError, OvertakingError
+from overtaking.core.files import as_utf8
 from overtaking.core.steps import Progress, Steps
 from overtaking.data import lock, plan, shards
+from overtaking.data.import_report import refuse_findings
 from overtaking.data.importing import READER_VERSION
 from overtaking.data.interruption import all_or_nothing
 from overtaking.data.location import PARTIAL, Folder, Location
@@ -27,12 +33,15 @@ from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.labels.law import PORTUGAL
+from overtaking.model.import_report import ImportFinding  # noqa: TC001, pydantic reads it.
 from overtaking.model.trajectory import UNKNOWNS
-from overtaking.recordings.formats import read_recording
+from overtaking.recordings.formats import check_options, read_recording
 from overtaking.recordings.table_streams import uncompressed_name
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    import pyarrow as pa
 
     from overtaking.data.work import Executor, OnDone
 
@@ -73,6 +82,62 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FailedRecording:
+    """A recording without simulations in the result.
+
+    Attributes:
+        reason: One line.
+        is_fault: Whether the reason is a fault of this package, not of the recording.
+        traceback: The traceback of a fault, else empty.
+    """
+
+    reason: str
+    is_fault: bool
+    traceback: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelledRecording:
+    """The tables of a recording that was read and labelled to its end.
+
+    Attributes:
+        tables: The tables of some simulations each, in order.
+        findings: The rows of the import report.
+    """
+
+    tables: Sequence[Mapping[str, pa.Table]]
+    findings: tuple[ImportFinding, ...]
+
+
+Outcome = LabelledRecording | FailedRecording
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartReport:
+    """The report of a shard, a JSON file beside its tables.
+
+    Attributes:
+        sizes: Size of each recording when it was read [bytes].
+        refused: Recordings that cannot be used, with the reason.
+        faults: Recordings at which this package failed, with the reason.
+        import_report: The rows of the import report.
+    """
+
+    sizes: dict[str, int]
+    refused: dict[str, str]
+    faults: dict[str, str]
+    import_report: list[ImportFinding]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """All recordings without simulations in the result, with the reason."""
+        return {**self.refused, **self.faults}
+
+
+_PART_REPORT = TypeAdapter(PartReport)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Labelling:
     """What all shards share; see `Work`.
 
@@ -106,44 +171,110 @@ class Labelling:
         )
 
     def make(self, task: Part, location: Location, on_done: OnDone) -> ShardRecord:
-        """Put a shard into its place, unless it is there and intact.
+        """Put a shard into its place, unless it is there and intact and no failed recording works.
 
         Raises:
             OSError: It cannot be written.
         """
-        known = shards.finished_shard(
+        record = shards.finished_shard(
             location, task.shard, tables=TABLES, fingerprint=self.fingerprint
         )
-        if known is not None:
-            on_done(len(task.names))
-            return known
+        report = _read_part_report(location, task.shard)
+        outcomes: dict[str, Outcome] = {}
+        if record is not None and report is not None:
+            outcomes = {
+                name: self._read_and_label(number, name)
+                for number, name in enumerate(task.names, task.shard.first)
+                if as_utf8(name) in report.failed
+            }
+            if not any(isinstance(outcome, LabelledRecording) for outcome in outcomes.values()):
+                on_done(len(task.names))
+                return record
+        # Without the commit mark an interruption leaves no shard that contradicts its report.
+        location.remove(shards.name_of(shards.MARK, task.shard))
         return shards.write_shard(
             location,
             task.shard,
-            self._pieces(task, location, on_done),
+            self._pieces(task, location, on_done, outcomes),
             fingerprint=self.fingerprint,
             on_piece=on_done,
             schemas={name: schema_of(name, UNKNOWNS, recorded=True) for name in TABLES},
         )
 
-    def _pieces(self, task: Part, location: Location, on_done: OnDone) -> Iterator[shards.Piece]:
-        """The tables of each recording, counted when its last simulation is there."""
-        refused: dict[str, str] = {}
+    def _pieces(
+        self, task: Part, location: Location, on_done: OnDone, outcomes: Mapping[str, Outcome]
+    ) -> Iterator[shards.Piece]:
+        """The tables of each recording, counted when its last simulation is there.
+
+        Args:
+            task: The recordings.
+            location: Where their report is written.
+            on_done: Called for each failed recording.
+            outcomes: Outcomes of recordings that were read already.
+        """
+        report = PartReport(sizes={}, refused={}, faults={}, import_report=[])
         for number, name in enumerate(task.names, task.shard.first):
-            try:
-                path = Path(self.folder) / name
-                scenes = read_recording(self.file_format, path, self.options).scenes
-            except ImportFormatError as error:
-                refused[name] = str(error)
+            report.sizes[as_utf8(name)] = _size_of(Path(self.folder) / name)
+            outcome = outcomes.get(name) or self._read_and_label(number, name)
+            _write_traceback(location, number, outcome)
+            if isinstance(outcome, FailedRecording):
+                failures = report.faults if outcome.is_fault else report.refused
+                failures[as_utf8(name)] = outcome.reason
                 on_done(1)
                 continue
-            for chunk in plan.runs(0, min(len(scenes), NUMBERS), plan.RECORDED_CHUNK_SIZE):
-                index = number * NUMBERS + np.arange(chunk.start, chunk.stop, dtype=np.int64)
-                sources = [f"{name}: {one}" for one in scenes.sources(chunk)]
-                made = contents(scenes.trajectories(chunk), index, TABLES, sources)
-                yield int(chunk.stop >= len(scenes)), made
-        if refused:  # Before the shard is in its place, which says that it is complete.
-            location.put_text(_refusals(task.shard), _text(refused))
+            report.import_report.extend(outcome.findings)
+            # Only here: an error in writing ends the run, and does not fail the recording.
+            last = len(outcome.tables) - 1
+            for place, tables in enumerate(outcome.tables):
+                yield int(place == last), tables
+        # Before the shard is in its place, which says that it is complete.
+        location.put_text(_part_report_name(task.shard), _text(asdict(report)))
+
+    def _read_and_label(self, number: int, name: str) -> Outcome:
+        """Read and label a recording to its end, so that nothing of a failed one is written.
+
+        Args:
+            number: Its number among all recordings.
+            name: Its file.
+        """
+        try:
+            path = Path(self.folder) / name
+            scenes = read_recording(self.file_format, path, self.options).scenes
+            tables = [
+                contents(
+                    scenes.trajectories(chunk),
+                    number * NUMBERS + np.arange(chunk.start, chunk.stop, dtype=np.int64),
+                    TABLES,
+                    [as_utf8(f"{name}: {source}") for source in scenes.sources(chunk)],
+                )
+                for chunk in plan.runs(0, min(len(scenes), NUMBERS), plan.RECORDED_CHUNK_SIZE)
+            ]
+            findings = tuple(
+                replace(finding, recording=as_utf8(name)) for finding in scenes.import_findings
+            )
+        except Exception as error:
+            return _failed_recording(error, number, name)
+        return LabelledRecording(tables=tables, findings=findings)
+
+
+def _failed_recording(error: Exception, number: int, name: str) -> FailedRecording:
+    """A recording at which an error was raised: refused, or a fault of this package."""
+    name = as_utf8(name)
+    if isinstance(error, OvertakingError):
+        return FailedRecording(reason=as_utf8(str(error)), is_fault=False)
+    if isinstance(error, OSError):
+        reason = as_utf8(f"{name}: {error.strerror or error}")
+        return FailedRecording(reason=reason, is_fault=False)
+    if isinstance(error, MemoryError):
+        reason = f"{name}: not enough memory; take fewer --workers and --resume"
+        return FailedRecording(reason=reason, is_fault=False)
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    reason = (
+        f"{name}: a fault of overtaking itself, please report it with "
+        f"{_traceback_name(number)}: {text}"
+    )
+    traceback = as_utf8("".join(format_exception(error)))
+    return FailedRecording(reason=as_utf8(reason), is_fault=True, traceback=traceback)
 
 
 def label_folder(
@@ -154,6 +285,7 @@ def label_folder(
     *,
     executor: Callable[[int], Executor],
     resume: bool = False,
+    strict: bool = False,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Label all recordings of a folder.
@@ -164,19 +296,26 @@ def label_folder(
         out: Folder for the tables.
         options: Options of the reader.
         executor: Chooses who makes the shards, given their number.
-        resume: Whether to complete what an earlier call has begun.
+        resume: Whether to complete what an earlier call has begun; failed recordings are read
+            again.
+        strict: Whether all recordings are examined first, and a finding is an error. It does not
+            change the result.
         progress: Called with the number of recordings that are done, and of all.
 
     Returns:
         The content of the manifest.
 
     Raises:
-        ConfigError: There is no recording, or an option is not for the format.
+        ConfigError: There is no recording, or an option is not for the format or out of its range.
+        ImportFormatError: `strict` refuses a finding.
         DatasetError: The folder holds something else or cannot be written, or the process was asked
             to end; finished shards are kept.
     """
     names = _names(file_format, folder)
-    said = _identity(file_format, folder, names, options)
+    check_options(file_format, options)
+    if strict:
+        _refuse_any_finding(file_format, folder, names, options)
+    said = _identity(file_format, names, options)
     job = Labelling(
         file_format=file_format,
         folder=str(folder.resolve()),
@@ -185,24 +324,43 @@ def label_folder(
     )
     location = Folder(out)
     with all_or_nothing(out, "time to complete it", "complete it with --resume"), location.locked():
-        is_first = _begin(location, job, resume=resume)
-        location.sweep()
-        location.prepare(TABLES)
         parts = [
             Part(shard=shard, names=tuple(names[shard.first : shard.stop]))
             for shard in plan.shards(len(names), SHARD_SIZE)
         ]
+        is_first = _begin(location, job, parts, resume=resume)
+        location.sweep()
+        location.prepare(TABLES)
         try:
             step = Steps(len(names), progress)
             with closing(executor(len(parts))(job, parts, location, step)) as made:
                 records = sorted(made, key=lambda one: one.number)
-            return _complete(location, job, said, records)
+            said["files_sha256"] = _files_hash(folder, names)
+            return _complete(location, job, said, parts, records)
         except ConfigError:
             if is_first:  # The manifest of a call that cannot succeed would keep the right one out.
                 location.remove(MANIFEST)
             raise
         finally:
             location.sweep()
+
+
+def _refuse_any_finding(
+    file_format: str, folder: Path, names: Iterable[str], options: Mapping[str, Any]
+) -> None:
+    """Refuse the first finding of all recordings, before anything is written.
+
+    Raises:
+        ImportFormatError: There is a finding.
+    """
+    for name in names:
+        try:
+            scenes = read_recording(file_format, folder / name, options).scenes
+        except Exception:  # It is a failed recording of the result.
+            continue
+        refuse_findings(
+            [replace(finding, recording=as_utf8(name)) for finding in scenes.import_findings]
+        )
 
 
 def _names(file_format: str, folder: Path) -> list[str]:
@@ -227,26 +385,40 @@ def _names(file_format: str, folder: Path) -> list[str]:
     )
 
 
-def _identity(
-    file_format: str, folder: Path, names: list[str], options: Mapping[str, Any]
-) -> dict[str, Any]:
-    """All that decides the result, but for the bytes of the recordings, whose sizes stand in."""
+def _identity(file_format: str, names: list[str], options: Mapping[str, Any]) -> dict[str, Any]:
+    """All that decides the result, except for the bytes of the recordings.
+
+    Their sizes are compared shard by shard: a failed recording may be repaired before `--resume`.
+    """
     columns = options.get("columns")
     is_file = isinstance(columns, str | Path) and Path(columns).is_file()
-    files = "\n".join(f"{name} {(folder / name).stat().st_size}" for name in names)
     return {
         "format": file_format,
         "options": {name: repr(value) for name, value in sorted(options.items())},
         "columns": Path(str(columns)).read_text(encoding="utf-8") if is_file else "",
         "recordings": len(names),
-        "files_sha256": hashlib.sha256(files.encode()).hexdigest(),
+        "names_sha256": hashlib.sha256(os.fsencode("\n".join(names))).hexdigest(),
         "rules": PORTUGAL.version + PORTUGAL.two_way_version,
         "reader": READER_VERSION,
         "tables": TABLE_VERSION,
     }
 
 
-def _begin(location: Folder, job: Labelling, *, resume: bool) -> bool:
+def _files_hash(folder: Path, names: Iterable[str]) -> str:
+    """Hash over the names and sizes of the recordings, which stand in for their bytes."""
+    lines = "\n".join(f"{name} {_size_of(folder / name)}" for name in names)
+    return hashlib.sha256(os.fsencode(lines)).hexdigest()
+
+
+def _size_of(path: Path) -> int:
+    """Size of a recording; -1 if the system does not tell it [bytes]."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
+
+
+def _begin(location: Folder, job: Labelling, parts: Iterable[Part], *, resume: bool) -> bool:
     """Write the first manifest, or check that an earlier call may be continued; whether first."""
     if not location.has(MANIFEST):
         if strangers := location.names() - _OWN:
@@ -260,24 +432,54 @@ def _begin(location: Folder, job: Labelling, *, resume: bool) -> bool:
     if not resume:
         next_step = "complete it with --resume, or choose another folder"
         raise _other(location, "an empty folder", next_step, "one that was begun")
+    for part in parts:
+        _check_sizes(location, job, part)
     return False
 
 
+def _check_sizes(location: Folder, job: Labelling, part: Part) -> None:
+    """Refuse recordings that have changed since they were labelled.
+
+    Raises:
+        DatasetError: A recording has another size.
+    """
+    report = _read_part_report(location, part.shard)
+    if report is None or not location.has(shards.name_of(shards.MARK, part.shard)):
+        return
+    for name in part.names:
+        size = _size_of(Path(job.folder) / name)
+        key = as_utf8(name)
+        if key not in report.failed and size != report.sizes.get(key):
+            raise _other(
+                location,
+                "the labels of these recordings",
+                "choose another folder",
+                f"those of another {key}",
+            )
+
+
 def _complete(
-    location: Folder, job: Labelling, said: dict[str, Any], records: list[ShardRecord]
+    location: Folder,
+    job: Labelling,
+    said: dict[str, Any],
+    parts: Iterable[Part],
+    records: list[ShardRecord],
 ) -> dict[str, Any]:
     """Write the last manifest."""
-    refused = sum(
-        len(json.loads((location.path / name).read_text(encoding="utf-8")))
-        for name in location.names()
-        if name.startswith("refused-")
-    )
+    reports = [
+        report for part in parts if (report := _read_part_report(location, part.shard)) is not None
+    ]
     values = {
         **said,
         "fingerprint": job.fingerprint,
         "complete": True,
         "simulations": sum(one.tables[shards.MARK].rows for one in records),
-        "refused": refused,
+        "refused": sum(len(report.refused) for report in reports),
+        "faults": sum(len(report.faults) for report in reports),
+        "failed": {name: reason for report in reports for name, reason in report.failed.items()},
+        "import_report": [
+            finding.to_dict() for report in reports for finding in report.import_report
+        ],
         "content_hash": content_hash(tuple(records)),
     }
     location.put_text(MANIFEST, _text(values))
@@ -292,9 +494,31 @@ def _begun(location: Folder) -> str | None:
         return None
 
 
-def _refusals(shard: plan.Shard) -> str:
-    """Name of the file of recordings of a shard that could not be used, with their errors."""
-    return f"refused-{shard.number:05d}.json"
+def _part_report_name(shard: plan.Shard) -> str:
+    """Name of the file with the `PartReport` of a shard."""
+    return f"report-{shard.number:05d}.json"
+
+
+def _read_part_report(location: Location, shard: plan.Shard) -> PartReport | None:
+    """The report of a shard; None if it is missing or damaged."""
+    try:
+        with location.open(_part_report_name(shard)) as file:
+            return _PART_REPORT.validate_json(file.read(), strict=True)
+    except (OSError, ValidationError):
+        return None
+
+
+def _traceback_name(number: int) -> str:
+    """Name of the file with the traceback of a fault at a recording."""
+    return f"fault-{number:05d}.txt"
+
+
+def _write_traceback(location: Location, number: int, outcome: Outcome) -> None:
+    """Write the traceback of a fault; remove that of an earlier call if there is none now."""
+    if isinstance(outcome, FailedRecording) and outcome.is_fault:
+        location.put_text(_traceback_name(number), outcome.traceback)
+    else:
+        location.remove(_traceback_name(number))
 
 
 def _text(values: Mapping[str, Any]) -> str:

@@ -204,7 +204,7 @@ class Dataset(Summarized):
 
     @property
     def import_report(self) -> pd.DataFrame:
-        """What the examination of the recording found, a row per finding.
+        """The findings of the examination of the recording, one row each.
 
         Columns: `recording`, `check`, `vehicle` (text; missing for the whole file), `first_time_s`
         (as the file counts; NaN for the whole file), `rows`, `consequence` ("corrected", "left out"

@@ -1,4 +1,4 @@
-"""The rows of an import report: what the examination of a recording found, and what became of it.
+"""The rows of an import report, the findings of the examination of a recording.
 
 Simulations from recordings carry them, so that a table of results can be traced to its source.
 """
@@ -22,7 +22,7 @@ class ImportFinding:
         vehicle: Name of the vehicle in the file; None for the whole file.
         first_time_s: Time of its first row, as the file counts [s]; None for the whole file.
         rows: Number of rows that it concerns.
-        consequence: What the reader did: "corrected", "left out" or "reported".
+        consequence: Action of the reader: "corrected", "left out" or "reported".
         detail: One sentence.
     """
 

@@ -348,7 +348,7 @@ class Trajectories(IdentityBatch):
     def from_frame(cls, table: Any, **options: Any) -> "Trajectories":
         """The overtakes in a table of states, of any columns, units and rate.
 
-        The arguments are those of `overtaking.api.from_frame`: `columns`, `road`, `driving_side`,
+        It takes the arguments of `overtaking.api.from_frame`: `columns`, `road`, `driving_side`,
         `speed_limit`, `attempts_only`, `vehicles` and `strict`.
 
         Args:
@@ -364,7 +364,7 @@ class Trajectories(IdentityBatch):
 
     @property
     def import_report(self) -> Any:
-        """What the examination of the recordings found: a pandas DataFrame, a row per finding.
+        """The findings of the examination of the recordings: a pandas DataFrame, one row each.
 
         Columns: `recording`, `check`, `vehicle` (text; missing for the whole file), `first_time_s`
         (as the file counts; NaN for the whole file), `rows`, `consequence` ("corrected", "left out"

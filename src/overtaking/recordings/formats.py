@@ -58,8 +58,27 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
             none).
 
     Raises:
-        ConfigError: There is no such format, or an option is not for it.
+        ConfigError: There is no such format, an option is not for it, or the file does not have the
+            road of an option.
         ImportFormatError: The file cannot be used; the message names line and element or column.
+    """
+    check_options(file_format, options)
+    source = Path(path)
+    # Before reading, so that a file that changes meanwhile is not named by what it became.
+    files = {one.name: _sha256(one) for one in _files(file_format, source, options)}
+    shown_options = {name: _plain(value) for name, value in options.items()}
+    return Imported(scenes=_read(file_format, source, options), files=files, options=shown_options)
+
+
+def check_options(file_format: str, options: Mapping[str, Any]) -> None:
+    """Refuse options that are wrong for every recording, before any is read.
+
+    Args:
+        file_format: One of `FORMATS`.
+        options: As in `read_recording`.
+
+    Raises:
+        ConfigError: There is no such format, or an option is not for it or out of its range.
     """
     if file_format not in FORMATS:
         raise ConfigError.not_among("format", "import", FORMATS, file_format)
@@ -75,11 +94,29 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
             got="none",
             next_step="name it with --columns; --template writes one to fill in",
         )
-    source = Path(path)
-    # Before reading, so that a file that changes meanwhile is not named by what it became.
-    files = {one.name: _sha256(one) for one in _files(file_format, source, options)}
-    shown_options = {name: _plain(value) for name, value in options.items()}
-    return Imported(scenes=_read(file_format, source, options), files=files, options=shown_options)
+    _check_values(file_format, options)
+
+
+def _check_values(file_format: str, options: Mapping[str, Any]) -> None:
+    """Refuse options of the format that are out of their range."""
+    from overtaking.recordings.column_map import column_map
+    from overtaking.recordings.highd import check_direction
+    from overtaking.recordings.limits import check_speed_limit
+    from overtaking.recordings.scenes import NUM_SLOTS, check_num_slots
+    from overtaking.recordings.table_road import check_stated_road
+    from overtaking.recordings.tables import with_driving_side
+
+    side = options.get("driving_side")
+    if file_format not in ("commonroad", "pinto2023"):
+        columns = column_map(options.get("columns", file_format))
+        with_driving_side(columns, side, options.get("road"))
+        check_stated_road(columns)
+    elif side not in (None, "right", "left"):
+        raise ConfigError.not_among("driving side", "import", ("right", "left"), side)
+    check_direction(options.get("direction"))
+    check_num_slots(options.get("vehicles", NUM_SLOTS))
+    if (limit := options.get("speed_limit")) is not None:
+        check_speed_limit(limit, "import")
 
 
 def _plain(value: Any) -> Any:

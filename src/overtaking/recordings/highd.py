@@ -55,8 +55,7 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
         ImportFormatError: A file is missing or damaged; the message names line and column.
         ConfigError: The directions have different numbers of lanes and none was chosen.
     """
-    if direction not in (None, *DIRECTIONS):
-        raise _unknown_direction(direction)
+    check_direction(direction)
     columns = column_map(FORMAT)
     files = {name: file.name for name, file in files_of(Path(path), columns).items()}
     rows = read_rows(Path(path), columns)
@@ -95,6 +94,16 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
         },
         findings=tuple(findings),
     )
+
+
+def check_direction(direction: int | None) -> None:
+    """Refuse a number that is no direction; None stands for both directions.
+
+    Raises:
+        ConfigError: It is none of `DIRECTIONS`.
+    """
+    if direction not in (None, *DIRECTIONS):
+        raise _unknown_direction(direction)
 
 
 def _limit(limit: float, file: str) -> float | None:

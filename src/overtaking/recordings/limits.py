@@ -26,20 +26,33 @@ def with_speed_limit(road: Road, speed_limit: float) -> Road:
     Raises:
         ConfigError: The limit is not positive, or too large.
     """
-    if not (0.0 < speed_limit <= NO_LIMIT or speed_limit == math.inf):  # Also true for NaN.
-        raise ConfigError.of(
-            what="speed_limit",
-            where=f"road {road.name}",
-            expected=f"more than 0 and at most {NO_LIMIT:g} m/s, or infinite",
-            got=f"{speed_limit:g} m/s",
-            next_step="pass a limit in m/s",
-        )
+    check_speed_limit(speed_limit, f"road {road.name}")
     course = road.course and dataclasses.replace(road.course, limits=())
     return dataclasses.replace(
         road,
         speed_limit=min(speed_limit, NO_LIMIT),
         course=None if course == Course() else course,
     )
+
+
+def check_speed_limit(speed_limit: float, where: str) -> None:
+    """Refuse a limit that no road can have.
+
+    Args:
+        speed_limit: The limit; infinite or `NO_LIMIT` for none [m/s].
+        where: The road or call, for the message.
+
+    Raises:
+        ConfigError: The limit is not positive, or too large.
+    """
+    if not (0.0 < speed_limit <= NO_LIMIT or speed_limit == math.inf):  # Also true for NaN.
+        raise ConfigError.of(
+            what="speed_limit",
+            where=where,
+            expected=f"more than 0 and at most {NO_LIMIT:g} m/s, or infinite",
+            got=f"{speed_limit:g} m/s",
+            next_step="pass a limit in m/s",
+        )
 
 
 def highest_and_lower(

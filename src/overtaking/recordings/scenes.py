@@ -68,7 +68,7 @@ class Parts:
 
     @property
     def import_findings(self) -> tuple[ImportFinding, ...]:
-        """What the examination of the recording found, the rows of its import report."""
+        """The findings of the examination, as rows of an import report."""
         return tuple(
             ImportFinding(
                 recording=self.name,
@@ -132,10 +132,7 @@ def scenes(
         ConfigError: That many vehicles are too few or too many.
         ImportFormatError: There is nothing of the kind in the recording.
     """
-    if not 2 <= num_slots <= MAX_SLOTS:
-        raise ConfigError.out_of_range(
-            "vehicles of a simulation", "import", 2, MAX_SLOTS, num_slots
-        )
+    check_num_slots(num_slots)
     changes, around = lane_changes(recording), Surroundings.of(recording)
     moving = overtakes(recording, changes, around)
     waiting = followers(recording, changes, around)
@@ -148,6 +145,18 @@ def scenes(
     counts = _counts(recording, changes, moving, waiting)
     counts["neighbours_with_a_slot"] = round(coverage(recording, around, windows), 4)
     return Scenes(recording=recording, windows=windows, counts=counts)
+
+
+def check_num_slots(num_slots: int) -> None:
+    """Refuse a number of vehicles that no simulation can have.
+
+    Raises:
+        ConfigError: There are fewer than 2 or more than `MAX_SLOTS`.
+    """
+    if not 2 <= num_slots <= MAX_SLOTS:
+        raise ConfigError.out_of_range(
+            "vehicles of a simulation", "import", 2, MAX_SLOTS, num_slots
+        )
 
 
 def _counts(

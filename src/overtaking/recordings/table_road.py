@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.course import Course
 from overtaking.model.line import Piece, ReferenceLine
 from overtaking.model.road import (
@@ -32,6 +32,8 @@ from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_line import line_of_traffic
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from overtaking.core.arrays import F64
@@ -128,7 +130,8 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         pieces = (Piece(*begin, heading, max(length, 1.0)),)
     else:
         first, middle, pieces = 0.0, 0.0, line.pieces
-    made = _road(rows, columns, borders - middle, pieces, origin)
+    limit = _limit(rows.about, columns)
+    made = _road(rows.where, columns, borders - middle, pieces, limit=limit, origin=origin)
     notes |= {"lane_widths_m": np.round(np.diff(borders), 2).tolist()}
     return Located(
         road=made,
@@ -193,6 +196,8 @@ def _forward(rows: Rows, along: F64) -> NDArray[np.bool_]:
 
 def _comb(where: str, across: F64) -> tuple[F64, float]:
     """Borders of the equally wide lanes that fit best, and how well they do."""
+    if not len(across):
+        raise refused(where, "vehicles", "some that drive along the road", "none")
     across = across[:: max(1, len(across) // _SAMPLE)]
     turns = np.exp(2j * np.pi * across / WIDTHS[:, None]).mean(axis=1)
     best = int(np.argmax(np.abs(turns)))
@@ -201,7 +206,7 @@ def _comb(where: str, across: F64) -> tuple[F64, float]:
     lane = np.rint((across - centre) / width).astype(np.int64)
     numbers, count = np.unique(lane, return_counts=True)
     used = numbers[count >= LEAST_SHARE * len(across)]
-    lanes = int(used.max() - used.min()) + 1
+    lanes = int(np.ptp(used)) + 1 if len(used) else 0
     if fit < LEAST_COMB or not 2 <= lanes <= MAX_LANES:
         got = f"{lanes} lanes of {width:.2f} m, fit {fit:.2f}"
         expected = f"traffic in 2 to {MAX_LANES} lanes, fit at least {LEAST_COMB:g}"
@@ -242,20 +247,43 @@ def _stated_borders(given: list[Any]) -> F64:
     )
 
 
+def check_stated_road(columns: ColumnMap) -> None:
+    """Refuse a map of columns that states what no road is, before a recording is read.
+
+    Args:
+        columns: The map.
+
+    Raises:
+        ConfigError: Borders, side, direction or limit of the road are none of a road.
+    """
+    borders = _stated_borders(columns.road.get("borders_m", [0.0, 3.5]))
+    heading = float(np.deg2rad(columns.road.get("heading_deg", 0.0)))
+    pieces = (Piece(0.0, 0.0, heading, 1.0),)
+    limit = _limit({}, columns)
+    try:
+        # Borders may count from a distant origin; the width of the lanes is checked.
+        _road("map of columns", columns, borders - borders[0], pieces, limit=limit)
+    except ImportFormatError as error:
+        raise ConfigError(str(error)) from None
+
+
 def _road(
-    rows: Rows,
+    where: str,
     columns: ColumnMap,
     borders: F64,
     pieces: tuple[Piece, ...],
-    origin: tuple[float, float],
+    *,
+    limit: float | None,
+    origin: tuple[float, float] = (0.0, 0.0),
 ) -> Road:
     """The road between some borders.
 
     Args:
-        rows: The rows, for the limit and the name.
+        where: The recording, for a message.
         columns: The map, which may state parts of the road.
         borders: Offsets of the borders of the lanes from the line, shape (border,) [m].
         pieces: The line, in coordinates that count from the origin.
+        limit: As `_limit` returns it [m/s].
         origin: Position in the table of the point that coordinates count from [m].
     """
     side = columns.road.get("driving_side", "right")
@@ -265,7 +293,6 @@ def _road(
     is_right = side == "right"
     if (borders[-1] > borders[0]) != is_right:
         borders, widths = borders[::-1], widths[::-1]
-    limit = _limit(rows, columns)
     try:
         return Road(
             name=columns.name,
@@ -291,19 +318,19 @@ def _road(
             course=None if is_straight(pieces) else Course(line=pieces),
         )
     except ConfigError as error:
-        raise refused(rows.where, "road", "one that the model is made for", f"{error}") from None
+        raise refused(where, "road", "one that the model is made for", f"{error}") from None
 
 
-def _limit(rows: Rows, columns: ColumnMap) -> float | None:
+def _limit(about: Mapping[str, Any], columns: ColumnMap) -> float | None:
     """The speed limit that is known, negative for none; None where it is not known [m/s]."""
     stated = columns.road.get("speed_limit_kmh")
-    return rows.about.get("speed_limit") if stated is None else float(stated) / 3.6
+    return about.get("speed_limit") if stated is None else float(stated) / 3.6
 
 
 def _unknown(rows: Rows, columns: ColumnMap) -> frozenset[str]:
     """What neither the table nor its map tells of the road."""
     unknown = {"marks"}
-    if _limit(rows, columns) is None:
+    if _limit(rows.about, columns) is None:
         unknown.add("speed_limit")
     if "kind" not in columns.road:
         unknown.add("road_kind")
