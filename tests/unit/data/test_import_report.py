@@ -91,8 +91,10 @@ def test_the_report_names_vehicle_and_time():
     assert (row["vehicle"], row["first_time_s"], row["rows"]) == ("12 (2)", 8.1, 3)
 
 
-def test_the_report_is_no_field_of_the_batch():
+def test_the_report_is_no_field_of_the_batch(contradictory):
     assert [name for name in batch_fields(ot.Trajectories) if "import" in name] == []
+    runs = read(contradictory)
+    assert runs.equals(runs.replace(import_findings=()))
 
 
 def test_selecting_pickling_and_replacing_keep_the_report(contradictory):
