@@ -315,12 +315,12 @@ def label_folder(
     check_options(file_format, options)
     if strict:
         _refuse_any_finding(file_format, folder, names, options)
-    said = _identity(file_format, names, options)
+    identity = _identity(file_format, names, options)
     job = Labelling(
         file_format=file_format,
         folder=str(folder.resolve()),
         options=options,
-        fingerprint=hashlib.sha256(_text(said).encode()).hexdigest(),
+        fingerprint=hashlib.sha256(_text(identity).encode()).hexdigest(),
     )
     location = Folder(out)
     with all_or_nothing(out, "time to complete it", "complete it with --resume"), location.locked():
@@ -335,8 +335,8 @@ def label_folder(
             step = Steps(len(names), progress)
             with closing(executor(len(parts))(job, parts, location, step)) as made:
                 records = sorted(made, key=lambda one: one.number)
-            said["files_sha256"] = _files_hash(folder, names)
-            return _complete(location, job, said, parts, records)
+            identity["files_sha256"] = _files_hash(folder, names)
+            return _complete(location, job, identity, parts, records)
         except ConfigError:
             if is_first:  # The manifest of a call that cannot succeed would keep the right one out.
                 location.remove(MANIFEST)
@@ -461,7 +461,7 @@ def _check_sizes(location: Folder, job: Labelling, part: Part) -> None:
 def _complete(
     location: Folder,
     job: Labelling,
-    said: dict[str, Any],
+    identity: dict[str, Any],
     parts: Iterable[Part],
     records: list[ShardRecord],
 ) -> dict[str, Any]:
@@ -470,7 +470,7 @@ def _complete(
         report for part in parts if (report := _read_part_report(location, part.shard)) is not None
     ]
     values = {
-        **said,
+        **identity,
         "fingerprint": job.fingerprint,
         "complete": True,
         "simulations": sum(one.tables[shards.MARK].rows for one in records),
@@ -514,7 +514,7 @@ def _traceback_name(number: int) -> str:
 
 
 def _write_traceback(location: Location, number: int, outcome: Outcome) -> None:
-    """Write the traceback of a fault; remove that of an earlier call if there is none now."""
+    """Write the traceback of a fault, or remove the one that an earlier call wrote."""
     if isinstance(outcome, FailedRecording) and outcome.is_fault:
         location.put_text(_traceback_name(number), outcome.traceback)
     else:

@@ -100,7 +100,7 @@ def check_direction(direction: int | None) -> None:
     """Refuse a number that is no direction; None stands for both directions.
 
     Raises:
-        ConfigError: It is none of `DIRECTIONS`.
+        ConfigError: It is not among `DIRECTIONS`.
     """
     if direction not in (None, *DIRECTIONS):
         raise _unknown_direction(direction)

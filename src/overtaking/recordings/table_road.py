@@ -248,13 +248,13 @@ def _stated_borders(given: list[Any]) -> F64:
 
 
 def check_stated_road(columns: ColumnMap) -> None:
-    """Refuse a map of columns that states what no road is, before a recording is read.
+    """Refuse a map of columns whose road is impossible, before a recording is read.
 
     Args:
         columns: The map.
 
     Raises:
-        ConfigError: Borders, side, direction or limit of the road are none of a road.
+        ConfigError: No road can have its borders, side, direction or speed limit.
     """
     borders = _stated_borders(columns.road.get("borders_m", [0.0, 3.5]))
     heading = float(np.deg2rad(columns.road.get("heading_deg", 0.0)))
