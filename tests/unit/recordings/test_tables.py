@@ -212,7 +212,7 @@ def test_a_vehicle_that_was_away_has_two_tracks(tmp_path):
     gone.to_csv(path, index=False)
     found = read_table(path, COLUMNS)
     assert found.notes["tracks_torn"] == 1
-    assert found.tracks.names.tolist() == ["3", "5", "7", "7 (2)", "9"]
+    assert found.tracks.names.tolist() == ["3", "3 (2)", "5", "7", "9"]
 
 
 def test_lanes_come_from_the_map_the_named_lanes_or_the_traffic(tmp_path):
