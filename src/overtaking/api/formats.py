@@ -376,13 +376,15 @@ def from_frame(
     """
     from overtaking.data.import_report import refuse_findings, warn_about
     from overtaking.recordings.column_map import column_map
-    from overtaking.recordings.row_tables import rows_of
     from overtaking.recordings.scenes import scenes
     from overtaking.recordings.tables import recording_of, with_driving_side
+    from overtaking.recordings.track_table import track_rows_from_table
 
     map_road = None if road is None else road_of(road)
     declared = with_driving_side(column_map(columns), driving_side, map_road)
-    recording = recording_of(rows_of(table, declared), declared, "table", road=map_road)
+    recording = recording_of(
+        track_rows_from_table(table, declared), declared, "table", road=map_road
+    )
     if speed_limit is not None:
         recording = recording.with_speed_limit(speed_limit)
     recorded_scenes = scenes(recording, attempts_only=attempts_only, num_slots=vehicles)

@@ -29,7 +29,8 @@ TABLES = (TRACKS, VEHICLES, RECORDING)
 UNITS: dict[str, tuple[str, float]] = {
     **{name: ("length", size) for name, size in
        (("m", 1.0), ("km", 1e3), ("cm", 1e-2), ("mm", 1e-3), ("ft", 0.3048))},
-    **{name: ("time", size) for name, size in (("s", 1.0), ("ms", 1e-3))},
+    **{name: ("time", size) for name, size in
+       (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("h", 3600.0))},
     **{name: ("speed", size) for name, size in
        (("m/s", 1.0), ("km/h", 1.0 / 3.6), ("ft/s", 0.3048), ("mph", 0.44704))},
     **{name: ("acceleration", size) for name, size in (("m/s^2", 1.0), ("ft/s^2", 0.3048))},
@@ -43,7 +44,7 @@ UNITS: dict[str, tuple[str, float]] = {
 QUANTITIES: dict[str, tuple[str, str]] = {
     "vehicle": ("", "number or name of the vehicle"),
     "frame": ("", "number of the frame; needs frames_per_second, or a column frame_rate"),
-    "time": ("time", "in place of frame"),
+    "time": ("time", "in place of frame; no unit for dates, durations and ISO 8601"),
     "frame_rate": ("rate", "frames a second; of the table recording"),
     "x": ("length", "position, or four columns: the corners of the box"),
     "y": ("length", "position, or four columns: the corners in the same order"),
@@ -58,7 +59,7 @@ QUANTITIES: dict[str, tuple[str, str]] = {
     "speed": ("speed", "without it: from vx and vy, else from positions"),
     "vx": ("speed", "along x"),
     "vy": ("speed", "along y"),
-    "heading": ("angle", "from x towards y; without it: from the movement"),
+    "heading": ("angle", "from the x axis towards the y axis; without it: from the movement"),
     "accel_lon": (
         "acceleration",
         "along the vehicle; without it: from ax and ay, else from speeds",
@@ -66,7 +67,10 @@ QUANTITIES: dict[str, tuple[str, str]] = {
     "accel_lat": ("acceleration", "to its left; without it: from ax and ay, else from positions"),
     "ax": ("acceleration", "along x"),
     "ay": ("acceleration", "along y"),
-    "yaw_rate": ("turning", "from x towards y; without it yaw rates are not known"),
+    "yaw_rate": (
+        "turning",
+        "from the x axis towards the y axis; without it yaw rates are not known",
+    ),
 }
 """What a column may hold: what it measures, and what it means."""
 
@@ -83,6 +87,7 @@ ROAD_KEYS = {
 _RECORDING_KEYS = {
     "name": str, "source": str, "tested": bool, "frames_per_second": float, "length_m": float,
     "width_m": float, "point": str, "y_axis": str, "is_exact": bool, "names": list,
+    "thousands": str,
 }  # fmt: skip
 _SECTIONS = ("recording", "files", "columns", "types", "only", "road")
 _KINDS = {
@@ -92,6 +97,9 @@ _KINDS = {
 BY_LENGTH, LEFT_OUT, NOT_KNOWN = -1, -2, -3
 """Codes of types beside `VehicleKind`: a car whose length decides about its kind; a vehicle that is
 not read; a vehicle of unknown kind."""
+
+THOUSANDS = (".", ",", "none")
+"""Separators of thousands in numbers that are text."""
 
 _MOST_BYTES = 1 << 20
 _CELL = re.compile(r"^(.*?)\s*\[([^\[\]]*)\]$")
@@ -105,11 +113,13 @@ class Column:
         table: One of `TABLES`.
         names: Names of the columns: one, or the four of corners.
         factor: Size of its unit in SI units.
+        unit: Its unit, one of `UNITS`; empty without one.
     """
 
     table: str
     names: tuple[str, ...]
     factor: float
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,6 +143,7 @@ class ColumnMap:
         is_exact: Whether it is damage if a vehicle is missing in a frame, or if frames are no whole
             milliseconds apart.
         header: Names of the columns of a file without any.
+        thousands: One of `THOUSANDS`; None where the map does not say.
     """
 
     name: str
@@ -150,6 +161,7 @@ class ColumnMap:
     y_is_left: bool = True
     is_exact: bool = False
     header: tuple[str, ...] = ()
+    thousands: str | None = None
 
     def names(self, table: str) -> tuple[str, ...]:
         """The columns that are read of a table."""
@@ -227,6 +239,7 @@ class _Reading:
         for key, value, known in (
             ("point", point, ("corners",) if has_corners else POINTS[:3]),
             ("y_axis", side, ("left", "right")),
+            ("thousands", about.get("thousands", THOUSANDS[-1]), THOUSANDS),
         ):
             if value not in known:
                 raise self.refused(f"recording.{key}", " or ".join(known), value)
@@ -246,6 +259,7 @@ class _Reading:
             y_is_left=side == "left",
             is_exact=about.get("is_exact", False),
             header=tuple(about.get("names", ())),
+            thousands=about.get("thousands"),
         )
 
     def section(self, name: str, known: Mapping[str, type]) -> dict[str, Any]:
@@ -266,19 +280,22 @@ class _Reading:
             raise self.unknown_key(f"columns.{name}", name, QUANTITIES)
         cells = cell if isinstance(cell, list) and name in ("x", "y") and len(cell) == 4 else [cell]
         parts = [self.part(name, one, files) for one in cells]
-        tables, names, factors = zip(*parts, strict=True)
-        if len({*tables}) > 1 or len({*factors}) > 1:
+        tables, names, units = zip(*parts, strict=True)
+        if len({*tables}) > 1 or len({*units}) > 1:
             raise self.refused(f"columns.{name}", "one table and one unit", cell)
-        return Column(table=tables[0], names=names, factor=factors[0])
+        factor = UNITS[units[0]][1] if units[0] else 1.0
+        return Column(table=tables[0], names=names, factor=factor, unit=units[0])
 
-    def part(self, name: str, cell: object, files: Mapping[str, str]) -> tuple[str, str, float]:
-        """Table, name and factor of one column."""
+    def part(self, name: str, cell: object, files: Mapping[str, str]) -> tuple[str, str, str]:
+        """Table, name and unit of one column."""
         if not isinstance(cell, str) or not cell.strip():
             raise self.refused(f"columns.{name}", "the name of a column", cell)
         measure = QUANTITIES[name][0]
         found = _CELL.match(cell.strip()) if measure else None
         unit = found.group(2).strip() if found else ""
-        if measure and UNITS.get(unit, ("", 0.0))[0] != measure:
+        # Dates, durations and texts of ISO 8601 have no unit; the reader asks for that of numbers.
+        is_wrong = UNITS.get(unit, ("", 0.0))[0] != measure
+        if measure and is_wrong and not (name == "time" and found is None):
             known = ", ".join(one for one, (of, _) in UNITS.items() if of == measure)
             expected = f"a unit in brackets behind the name ({known})"
             raise self.refused(f"columns.{name}", expected, cell)
@@ -286,7 +303,7 @@ class _Reading:
         table, dot, rest = text.partition(".")
         if not (dot and table in files):
             table, rest = TRACKS, text
-        return table, rest, UNITS[unit][1] if measure else 1.0
+        return table, rest, unit
 
     def kinds(self) -> dict[str, int]:
         """The kind of each type."""
@@ -396,6 +413,7 @@ def template(names: tuple[str, ...] = ()) -> str:
         "# frames_per_second = 25  # with a column of frames",
         f'point = "centre"          # where x and y are: {", ".join(POINTS)}',
         'y_axis = "left"           # y grows to the left of x, or to the right (as in images)',
+        '# thousands = "."         # separator of thousands: ".", "," or "none"',
         "# length_m = 4.5          # of vehicles, where no column has it",
         "# width_m = 1.8",
         "",
@@ -416,8 +434,8 @@ def template(names: tuple[str, ...] = ()) -> str:
         '# kind = "motorway"',
         '# driving_side = "right"',
         "# speed_limit_kmh = 120",
-        "# heading_deg = 0         # direction of travel, from x towards y",
-        "# borders_m = [0, 3.5, 7] # lane borders from the right to the left of travel",
+        "# heading_deg = 0         # direction of travel, from the x axis towards the y axis",
+        "# borders_m = [0, 3.5, 7] # lane borders; they grow to the left of travel",
         "# lanes = [1, 2]          # values of the column lane, from the slow to the fast side",
     ]
     return "\n".join(lines) + "\n"

@@ -27,10 +27,10 @@ from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, by_ways, kept
 from overtaking.recordings.recording_checks import check_rows
 from overtaking.recordings.road import scaled
-from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_errors import refused, refused_cell
 from overtaking.recordings.table_streams import uncompressed_name
 from overtaking.recordings.tables import tracks_of
+from overtaking.recordings.track_table import read_track_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +58,7 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     check_direction(direction)
     columns = column_map(FORMAT)
     files = {name: file.name for name, file in files_of(Path(path), columns).items()}
-    rows = read_rows(Path(path), columns)
+    rows = read_track_rows(Path(path), columns)
     findings = check_rows(rows)
     assert rows.direction is not None
     wanted = DIRECTIONS if direction is None else (direction,)

@@ -1,4 +1,4 @@
-"""CSV files, compressed or not; the separator and the decimal mark are detected."""
+"""CSV files, compressed or not: separator, decimal mark, comments and blank lines are detected."""
 
 # pyarrow ships no types.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
@@ -8,12 +8,16 @@ from __future__ import annotations
 import csv
 import io
 import re
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 
-from overtaking.recordings.table_errors import named, refused
+from overtaking.recordings.column_matching import name_key, unit_of_header
+from overtaking.recordings.column_request import NUMBER, TEXT, TIME, ColumnRequest, RowPlaces
+from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_streams import open_bytes
 
 if TYPE_CHECKING:
@@ -22,27 +26,59 @@ if TYPE_CHECKING:
 
     from overtaking.core.errors import ImportFormatError
 
-SEPARATORS = (",", ";", "\t", "|")
-"""Separators of cells. Where numbers have decimal commas, tables have semicolons or tabs."""
+SEPARATORS = (",", ";", "\t", "|", " ")
+"""Separators of cells; " " stands for any number of blanks. Where numbers have decimal commas,
+tables have semicolons, tabs or blanks."""
+
+MISSING_WORDS = (
+    "", "NaN", "nan", "-NaN", "-nan", "NA", "N/A", "n/a", "<NA>", "#N/A", "#N/A N/A", "#NA", "NULL",
+    "null", "None", "NaT", "1.#QNAN", "-1.#IND", "1.#IND", "-1.#QNAN",
+)  # fmt: skip
+"""Texts that pandas, Arrow, R and spreadsheets write for a missing cell."""
 
 _SAMPLE_BYTES = 1 << 16  # Enough for the header of the widest table and some hundred rows.
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
+_DECIMAL_POINT = re.compile(r"\s*[+-]?\d*\.\d+([eE][+-]?\d+)?\s*")
+_NUMBER = re.compile(r"\s*[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*")
+_EXCEL_SEPARATOR = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
+_BLANK_LINE = re.compile(rb"\n[ \t]+\r?(?:\n|$)")
+_MAX_DROPPED_LINES = 1_000_000
 
 
 class Dialect(NamedTuple):
     """How the cells of a CSV file are written.
 
     Attributes:
-        separator: One of `SEPARATORS`, or a blank for columns aligned by blanks.
+        separator: One of `SEPARATORS`.
         decimal: `.` or `,`.
         names: Names of the columns.
-        has_header: Whether the first line holds the names.
+        has_header: Whether a line holds the names.
+        has_comments: Whether a line that begins with "#" is a comment.
+        num_skipped: Lines before the header that are neither comments nor blank.
+        has_text_times: Whether instants are texts, such as those of ISO 8601.
     """
 
     separator: str
     decimal: str
     names: tuple[str, ...]
     has_header: bool = True
+    has_comments: bool = True
+    num_skipped: int = 0
+    has_text_times: bool = False
+
+
+class CsvTable(NamedTuple):
+    """A CSV file that was read.
+
+    Attributes:
+        table: The requested columns. Texts are dictionaries; columns of `raw_numbers` are text.
+        places: Where its rows are in the file.
+        decimal: The decimal mark.
+    """
+
+    table: pa.Table
+    places: RowPlaces
+    decimal: str
 
 
 def csv_column_names(path: Path) -> tuple[str, ...]:
@@ -51,35 +87,41 @@ def csv_column_names(path: Path) -> tuple[str, ...]:
     Raises:
         ImportFormatError: The file is not readable.
     """
-    return _dialect(path, _sample(path), {}).names
+    return _dialect(path, _sample(path), ColumnRequest(types={})).names
 
 
-def read_csv(
-    path: Path, columns: Mapping[str, pa.DataType], header: Sequence[str] = ()
-) -> pa.Table:
+def read_csv(path: Path, request: ColumnRequest, raw_numbers: Collection[str] = ()) -> CsvTable:
     """Some columns of a CSV file.
 
     Args:
         path: The file, compressed or not.
-        columns: Types of the wanted columns by name. Numbers that are missing are null.
-        header: Names of all columns of a file without names in its first line.
+        request: The columns. Missing cells are null.
+        raw_numbers: Columns of numbers that are read as text.
 
     Raises:
         ImportFormatError: The file is not readable, lacks a column or has rows of another length.
     """
-    dialect = _dialect(path, _sample(path), columns, header)
-    names = named(dialect.names, columns, path.name)
-    types = {names[name]: kind for name, kind in columns.items()}
+    dialect = _dialect(path, _sample(path), request)
+    names = request.match(dialect.names, path.name)
+    types: dict[str, pa.DataType] = {}
+    for name, kind in request.types.items():
+        is_text = kind == TEXT or (kind == TIME and dialect.has_text_times)
+        if is_text:
+            # Few different texts stand in many rows.
+            types[names[name]] = pa.dictionary(pa.int32(), TEXT)
+        else:
+            types[names[name]] = TEXT if name in raw_numbers else NUMBER
     try:
-        table = _parse(path, types, dialect)
+        table, places = _parse(path, types, dialect)
     except _ParseError as error:
         # If the sample holds whole numbers only, it does not show the decimal mark.
-        other_dialect = dialect._replace(decimal="," if dialect.decimal == "." else ".")
+        dialect = dialect._replace(decimal="," if dialect.decimal == "." else ".")
         try:
-            table = _parse(path, types, other_dialect)
+            table, places = _parse(path, types, dialect)
         except _ParseError:
             raise error.refusal from None
-    return table.rename_columns(list(columns))
+    columns = [table[names[name]] for name in request.types]
+    return CsvTable(pa.table(columns, names=list(request.types)), places, dialect.decimal)
 
 
 class _ParseError(Exception):
@@ -91,77 +133,189 @@ class _ParseError(Exception):
 
 
 def _sample(path: Path) -> str:
-    """The first lines of a file, of which the last may be cut off."""
+    """The first lines of a file, without the last one if it is cut off."""
     with open_bytes(path) as file:
         head = file.read(_SAMPLE_BYTES)
+    is_cut = len(head) == _SAMPLE_BYTES
+    if is_cut and b"\n" in head:
+        head = head[: head.rindex(b"\n") + 1]
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\x00" in head[:1000]:
+        raise refused(
+            path,
+            "file",
+            "text in UTF-8",
+            "UTF-16" if b"\x00" in head else "bytes that are no UTF-8",
+            "save it as UTF-8: in a spreadsheet as 'CSV UTF-8', or with pandas.read_csv(..., "
+            "encoding='utf-16').to_csv(...)",
+        )
     try:
         return head.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         # The sample may end within a letter, which has at most 4 bytes.
-        if error.start >= len(head) - 3 and len(head) == _SAMPLE_BYTES:
+        if is_cut and error.start >= len(head) - 3:
             return head[: error.start].decode("utf-8-sig")
-        raise refused(path, "file", "a readable CSV file", "bytes that are no UTF-8") from None
+        raise refused(
+            path,
+            "file",
+            "a readable CSV file",
+            "bytes that are no UTF-8",
+            "save it as UTF-8: in a spreadsheet as 'CSV UTF-8', or with pandas.read_csv(..., "
+            "encoding='latin-1').to_csv(...)",
+        ) from None
 
 
-def _dialect(
-    path: Path, sample: str, columns: Mapping[str, pa.DataType], header: Sequence[str] = ()
-) -> Dialect:
+@dataclass(frozen=True, slots=True)
+class _SampleLines:
+    """The first lines of a file by their content.
+
+    Attributes:
+        comments: Comments before the first other line, without the "#".
+        lines: All lines that are neither comments nor blank.
+        has_comments: Whether lines that begin with "#" are comments; not if most lines do.
+        num_skipped: Lines before the first of `lines` that only state the separator.
+        separator: The separator that such a line states.
+    """
+
+    comments: list[str]
+    lines: list[str]
+    has_comments: bool
+    num_skipped: int = 0
+    separator: str | None = None
+
+    @classmethod
+    def of(cls, sample: str) -> _SampleLines:
+        """The lines of a sample."""
+        lines = [line for line in re.split(r"\r\n|\n|\r", sample) if line.strip()]
+        is_comment = [line.startswith("#") for line in lines]
+        # Below a header without "#", lines that mostly begin with it are rows with such names.
+        has_comments = not lines or is_comment[0] or 2 * sum(is_comment) < len(lines)
+        is_comment = [comment and has_comments for comment in is_comment]
+        others = [line for line, comment in zip(lines, is_comment, strict=True) if not comment]
+        num_first = is_comment.index(False) if others else len(lines)
+        comments = [line.lstrip("#").strip() for line in lines[:num_first]]
+        excel = _EXCEL_SEPARATOR.fullmatch(others[0]) if others else None
+        if excel is None:
+            return cls(comments, others, has_comments)
+        return cls(comments, others[1:], has_comments, 1, excel[1])
+
+
+def _dialect(path: Path, sample: str, request: ColumnRequest) -> Dialect:
     """The dialect of a file, detected from its first lines.
 
     Args:
         path: The file, for messages.
         sample: Its first lines.
-        columns: Types of the columns that are to be read, by name.
-        header: Names of the columns of a file without names.
+        request: The columns that are to be read.
     """
-    first_line = sample.partition("\n")[0]
-    cells = {separator: _cells(path, first_line, separator) for separator in SEPARATORS}
-    if header and not any(cell.strip()[:1].isalpha() for cell in cells[","]):
-        separator = max(SEPARATORS, key=lambda separator: len(cells[separator]))
-        separator = separator if len(cells[separator]) > 1 else " "
-        return Dialect(separator, ".", tuple(header), has_header=False)
-    column_keys = {name.casefold() for name in columns}
+    first = _SampleLines.of(sample)
+    first_line = first.lines[0] if first.lines else ""
+    starts_with_numbers = not any(cell.strip()[:1].isalpha() for cell in first_line.split(","))
+    if request.header and starts_with_numbers:
+        separator = max(SEPARATORS[:-1], key=lambda mark: len(_cells(path, first_line, mark)))
+        separator = separator if len(_cells(path, first_line, separator)) > 1 else " "
+        names, has_header = tuple(request.header), False
+    else:
+        candidates = SEPARATORS if first.separator is None else (first.separator,)
+        headers = [first_line, *first.comments[-1:]]  # NumPy writes the names as a comment.
+        scores = [
+            _separator_score(path, header, separator, request)
+            for header in headers
+            for separator in candidates
+        ]
+        best = scores.index(max(scores))
+        has_header = best < len(candidates)
+        header, separator = headers[not has_header], candidates[best % len(candidates)]
+        names = tuple(_cells(path, header, separator))
+    rows = [_cells(path, line, separator) for line in first.lines[has_header:]]
+    return Dialect(
+        separator=separator,
+        decimal=_decimal_mark(path, rows, _indices(names, request, NUMBER, TIME), request),
+        names=names,
+        has_header=has_header,
+        has_comments=first.has_comments,
+        num_skipped=first.num_skipped,
+        has_text_times=_has_text(rows, _indices(names, request, TIME)),
+    )
 
-    def score(separator: str) -> tuple[int, int]:
-        """Number of columns to read among the names, then the number of names."""
-        names = cells[separator]
-        return sum(name.strip().casefold() in column_keys for name in names), len(names)
 
-    separator = max(SEPARATORS, key=score)
-    names = tuple(cells[separator])
-    number_keys = {name.casefold() for name, kind in columns.items() if kind != pa.string()}
-    indices = [k for k, name in enumerate(names) if name.strip().casefold() in number_keys]
-    return Dialect(separator, _decimal_mark(sample, separator, indices), names)
+def _separator_score(
+    path: Path, header: str, separator: str, request: ColumnRequest
+) -> tuple[int, bool, int]:
+    """How well a separator fits a header: number of columns to read, then number of names.
+
+    Blanks also stand within names, so they count after all other separators.
+    """
+    names = _cells(path, header, separator)
+    wanted = {name_key(name) for name in request.types}
+    num_wanted = sum(not wanted.isdisjoint(_keys(name, request)) for name in names)
+    return num_wanted, separator != " " and len(names) > 1, len(names)
+
+
+def _keys(name: str, request: ColumnRequest) -> set[str]:
+    """The wanted names that a header may stand for, as `name_key` has them."""
+    header = unit_of_header(name, request.known_units)
+    return {name_key(name), *([] if header is None else [name_key(header[0])])}
+
+
+def _indices(names: Sequence[str], request: ColumnRequest, *kinds: pa.DataType) -> list[int]:
+    """Positions of the columns to read that have one of some types."""
+    wanted = {name_key(name) for name, kind in request.types.items() if kind in kinds}
+    return [k for k, name in enumerate(names) if not wanted.isdisjoint(_keys(name, request))]
 
 
 def _cells(path: Path, line: str, separator: str) -> list[str]:
     """The cells of a line."""
+    if separator == " ":
+        return line.split()
     try:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error as error:
-        raise refused(path, "line 1", "names of columns", str(error)) from None
+        raise refused(path, "first lines", "cells of a table", str(error)) from None
 
 
-def _decimal_mark(sample: str, separator: str, indices: Collection[int]) -> str:
+def _decimal_mark(
+    path: Path, rows: Sequence[Sequence[str]], indices: Collection[int], request: ColumnRequest
+) -> str:
     """The decimal mark of the numbers in the first lines.
 
     Args:
-        sample: The first lines of the file.
-        separator: Separator of its cells.
+        path: The file, for messages.
+        rows: Cells of the first lines.
         indices: Positions of the columns of numbers.
+        request: The request, which may state the separator of thousands.
+
+    Raises:
+        ImportFormatError: Some numbers have decimal commas, others decimal points.
     """
-    lines = io.StringIO(sample.partition("\n")[2])
-    try:
-        for row in csv.reader(lines, delimiter=separator):
-            if any(k < len(row) and _DECIMAL_COMMA.fullmatch(row[k]) for k in indices):
-                return ","
-    except csv.Error:
-        pass  # Arrow refuses the same line, and names it.
-    return "."
+    if request.thousands in (".", ","):
+        return "," if request.thousands == "." else "."
+    numbers = [row[k] for row in rows for k in indices if k < len(row)]
+    comma = next((cell for cell in numbers if _DECIMAL_COMMA.fullmatch(cell)), None)
+    if comma is None:
+        return "."
+    point = next((cell for cell in numbers if _DECIMAL_POINT.fullmatch(cell)), None)
+    if point is not None:
+        raise refused(
+            path,
+            "numbers",
+            "one decimal mark, a point or a comma",
+            f"{comma.strip()} and {point.strip()}",
+            "write all numbers with one decimal mark; if one of the two separates thousands, state "
+            "recording.thousands in the map of columns",
+        )
+    return ","
 
 
-def _parse(path: Path, types: Mapping[str, pa.DataType], dialect: Dialect) -> pa.Table:
-    """Some columns of a file with a known dialect.
+def _has_text(rows: Sequence[Sequence[str]], indices: Collection[int]) -> bool:
+    """Whether some columns have a cell in the first lines that is neither a number nor missing."""
+    cells = (row[k].strip() for row in rows for k in indices if k < len(row))
+    return any(cell not in MISSING_WORDS and _NUMBER.fullmatch(cell) is None for cell in cells)
+
+
+def _parse(
+    path: Path, types: Mapping[str, pa.DataType], dialect: Dialect
+) -> tuple[pa.Table, RowPlaces]:
+    """Some columns of a file with a known dialect, and the places of its rows.
 
     Args:
         path: The file.
@@ -171,10 +325,11 @@ def _parse(path: Path, types: Mapping[str, pa.DataType], dialect: Dialect) -> pa
     read_options: dict[str, Any] = {}
     if not dialect.has_header:
         read_options["column_names"] = list(dialect.names)
-    try:
-        with open_bytes(path) as file:
-            source, separator = _source(file, dialect)
-            return pacsv.read_csv(
+    with open_bytes(path) as file:
+        lines = _RowLines(file, path, dialect)
+        try:
+            source, separator = _source(lines, dialect)
+            table = pacsv.read_csv(
                 source,
                 # One thread, because only then Arrow knows the number of a bad row.
                 read_options=pacsv.ReadOptions(
@@ -184,29 +339,114 @@ def _parse(path: Path, types: Mapping[str, pa.DataType], dialect: Dialect) -> pa
                 convert_options=pacsv.ConvertOptions(
                     include_columns=list(types),
                     column_types=dict(types),
+                    null_values=[*MISSING_WORDS, "-"],
                     strings_can_be_null=False,
                     decimal_point=dialect.decimal,
                 ),
             )
-    except (pa.ArrowException, UnicodeDecodeError) as error:
-        text = str(error)
-        if dialect.separator == "," and "columns, got" in text:
-            text += " (decimal commas need another separator, such as semicolons)"
-        raise _ParseError(refused(path, _place_of(error), "rows of a table", text)) from None
+        except (pa.ArrowException, UnicodeDecodeError) as error:
+            text = str(error)
+            if dialect.separator == "," and "columns, got" in text:
+                text += " (decimal commas need another separator, such as semicolons)"
+            where = _place_of(error, lines.places)
+            raise _ParseError(refused(path, where, "rows of a table", text)) from None
+        return table, lines.places
 
 
-def _source(file: Any, dialect: Dialect) -> tuple[Any, str]:
+def _source(lines: _RowLines, dialect: Dialect) -> tuple[Any, str]:
     """The source that Arrow reads, and the separator in it.
 
-    Arrow takes one blank as a separator, so runs of blanks become commas.
+    Arrow takes one blank as a separator, so runs of blanks become commas, or semicolons before
+    numbers with decimal commas.
     """
     if dialect.separator != " ":
-        return pa.PythonFile(file, mode="r"), dialect.separator
-    text = re.sub(rb"[ \t]+", b",", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", file.read()))
-    return pa.BufferReader(text), ","
+        return pa.PythonFile(lines, mode="r"), dialect.separator
+    separator = ";" if dialect.decimal == "," else ","
+    text = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines.read())
+    return pa.BufferReader(re.sub(rb"[ \t]+", separator.encode(), text)), separator
 
 
-def _place_of(error: Exception) -> str:
+def _place_of(error: Exception, places: RowPlaces) -> str:
     """The line that an error of Arrow names; Arrow counts rows from 1, the header among them."""
     match = re.search(r"[Rr]ow #(\d+)", str(error))
-    return f"line {match.group(1)}" if match else "table"
+    return f"line {places.line(int(match.group(1)))}" if match else "table"
+
+
+class _RowLines(io.RawIOBase):
+    """The lines of a file that are rows or its header: without comments and blank lines."""
+
+    def __init__(self, source: BinaryIO, path: Path, dialect: Dialect) -> None:
+        super().__init__()
+        self._source, self._path, self._dialect = source, path, dialect
+        self._pending = b""  # Lines that are ready.
+        self._rest = b""  # The beginning of a line that is not complete.
+        self._num_lines = 0
+        self._num_to_skip = dialect.num_skipped
+        self._dropped: list[int] = []
+
+    @property
+    def places(self) -> RowPlaces:
+        """Where the rows are in the file, as far as it has been read."""
+        first = 2 if self._dialect.has_header else 1
+        return RowPlaces("line", first, np.array(self._dropped, np.int64))
+
+    def readable(self) -> bool:
+        """Whether bytes can be read: always."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into a buffer; returns the number of bytes, 0 at the end."""
+        while not self._pending:
+            data = self._source.read(max(len(buffer), 1 << 16))
+            text = self._rest + data
+            if not text:
+                return 0
+            # A file whose lines end in "\r" alone is one line.
+            end = text.rfind(b"\n") + 1 if data else len(text)
+            self._rest = text[end:]
+            self._pending = self._without_dropped(text[:end])
+        count = min(len(buffer), len(self._pending))
+        buffer[:count] = self._pending[:count]
+        self._pending = self._pending[count:]
+        return count
+
+    def _without_dropped(self, text: bytes) -> bytes:
+        """Whole lines without those that are no rows."""
+        if self._num_lines == 0:
+            text = text.removeprefix(b"\xef\xbb\xbf")
+        num_before = self._num_lines
+        self._num_lines += text.count(b"\n")
+        if not self._num_to_skip and not _may_have_dropped(text):
+            return text
+        lines = text.splitlines(keepends=True) if b"\n" not in text else _split_lines(text)
+        kept: list[bytes] = []
+        for number, line in enumerate(lines, num_before + 1):
+            is_comment = self._dialect.has_comments and line.startswith(b"#")
+            if not line.strip() or is_comment:
+                self._dropped.append(number)
+            elif self._num_to_skip:
+                self._num_to_skip -= 1
+                self._dropped.append(number)
+            else:
+                kept.append(line)
+        if len(self._dropped) > _MAX_DROPPED_LINES:
+            expected = f"at most {_MAX_DROPPED_LINES:,} comments and blank lines"
+            raise refused(self._path, "file", expected, "more")
+        return b"".join(kept)
+
+
+def _may_have_dropped(text: bytes) -> bool:
+    """Whether lines may have a comment or a blank line among them."""
+    if text.startswith((b"\n", b"\r\n", b" ", b"\t", b"#")):
+        return True
+    # These searches are much faster than one for a line of blanks.
+    if any(begin in text for begin in (b"\n#", b"\n\n", b"\n\r\n")):
+        return True
+    return (b"\n " in text or b"\n\t" in text) and _BLANK_LINE.search(text) is not None
+
+
+def _split_lines(text: bytes) -> list[bytes]:
+    """Lines with the ends of lines."""
+    lines = text.split(b"\n")
+    last = lines.pop()
+    return [line + b"\n" for line in lines] + ([last] if last else [])

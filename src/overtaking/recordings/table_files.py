@@ -3,110 +3,98 @@
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
 
-from collections.abc import Collection, Generator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
 
 from overtaking.core.errors import ImportFormatError
+from overtaking.recordings.column_request import NUMBER, TEXT, ColumnRequest, ReadTable, RowPlaces
+from overtaking.recordings.table_cells import (
+    check_table,
+    has_thousands,
+    is_text,
+    without_thousands,
+)
 from overtaking.recordings.table_csv import csv_column_names, read_csv
-from overtaking.recordings.table_errors import named, refused, refused_cell
+from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_streams import max_cell_bytes
 
-MAX_MAGNITUDE = 1.0e6
-"""No metre, second or number of a frame in half an hour of a motorway is larger."""
-
+PARQUET_SUFFIXES = (".parquet", ".pq")
 ARROW_SUFFIXES = (".arrow", ".arrows", ".feather")
 _ARROW_FILE_MAGIC = b"ARROW1"  # Arrow files begin with these bytes, Arrow streams do not.
 _CELL_BYTES = 8  # Size of a number in memory, which does not depend on its encoding in the file.
 
-TEXT, NUMBER, WHOLE = pa.string(), pa.float64(), pa.int64()
-Types = Mapping[str, pa.DataType]
+SMALL_UNITS = ("mm", "cm")
+"""Whole numbers of these units have separators of thousands that look like decimal marks."""
 
 
-def read_columns(
-    path: Path,
-    columns: Types,
-    *,
-    header: Sequence[str] = (),
-    limits: Mapping[str, float] | None = None,
-    gaps: Collection[str] = (),
-) -> pa.Table:
+def read_columns(path: Path, request: ColumnRequest) -> ReadTable:
     """Some columns of a CSV, Parquet or Arrow file.
 
     Args:
-        path: The file. The ending of its name is its format: `.parquet`; one of `ARROW_SUFFIXES`;
-            any other is CSV, compressed or not.
-        columns: Types of the wanted columns by name; the file may have more. Names are matched as
-            `table_errors.named` describes.
-        header: Names of all columns of a text file that has none, with blanks between the cells.
-        limits: Largest size of the numbers of some columns; `MAX_MAGNITUDE` for the others.
-        gaps: Columns of numbers in which cells may be missing.
-
-    Returns:
-        A table with the columns in that order, without nulls. Numbers are finite, except NaN for a
-        missing cell in one of the `gaps`.
+        path: The file. The ending of its name is its format: one of `PARQUET_SUFFIXES`; one of
+            `ARROW_SUFFIXES`; any other is CSV, compressed or not.
+        request: The columns; the file may have more.
 
     Raises:
         ImportFormatError: The file is missing, too large, lacks a column, or has a cell that is no
             such value; the message names column and line.
     """
-    if path.suffix == ".parquet":
-        return checked_table(_parquet(path, columns), columns, path.name, limits, gaps)
-    if path.suffix in ARROW_SUFFIXES:
-        return checked_table(_read_arrow(path, columns), columns, path.name, limits, gaps)
-    # pandas writes whole numbers as 3.0 if cells of their column are missing.
-    types = {name: NUMBER if kind == WHOLE else kind for name, kind in columns.items()}
-    return checked_table(read_csv(path, types, header), columns, path.name, limits, gaps)
+    if path.suffix.lower() in PARQUET_SUFFIXES:
+        return checked_table(_parquet(path, request), request, path.name)
+    if path.suffix.lower() in ARROW_SUFFIXES:
+        return checked_table(_read_arrow(path, request), request, path.name)
+    numbers = [name for name, kind in request.types.items() if kind == NUMBER]
+    if request.thousands is None:
+        numbers = [name for name in numbers if request.units.get(name) in SMALL_UNITS]
+    elif request.thousands == "none":
+        numbers = []
+    content = read_csv(path, request, numbers)
+    return checked_table(content.table, request, path.name, content.places, content.decimal)
 
 
 def checked_table(
     table: pa.Table,
-    columns: Types,
+    request: ColumnRequest,
     where: str,
-    limits: Mapping[str, float] | None = None,
-    gaps: Collection[str] = (),
-) -> pa.Table:
+    places: RowPlaces | None = None,
+    decimal: str = ".",
+) -> ReadTable:
     """A table with the wanted columns; raises an error for a cell of another type.
 
     Args:
-        table: The table.
-        columns: Types of its columns.
+        table: The table, with the names of the request.
+        request: The columns.
         where: What it is called in a message.
-        limits: As in `read_columns`.
-        gaps: As in `read_columns`.
+        places: Where its rows are.
+        decimal: The decimal mark of numbers that are texts.
     """
-    if not table.num_rows:
-        raise refused(where, "table", "at least one row", "none")
-    arrays: list[pa.ChunkedArray] = []
-    for name, kind in columns.items():
-        array = _of_type(table[name], name, kind, where)
-        if kind == TEXT:
-            arrays.append(_words(array))
+    grouped: dict[str, str] = {}
+    for index, name in enumerate(table.column_names):
+        column = table[name]
+        if request.types[name] != NUMBER or not is_text(column.type):
             continue
-        largest = (limits or {}).get(name, MAX_MAGNITUDE)
-        _check_numbers(where, name, array, largest, may_be_missing=name in gaps)
-        arrays.append(pc.fill_null(array, np.nan) if name in gaps else array)
-    return pa.Table.from_arrays(arrays, names=list(columns))
-
-
-def _words(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Text without blanks around it, and whole numbers without the ".0" that pandas adds."""
-    trimmed = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
-    return pc.replace_substring_regex(trimmed, r"^([+-]?\d+)\.0*$", r"\1")
+        texts = column.cast(TEXT)
+        if request.thousands is None and request.units.get(name) in SMALL_UNITS:
+            example = has_thousands(texts, decimal)
+            grouped |= {} if example is None else {name: example}
+        texts = without_thousands(texts, request.thousands, decimal)
+        table = table.set_column(index, name, texts)
+    places = places or RowPlaces()
+    return ReadTable(check_table(table, request, where, places), places, grouped)
 
 
 def column_names(path: Path) -> tuple[str, ...]:
     """The columns of a file."""
-    if path.suffix == ".parquet":
+    if path.suffix.lower() in PARQUET_SUFFIXES:
         return tuple(_parquet_file(path).schema_arrow.names)
-    if path.suffix in ARROW_SUFFIXES:
+    if path.suffix.lower() in ARROW_SUFFIXES:
         with _open_arrow(path) as reader:
             return tuple(reader.schema.names)
     return csv_column_names(path)
@@ -122,21 +110,21 @@ def _parquet_file(path: Path) -> Any:
         raise refused(path, "file", "a readable Parquet file", str(error)) from None
 
 
-def _parquet(path: Path, columns: Types) -> pa.Table:
+def _parquet(path: Path, request: ColumnRequest) -> pa.Table:
     """Some columns of a Parquet file."""
     file = _parquet_file(path)
-    found = named(file.schema_arrow.names, columns, path.name)
+    names = request.match(file.schema_arrow.names, path.name, _index_names(file.schema_arrow))
     most = max_cell_bytes(path)
     about = file.metadata
     pages = sum(about.row_group(k).total_byte_size for k in range(about.num_row_groups))
-    if max(pages, _CELL_BYTES * len(columns) * about.num_rows) > most:
+    if max(pages, _CELL_BYTES * request.num_columns * about.num_rows) > most:
         raise _too_many_cells(path, most, about.num_rows)
     try:
-        table = file.read(columns=list(found.values()))
+        table = file.read(columns=list(names.values()))
         table.validate(full=True)
     except (pa.ArrowException, OSError) as error:
         raise refused(path, "file", "a readable Parquet file", str(error)) from None
-    return table.select(list(found.values())).rename_columns(list(found))
+    return table.select(list(names.values())).rename_columns(list(names))
 
 
 @contextmanager
@@ -167,24 +155,24 @@ def _open_arrow(path: Path, columns: Sequence[int] | None = None) -> Generator[A
         raise refused(path, "file", expected, str(error)) from None
 
 
-def _read_arrow(path: Path, columns: Types) -> pa.Table:
+def _read_arrow(path: Path, request: ColumnRequest) -> pa.Table:
     """Some columns of an Arrow IPC file or stream."""
     most = max_cell_bytes(path)
     with _open_arrow(path) as reader:
         schema = reader.schema
-        names = named(schema.names, columns, path.name)
+        names = request.match(schema.names, path.name, _index_names(schema))
     indices = [schema.get_field_index(name) for name in names.values()]
     for field in map(schema.field, indices):
         # Cells of other types, such as run-end encoded ones, take any number of bytes when cast.
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-        if pa.types.is_nested(kind) or not (pa.types.is_primitive(kind) or _is_text(kind)):
+        if pa.types.is_nested(kind) or not (pa.types.is_primitive(kind) or is_text(kind)):
             raise refused(path, f"column {field.name}", "cells of numbers or text", str(field.type))
     batches: list[pa.RecordBatch] = []
     num_rows = num_bytes = 0
     with _open_arrow(path, indices) as reader:
         if isinstance(reader, ipc.RecordBatchFileReader):
             # A file states its number of rows before cells are decompressed; a stream does not.
-            if _CELL_BYTES * len(columns) * reader.count_rows() > most:
+            if _CELL_BYTES * request.num_columns * reader.count_rows() > most:
                 raise _too_many_cells(path, most, reader.count_rows())
             source = map(reader.get_batch, range(reader.num_record_batches))
         else:
@@ -202,14 +190,16 @@ def _read_arrow(path: Path, columns: Types) -> pa.Table:
     return table.select(list(names.values())).rename_columns(list(names))
 
 
-def _is_text(kind: pa.DataType) -> bool:
-    return pa.types.is_string(kind) or pa.types.is_large_string(kind) or kind == pa.string_view()
+def _index_names(schema: pa.Schema) -> list[str]:
+    """Names of the index of the data frame that a file was written from."""
+    about = schema.pandas_metadata or {}
+    return [name for name in about.get("index_columns", ()) if isinstance(name, str)]
 
 
 def _decoded_bytes(column: pa.Array) -> int:
     """Memory of a column with every cell on its own, not as an index of a dictionary [bytes]."""
     cells = max(column.nbytes, _CELL_BYTES * len(column))
-    if pa.types.is_dictionary(column.type) and _is_text(column.type.value_type):
+    if pa.types.is_dictionary(column.type) and is_text(column.type):
         longest = pc.max(pc.binary_length(column.dictionary.cast(TEXT))).as_py() or 0
         cells = max(cells, longest * len(column))
     return cells
@@ -217,26 +207,3 @@ def _decoded_bytes(column: pa.Array) -> int:
 
 def _too_many_cells(path: Path, most: int, num_rows: int) -> ImportFormatError:
     return refused(path, "file", f"at most {most >> 20} MB of cells", f"{num_rows} rows")
-
-
-def _of_type(column: pa.ChunkedArray, name: str, kind: pa.DataType, where: str) -> pa.ChunkedArray:
-    """A column of one type, refused if its cells are of another."""
-    try:
-        return column.cast(kind)
-    except (pa.ArrowException, UnicodeDecodeError) as error:
-        raise refused(where, f"column {name}", f"cells of type {kind}", str(error)) from None
-
-
-def _check_numbers(
-    where: str, name: str, column: pa.ChunkedArray, most: float, *, may_be_missing: bool
-) -> None:
-    """Refuse numbers that are missing, not finite, or larger than anything in a recording."""
-    # `safe=False`: an integer beyond 2**53 loses digits, but it exceeds every limit anyway.
-    sizes = pc.abs(pc.fill_null(column.cast(NUMBER, safe=False), np.nan))
-    is_right = pc.less_equal(sizes, most)
-    if may_be_missing:
-        is_right = pc.or_(is_right, pc.is_nan(sizes))
-    wrong = pc.index(is_right, False).as_py()
-    if wrong >= 0:
-        got = "an empty cell" if not column[wrong].is_valid else str(column[wrong].as_py())
-        raise refused_cell(where, wrong, name, f"a number of size at most {most:g}", got)

@@ -103,7 +103,7 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
     x, y = x - origin[0], y - origin[1]
     stated = columns.road
     given = stated.get("heading_deg")
-    heading = _direction(rows, x, y) if given is None else float(np.deg2rad(given))
+    heading = _direction(rows, x, y) if given is None else _stated_heading(columns, given)
     cosine, sine = np.cos(heading), np.sin(heading)
     along, across = x * cosine + y * sine, y * cosine - x * sine
     notes: dict[str, Any] = {}
@@ -121,7 +121,11 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         borders = _named_borders(rows, across, [f"{one}" for one in stated["lanes"]])
         notes["lanes_from"] = "traffic, by the named lanes"
     else:
-        borders, fit = _comb(rows.where, across[_forward(rows, along)])
+        is_forward = _forward(rows, along)
+        if not is_forward.any():
+            expected = "some that drive in the direction of heading_deg"
+            raise refused(rows.where, "vehicles", expected, "none")
+        borders, fit = _comb(rows.where, across[is_forward])
         notes |= {"lanes_from": LANES_FITTED, "lane_fit": round(fit, 3)}
     if line is None:
         first, middle = float(along.min()) - _BEYOND, float(borders[0] + borders[-1]) * 0.5
@@ -140,6 +144,14 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         unknown=_unknown(rows, columns),
         notes=notes,
     )
+
+
+def _stated_heading(columns: ColumnMap, heading_deg: float) -> float:
+    """The direction of travel, in axes of which y is to the left of x [rad].
+
+    The map states it from the table's x axis towards its y axis.
+    """
+    return float(np.deg2rad(heading_deg if columns.y_is_left else -heading_deg))
 
 
 def bend_of(rows: Rows, s: F64, d: F64) -> float:

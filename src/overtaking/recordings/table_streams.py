@@ -5,16 +5,19 @@ from __future__ import annotations
 import io
 import lzma
 import stat
+import zipfile
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, BinaryIO, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, cast
 
 import pyarrow as pa
 
 from overtaking.recordings.table_errors import refused
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Generator, Mapping
     from pathlib import Path
+
+_T = TypeVar("_T")
 
 MAX_BYTES = 1 << 31
 """Larger files are refused; the largest of highD has some 200 MB, NGSIM's of all sites 1.5 GB."""
@@ -34,12 +37,23 @@ _MAGIC = {
     b"\x28\xb5\x2f\xfd": "zstd",
     b"\x04\x22\x4d\x18": "lz4",
 }
-_ARCHIVES = {
-    b"PK\x03\x04": "a zip archive",
-    b"7z\xbc\xaf": "a 7z archive",
-    b"Rar!": "a RAR archive",
+_SAVE_AS_CSV = (
+    "save the sheet as 'CSV UTF-8', or with pandas.read_excel(...).to_csv(..., index=False)"
+)
+_OTHER_FILES = {
+    b"PK\x03\x04": ("a zip archive", "unpack it"),
+    b"7z\xbc\xaf": ("a 7z archive", "unpack it"),
+    b"Rar!": ("a RAR archive", "unpack it"),
+    b"\xd0\xcf\x11\xe0": ("an Excel workbook (.xls)", _SAVE_AS_CSV),
+    b"PAR1": ("a Parquet file", "end its name in .parquet"),
+    b"ARROW1": ("an Arrow file", "end its name in .arrow"),
+    b"\x89HDF": ("an HDF5 file", "write it with pandas.read_hdf(...).to_parquet(...)"),
+    b"SQLite": ("an SQLite database", "write the table with pandas.read_sql(...).to_parquet(...)"),
+    b"\x93NUMPY": ("a NumPy file", "write it as CSV or Parquet"),
 }
-_LONGEST_MAGIC = 8  # At least as long as every key of `_MAGIC` and `_ARCHIVES` [bytes].
+"""What a file that is no text is, by its first bytes, and what the user can do."""
+
+_LONGEST_MAGIC = 8  # At least as long as every key of `_MAGIC` and `_OTHER_FILES` [bytes].
 
 
 def uncompressed_name(path: Path) -> str:
@@ -79,8 +93,10 @@ def open_bytes(path: Path) -> Generator[BinaryIO]:
         with path.open("rb") as file:
             first = file.read(_LONGEST_MAGIC)
             file.seek(0)
-            if archive := _kind(first, _ARCHIVES):
-                raise refused(path, "file", "a table, compressed or not", f"{archive}: unpack it")
+            if (other := _kind(first, _OTHER_FILES)) is not None:
+                if first.startswith(b"PK") and _is_workbook(path):
+                    other = "an Excel workbook (.xlsx)", _SAVE_AS_CSV
+                raise refused(path, "file", "a table in text, compressed or not", *other)
             kind = _kind(first, _MAGIC)
             stream = file if kind is None else _BoundedStream(_decompressed(file, kind), path)
             yield cast("BinaryIO", stream)
@@ -89,9 +105,18 @@ def open_bytes(path: Path) -> Generator[BinaryIO]:
         raise refused(path, "file", "a readable file", got) from None
 
 
-def _kind(first: bytes, kinds: dict[bytes, str]) -> str | None:
+def _kind(first: bytes, kinds: Mapping[bytes, _T]) -> _T | None:
     """The kind of file that begins with some bytes, None if `kinds` does not list it."""
     return next((kind for magic, kind in kinds.items() if first.startswith(magic)), None)
+
+
+def _is_workbook(path: Path) -> bool:
+    """Whether a zip archive is a workbook of a spreadsheet."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.startswith("xl/") for name in archive.namelist())
+    except (zipfile.BadZipFile, OSError, ValueError):
+        return False
 
 
 def _decompressed(file: BinaryIO, kind: str) -> BinaryIO:

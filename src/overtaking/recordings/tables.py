@@ -23,10 +23,10 @@ from overtaking.recordings.recording import (
     slope,
 )
 from overtaking.recordings.recording_checks import check_lanes, check_rows
-from overtaking.recordings.row_tables import read_rows
 from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_road import LANES_FITTED, check_straight, located
 from overtaking.recordings.table_streams import uncompressed_name
+from overtaking.recordings.track_table import read_track_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,7 +65,7 @@ def read_table(
         ConfigError: The map is wrong.
     """
     chosen = with_driving_side(column_map(columns), driving_side, road)
-    rows = read_rows(Path(path), chosen, only)
+    rows = read_track_rows(Path(path), chosen, only)
     name = Path(uncompressed_name(Path(path))).stem
     return recording_of(rows, chosen, name, road=road)
 

@@ -221,7 +221,7 @@ def test_ragged_rows_missing_columns_and_missing_files_are_refused(tmp_path):
     with pytest.raises(ImportFormatError, match="Expected 25 columns, got 3"):
         read_highd(path)
     path.write_text(text.replace("xVelocity", "speedX"), encoding="utf-8")
-    with pytest.raises(ImportFormatError, match=r"line 1: expected a column xVelocity, got none"):
+    with pytest.raises(ImportFormatError, match="expected a column xVelocity, got none"):
         read_highd(path)
     path.write_text(text.splitlines()[0] + "\n", encoding="utf-8")
     with pytest.raises(ImportFormatError, match="expected at least one row"):

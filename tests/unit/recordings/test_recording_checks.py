@@ -16,8 +16,8 @@ from overtaking.core.errors import ImportFormatError
 from overtaking.recordings.column_map import column_map
 from overtaking.recordings.highd import read_highd
 from overtaking.recordings.recording_checks import check_rows
-from overtaking.recordings.row_tables import rows_of
 from overtaking.recordings.tables import read_table, recording_of
+from overtaking.recordings.track_table import track_rows_from_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,7 +53,7 @@ def frame() -> pd.DataFrame:
 
 
 def sentences(table: pd.DataFrame, **columns: str) -> list[str]:
-    rows = rows_of(table, column_map({**COLUMNS, **columns}))
+    rows = track_rows_from_table(table, column_map({**COLUMNS, **columns}))
     return [finding.detail for finding in check_rows(rows)]
 
 
@@ -119,7 +119,7 @@ def test_positions_of_slow_traffic_in_feet_are_found_by_its_lanes():
     wrong = pd.DataFrame(states(slow))
     wrong[["x", "y"]] /= 0.3048
     (finding,) = recording_of(
-        rows_of(wrong, column_map(COLUMNS)), column_map(COLUMNS), "t"
+        track_rows_from_table(wrong, column_map(COLUMNS)), column_map(COLUMNS), "t"
     ).findings
     assert re.search(r"11\.5 m apart.* by the factor 0\.3048", finding.detail)
 
@@ -275,7 +275,7 @@ def test_a_position_that_integers_cannot_hold_is_refused_in_one_line(tmp_path: P
     far = replace(road, x0=1_800_000.0)
     table = pd.DataFrame(states(MOVERS))
     table["x"] += 2_200_000.0
-    rows = rows_of(table, column_map(COLUMNS))
+    rows = track_rows_from_table(table, column_map(COLUMNS))
     long = replace(far, length=100_000.0)
     with pytest.raises(ImportFormatError) as caught:
         recording_of(rows, column_map(COLUMNS), "t", road=replace(long, origin_x=0.0))

@@ -24,6 +24,8 @@ from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.events import Outcome
 from overtaking.model.labels import Verdict
 from overtaking.model.vehicles import VehicleKind
+from overtaking.recordings.column_request import NUMBER, ColumnRequest
+from overtaking.recordings.findings import Check, Consequence
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.opendrive_writer import write_opendrive
@@ -31,7 +33,7 @@ from overtaking.recordings.pinto2023 import read_table as read_paper
 from overtaking.recordings.pinto2023 import write_table
 from overtaking.recordings.rows import track_names
 from overtaking.recordings.scenes import scenes
-from overtaking.recordings.table_files import NUMBER, read_columns
+from overtaking.recordings.table_files import read_columns
 from overtaking.recordings.tables import read_table
 
 if TYPE_CHECKING:
@@ -96,7 +98,7 @@ def test_separator_and_decimal_mark_are_found(tmp_path, frame, separator, decima
 def test_decimal_commas_after_many_whole_numbers_are_found(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("id;x\n" + "1;2\n" * 20_000 + "1;2,5\n", encoding="utf-8")
-    table = read_columns(path, {"x": NUMBER})
+    table = read_columns(path, ColumnRequest(types={"x": NUMBER})).table
     assert table["x"].to_pylist() == [2.0] * 20_000 + [2.5]
 
 
@@ -155,7 +157,7 @@ def test_the_papers_table_may_be_compressed(tmp_path):
 def test_an_archive_is_named(tmp_path):
     path = tmp_path / "t.csv"
     path.write_bytes(b"PK\x03\x04" + bytes(100))
-    with pytest.raises(ImportFormatError, match="a zip archive: unpack it"):
+    with pytest.raises(ImportFormatError, match="a zip archive; unpack it"):
         read(path)
 
 
@@ -204,14 +206,30 @@ def test_rows_without_anything_are_a_gap(tmp_path, frame):
     assert found.notes["tracks_torn"] == 1
 
 
-def test_a_row_with_a_position_needs_a_vehicle_and_a_time(tmp_path, frame):
+@pytest.mark.parametrize("column", ["id", "t", "x", "y"])
+def test_a_row_without_vehicle_time_or_position_is_left_out(tmp_path, frame, column):
     path = tmp_path / "t.csv"
-    for column in ("id", "t"):
-        wrong = frame.astype({column: float})
-        wrong.loc[wrong.index[3], column] = np.nan
-        wrong.to_csv(path, index=False)
-        with pytest.raises(ImportFormatError, match=f"line 5, column {column}: .*an empty cell"):
-            read(path)
+    wrong = frame.astype({column: float})
+    wrong.loc[wrong.index[3], column] = np.nan
+    wrong.to_csv(path, index=False)
+    recording = read(path)
+    assert recording.notes["rows_missing"] == 1
+    (finding,) = [one for one in recording.findings if one.check is Check.MISSING_CELLS]
+    assert finding.consequence is Consequence.LEFT_OUT
+    assert finding.rows == 1
+    assert finding.vehicle == (None if column == "id" else "7")
+    assert finding.first_time_s == (None if column == "t" else pytest.approx(0.3))
+    assert f"column {column}" in finding.detail
+
+
+@pytest.mark.parametrize("column", ["id", "t", "x", "y"])
+def test_a_column_with_many_missing_cells_is_refused(tmp_path, frame, column):
+    path = tmp_path / "t.csv"
+    wrong = frame.astype({column: float})
+    wrong.loc[wrong.index[::15], column] = np.nan
+    wrong.to_csv(path, index=False)
+    with pytest.raises(ImportFormatError, match=f"line 2, column {column}: .*95% of the rows"):
+        read(path)
 
 
 def test_a_speed_that_is_missing_throughout_comes_from_positions(tmp_path, frame):
@@ -297,7 +315,7 @@ def test_the_differing_column_is_named_when_another_one_is_empty(tmp_path, frame
     empty = frame.assign(v=np.nan)
     pd.concat([empty, empty[50:51].assign(x=17.25)]).to_csv(path, index=False)
     columns = {**MAP, "columns": {"speed": "v [m/s]", **MAP["columns"]}}
-    with pytest.raises(ImportFormatError, match=r"with x 270\.0 and x 17\.25"):
+    with pytest.raises(ImportFormatError, match=r"with x 270 and x 17\.25"):
         read_table(path, columns)
 
 

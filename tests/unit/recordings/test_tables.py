@@ -36,9 +36,9 @@ from overtaking.recordings.column_map import column_map, map_names, template
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.highd import read_highd
-from overtaking.recordings.row_tables import rows_of
 from overtaking.recordings.scenes import scenes
 from overtaking.recordings.tables import read_table, recording_of
+from overtaking.recordings.track_table import track_rows_from_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -282,7 +282,10 @@ def test_a_given_road_may_bend(tmp_path):
     table = {name: np.array(each) for name, each in table.items()}
     x, y = road.world(table["x"], table["y"] - 5.25)
     found = recording_of(
-        rows_of({**table, "x": x, "y": y}, column_map(COLUMNS)), column_map(COLUMNS), "t", road=road
+        track_rows_from_table({**table, "x": x, "y": y}, column_map(COLUMNS)),
+        column_map(COLUMNS),
+        "t",
+        road=road,
     )
     tracks = found.tracks
     assert found.notes["oncoming_left_out"] == 1
@@ -374,10 +377,10 @@ def test_a_column_whose_name_is_no_text_is_refused(tmp_path):
 def test_a_bad_cell_is_named(tmp_path):
     table = pd.DataFrame(states())
     for column, value, message in (
-        ("x", float("inf"), "line 5, column x: expected a number"),
-        ("length", 0.0, "line 5, column length: expected a length, 0.1 to 50 m"),
-        ("t", 1e15, "line 5, column t: expected a number of size at most"),
-        ("t", 0.0, "line 5, column t: expected another time of vehicle 7"),
+        ("x", float("inf"), "row 4, column x: expected a number"),
+        ("length", 0.0, "row 4, column length: expected a length, 0.1 to 50 m"),
+        ("t", 1e15, "row 4, column t: expected a number of size at most"),
+        ("t", 0.0, "row 4, column t: expected another time of vehicle 7"),
     ):
         wrong = table.copy()
         wrong[column] = wrong[column].astype(float)
