@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, I64, Mask
+from overtaking.core.checks import convert_integers
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law import policy as known_policy
 from overtaking.model.checks import check
@@ -62,6 +63,7 @@ class Balance:
     def __post_init__(self) -> None:
         """Refuse what cannot be carried out, before anything is made."""
         check(self, "balance")
+        convert_integers(self, "candidates")
         if self.policy is not None:
             known_policy(self.policy)
         if self.by not in BY:

@@ -4,7 +4,6 @@ All environments of an `OvertakingVectorEnv` run in one batch of the compiled en
 `OvertakingEnv` is a batch of one.
 """
 
-import operator
 from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,13 +18,14 @@ from numpy.typing import NDArray
 from overtaking import scenarios
 from overtaking.api.choices import Profile, road_of
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.checks import check_name
+from overtaking.core.checks import check_name, check_whole_number, whole_number
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.gym.episodes import EpisodeBatch, EpisodeSettings, EpisodeVerdicts, ScenarioSupply
 from overtaking.gym.rewards import NEED_LABELS, REWARDS, Events, Reward
 from overtaking.gym.spaces import action_space, answers, bounded, observation_space
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Stage
+from overtaking.scenarios.sampling import MAX_SEED
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import MOST_HELD, OBSERVED
 from overtaking.world.clock import DECISIONS_PER_SECOND
@@ -97,9 +97,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         """Check the arguments; `reset` draws the first scenarios."""
         check_name(observe, OBSERVED, what="observe", where="gym")
         check_name(action, CONTROLS, what="action", where="gym")
-        _check_range("num_envs", num_envs, 1, MAX_ENVS)
-        _check_range("hold", hold, 1, MOST_HELD)
-        _check_range("first", first, 0, MAX_INDEX)
+        num_envs = check_whole_number(num_envs, 1, MAX_ENVS, what="num_envs", where="gym")
+        hold = check_whole_number(hold, 1, MOST_HELD, what="hold", where="gym")
+        first = check_whole_number(first, 0, MAX_INDEX, what="first", where="gym")
         self._reward = _find_reward(reward, labels=labels)
         _check_render_mode(render_mode)
         spec = scenarios.spec(profile, overrides)
@@ -141,6 +141,8 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
                 environments only.
         """
         options = options or {}
+        if seed is not None:
+            seed = check_whole_number(seed, 0, MAX_SEED, what="seed", where="reset")
         _check_option_names(options, ("reset_mask", "index"))
         mask = self._check_mask(options.get("reset_mask"), seed)
         rows = np.flatnonzero(mask)
@@ -370,6 +372,8 @@ class OvertakingEnv(Env[F32, Any]):
         Raises:
             ConfigError: An option is unknown or cannot be used.
         """
+        if seed is not None:
+            seed = check_whole_number(seed, 0, MAX_SEED, what="seed", where="reset")
         super().reset(seed=seed)
         _check_option_names(options or {}, ("index",))
         observations, info = self._batch.reset(seed=seed, options=options)
@@ -485,11 +489,6 @@ def _frames_per_second(hold: int) -> int:
     return max(1, round(float(DECISIONS_PER_SECOND) / hold))
 
 
-def _check_range(name: str, value: object, low: int, high: int) -> None:
-    if not (isinstance(value, int) and low <= value <= high):
-        raise ConfigError.out_of_range(name, "gym", low, high, value)
-
-
 def _check_option_names(options: Mapping[str, Any], allowed: Iterable[str]) -> None:
     for name in options:
         check_name(name, allowed, what="option", where="reset")
@@ -497,11 +496,8 @@ def _check_option_names(options: Mapping[str, Any], allowed: Iterable[str]) -> N
 
 def _check_index(index: Any, num_rows: int) -> NDArray[np.uint64]:
     """Numbers of simulations, one for each environment that is reset."""
-    try:
-        numbers = [operator.index(number) for number in np.atleast_1d(np.asarray(index))]
-    except TypeError:
-        numbers = []
-    if len(numbers) != num_rows or not all(0 <= number <= MAX_INDEX for number in numbers):
+    numbers = [whole_number(number) for number in np.atleast_1d(np.asarray(index))]
+    if len(numbers) != num_rows or any(n is None or not 0 <= n <= MAX_INDEX for n in numbers):
         noun = "whole number" if num_rows == 1 else "whole numbers"
         raise _option_error("index", f"{num_rows} {noun} of 0 to 2^62", index)
     return np.array(numbers, np.uint64)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from overtaking.core.checks import convert_integers
 from overtaking.model.batch import Batch
 from overtaking.model.decision import Decision
 from overtaking.model.scenario import MAX_VEHICLES, Scenario
@@ -40,6 +41,10 @@ class Change:
     ahead: Annotated[float, within(-1e4, 1e4, "m")] = 0.0
     faster: Annotated[float, within(-100.0, 100.0, "m/s")] = 0.0
     removed: bool = False
+
+    def __post_init__(self) -> None:
+        """Accept integers of NumPy."""
+        convert_integers(self, "frame", "vehicle")
 
     def as_json(self) -> dict[str, Any]:
         """Plain values of what is different, from which `from_json` makes an equal change."""

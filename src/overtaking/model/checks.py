@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, get_args, get_origin
+from typing import Any, ParamSpec, SupportsIndex, TypeVar, get_args, get_origin
 from typing import get_type_hints as type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import Mask
+from overtaking.core.checks import whole_number
 from overtaking.core.errors import ConfigError
 from overtaking.core.notebook import PROGRESS, show_progress
 from overtaking.model.batch import (
@@ -36,7 +37,7 @@ _NO_MATCH = object()
 """Result of `_converted` for a value of another type."""
 
 _PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
-    int: (Integral, "a whole number"),
+    int: (SupportsIndex, "a whole number"),
     float: (Real, "a number"),
     bool: (bool | np.bool_, "True or False"),
     str: (str, "a text"),
@@ -110,7 +111,8 @@ def argument(value: Any, annotation: Any, where: str, name: str) -> Any:
         name: The parameter.
 
     Returns:
-        The argument. Iterables are returned as tuples, because some can be read only once.
+        The argument. Integers are Python's, and iterables are tuples, because some can be read
+        only once.
 
     Raises:
         ConfigError: It is of another type or out of range.
@@ -165,10 +167,11 @@ class _BatchChecker:
         converted = _converted(value, field.type)
         if converted is _NO_MATCH:
             raise self._error(path, _describe_type(field.type), _describe_value(value))
-        if field.spec.is_bounded and value is not None:
+        if field.spec.is_bounded and converted is not None:
             high = self._upper_limit(field)
-            if not _is_in_range(field.spec, high, value):
-                raise self._error(path, _describe_range(field.spec, high), _format_number(value))
+            if not _is_in_range(field.spec, high, converted):
+                got = _format_number(converted)
+                raise self._error(path, _describe_range(field.spec, high), got)
         return converted
 
     def _check_array(self, field: BatchField, value: Any, path: str) -> None:
@@ -265,6 +268,8 @@ def _converted(value: Any, annotation: Any) -> Any:
         return value if isinstance(value, np.ndarray) and value.dtype == dtype else _NO_MATCH
     bare = without_metadata(annotation)
     origin, inner = get_origin(bare) or bare, get_args(bare)
+    if bare is int:
+        return _NO_MATCH if (number := whole_number(value)) is None else number
     if bare in _PLAIN_TYPES:
         return value if _is_plain(value, bare) else _NO_MATCH
     if bare is Any or (origin is Callable and callable(value)):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64, U8, U64
+from overtaking.core.checks import convert_integers
 from overtaking.model.batch import Constraint, IdentityBatch
 from overtaking.model.drivers import Drivers
 from overtaking.model.road import MAX_LENGTH, Road
@@ -70,6 +71,10 @@ class Scenario(IdentityBatch):
     start_lane: Annotated[U8, within(0, "lane or oncoming", axes=_EACH)]
     start_speed: Annotated[F32, within(0.0, 150.0, "m/s", axes=_EACH)]
     pushes: Pushes | None = None
+
+    def __post_init__(self) -> None:
+        """Accept a seed of NumPy."""
+        convert_integers(self, "seed")
 
     @property
     def num_simulations(self) -> int:

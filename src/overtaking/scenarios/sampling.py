@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.arrays import F32, U8, U64
+from overtaking.core.checks import check_whole_number
 from overtaking.core.compiled import minimum
 from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
@@ -79,10 +80,7 @@ def sample(
         InfeasibleError: The zone is too small, or a vehicle too slow, for the specification.
     """
     numbers = _checked_index(index)
-    if not 0 <= seed <= MAX_SEED:
-        raise ConfigError.of(
-            what="seed", where="sample", expected="0 to 2**64 - 1", got=seed, next_step="change it"
-        )
+    seed = check_whole_number(seed, 0, MAX_SEED, what="seed", where="sample")
     start, long_road = _starter(spec, road)
     blocks = [
         _block(spec, long_road, start, seed, numbers[first : first + BLOCK], changed)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, Mask
-from overtaking.core.checks import check_name
+from overtaking.core.checks import check_name, check_whole_number
 from overtaking.core.errors import ConfigError, PolicyError
 from overtaking.model.actions import KINDS, MOST_PARTS, Actions, Part
 from overtaking.model.observation import parted
@@ -69,8 +69,8 @@ class Driver:
             known = (*OBSERVED, "a sensor, on the command line its .toml file")
             raise ConfigError.not_among("observe", "drive", known, self.observe)
         check_name(self.action, CONTROLS, what="action", where="drive")
-        if not (isinstance(self.hold, int) and 1 <= self.hold <= MOST_HELD):
-            raise ConfigError.out_of_range("hold", "drive", 1, MOST_HELD, self.hold)
+        hold = check_whole_number(self.hold, 1, MOST_HELD, what="hold", where="drive")
+        object.__setattr__(self, "hold", hold)
 
     @property
     def control(self) -> Control:

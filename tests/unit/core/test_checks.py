@@ -3,8 +3,9 @@
 import math
 
 import pytest
+from tests.support.integers import INTEGER_TYPES, NO_INTEGERS
 
-from overtaking.core.checks import check_least, check_name
+from overtaking.core.checks import check_least, check_name, check_whole_number, whole_number
 from overtaking.core.errors import ConfigError
 from overtaking.core.steps import Steps
 
@@ -20,6 +21,26 @@ def test_a_number_that_is_too_small_is_refused(number: float) -> None:
     check_least(1, 1, what="--every", where="logic")
     with pytest.raises(ConfigError, match=r"^logic: --every: expected 1 frame or more, got"):
         check_least(number, 1, what="--every", where="logic", unit="frame")
+
+
+@pytest.mark.parametrize("kind", INTEGER_TYPES)
+def test_an_integer_of_any_library_becomes_one_of_python(kind: str) -> None:
+    number = whole_number(INTEGER_TYPES[kind](7))
+    assert (number, type(number)) == (7, int)
+    assert check_whole_number(INTEGER_TYPES[kind](7), 7, 7, what="seed", where="sample") == 7
+
+
+@pytest.mark.parametrize("value", [*NO_INTEGERS, None])
+def test_a_flag_or_a_fraction_is_no_integer(value: object) -> None:
+    assert whole_number(value) is None
+    with pytest.raises(ConfigError, match=r"^sample: seed: expected 0 to 9, got"):
+        check_whole_number(value, 0, 9, what="seed", where="sample")
+
+
+@pytest.mark.parametrize("number", [-1, 10, 2**70])
+def test_an_integer_out_of_its_range_is_refused(number: int) -> None:
+    with pytest.raises(ConfigError, match=r"^sample: seed: expected 0 to 9, got"):
+        check_whole_number(number, 0, 9, what="seed", where="sample")
 
 
 def test_steps_of_several_parts_add_up() -> None:

@@ -7,6 +7,7 @@ import itertools
 import pickle
 import subprocess
 import sys
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import RecordVideo
+from tests.support.integers import INTEGER_TYPES, NO_INTEGERS
 
 import overtaking as ot
 import overtaking.gym as envs
@@ -295,6 +297,46 @@ def test_an_autoreset_mode_is_named_as_in_gymnasium(mode):
         assert made(autoreset_mode=spelling).autoreset_mode == mode
 
 
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_the_autoreset_mode_is_an_attribute_and_in_the_metadata(mode):
+    arguments = {"num_envs": 2, "autoreset_mode": mode, **QUICK}
+    env: Any = gymnasium.make_vec(f"overtaking.gym:overtaking/{PROFILE}-v0", **arguments)
+    assert env.autoreset_mode == env.metadata["autoreset_mode"] == mode
+
+
+@pytest.mark.parametrize("kind", INTEGER_TYPES)
+def test_seeds_and_numbers_are_integers_of_any_library(kind):
+    convert = INTEGER_TYPES[kind]
+    settings = {"hold": convert(4), "first": convert(3), "overrides": SHORT}
+    env = envs.OvertakingVectorEnv(PROFILE, convert(3), **settings)
+    expected = envs.OvertakingVectorEnv(PROFILE, 3, hold=4, first=3, overrides=SHORT)
+    options = {"index": [convert(9), convert(8), convert(7)]}
+    observations, info = env.reset(seed=convert(7), options=options)
+    np.testing.assert_array_equal(observations, expected.reset(seed=7, options=options)[0])
+    assert info["index"].tolist() == [9, 8, 7]
+    single = envs.OvertakingEnv(PROFILE, **settings)
+    observation, info = single.reset(seed=convert(7), options={"index": convert(9)})
+    np.testing.assert_array_equal(observation, observations[0])
+    assert info["index"] == 9
+
+
+@pytest.mark.parametrize("value", [*NO_INTEGERS, -1, 2**64])
+def test_another_value_is_no_seed(value):
+    for env in (made(2), envs.OvertakingEnv(PROFILE, **QUICK)):
+        with pytest.raises(ConfigError, match=r"^reset: seed: expected 0 to 18446744073709551615"):
+            env.reset(seed=value)
+
+
+@pytest.mark.parametrize("value", [True, 7.0, "7", np.array([7, 7])])
+def test_another_value_is_no_number_of_environments_or_simulation(value):
+    with pytest.raises(ConfigError, match="num_envs"):
+        made(value)
+    with pytest.raises(ConfigError, match="first"):
+        made(2, first=value)
+    with pytest.raises(ConfigError, match="index"):
+        made(1).reset(seed=1, options={"index": value})
+
+
 def test_an_option_of_reset_chooses_the_simulations():
     env = made(3)
     _, info = env.reset(seed=5, options={"index": [7, 100, 2]})
@@ -346,16 +388,35 @@ def test_every_reset_names_the_simulation():
         assert {0, 1, 2, 3, 4} < indices
 
 
+FINAL = {"final_obs", "_final_obs", "final_info", "_final_info"}
+"""Keys that Gymnasium defines for steps in which an episode ends and the next one begins."""
+
+
 @pytest.mark.parametrize("labels", [False, True])
-def test_info_has_the_same_keys_at_reset_and_at_every_step(labels):
-    env = made(3, labels=labels)
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_info_has_the_same_keys_and_types_at_reset_and_at_every_step(mode, labels):
+    env = made(3, labels=labels, autoreset_mode=mode)
     observations, info = env.reset(seed=5)
-    names = set(info)
-    assert "index" in names
-    assert ("outcome" in names) == labels
+    types = {name: values.dtype for name, values in info.items()}
+    assert "index" in types
+    assert ("outcome" in types) == labels
+    # NumPy's unsigned integers of more than 8 bits have no counterpart in most functions of torch.
+    assert {str(dtype) for dtype in types.values()} <= {"bool", "uint8", "int64"}
+    num_ended = 0
     for _ in range(60):
-        observations, *_, info = env.step(wish(observations))
-        assert set(info) == names
+        observations, reward, terminated, truncated, info = env.step(wish(observations))
+        ended = terminated | truncated
+        num_ended += ended.sum()
+        assert (observations.dtype, reward.dtype) == (np.float32, np.float64)
+        expected_final = FINAL if mode == AutoresetMode.SAME_STEP and ended.any() else set()
+        assert set(info) - set(types) == expected_final
+        assert {name: info[name].dtype for name in types} == types
+        if expected_final:
+            assert {name: values.dtype for name, values in info["final_info"].items()} == types
+        if mode == AutoresetMode.DISABLED and ended.any():
+            observations, info = env.reset(options={"reset_mask": ended})
+            assert {name: values.dtype for name, values in info.items()} == types
+    assert num_ended > 3
 
 
 @pytest.mark.parametrize("action", ["decision", "accel_lane", "trajectory"])
