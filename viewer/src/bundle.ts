@@ -4,7 +4,24 @@ export interface Bundle {
   title: string;
   policy: string;
   words: Words;
+  import_report: ImportReport;
   simulations: Entry[];
+}
+
+// The first findings of the examination of a recording, and the number of all.
+export interface ImportReport {
+  rows: Finding[];
+  num_rows: number;
+}
+
+export interface Finding {
+  recording: string;
+  check: string;
+  vehicle: string | null; // Null for the whole file, as the time.
+  first_time_s: number | null;
+  rows: number;
+  consequence: string;
+  detail: string;
 }
 
 export interface Words {

@@ -11,6 +11,7 @@ import { listen } from "./keys.ts";
 import { beginning, print } from "./link.ts";
 import { list } from "./list.ts";
 import { overview } from "./overview.ts";
+import { importReport } from "./report.ts";
 import { connect } from "./source.ts";
 import { stage } from "./stage.ts";
 import { begin, frameAt, type Shown, type State, store } from "./state.ts";
@@ -159,7 +160,7 @@ function again(event: Event): void {
 
 function build(): void {
   const brand = h("p", { class: "brand" }, h("b", {}, source.title), h("span", {}, " seen by overtaking"));
-  content.append(told.heading, h("div", { class: "clockwork" }, road.element, tools.slider, tools.element), asks?.element ?? "", wrong, ...told.parts);
+  content.append(told.heading, h("div", { class: "clockwork" }, road.element, tools.slider, tools.element), asks?.element ?? "", wrong, ...told.parts, importReport(source.import_report) ?? "");
   document.body.append(h("header", { class: "top" }, brand, tools.tools), page, all.element, help);
   onSystemChange(() => paint(words, state.theme));
   window.addEventListener("hashchange", follow);

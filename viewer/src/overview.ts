@@ -5,6 +5,7 @@ import { busy, field, h, put, refill, svg, table, write } from "./dom.ts";
 import { durationWords, isShort } from "./durations.ts";
 import { bound, type Choice, conditions, type Facet, FACETS, noChoice, ORDERS } from "./link.ts";
 import { aim, beyond, thousands } from "./list.ts";
+import { importReport } from "./report.ts";
 import type { Answer, Listed, Source } from "./source.ts";
 import type { State, Store } from "./state.ts";
 import { chip } from "./text.ts";
@@ -85,6 +86,7 @@ export function overview(source: Source, store: Store): Overview {
       h("div", { class: "wide", tabindex: 0, role: "region", "aria-label": "Simulations" }, h("table", { class: "simulations", role: "table" }, h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, ...head.map((one) => h("th", { scope: "col", role: "columnheader" }, one || h("span", { class: "unseen" }, "number"))))), body)),
       h("p", { class: "quiet brackets" }, "Rules in brackets are broken and not counted by the policy."),
       h("nav", { class: "pages", "aria-label": "Parts of the list" }, ...pages),
+      importReport(source.import_report),
     ),
   );
 

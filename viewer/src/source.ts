@@ -1,6 +1,6 @@
 // Where simulations come from: the page itself, or the server that sent it.
 
-import { open, unpack, type Bundle, type Entry, type BeliefColumns, type Fan, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
+import { open, unpack, type Bundle, type Entry, type BeliefColumns, type Fan, type ImportReport, type Packed, type Row, type Run, type Thumbnail, type Words } from "./bundle.ts";
 import { h } from "./dom.ts";
 import { isShort } from "./durations.ts";
 import { FACETS, parse, type Choice, type Facet } from "./link.ts";
@@ -36,6 +36,7 @@ export interface Source {
   title: string;
   policy: string;
   words: Words;
+  import_report: ImportReport;
   total: number;
   first: number; // The simulation to show where none is named.
   rows: (choice: Choice, policy: string, around?: number) => Promise<Listed>;
@@ -130,7 +131,7 @@ async function ask<T>(path: string, body?: unknown, attempt = 1): Promise<T> {
   return told;
 }
 
-type Start = Pick<Source, "title" | "policy" | "words" | "total"> & Pick<Server, "decisions" | "weathers">;
+type Start = Pick<Source, "title" | "policy" | "words" | "import_report" | "total"> & Pick<Server, "decisions" | "weathers">;
 
 // The server that sent this page. A token opens it, once.
 async function served(token: string | undefined): Promise<Source> {

@@ -9,6 +9,7 @@ import { beyondEdge, gapAxis, path, scale } from "../src/charts.ts";
 import { limitsAlong, signsOf } from "../src/limits.ts";
 import { MOST_BRANCHES, MOST_CHANGES, noChoice, parse, print, type Moment } from "../src/link.ts";
 import { formatMargin } from "../src/numbers.ts";
+import { cells } from "../src/report.ts";
 import { mostInformative } from "../src/source.ts";
 import { describeLaw, type Reader } from "../src/text.ts";
 import { beliefLabels } from "../src/vehicles.ts";
@@ -17,6 +18,12 @@ test("columns are sums of their differences", () => {
   assert.deepEqual(column([5, 1, -2]), [5, 6, 4]);
   assert.deepEqual(column([100, -90, 1, 0], 1, 2), [100, 110, 121, 132]);
   assert.deepEqual(sparse([null, 3, null, 2, -1], 2), [null, 6, null, 10, 8]);
+});
+
+test("a finding of an import report names its vehicle and time, or the whole file", () => {
+  const gap = { recording: "a.csv", check: "gaps", vehicle: "12 (2)", first_time_s: 8.1, rows: 3, consequence: "corrected", detail: "interpolated" };
+  assert.deepEqual(cells(gap), ["a.csv", "gaps", "12 (2)", "8.1 s", "3", "corrected", "interpolated"]);
+  assert.deepEqual(cells({ ...gap, vehicle: null, first_time_s: null }).slice(2, 4), ["whole file", "–"]);
 });
 
 const car: Vehicle = {

@@ -243,16 +243,21 @@ def validate(
 
     Returns:
         Each figure with its interval, target and verdict, and outcomes by weather; `plot` draws
-        it.
+        it. `recordings.import_report` has the findings of the recordings, of which a
+        `RecordingWarning` names the first.
 
     Raises:
         ConfigError: The specification or a number cannot be used.
     """
     from overtaking.analysis.validation.run import validate as run
+    from overtaking.data.import_report import warn_about
 
     spec = scenarios.spec(profile, overrides)
     where = None if recordings is None else Path(recordings)
-    return run(spec, road_of(road or spec.road), simulations, seed, progress, where)
+    validation = run(spec, road_of(road or spec.road), simulations, seed, progress, where)
+    if validation.recordings is not None:
+        warn_about(validation.recordings.import_findings)
+    return validation
 
 
 @checked

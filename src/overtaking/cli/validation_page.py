@@ -10,6 +10,7 @@ from rich.text import Text
 from overtaking.cli.tables import open_table
 from overtaking.knowledge.quantity import CHOICE
 from overtaking.knowledge.validation import Standing
+from overtaking.model.import_report import ImportFinding, check_lines
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -40,6 +41,8 @@ def _recordings(found: Values) -> tuple[Text, FittingTable]:
     dense = ", ".join(f"{one:.0f}" for one in found["densities"])
     head = f"{len(found['files'])} recordings beside rings of {dense} vehicles/km/lane"
     head += "".join(f"\nnot used: {one}" for one in found["unused"])
+    findings = (ImportFinding(**row) for row in found["import_report"])
+    head += "".join(f"\nimport report: {line}" for line in check_lines(findings))
     table = open_table("quantity", "recorded>", "simulated>", "values>", "distance>")
     for one in found["likenesses"]:
         table.add_row(

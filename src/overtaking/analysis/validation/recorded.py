@@ -6,7 +6,7 @@ density, and distributions of what both do are compared; nothing is judged by a 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,12 +17,16 @@ from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import OvertakingError
 from overtaking.core.plain import plain
+from overtaking.data.import_report import report_frame
+from overtaking.model.import_report import ImportFinding
 from overtaking.model.vehicles import Role
 from overtaking.recordings.formats import read_recording
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    import pandas as pd
 
     from overtaking.analysis.validation.tally import Array
     from overtaking.model.road import Road
@@ -81,12 +85,19 @@ class Comparison(ContentEquality):
         unused: Recordings that could not be used, each with the reason.
         densities: Vehicles per kilometre and lane in each recording that was used.
         likenesses: Each quantity.
+        import_findings: The rows of `import_report`, of all recordings that were read.
     """
 
     files: tuple[str, ...]
     unused: tuple[str, ...]
     densities: tuple[float, ...]
     likenesses: tuple[Likeness, ...]
+    import_findings: tuple[ImportFinding, ...] = ()
+
+    @property
+    def import_report(self) -> pd.DataFrame:
+        """The findings of the examination of the recordings, one row each; see `Dataset`."""
+        return report_frame(self.import_findings)
 
     def values(self) -> dict[str, Any]:
         """The comparison for JSON."""
@@ -95,6 +106,7 @@ class Comparison(ContentEquality):
             "unused": list(self.unused),
             "densities": list(self.densities),
             "likenesses": [one.values() for one in self.likenesses],
+            "import_report": [finding.to_dict() for finding in self.import_findings],
         }
 
 
@@ -111,7 +123,7 @@ def compare(spec: Spec, road: Road, seed: int, path: Path) -> Comparison:
         OSError: The folder cannot be read.
     """
     files = sorted(path.glob("*.xml")) if path.is_dir() else [path]
-    used, unused, batches = _read(files)
+    used, unused, batches, findings = _read(files)
     densities = [_density(batch) for batch in batches]
     recorded = _joined([_samples(batch, _egos(batch)) for batch in batches])
     rings = np.resize(np.array(densities or [0.0], np.float32), RINGS)
@@ -123,25 +135,30 @@ def compare(spec: Spec, road: Road, seed: int, path: Path) -> Comparison:
         unused=tuple(unused),
         densities=tuple(densities),
         likenesses=tuple(_likeness(name, recorded[name], simulated[name]) for name in QUANTITIES),
+        import_findings=tuple(findings),
     )
 
 
-def _read(files: Sequence[Path]) -> tuple[list[str], list[str], list[Batch]]:
-    """The names of the files that can be used, the others with reasons, and the batches."""
+def _read(
+    files: Sequence[Path],
+) -> tuple[list[str], list[str], list[Batch], list[ImportFinding]]:
+    """The names of the usable files, the reasons for the others, the batches and the findings."""
     used, unused, batches = list[str](), list[str](), list[Batch]()
+    findings = list[ImportFinding]()
     for file in files:
         try:
             scenes = read_recording("commonroad", file, {}).scenes
         except OvertakingError as error:
             unused.append(str(error))
             continue
+        findings += [replace(finding, recording=file.name) for finding in scenes.import_findings]
         batch = Batch.of(scenes.trajectories(range(len(scenes))))
         if batch.runs.scenario.num_vehicles.max() < FEWEST:
             unused.append(f"{file.name}: fewer than {FEWEST} vehicles say nothing of a density")
             continue
         used.append(file.name)
         batches.append(batch)
-    return used, unused, batches
+    return used, unused, batches, findings
 
 
 def _density(batch: Batch) -> float:

@@ -55,6 +55,7 @@ def report_on(
         weighted=weighted,
         example=example,
         learned=learn(data, policy) if is_learned else None,
+        findings=data.import_findings,
         progress=progress,
     )
 

@@ -18,6 +18,7 @@ from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.summary import Summarized
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import POLICIES, PORTUGAL
+from overtaking.model.import_report import ImportFinding, check_lines
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.paragraphs import paragraphs
 from overtaking.show.report import files, gallery, prose
@@ -64,6 +65,7 @@ def write_report(
     weighted: bool = False,
     example: Example | None = None,
     learned: Learned | None = None,
+    findings: Sequence[ImportFinding] = (),
     progress: Progress | None = None,
 ) -> Report:
     """Write the report on some features.
@@ -78,6 +80,7 @@ def write_report(
         weighted: Whether to count each simulation by its importance weight.
         example: Gives a simulation for the diagrams; without it there are none.
         learned: Learned rules and factors, if the page shows them.
+        findings: The rows of the import report of the data.
         progress: Called with the number of parts that are done, and of all.
 
     Raises:
@@ -87,7 +90,7 @@ def write_report(
     found = statistics(frame, policy=policy, reading=reading, weighted=weighted)
     writer = Writer(out, found, progress)
     sections = [
-        Section("first", "To know first", writer.to_know_first()),
+        Section("first", "To know first", writer.to_know_first(findings)),
         Section("classes", f"Classes under the policy {policy}", writer.classes()),
         Section("features", "Statistics of the features", writer.tables_of_features()),
         Section("waiting", "Waiting time", writer.waiting()),
@@ -120,11 +123,13 @@ class Writer(files.ReportFolder):
         if self._progress is not None:
             self._progress(self._done, _NUM_PARTS)
 
-    def to_know_first(self) -> list[str]:
-        """Limits of the numbers."""
+    def to_know_first(self, findings: Sequence[ImportFinding]) -> list[str]:
+        """Limits of the numbers, and the findings of the recording, check by check."""
         found = self._found
         notes = [*found.notes, *prose.known_leaks(found)]
-        return [prose.about_leaks(found), remarks(notes, [leak.sentence for leak in found.leaks])]
+        warnings = [leak.sentence for leak in found.leaks]
+        warnings += [f"Import report: {line}" for line in check_lines(findings)]
+        return [prose.about_leaks(found), remarks(notes, warnings)]
 
     def classes(self) -> list[str]:
         """How often each class occurs."""

@@ -21,7 +21,7 @@ from overtaking.show.server.thumbnail import thumbnail
 from overtaking.show.server.whatif import DECISIONS, branch, futures
 from overtaking.show.view.ghosts import beliefs_at_every_decision
 from overtaking.show.view.pack import pack
-from overtaking.show.view.page import words
+from overtaking.show.view.page import report_values, words
 from overtaking.sim.beliefs import beliefs
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ class Library:
             "title": self._data.name,
             "policy": self._policy,
             "words": words() | {"kinds": titles()},
+            "import_report": report_values(self._data.import_findings),
             "total": len(self._data),
             "decisions": DECISIONS,
             "weathers": list(self._index.weather.names[:-1]),

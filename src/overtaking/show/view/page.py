@@ -20,6 +20,8 @@ from overtaking.world.constants import known
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from overtaking.model.import_report import ImportFinding
+
 THEMES = {
     "light": {
         "ground": "#ffffff",
@@ -57,6 +59,9 @@ has a contrast of 4.5 and lines one of 3 with the ground (WCAG 2.2, 1.4.3 and 1.
 
 _TOLD = ("title", "law", "gloss", "predicate", "unit", "of_ego")
 """What the page tells of a rule."""
+
+MAX_FINDINGS = 200
+"""Findings of an import report that a page shows; a table of more rows is slow to lay out."""
 
 _COMPRESSION = 9
 _VIEWPORT = (
@@ -113,20 +118,41 @@ def words() -> dict[str, Any]:
     }
 
 
-def page(title: str, policy: str, simulations: Sequence[dict[str, Any]]) -> str:
+def report_values(findings: Sequence[ImportFinding]) -> dict[str, Any]:
+    """The first findings of an import report, and the number of all.
+
+    Args:
+        findings: The rows of the report.
+    """
+    rows = [finding.to_dict() for finding in findings[:MAX_FINDINGS]]
+    return {"rows": rows, "num_rows": len(findings)}
+
+
+def page(
+    title: str,
+    policy: str,
+    simulations: Sequence[dict[str, Any]],
+    findings: Sequence[ImportFinding] = (),
+) -> str:
     """The whole page.
 
     Args:
         title: Title, such as the name of a data set.
         policy: Which policy is chosen when it opens.
         simulations: One entry for each: what the list shows, and `data`, its text of `packed`.
+        findings: The rows of the import report of the simulations.
     """
     here = files("overtaking.show.view")
     script, style = (
         here.joinpath(name).read_text(encoding="utf-8") for name in ("viewer.js", "viewer.css")
     )
-    told = {"words": words(), "simulations": list(simulations)}
-    data = {"title": title, "policy": policy, **told}
+    data = {
+        "title": title,
+        "policy": policy,
+        "words": words(),
+        "import_report": report_values(findings),
+        "simulations": list(simulations),
+    }
     # Without "<" no text in it can end the element that it lies in.
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
     rules = (

@@ -10,6 +10,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.files import put
 from overtaking.data.load import Dataset
 from overtaking.labels.law import choose_policy
+from overtaking.model.import_report import ImportFinding, joined_findings
 from overtaking.show import wording
 from overtaking.show.video.jobs import jobs, num_films, profile_of
 from overtaking.show.view.pack import pack
@@ -57,16 +58,19 @@ def write(
     """Write a page; see `overtaking.write_view`."""
     policy = choose_policy(policy, profile_of(source))
     total, entries, size = num_films(source, chosen), list[dict[str, Any]](), 0
+    reports: dict[tuple[ImportFinding, ...], None] = {}
     for job in jobs(source, chosen, policy):
         values = pack(job.labelled, job.number)
         entries.append(_entry(values))
+        reports[job.labelled.trajectories.import_findings] = None  # Once for many simulations.
         size += len(entries[-1]["data"])
         if size > MOST_BYTES:
             raise _too_large(len(entries), total)
         if progress is not None:
             progress(len(entries), total or len(entries))
     entries.sort(key=lambda entry: entry["number"])
-    content = page(_title(source), policy, entries).encode()
+    findings = joined_findings(reports)
+    content = page(_title(source), policy, entries, findings).encode()
     if say is not None and len(content) > LARGE:
         say(len(content))
     put(out, content)
@@ -82,8 +86,10 @@ def page_of(title: str, policy: str, shown: Iterable[tuple[int, Labelled]]) -> b
         policy: Which policy is chosen when it opens.
         shown: Numbers of simulations, each with its batch of one.
     """
-    entries = [_entry(pack(labelled, number)) for number, labelled in shown]
-    return page(title, policy, entries).encode()
+    simulations = list(shown)
+    entries = [_entry(pack(labelled, number)) for number, labelled in simulations]
+    findings = joined_findings(labelled.trajectories.import_findings for _, labelled in simulations)
+    return page(title, policy, entries, findings).encode()
 
 
 def _entry(values: dict[str, Any]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.knowledge.terms import GROUPS, terms
 from overtaking.labels.law import POLICIES
+from overtaking.model.import_report import ImportFinding
 from overtaking.model.labels import Verdict
 from overtaking.show.report import files
 from overtaking.show.report.page import page, paragraph, remarks, table_block
@@ -217,6 +218,7 @@ from pathlib import Path
 sys.modules["scipy"] = sys.modules["scipy.stats"] = None
 found = util.find_spec
 util.find_spec = lambda name, *rest: None if name == "matplotlib" else found(name, *rest)
+from overtaking.model.import_report import ImportFinding
 from overtaking.show.report.write import write_report
 from tests.support.features import synthetic_features
 report = write_report(synthetic_features(30), Path(sys.argv[1]), title="x", policy="paper")
@@ -236,3 +238,22 @@ def test_without_the_extras_the_tables_are_there_and_it_says_what_to_install(
         hint = f"expected the extra [{extra}], got none; run: "
         assert any(hint in one and f"pip install '{package}>=" in one for one in told)
         assert f"pip install &#x27;{package}&gt;=" in text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_findings_of_a_recording_are_among_the_warnings(tmp_path):
+    finding = ImportFinding(
+        recording="a.csv",
+        check="gaps",
+        vehicle="<7>",
+        first_time_s=3.0,
+        rows=2,
+        consequence="corrected",
+        detail="interpolated.",
+    )
+    made = write_report(
+        synthetic_features(30), tmp_path, title="x", policy="paper", findings=[finding]
+    )
+    text = made.path.read_text(encoding="utf-8")
+    line = "Import report: a.csv: gaps: corrected, 2 rows: vehicle &lt;7&gt; at 3 s: interpolated."
+    assert f'<li class="warning">{line}</li>' in text

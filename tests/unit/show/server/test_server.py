@@ -14,6 +14,7 @@ from tests.support.serving import Client, branches, get, serving
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.model.decision import Decision
+from overtaking.model.import_report import ImportFinding
 from overtaking.show.description import describe
 from overtaking.show.server.index import ordering
 from overtaking.show.server.whatif import DECISIONS
@@ -102,6 +103,21 @@ def test_lists_are_in_order_and_in_parts(client: Client):
     assert (part["first"], part["rows"][5]["number"]) == (35, 40)
     falling = client.rows(descending=True, first=50, count=20)["rows"]
     assert [one["number"] for one in falling] == list(range(9, -1, -1))
+
+
+def test_the_page_is_given_the_import_report(client: Client, data: Dataset, monkeypatch):
+    assert get(client, "/api/start")["import_report"] == {"rows": [], "num_rows": 0}
+    finding = ImportFinding(
+        recording="a.csv",
+        check="sizes",
+        vehicle=None,
+        first_time_s=None,
+        rows=9,
+        consequence="reported",
+        detail="swapped",
+    )
+    monkeypatch.setattr(type(data), "import_findings", (finding,))
+    assert get(client, "/api/start")["import_report"] == {"rows": [finding.to_dict()], "num_rows": 1}
 
 
 def test_a_run_is_what_an_exported_page_holds(client: Client, data: Dataset):

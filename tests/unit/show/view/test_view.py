@@ -22,6 +22,7 @@ from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.labels.law.policies import STORED
 from overtaking.model.course import Course
 from overtaking.model.events import NEVER
+from overtaking.model.import_report import ImportFinding
 from overtaking.model.known_roads import known_road
 from overtaking.model.labels import Verdict
 from overtaking.model.line import Piece
@@ -31,7 +32,7 @@ from overtaking.show.description import describe
 from overtaking.show.paragraphs import paragraphs
 from overtaking.show.view import write as writing
 from overtaking.show.view.pack import NEAR, course_of, pack
-from overtaking.show.view.page import THEMES, page, words
+from overtaking.show.view.page import MAX_FINDINGS, THEMES, page, words
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -306,3 +307,33 @@ def test_there_must_be_something_to_show(labelled: Labelled, tmp_path: Path):
         ot.write_view(labelled, tmp_path / "a.html", simulations=[])
     with pytest.raises(ConfigError, match="policy"):
         ot.write_view(labelled, tmp_path / "a.html", policy="moon")
+
+
+def test_a_page_shows_the_first_findings_of_an_import_report_and_the_number_of_all(
+    labelled: Labelled, tmp_path: Path
+):
+    findings = tuple(
+        ImportFinding(
+            recording="a.csv",
+            check="gaps",
+            vehicle=str(number),
+            first_time_s=0.1 * number,
+            rows=1,
+            consequence="corrected",
+            detail="interpolated",
+        )
+        for number in range(MAX_FINDINGS + 5)
+    )
+    runs = labelled.trajectories.replace(import_findings=findings)
+    writing.write(runs, tmp_path / "page.html", chosen=[0, 1], policy=None)
+    report = page_data(tmp_path / "page.html")["import_report"]
+    assert report["num_rows"] == MAX_FINDINGS + 5
+    assert report["rows"] == [finding.to_dict() for finding in findings[:MAX_FINDINGS]]
+    writing.write(labelled, tmp_path / "simulated.html", chosen=[0], policy=None)
+    assert page_data(tmp_path / "simulated.html")["import_report"] == {"rows": [], "num_rows": 0}
+
+
+def page_data(path: Path) -> dict[str, Any]:
+    """The data in the element `data` of a page."""
+    text = path.read_text(encoding="utf-8").partition('id="data">')[2].partition("</script>")[0]
+    return json.loads(text)
