@@ -116,8 +116,11 @@ def test_the_page_is_given_the_import_report(client: Client, data: Dataset, monk
         consequence="reported",
         detail="swapped",
     )
-    monkeypatch.setattr(type(data), "import_findings", (finding,))
-    assert get(client, "/api/start")["import_report"] == {"rows": [finding.to_dict()], "num_rows": 1}
+    monkeypatch.setattr(data, "import_findings", (finding,))
+    assert get(client, "/api/start")["import_report"] == {
+        "rows": [finding.to_dict()],
+        "num_rows": 1,
+    }
 
 
 def test_a_run_is_what_an_exported_page_holds(client: Client, data: Dataset):
