@@ -13,6 +13,9 @@ from overtaking.core import elementary, philox
 from overtaking.core.arrays import F32, U32, U64, F32Like
 
 
+# Without compiled draws a scenario takes 6 µs more, 2.7 % of the time of a data set of the study.
+# The NumPy reference keeps to `philox` and `elementary`: it must not depend on the engine that it
+# verifies.
 class Draws(philox.Draws):
     """Successive numbers of one stream, as `philox.Draws`."""
 

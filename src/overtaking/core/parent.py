@@ -55,6 +55,8 @@ class Parent:
                     _thread.interrupt_main(signal.SIGTERM)  # Ignored unless the module handles it.
                 self._requests.put(frame)
         except BaseException:  # The parent has ended, or a message is larger than the memory.
+            # At once and without cleaning up: the lock of the parent on the folder is free from now
+            # on, and another process may already write there.
             os._exit(1)
 
 

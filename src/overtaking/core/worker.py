@@ -98,6 +98,8 @@ class Worker:
         found = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
         self.inbox = inbox or Inbox()
         self._printed = b""
+        # Not multiprocessing: its fork copies a process whose threads hold locks, and its spawn
+        # runs the main module of the user again, so that every script would need a guard.
         self._process = subprocess.Popen(
             # Safe path (-P): the child searches where this process does, and nowhere else.
             [sys.executable, "-P", "-c", _START, module, *arguments],

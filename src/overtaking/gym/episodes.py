@@ -251,6 +251,8 @@ class EpisodeBatch:
     def judge(self, rows: NDArray[np.int64]) -> EpisodeVerdicts:
         """Labels of the whole simulation of some episodes that have ended."""
         refs = [self._refs[row] for row in rows]
+        # Rules judge a whole simulation, and a stepper records nothing, so the actions are replayed
+        # with recording. It costs more than the episode; labels=False leaves it out.
         trajectories = self._simulate(refs, join_parameters(refs), rows)
         labels = label(trajectories).labels
         policy = labels.policies.index("default")

@@ -181,6 +181,8 @@ def _per_metre(flow: Flow) -> tuple[float, float]:
     return 1e-3 * low, 1e-3 * high
 
 
+# Traffic on a ring would show the ego the same truck every minute and a half. Moving vehicles from
+# far behind to far ahead would make recorded states jump by a kilometre. So the traffic has ends.
 class _Ends:
     """The ends of the traffic, in each lane ahead and behind, and when the ego sees them."""
 

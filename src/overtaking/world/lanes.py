@@ -86,6 +86,9 @@ def road_parameters(road: Road) -> RoadParameters:
     borders = side * as_f32(road.boundaries)
     two_way = has_two_directions(road)
     if two_way:
+        # The opposing lane is one more lane, as wide as lane 0. Turned by half a circle each lane
+        # becomes the other, so oncoming vehicles are simulated like all others, in a frame of their
+        # own.
         borders = np.append(borders, borders[-1] + np.float32(road.lanes[0].width))
     across = borders[0] + borders[-1]
     num_lanes = len(borders) - 1
