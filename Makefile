@@ -116,7 +116,7 @@ test-all: test test-ci  ## All of that, then random properties, hostile sizes, s
 	$(BIN)/python benchmarks/mutations.py
 	$(BIN)/python benchmarks/flips.py
 
-check:  ## Format, lint, types, layers, spelling, links, the page; changes nothing
+check:  ## Format, lint, types, layers, spelling, vague words, links, the page; changes nothing
 	@$(MAKE) $(WIDE) check-python site check-rust check-viewer
 
 # Sources are read, not imported.
@@ -125,6 +125,7 @@ check-python: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/typos
 	PYTHONPATH=src $(BIN)/lint-imports --no-cache --no-logo
+	$(BIN)/python tests/contract/test_language.py
 	@# On both cores where one is idle; the engine, if it is being compiled, is waited for longer.
 	nice $(BIN)/pyright --threads 2
 
