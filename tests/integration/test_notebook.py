@@ -1,10 +1,12 @@
-"""Public functions show their progress in a notebook, and nowhere else."""
+"""Public functions show progress and links in a notebook, and the page is served beside it."""
 
 from __future__ import annotations
 
 import inspect
 from typing import TYPE_CHECKING, Any
 
+import nbclient
+import nbformat
 import pytest
 
 from overtaking import api
@@ -25,17 +27,47 @@ with TemporaryDirectory() as folder:
 """
 
 
-def run_cell(folder: Path, *, delay_s: float, arguments: str = "") -> list[Any]:
-    """The outputs of a cell that generates eight simulations, run by a real kernel."""
-    pytest.importorskip("ipykernel")
-    nbclient: Any = pytest.importorskip("nbclient")
-    nbformat: Any = pytest.importorskip("nbformat")
-    source = GENERATE.format(delay_s=delay_s, arguments=arguments)
-    document = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(source)])
+SERVE = """
+import http.client
+import os
+import signal
+import overtaking as ot
+
+data = ot.generate("pinto2023", 2, 1, "data")
+server = ot.serve_view(data)
+line = http.client.HTTPConnection(server.url.split("/")[2], timeout=60)
+line.request("GET", "/")
+assert line.getresponse().status == 200
+line.close()
+"""
+
+STOP = """
+try:
+    os.kill(os.getpid(), signal.SIGINT)  # As the stop button of a notebook does.
+except KeyboardInterrupt:
+    pass
+line.request("GET", "/")
+assert line.getresponse().status == 200
+server.close()
+try:
+    line.connect()
+except OSError:
+    print("closed")
+"""
+
+
+def run_cells(folder: Path, *sources: str) -> list[list[Any]]:
+    """The outputs of cells that a real kernel runs."""
+    document: Any = nbformat.v4.new_notebook(cells=[*map(nbformat.v4.new_code_cell, sources)])
     nbclient.NotebookClient(
         document, timeout=600, resources={"metadata": {"path": folder}}
     ).execute()
-    return document.cells[0].outputs
+    return [cell.outputs for cell in document.cells]
+
+
+def run_cell(folder: Path, *, delay_s: float, arguments: str = "") -> list[Any]:
+    """The outputs of a cell that generates eight simulations."""
+    return run_cells(folder, GENERATE.format(delay_s=delay_s, arguments=arguments))[0]
 
 
 @pytest.mark.ci
@@ -54,6 +86,16 @@ def test_a_notebook_shows_nothing_for_short_work(tmp_path: Path):
 def test_a_notebook_shows_nothing_beside_the_progress_of_the_caller(tmp_path: Path):
     arguments = ", progress=lambda done, total: None"
     assert run_cell(tmp_path, delay_s=0.0, arguments=arguments) == []
+
+
+@pytest.mark.ci
+def test_a_page_is_served_beside_the_event_loop_of_a_notebook(tmp_path: Path):
+    (link,), closed = run_cells(tmp_path, SERVE, STOP)
+    assert link.output_type == "display_data"
+    url = link.data["text/plain"]
+    assert url.startswith("http://127.0.0.1:")
+    assert link.data["text/html"] == f'<a href="{url}" target="_blank">{url}</a>'
+    assert [output.text for output in closed] == ["closed\n"]
 
 
 def test_a_program_without_a_kernel_shows_no_progress():

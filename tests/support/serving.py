@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import http.client
 import json
-import threading
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from overtaking.show.server.running import Server
+from overtaking.show.server.running import ViewServer
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -71,15 +70,8 @@ class Client:
 @contextmanager
 def serving(data: Dataset, policy: str = "paper") -> Generator[str]:
     """The address of a server that ends with the context."""
-    server = Server(data, policy, 0)
-    thread = threading.Thread(target=server.run)
-    thread.start()
-    try:
+    with ViewServer(data, policy, 0) as server:
         yield server.url
-    finally:
-        server.stop()
-        thread.join(_PATIENCE_S)
-        assert not thread.is_alive()
 
 
 def get(client: Client, path: str) -> Any:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from overtaking.analysis.validation.run import Validation
     from overtaking.show.report.reproduction import Written
     from overtaking.show.report.write import Report
+    from overtaking.show.server.running import ViewServer
     from overtaking.show.video.produce import Video
     from overtaking.show.view.write import ViewPage
 
@@ -192,17 +193,25 @@ def serve_view(
     policy: str | None = None,
     port: Annotated[int, FieldSpec(low=0, high=65535)] = 0,
     ready: Callable[[str], None] | None = None,
-) -> None:
-    """Show a whole data set in the browser of this machine, until the process is interrupted.
+) -> "ViewServer | None":
+    """Show a whole data set in the browser of this machine.
 
-    It listens on the loopback address only. Nothing is written into the data set.
+    The server listens on the loopback address only, and writes nothing into the data set. Outside
+    an event loop the call ends when the process is interrupted. Inside a running event loop, such
+    as that of a notebook, it returns at once, and the server goes on in the background.
 
     Args:
         data: The data set, or its folder.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or
             `strict`; None for the default of the profile. The page can change it.
         port: To listen on; 0 lets the system choose.
-        ready: Called with the address of the page when it can be opened. Its token opens it once.
+        ready: Called with the address of the page once the server has answered a request. The
+            token in the address opens the page once. If left out, the address is printed; a
+            notebook shows it as a link in any case.
+
+    Returns:
+        Inside a running event loop the server, with `url` and `close`, which is also a context
+        manager.
 
     Raises:
         ConfigError: There is no such policy, or the port is taken.
@@ -215,7 +224,7 @@ def serve_view(
         raise MissingExtraError.lacking("view", what=lacks, where="view", otherwise=instead)
     from overtaking.show.server.running import serve
 
-    serve(load(data), policy=policy, port=port, ready=ready or print)
+    return serve(load(data), policy=policy, port=port, ready=ready)
 
 
 @checked

@@ -1,4 +1,4 @@
-"""Progress of long work, shown below the running cell of a notebook."""
+"""Output of IPython: links, and progress of long work below the running cell of a notebook."""
 
 import importlib
 import inspect
@@ -51,6 +51,23 @@ def notebook_progress(title: str) -> Progress | None:
     return _CellProgress(title) if getattr(shell, "kernel", None) is not None else None
 
 
+def display(*, html: str, text: str) -> bool:
+    """Show something where IPython runs this code.
+
+    Args:
+        html: For notebooks.
+        text: The same for terminals.
+
+    Returns:
+        Whether IPython runs this code; if not, nothing is shown.
+    """
+    if "IPython" not in sys.modules or importlib.import_module("IPython").get_ipython() is None:
+        return False
+    show: Any = importlib.import_module("IPython.display").display
+    show({"text/html": html, "text/plain": text}, raw=True)
+    return True
+
+
 class _CellProgress:
     """One line of text below a cell, which each call replaces."""
 
@@ -68,7 +85,7 @@ class _CellProgress:
         self._next_update = now + _INTERVAL_S
         text = {"text/plain": f"{self._title}: {done} of {total}"}
         if self._handle is None:
-            display: Any = importlib.import_module("IPython.display").display
-            self._handle = display(text, raw=True, display_id=True)
+            show: Any = importlib.import_module("IPython.display").display
+            self._handle = show(text, raw=True, display_id=True)
         else:
             self._handle.update(text, raw=True)

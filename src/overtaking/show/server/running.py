@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
+import http.client
 import socket
 import threading
+from html import escape
 from typing import TYPE_CHECKING
 
 import uvicorn
 
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, OvertakingError
+from overtaking.core.notebook import display
 from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
 from overtaking.show.server.app import app
@@ -18,10 +22,17 @@ from overtaking.show.server.library import Library
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Self
 
     from overtaking.data.load import Dataset
 
 _HOST = "127.0.0.1"
+
+_START_TIMEOUT_S = 60.0
+"""Longest time until the first request is answered, on a machine that does much else [s]."""
+
+_INTERRUPT_INTERVAL_S = 0.5
+"""Longest time until Ctrl-C is noticed; Windows interrupts no wait of a thread [s]."""
 
 
 class _QueryCancellingServer(uvicorn.Server):
@@ -37,8 +48,10 @@ class _QueryCancellingServer(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-class Server:
-    """A server that listens on the loopback address, and on no other.
+class ViewServer:
+    """A server in a daemon thread that listens on the loopback address, and on no other.
+
+    As a context manager it closes itself.
 
     Args:
         data: The data set.
@@ -50,16 +63,17 @@ class Server:
 
     Raises:
         ConfigError: There is no such policy, or the port is taken.
+        OvertakingError: The server does not answer.
     """
 
     def __init__(self, data: Dataset, policy: str | None, port: int) -> None:
-        """Begin to listen; nothing is answered yet."""
+        """Begin to serve; the server has answered a request when this returns."""
         library = Library(data, policy_named(choose_policy(policy, data.profile)).name)
-        self._socket = _listening(port)
-        port = self._socket.getsockname()[1]
-        keys, hosts = Keys(port), (f"{_HOST}:{port}", f"localhost:{port}")
+        listener = _listening(port)
+        self._port = listener.getsockname()[1]
+        keys = Keys(self._port)
+        hosts = (f"{_HOST}:{self._port}", f"localhost:{self._port}")
         self.url = f"http://{hosts[0]}/#token={keys.token}"
-        self._reader = threading.Thread(target=library.read, daemon=True)
         self._server = _QueryCancellingServer(
             library,
             uvicorn.Config(
@@ -74,22 +88,81 @@ class Server:
                 ws="none",
             ),
         )
+        threading.Thread(target=library.read, daemon=True).start()
+        # The event loop of the caller, such as that of a notebook, cannot run a second server.
+        self._thread = threading.Thread(target=self._server.run, args=([listener],), daemon=True)
+        self._thread.start()
+        try:
+            self._check_answer()
+        except BaseException:
+            self.close()
+            raise
 
-    def run(self) -> None:
-        """Answer until the process is interrupted, or `stop` is called."""
-        self._reader.start()
-        self._server.run(sockets=[self._socket])
+    def wait(self) -> None:
+        """Return when the server ends; Ctrl-C raises `KeyboardInterrupt`."""
+        while self._thread.is_alive():
+            self._thread.join(_INTERRUPT_INTERVAL_S)
 
-    def stop(self) -> None:
-        """Let `run` end."""
+    def close(self) -> None:
+        """End the server and close all connections."""
         self._server.should_exit = True
+        self._thread.join()
+
+    def __enter__(self) -> Self:
+        """The server, which ends with the block."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """End the server."""
+        self.close()
+
+    def __repr__(self) -> str:
+        """The class and the address."""
+        return f"{type(self).__name__}(url={self.url!r})"
+
+    def _check_answer(self) -> None:
+        """Request the page, and wait for the answer."""
+        connection = http.client.HTTPConnection(_HOST, self._port, timeout=_START_TIMEOUT_S)
+        try:
+            connection.request("GET", "/", headers={"Connection": "close"})
+            status: object = connection.getresponse().status
+        except (OSError, http.client.HTTPException) as error:
+            status = error
+        finally:
+            connection.close()
+        if status != http.HTTPStatus.OK:
+            raise OvertakingError.of(
+                what="first request",
+                where="view",
+                expected="status 200",
+                got=status,
+                next_step="write a page with write_view or --export instead",
+            )
 
 
-def serve(data: Dataset, *, policy: str | None, port: int, ready: Callable[[str], None]) -> None:
+def serve(
+    data: Dataset, *, policy: str | None, port: int, ready: Callable[[str], None] | None
+) -> ViewServer | None:
     """Serve a data set; see `overtaking.serve_view`."""
-    server = Server(data, policy, port)
-    ready(server.url)
-    server.run()
+    server = ViewServer(data, policy, port)
+    if _is_event_loop_running():
+        link = f'<a href="{escape(server.url)}" target="_blank">{escape(server.url)}</a>'
+        is_shown = display(html=link, text=server.url)
+        if ready is not None or not is_shown:
+            (ready or print)(server.url)
+        return server
+    with server:
+        (ready or print)(server.url)
+        server.wait()
+    return None
+
+
+def _is_event_loop_running() -> bool:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
 
 
 def _listening(port: int) -> socket.socket:

@@ -14,7 +14,7 @@ from tests.support.serving import Client, branches, get, serving
 import overtaking as ot
 from overtaking.core.errors import ConfigError
 from overtaking.show.server.app import MOST_BYTES
-from overtaking.show.server.running import Server
+from overtaking.show.server.running import ViewServer
 
 if TYPE_CHECKING:
     from overtaking.data.load import Dataset
@@ -202,9 +202,9 @@ def test_a_taken_port_and_an_unknown_policy_are_clear_errors(data: Dataset):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ConfigError, match=f"port {port}: expected one that is free"):
-            Server(data, "paper", port)
+            ViewServer(data, "paper", port)
     with pytest.raises(ConfigError, match="policy"):
-        Server(data, "moon", 0)
+        ViewServer(data, "moon", 0)
 
 
 @pytest.mark.ci
