@@ -23,7 +23,7 @@ static LAST_BUILT: AtomicPtr<ProcessPool> = AtomicPtr::new(null_mut());
 /// dropping it would wait for threads that do not exist.
 ///
 /// # Errors
-/// The system starts no more threads.
+/// The system starts no more threads; the text is its answer.
 pub fn process_pool() -> Result<&'static ThreadPool, String> {
     let last = LAST_BUILT.load(Ordering::Acquire);
     // SAFETY: The pointer is null or comes from `Box::into_raw` below, and is never freed.
@@ -37,7 +37,7 @@ pub fn process_pool() -> Result<&'static ThreadPool, String> {
 fn build_pool(last: *mut ProcessPool) -> Result<&'static ThreadPool, String> {
     let pool = ThreadPoolBuilder::new()
         .build()
-        .map_err(|error| format!("threads: expected that the system starts them, got: {error}"))?;
+        .map_err(|error| error.to_string())?;
     let process = id();
     let new = Box::into_raw(Box::new(ProcessPool { process, pool }));
     let order = (Ordering::AcqRel, Ordering::Acquire);

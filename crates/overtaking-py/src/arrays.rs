@@ -8,6 +8,8 @@ use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::spread::reserved;
+
 /// Refuse an array of another length.
 pub fn expect_length(what: &str, got: usize, expected: usize) -> PyResult<()> {
     if got == expected {
@@ -36,10 +38,12 @@ pub fn output<'py, T: Element>(
 pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray3<'_, T>) -> PyResult<Vec<&'a [T]>> {
     let (simulations, vehicles) = (array.shape()[0], array.shape()[1]);
     if let (Ok(whole), frames @ 1..) = (array.as_slice(), array.shape()[2]) {
-        return Ok(whole.chunks_exact(frames).collect());
+        let mut rows = reserved(simulations * vehicles)?;
+        rows.extend(whole.chunks_exact(frames));
+        return Ok(rows);
     }
     let view = array.as_array();
-    let mut rows = Vec::with_capacity(simulations * vehicles);
+    let mut rows = reserved(simulations * vehicles)?;
     for simulation in view.into_outer_iter() {
         for row in simulation.into_outer_iter() {
             let row = row.to_slice().ok_or_else(|| {

@@ -16,6 +16,7 @@ use tiny_skia::{Color, Pixmap, Transform};
 
 use crate::arrays::expect_length;
 use crate::drawing::{Drawing, parsed};
+use crate::spread::{expect_room, reserved};
 
 /// Red, green, blue and opacity.
 const BYTES: usize = 4;
@@ -50,6 +51,11 @@ impl Canvas {
     #[new]
     fn new(width: u32, height: u32, colour: &str) -> PyResult<Self> {
         let [red, green, blue] = parsed(colour)?;
+        expect_room(
+            (width as usize)
+                .saturating_mul(height as usize)
+                .saturating_mul(BYTES),
+        )?;
         let mut pixmap = Pixmap::new(width, height)
             .ok_or_else(|| PyValueError::new_err("canvas: expected a width and a height"))?;
         pixmap.fill(Color::from_rgba8(red, green, blue, 255));
@@ -158,7 +164,8 @@ impl Canvas {
     /// Red, green and blue, shape (height, width, 3).
     fn rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let pixels = self.0.data().chunks_exact(BYTES);
-        let parts: Vec<u8> = pixels.flat_map(|pixel| &pixel[..3]).copied().collect();
+        let mut parts = reserved(3 * pixels.len())?;
+        parts.extend(pixels.flat_map(|pixel| &pixel[..3]));
         PyArray1::from_vec(py, parts).reshape([self.0.height() as usize, self.width(), 3])
     }
 

@@ -6,6 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arrays::expect_length;
+use crate::spread::expect_room;
 
 /// Four arrays of words.
 type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
@@ -28,6 +29,7 @@ pub fn words<'py>(
         stream: stream.as_slice()?,
         draw,
     };
+    expect_room(4 * size_of_val(block.index))?;
     let mut found: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = found.each_mut().map(Vec::as_mut_slice);
     let done = py.detach(|| core::words(&block, level, out));

@@ -6,6 +6,8 @@ use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use crate::spread::{expect_room, reserved};
+
 /// Bytes that wait for each other: BLAKE3 hashes sixteen of its chunks of a KiB in the time that three take one by one.
 const WAITING: usize = 32 << 10;
 
@@ -58,13 +60,20 @@ struct Rows {
 impl Rows {
     fn new(py: Python<'_>, given: &Given) -> PyResult<Self> {
         let copied = |buffer: &Option<PyBuffer<u8>>| match buffer {
-            Some(buffer) => buffer.to_vec(py),
+            Some(buffer) => {
+                expect_room(buffer.len_bytes())?;
+                buffer.to_vec(py)
+            }
             None => Ok(Vec::new()),
         };
         let (count, offset) = (given.count, given.offset);
         let missing = match &given.validity {
             Some(bits) => unpacked(&bits.to_vec(py)?, offset, count, u8::MAX)?,
-            None => vec![0; count],
+            None => {
+                let mut missing = reserved(count)?;
+                missing.resize(count, 0);
+                missing
+            }
         };
         Ok(Self {
             count,
@@ -172,7 +181,7 @@ fn part(whole: &[u8], place: Range<usize>) -> PyResult<&[u8]> {
 fn unpacked(whole: &[u8], offset: usize, count: usize, flipped: u8) -> PyResult<Vec<u8>> {
     const ONES: u64 = 0x0101_0101_0101_0101;
     let octets = part(whole, offset / 8..(offset + count).div_ceil(8))?;
-    let mut found = Vec::with_capacity(8 * octets.len());
+    let mut found = reserved(8 * octets.len())?;
     for octet in octets {
         // One bit of the octet in each byte, which is then moved to where the lowest is.
         let each = (ONES * u64::from(octet ^ flipped)) & 0x8040_2010_0804_0201;

@@ -19,7 +19,7 @@ use pyo3::types::PyDict;
 use crate::Numbers;
 use crate::arrays::{expect_length, output, rows_of_two};
 use crate::recorded::{Floats, Ints, Octets, Recorded, Signals, expect_slots};
-use crate::spread::spread;
+use crate::spread::{SIMULATION_BYTES, reserved, spread};
 
 /// What signals need beside the states, of each simulation.
 #[derive(FromPyObject)]
@@ -164,7 +164,7 @@ pub fn watch(
     let (filled, events) = (filled.as_slice_mut()?, events.as_slice_mut()?);
     with_outputs!(
         Outputs, signals, count * recording.frames,
-        |out| spread(py, || {
+        |out| spread(py, count * SIMULATION_BYTES, || {
             core::signals(&recording, &given, level, &mut out, filled);
             core_events::events(&recording, &out.seen(), &limits, events);
         })?,
@@ -202,7 +202,7 @@ pub fn around(
     expect_length("vehicle", vehicle.len(), PLACES * cells)?;
     with_outputs!(
         Around, outputs, cells,
-        |out| spread(py, || core::around(&recording, vehicle, level, &mut out))?,
+        |out| spread(py, cells / recording.frames.max(1) * SIMULATION_BYTES, || core::around(&recording, vehicle, level, &mut out))?,
         gap: f32, closing_speed: f32, lateral_gap: f32, left_occupancy: f32, left_count: u8,
     );
     Ok(())
@@ -225,12 +225,16 @@ pub fn target(
     expect_slots("target", target, recording.slots)?;
     with_outputs!(
         Target, outputs, target.len() * recording.frames,
-        |out| spread(py, || core::target(&recording, &seen, target, level, &mut out))?,
+        |out| spread(py, target.len() * SIMULATION_BYTES, || core::target(&recording, &seen, target, level, &mut out))?,
         valid: bool, lead: f32, overlaps: bool, gap: f32, lateral: f32, lateral_gap: f32, lane: u8,
         speed: f32, accel: f32, lateral_speed: f32,
     );
     Ok(())
 }
+
+/// Memory of the answer for a frame in which ego and target overlap, in vectors that double when they are full and
+/// are joined in the end: three times 25 bytes, rounded up.
+const ALONGSIDE_BYTES: usize = 96;
 
 /// Arrays with a number for each frame in which ego and target overlap.
 type Beside<'py> = (
@@ -259,7 +263,13 @@ pub fn alongside<'py>(
     expect_length("span", span.len(), 2 * target.len())?;
     expect_slots("target", target, recording.slots)?;
     let span = span.as_slice()?;
-    let found = spread(py, || {
+    let (first, last) = span.split_at(target.len());
+    let frames: usize = first
+        .iter()
+        .zip(last)
+        .map(|(first, last)| (last - first.max(&0) + 1).clamp(0, recording.frames as i32) as usize)
+        .sum();
+    let found = spread(py, frames * ALONGSIDE_BYTES, || {
         core::alongside(&recording, &seen, target, span, level)
     })?;
     Ok((
@@ -323,7 +333,7 @@ pub fn stretches(
             sums: out.sums.as_slice_mut()?,
         },
     );
-    spread(py, || {
+    spread(py, count * SIMULATION_BYTES, || {
         core_stretches::stretches(&recording, &seen, &numbers, &asked, level, answers);
     })
 }
@@ -370,7 +380,9 @@ pub fn limited(
         is_most,
     };
     let (low, frames) = (low.as_slice_mut()?, frames.as_slice_mut()?);
-    spread(py, || core_stretches::limited(&asked, level, low, frames))
+    spread(py, count * SIMULATION_BYTES, || {
+        core_stretches::limited(&asked, level, low, frames);
+    })
 }
 
 /// Bits of an array (simulation, time) that are set in any frame of a stretch, and in all: two rows of `out`.
@@ -424,7 +436,7 @@ pub fn encounters(
         let number = usize::try_from(instants[row * count + i]).ok();
         number.filter(|&number| number < end)
     };
-    let mut pairs = Vec::with_capacity(count);
+    let mut pairs = reserved(count)?;
     for i in 0..count {
         let at = (
             index(0, i, simulations),

@@ -25,7 +25,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{expect_length, output};
-use crate::spread::{no_threads, spread};
+use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
 /// The road of a batch, lateral axis towards the fast side.
 #[derive(FromPyObject)]
@@ -194,7 +194,8 @@ fn simulate(
         script: script.transpose()?,
     };
     let level = supported(level).map_err(PyValueError::new_err)?;
-    let run = |out: Output<'_>| spread(py, || simulate_at(level, &inputs, &later, out));
+    let room = batch * SIMULATION_BYTES;
+    let run = |out: Output<'_>| spread(py, room, || simulate_at(level, &inputs, &later, out));
     let done = with_outputs! { filled! { outputs, batch, slots, frames, run } };
     done?.map_err(PyValueError::new_err)
 }

@@ -21,8 +21,12 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::arrays::expect_length;
-use crate::spread::no_threads;
+use crate::spread::{expect_room, no_threads};
 use crate::{Numbers, Road};
+
+/// Memory for a simulation of a batch that waits between calls, at most: with 32 vehicles, their parameters and
+/// states of 4 bytes each, and their histories [bytes].
+const STEPPED_BYTES: usize = 64 << 10;
 
 /// What a batch is simulated from.
 #[derive(FromPyObject)]
@@ -144,8 +148,11 @@ impl Stepper {
         };
         let kind = kind.map(known).transpose()?;
         let level = supported(level).map_err(PyValueError::new_err)?;
+        let count = batch.index.len();
+        // The parameters are copied, and each simulation has states, a history and a row of each answer.
+        expect_room(count.saturating_mul(STEPPED_BYTES))?;
         let kept = batch.kept()?;
-        let (count, slots) = (kept.index.len(), kept.slots);
+        let slots = kept.slots;
         let (requests, theirs) = channel();
         let (given, answers) = channel();
         let talk = Talk {
@@ -164,11 +171,9 @@ impl Stepper {
             let served = serve_at(level, &kept.inputs(), &talk);
             debug_assert!(served.is_ok());
         };
-        let thread = Builder::new().spawn(serve).map_err(|error| {
-            no_threads(format!(
-                "threads: expected that the system starts one for each batch, got: {error}"
-            ))
-        })?;
+        let thread = Builder::new()
+            .spawn(serve)
+            .map_err(|error| no_threads(error.to_string()))?;
         Ok(Self {
             batch: count,
             slots,

@@ -19,7 +19,7 @@ from overtaking.api.choices import (
 )
 from overtaking.api.rules import load_pack, policies_of
 from overtaking.core.errors import ConfigError
-from overtaking.core.memory import require
+from overtaking.core.process_limits import check_memory
 from overtaking.core.steps import Progress
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
@@ -68,6 +68,7 @@ def sample(
     Raises:
         ConfigError: The specification or a number cannot be used.
         InfeasibleError: No such scenario fits on the road.
+        SystemLimitError: They need more memory than the system grants.
     """
     spec = scenarios.spec(profile, overrides)
     place = road_of(road or spec.road)
@@ -75,7 +76,8 @@ def sample(
     one = scenarios.sample(spec, place, seed, index[:1])
     check(one, "sample", "scenario")
     # Twice, as parts are joined in the end.
-    require(2 * one.nbytes * simulations, "sample", "draw fewer at a time, or call generate")
+    next_step = "draw fewer at a time, or call generate"
+    check_memory(2 * one.nbytes * simulations, "sample", next_step)
     return scenarios.sample(spec, place, seed, index)
 
 
@@ -92,6 +94,7 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
         ConfigError: A field of the scenario is out of its range, there is no such simulator, or it
             cannot run the scenario.
         MissingExtraError: The simulator is not installed.
+        SystemLimitError: The system grants too little memory or too few threads.
     """
     chosen = simulator_of(simulator)
     check_runnable(scenario, "simulate")
@@ -251,4 +254,4 @@ def check_runnable(scenario: Scenario, where: str) -> None:
     longest = float(scenario.horizon.max(initial=0.0))
     frames = int(longest * 1000.0) // interval + 1
     size = scenario.num_simulations * slots * frames * BYTES_PER_STATE
-    require(size, where, "simulate fewer at a time, or call generate")
+    check_memory(size, where, "simulate fewer at a time, or call generate")

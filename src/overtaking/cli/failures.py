@@ -8,6 +8,7 @@ import typer
 
 from overtaking.cli.streams import print_error_line
 from overtaking.core.errors import OvertakingError
+from overtaking.core.process_limits import refusal_of
 
 USAGE = 2
 FAULT = 70  # EX_SOFTWARE of sysexits.h.
@@ -31,6 +32,7 @@ def explain(error: BaseException) -> tuple[str, int]:
     """The line and the exit status of an error."""
     if isinstance(error, KeyboardInterrupt):
         return _interrupted(error), INTERRUPTED
+    error = refusal_of(error, "overtaking") or error
     if isinstance(error, OvertakingError):
         return f"error: {_one_line(str(error))}", USAGE
     if isinstance(error, typer.TyperException):
@@ -41,8 +43,6 @@ def explain(error: BaseException) -> tuple[str, int]:
         # Arrow takes names in UTF-8 only; Python keeps other bytes of a name as surrogates.
         name = ascii(error.object)
         return f"error: {name}: expected a name in UTF-8, got other bytes; rename it", USAGE
-    if isinstance(error, MemoryError):
-        return "error: not enough memory; try fewer --threads or fewer simulations", USAGE
     fault = f"{type(error).__name__}: {error}"
     return f"error: a fault of overtaking itself, please report it: {_one_line(fault)}", FAULT
 

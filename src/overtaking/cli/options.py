@@ -14,6 +14,7 @@ from overtaking.cli.failures import tell
 from overtaking.cli.help import EXAMPLE, HelpCommand
 from overtaking.cli.output import Output
 from overtaking.core.errors import RecordingWarning
+from overtaking.core.process_limits import check_address_space
 
 Body = Callable[..., int | None]
 """A command: an `Output`, then what it takes from the command line; returns the exit status.
@@ -363,6 +364,7 @@ def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None
     def run(*, quiet: bool, json: bool, log: Path | None, **arguments: Any) -> int | None:
         try:
             title = f"{group} {name}".strip()
+            check_address_space(title)
             with Output(title, quiet=quiet, json=json, log=log) as output, catch_warnings():
                 simplefilter("ignore", RecordingWarning)  # Commands print the report instead.
                 given = _renamed(output, arguments)

@@ -15,9 +15,19 @@ if TYPE_CHECKING:
 MAX_SHOWN_CHARACTERS = 160
 
 
+def printable_name(name: str) -> str:
+    r"""A name in characters that every UTF-8 output can encode.
+
+    Python decodes a byte of a file name that is not UTF-8 to a lone surrogate (PEP 383); it becomes
+    an escape such as `\\udce9`.
+    """
+    return name.encode(errors="backslashreplace").decode()
+
+
 def _one_line(part: object) -> str:
     """A part of a message on one line, without what a terminal would obey, and not too long."""
-    text = " ".join((part if isinstance(part, str) else repr(part)).split())
+    text = printable_name(part) if isinstance(part, str) else repr(part)
+    text = " ".join(text.split())
     text = text[: MAX_SHOWN_CHARACTERS + 1]
     text = "".join(one if one.isprintable() else "�" for one in text)
     if len(text) <= MAX_SHOWN_CHARACTERS:
@@ -126,6 +136,10 @@ class DatasetError(OvertakingError, RuntimeError):
 
 class LockedError(DatasetError):
     """A data set folder that another process is writing."""
+
+
+class SystemLimitError(OvertakingError, RuntimeError):
+    """Memory, threads, processes or open files that the operating system does not grant."""
 
 
 class MissingExtraError(OvertakingError, ImportError):

@@ -9,9 +9,48 @@ import stat
 import tomllib
 from typing import TYPE_CHECKING, Any
 
+from overtaking.core.process_limits import refusal_of
+
 if TYPE_CHECKING:
     from io import BufferedIOBase, BufferedReader
     from pathlib import Path
+
+    from overtaking.core.errors import OvertakingError
+
+MISSING_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
+"""Errors of paths at which there is no file."""
+
+
+def unreadable_error(
+    error: BaseException, where: str, kind: type[OvertakingError]
+) -> OvertakingError | None:
+    """The error for a file that the system does not let this process read.
+
+    Such a file may be intact: the message never advises to write it again.
+
+    Args:
+        error: What reading it raised. Arrow sets `errno` only where the system refuses something.
+        where: The file.
+        kind: Class of the error, unless the system lacks memory, threads or open files.
+
+    Returns:
+        The error; None if the file is missing or its content is the cause.
+    """
+    if (refusal := refusal_of(error, where)) is not None:
+        return refusal
+    if (
+        not isinstance(error, OSError)
+        or error.errno is None
+        or isinstance(error, MISSING_FILE_ERRORS)
+    ):
+        return None
+    return kind.of(
+        what="file",
+        where=where,
+        expected="a file that this process can read",
+        got=error.strerror or str(error),
+        next_step="check its permissions and its disk, and try again",
+    )
 
 
 _SURROGATE = re.compile("[\ud800-\udfff]")

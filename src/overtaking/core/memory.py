@@ -9,7 +9,6 @@ the CPU remembers.
 import contextlib
 import math
 import mmap
-import os
 import weakref
 from collections.abc import Hashable
 from itertools import accumulate
@@ -17,8 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from overtaking.core.errors import ConfigError
 
 LARGE_BYTES = 1 << 20
 """Arrays below this are NumPy's own."""
@@ -68,30 +65,6 @@ def as_left(use: Hashable, size: int) -> NDArray[np.uint8]:
         size: Their number.
     """
     return np.zeros(size, np.uint8) if size < LARGE_BYTES else _large(size, use)
-
-
-def require(size: int, where: str, next_step: str) -> None:
-    """Refuse what the memory of this machine cannot hold.
-
-    Args:
-        size: Bytes that are needed.
-        where: The function that needs them.
-        next_step: What the caller can do instead.
-
-    Raises:
-        ConfigError: The machine has less memory.
-    """
-    if not hasattr(os, "sysconf"):  # Windows refuses by itself to promise memory that is not there.
-        return
-    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if size > total:
-        raise ConfigError.of(
-            what="memory",
-            where=where,
-            expected=f"at most the {total / 1e9:.1f} GB of this machine",
-            got=f"simulations that need {size / 1e9:.1f} GB",
-            next_step=next_step,
-        )
 
 
 def _large(length: int, use: Hashable) -> NDArray[np.uint8]:

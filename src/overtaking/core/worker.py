@@ -20,6 +20,7 @@ from typing import IO, Any, Final, Self
 
 from overtaking.core.messages import read_frame, write_frame
 from overtaking.core.parent import STOP
+from overtaking.core.process_limits import explain_refusals, thread_error
 
 PATIENCE = 5.0
 """Time that a worker has to end in order [s]."""
@@ -85,6 +86,7 @@ class Worker:
 
     Raises:
         OSError: The process cannot be started.
+        SystemLimitError: The system starts no more processes or threads, or grants no more memory.
     """
 
     def __init__(
@@ -100,19 +102,25 @@ class Worker:
         self._printed = b""
         # Not multiprocessing: its fork copies a process whose threads hold locks, and its spawn
         # runs the main module of the user again, so that every script would need a guard.
-        self._process = subprocess.Popen(
-            # Safe path (-P): the child searches where this process does, and nowhere else.
-            [sys.executable, "-P", "-c", _START, module, *arguments],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            env={**os.environ, **(variables or {}), "PYTHONPATH": found},
-        )
+        with explain_refusals(module):
+            self._process = subprocess.Popen(
+                # Safe path (-P): the child searches where this process does, and nowhere else.
+                [sys.executable, "-P", "-c", _START, module, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                env={**os.environ, **(variables or {}), "PYTHONPATH": found},
+            )
         atexit.register(self.close)
         targets = (self._read_frames, self._read_printed)
         self._threads = [threading.Thread(target=one, daemon=True) for one in targets]
-        for thread in self._threads:
-            thread.start()
+        try:
+            for thread in self._threads:
+                thread.start()
+        except RuntimeError as error:
+            self._process.kill()
+            self.close()
+            raise thread_error(module, str(error)) from error
 
     def __enter__(self) -> Self:
         """The worker itself."""
@@ -156,7 +164,8 @@ class Worker:
             self._process.kill()
             self._process.wait()
         for thread in self._threads:
-            thread.join()
+            if thread.ident is not None:  # It was started.
+                thread.join()
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
             with suppress(OSError):  # A message that was not written completely.
                 _open(stream).close()

@@ -7,6 +7,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from typing import TypeVar
 
+from overtaking.core.process_limits import refusal_of
+
 A = TypeVar("A")
 B = TypeVar("B")
 
@@ -27,6 +29,23 @@ def _process_pool(process: int, name: str, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=threads, thread_name_prefix=f"overtaking-{name}")
 
 
+def submit(pool: ThreadPoolExecutor, work: Callable[[A], B], item: A) -> Future[B]:
+    """Submit work to a pool of `pool_of`.
+
+    Raises:
+        SystemLimitError: The system starts no more threads. The pool has then carried out or
+            dropped all its work, and the next call of `pool_of` returns a new one.
+    """
+    try:
+        return pool.submit(work, item)
+    except RuntimeError as error:
+        if (refusal := refusal_of(error, "overtaking")) is None:
+            raise
+        _process_pool.cache_clear()
+        pool.shutdown()  # The pool has kept the work whose thread did not start.
+        raise refusal from error
+
+
 def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Generator[B]:
     """`work` of each item, in order, with as many under way as there are threads.
 
@@ -45,7 +64,7 @@ def in_order(work: Callable[[A], B], items: Iterable[A], threads: int) -> Genera
     underway: deque[Future[B]] = deque()
     try:
         for item in items:
-            underway.append(pool.submit(work, item))
+            underway.append(submit(pool, work, item))
             if len(underway) > threads:
                 yield underway.popleft().result()
         while underway:

@@ -7,7 +7,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
 
-from overtaking.core.errors import DatasetError
+from overtaking.core.errors import DatasetError, OvertakingError
+from overtaking.core.process_limits import refusal_of
 
 
 class Terminated(BaseException):
@@ -60,9 +61,9 @@ def all_or_nothing(where: object, expected: str, after: str) -> Generator[None]:
         ) from None
 
 
-def cannot_write(where: object, error: OSError, next_step: str) -> DatasetError:
+def cannot_write(where: object, error: OSError, next_step: str) -> OvertakingError:
     """The error for what the system refused, with the next step."""
-    return DatasetError.of(
+    return refusal_of(error, str(where)) or DatasetError.of(
         what="writing",
         where=str(error.filename or where),
         expected="room and permission to write",

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
+from overtaking.core.process_limits import explain_refusals
 from overtaking.core.summary import Summarized
 from overtaking.data import plan
 from overtaking.data.choice import stretches
@@ -319,9 +320,11 @@ class Dataset(Summarized):
                 wanted = numbers if chosen is None else np.intersect1d(numbers, chosen)
                 for some in stretches(wanted):
                     first, last = int(some[0]), int(some[-1])
-                    recorded = self._recorded(self._rows(first, last))
-                    is_whole = len(some) == last - first + 1
-                    yield some, recorded if is_whole else recorded.select(some - first)
+                    with explain_refusals("Dataset.batches"):
+                        recorded = self._recorded(self._rows(first, last))
+                        if len(some) < last - first + 1:
+                            recorded = recorded.select(some - first)
+                    yield some, recorded
 
     @checked
     def class_weights(self, first: int, last: int) -> NDArray[np.float64]:
@@ -525,6 +528,7 @@ class Dataset(Summarized):
 
 def _decoded(table: pa.Table) -> pd.DataFrame:
     """A table for people. Pandas is loaded here: writing a data set does not need it."""
-    from overtaking.data.tables.decode import decode
+    with explain_refusals("Dataset"):
+        from overtaking.data.tables.decode import decode
 
-    return decode(table)
+        return decode(table)

@@ -20,9 +20,10 @@ from typing import Any
 
 import pyarrow as pa
 
-from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.core.errors import DatasetError, OvertakingError, SchemaError
+from overtaking.core.files import MISSING_FILE_ERRORS, unreadable_error
 from overtaking.data import plan
-from overtaking.data.ahead import pool_of
+from overtaking.data.ahead import pool_of, submit
 from overtaking.data.location import Location
 from overtaking.data.manifest import Manifest, ShardRecord
 from overtaking.data.plan import Shard
@@ -138,14 +139,31 @@ def finished_shard(
 ) -> ShardRecord | None:
     """The record of a shard that is there and intact; None if it has to be written.
 
-    Every file is read, so that files damaged since are written again.
+    Every file is read, so that files damaged since are written again. A file that cannot be read
+    may be intact and is not replaced.
 
     Args:
         location: Where the data set lies.
         shard: Which simulations.
         tables: The tables that it must have.
         fingerprint: Of the identity that it must belong to.
+
+    Raises:
+        DatasetError: The system does not let this process read a file.
     """
+    try:
+        return _finished_shard(location, shard, tables, fingerprint)
+    except OSError as error:
+        where = error.filename or location.at(name_of(MARK, shard))
+        if (unreadable := unreadable_error(error, str(where), DatasetError)) is None:
+            raise
+        raise unreadable from error
+
+
+def _finished_shard(
+    location: Location, shard: Shard, tables: tuple[str, ...], fingerprint: str
+) -> ShardRecord | None:
+    """As `finished_shard`, but raises `OSError` where a file cannot be read."""
     try:
         mark = location.fetch(name_of(MARK, shard))
         notes, rows = read_notes(mark, MARK), read_table(mark, MARK)
@@ -171,11 +189,14 @@ def is_intact(opened: Callable[[], BufferedIOBase], facts: FileFacts) -> bool:
     Args:
         opened: Opens it.
         facts: What was written.
+
+    Raises:
+        OSError: The system does not let this process read it.
     """
     try:
         with opened() as file:
             return hashlib.file_digest(file, "sha256").hexdigest() == facts.sha256
-    except OSError:
+    except MISSING_FILE_ERRORS:
         return False
 
 
@@ -194,8 +215,10 @@ def _marked(
 def _finished(writers: Writers) -> dict[str, FileFacts]:
     """Complete some files, beside each other: each of them waits for the disk."""
     pool = pool_of("write", WRITING_THREADS)
-    underway = {name: pool.submit(writer.finish) for name, writer in writers.items()}
+    underway: dict[str, Future[FileFacts]] = {}
     try:
+        for name, writer in writers.items():
+            underway[name] = submit(pool, TableWriter.finish, writer)
         return {name: future.result() for name, future in underway.items()}
     finally:
         wait(underway.values())  # A file must not be closed while a thread writes it.
@@ -218,7 +241,9 @@ def _write_pieces(
     try:
         for count, tables in pieces:
             finish()
-            underway = [pool.submit(one.write, tables[name]) for name, one in writers.items()]
+            underway.clear()
+            for name, one in writers.items():
+                underway.append(submit(pool, one.write, tables[name]))
             simulations = count
         finish()
     finally:
@@ -290,7 +315,11 @@ class ShardFiles:
         path = self._fetched(table, shard)
         if name not in self._intact:
             facts = self._manifest.shards[shard.number].tables[table]
-            if not is_intact(partial(path.open, "rb"), facts):
+            try:
+                has_its_bytes = is_intact(partial(path.open, "rb"), facts)
+            except OSError as error:
+                raise self._unreadable(name, error) from error
+            if not has_its_bytes:
                 raise self._damaged(name, "others")
             self._check_rows(check_footer(path, table), str(path), table, shard)
             self._intact.add(name)
@@ -398,8 +427,21 @@ class ShardFiles:
         name = name_of(table, shard)
         try:
             return self._location.fetch(name)
-        except OSError as error:
+        except MISSING_FILE_ERRORS as error:
             raise self._damaged(name, error.strerror or str(error)) from None
+        except OSError as error:
+            raise self._unreadable(name, error) from error
+
+    def _unreadable(self, name: str, error: OSError) -> OvertakingError:
+        """The error for a file that the system or a store does not hand out."""
+        where = self._location.at(name)
+        return unreadable_error(error, where, DatasetError) or DatasetError.of(
+            what="file",
+            where=where,
+            expected="a file that this process can read",
+            got=str(error),
+            next_step="check the connection to the store, and try again",
+        )
 
     def _damaged(self, name: str, got: str) -> DatasetError:
         return DatasetError.of(

@@ -17,6 +17,7 @@ from overtaking.core.arrays import Mask
 from overtaking.core.checks import whole_number
 from overtaking.core.errors import ConfigError
 from overtaking.core.notebook import PROGRESS, show_progress
+from overtaking.core.process_limits import check_address_space, explain_refusals
 from overtaking.model.batch import (
     Axes,
     AxisEnd,
@@ -74,6 +75,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
     Raises:
         ConfigError: An argument is something else.
+        SystemLimitError: The system refuses memory, threads or open files.
     """
     signature = inspect.signature(function)
     where = function.__qualname__.lstrip("_")
@@ -93,10 +95,12 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     @wraps(function)
     def called(*args: P.args, **kwargs: P.kwargs) -> T:
         given = signature.bind(*args, **kwargs)
+        check_address_space(where)
         for name, hint in hints().items():
             if name in given.arguments:
                 given.arguments[name] = argument(given.arguments[name], hint, where, name)
-        return function(*given.args, **given.kwargs)
+        with explain_refusals(where):
+            return function(*given.args, **given.kwargs)
 
     return show_progress(called) if PROGRESS in signature.parameters else called
 

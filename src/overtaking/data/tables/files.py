@@ -18,7 +18,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import Mask
-from overtaking.core.errors import SchemaError
+from overtaking.core.errors import DatasetError, SchemaError
+from overtaking.core.files import unreadable_error
 from overtaking.data.tables.arrow import column_to_numpy, longest_text
 from overtaking.data.tables.columns import codes, names_of
 from overtaking.data.tables.digest import ContentDigest
@@ -302,13 +303,23 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
 
 
 def _read(where: Path | str, action: Callable[[], T]) -> T:
-    """Run an action on a file; turn any failure into one `SchemaError`."""
+    """Run an action on a file; turn each failure into an error with a next step.
+
+    Raises:
+        SchemaError: The file is missing or damaged.
+        DatasetError: The system does not let this process read it.
+        SystemLimitError: The system lacks memory, threads or open files.
+    """
     try:
         return action()
     except FileNotFoundError:
         got = "no such file"
-    except (pa.ArrowException, OSError, UnicodeDecodeError, ValueError) as error:
-        if isinstance(error, SchemaError):
+    except SchemaError:
+        raise
+    except (pa.ArrowException, OSError, MemoryError, ValueError, RuntimeError) as error:
+        if (unreadable := unreadable_error(error, str(where), DatasetError)) is not None:
+            raise unreadable from error
+        if isinstance(error, RuntimeError):
             raise
         got = str(error)
     raise SchemaError.of(
@@ -332,10 +343,13 @@ def _refused(where: Path | str, what: str, expected: str, got: object) -> Schema
 
 def _opened(source: Path | BufferedIOBase, table: str, where: str = "") -> pq.ParquetFile:
     """A file whose schema can be read by this version; texts are read as dictionaries."""
+    where = where or str(source)
+    if isinstance(source, Path):
+        source = pa.OSFile(os.fsencode(source))  # Arrow takes names that are not UTF-8 as bytes.
     metadata = pq.read_metadata(source)
     schema = metadata.schema.to_arrow_schema()
-    _check_version(where or str(source), table, schema.metadata or {})
-    _check_columns(where or str(source), SCHEMAS[table], schema)
+    _check_version(where, table, schema.metadata or {})
+    _check_columns(where, SCHEMAS[table], schema)
     # A text that a file stores once would otherwise be repeated in memory for each of its rows.
     texts = [field.name for field in schema if pa.types.is_string(field.type)]
     return pq.ParquetFile(source, metadata=metadata, read_dictionary=texts)

@@ -1,0 +1,310 @@
+"""Memory, threads and files that the operating system grants to this process.
+
+It imports neither NumPy nor Arrow: `reduce_reservations` has to run before they are loaded.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from overtaking.core.errors import OvertakingError, SystemLimitError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator
+    from pathlib import Path
+
+_MIB = 1 << 20
+
+LIBRARY_BYTES = 320 * _MIB
+"""Address space of NumPy, Arrow and the engine once they are loaded: 290 MiB with NumPy 2.4 and
+Arrow 26 on Linux."""
+
+WORKING_BYTES = 96 * _MIB
+"""Address space for modules that are loaded on demand and for the data of a small call. C++ and
+Rust end the process when they cannot allocate a few bytes, so a call begins only with this much."""
+
+_STACK_BYTES = 8 * _MIB
+"""Address space of a thread's stack where `ulimit -s` sets no limit."""
+
+_OTHER_THREADS = 9
+"""Threads that do not depend on the number of processors: 8 that read files for Arrow, 1 that
+cleans up for its allocator."""
+
+_M_ARENA_MAX = -8  # Name of the setting in glibc's malloc.h.
+
+_MEMORY_ERRORS = (errno.ENOMEM,)
+_THREAD_ERRORS = (errno.EAGAIN,)
+_FILE_ERRORS = (errno.EMFILE, errno.ENFILE)
+
+_THREAD_TEXTS = (
+    "can't start new thread",  # Python
+    "can't allocate lock",
+    "Failed to launch worker thread",  # Arrow
+    "Resource temporarily unavailable",
+)
+_MEMORY_TEXTS = (
+    "failed to map segment",  # The dynamic loader, in an ImportError
+    "annot allocate memory",
+    "bad_alloc",  # C++
+    "bad allocation",
+)
+
+MORE_MEMORY = (
+    "take fewer simulations at a time or fewer threads (RAYON_NUM_THREADS), or raise the limit "
+    "(ulimit -v, memory of the container)"
+)
+MORE_THREADS = (
+    "raise the limit of processes (ulimit -u, pids of the container) or of memory (ulimit -v), or "
+    "take fewer threads (--threads, RAYON_NUM_THREADS)"
+)
+MORE_FILES = "raise the limit of open files (ulimit -n), or close some"
+
+
+def reduce_reservations() -> None:
+    """Let allocators reserve less where the address space is limited (`ulimit -v`).
+
+    Such a limit counts reserved addresses as well. Arrow's allocator reserves 1 GiB at once, glibc
+    64 MiB for each thread, and OpenBLAS a buffer for each processor.
+    """
+    if _address_space_limit() is None:
+        return
+    # For the libraries of this process, and for child processes, which have the same limit.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("MALLOC_ARENA_MAX", "1")
+    if (arrow := sys.modules.get("pyarrow")) is not None:
+        arrow.set_memory_pool(arrow.system_memory_pool())
+    import ctypes
+
+    with suppress(AttributeError, OSError):  # Other C libraries than glibc.
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
+
+
+def check_address_space(where: str) -> None:
+    """Refuse to begin a call where a limit leaves too few addresses for libraries and threads.
+
+    Args:
+        where: The function or command, for the message.
+
+    Raises:
+        SystemLimitError: The limit (`ulimit -v`) leaves too little.
+    """
+    limit = _address_space_limit()
+    used = None if limit is None else _pages_used(0)
+    if limit is None or used is None:
+        return
+    libraries = 0 if "pyarrow" in sys.modules else LIBRARY_BYTES
+    required = libraries + WORKING_BYTES + _missing_threads() * _stack_bytes()
+    if used + required > limit:
+        raise SystemLimitError.of(
+            what="memory",
+            where=where,
+            expected=f"at least {_size(required)} that can be allocated",
+            got=f"{_size(max(0, limit - used))}, which the limit of {_size(limit)} leaves",
+            next_step="raise the limit (ulimit -v, in KiB), or take fewer threads "
+            "(RAYON_NUM_THREADS)",
+        )
+
+
+def check_memory(size: int, where: str, next_step: str) -> None:
+    """Refuse work that needs more memory than the system grants to this process.
+
+    Args:
+        size: Memory that the work needs [bytes].
+        where: The function that needs it.
+        next_step: What the caller can do instead.
+
+    Raises:
+        SystemLimitError: The machine, the limit of the process or that of its cgroup leaves less.
+    """
+    for free, limit in _limits():
+        if size > free:
+            raise SystemLimitError.of(
+                what="memory",
+                where=where,
+                expected=f"at most the {_size(free)} {limit}",
+                got=f"work that needs {_size(size)}",
+                next_step=next_step,
+            )
+
+
+def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
+    """The error to raise instead of one that only says that the system refuses something.
+
+    Args:
+        error: Any error.
+        where: The function or file in which it was raised.
+
+    Returns:
+        The error to raise; None if the cause is something else.
+    """
+    if isinstance(error, OvertakingError):
+        return None
+    text = str(error)
+    number = error.errno if isinstance(error, OSError) else None
+    if isinstance(error, MemoryError) or number in _MEMORY_ERRORS:
+        return memory_error(where, text)
+    if number in _FILE_ERRORS:
+        return SystemLimitError.of(
+            what="open files",
+            where=where,
+            expected="a system that opens one more",
+            got=text,
+            next_step=MORE_FILES,
+        )
+    if number in _THREAD_ERRORS or any(part in text for part in _THREAD_TEXTS):
+        return thread_error(where, text)
+    if any(part in text for part in _MEMORY_TEXTS):
+        return memory_error(where, text)
+    return None
+
+
+@contextmanager
+def explain_refusals(where: str) -> Generator[None]:
+    """Raise a `SystemLimitError` instead of errors of libraries that the system's limits cause.
+
+    Args:
+        where: The function or file, for the message.
+    """
+    try:
+        yield
+    except Exception as error:
+        if (refusal := refusal_of(error, where)) is None:
+            raise
+        raise refusal from error
+
+
+def memory_error(where: str, got: str) -> SystemLimitError:
+    """The error where the system grants no more memory.
+
+    Args:
+        where: The function or file that needs it.
+        got: What the system or a library answered.
+    """
+    return SystemLimitError.of(
+        what="memory",
+        where=where,
+        expected="a system that grants more",
+        got=got or "no more",
+        next_step=MORE_MEMORY,
+    )
+
+
+def thread_error(where: str, got: str) -> SystemLimitError:
+    """The error where the system starts no more threads or processes.
+
+    Args:
+        where: The function that needs them.
+        got: What the system or a library answered.
+    """
+    return SystemLimitError.of(
+        what="threads",
+        where=where,
+        expected="a system that starts them",
+        got=got,
+        next_step=MORE_THREADS,
+    )
+
+
+def _limits() -> Iterator[tuple[int, str]]:
+    """Memory that each limit leaves [bytes], and the limit in words."""
+    if hasattr(os, "sysconf"):  # Windows refuses by itself to promise memory that is not there.
+        yield os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), "of this machine"
+    limit = _address_space_limit()
+    if limit is not None and (used := _pages_used(0)) is not None:
+        free = max(0, limit - used - WORKING_BYTES)
+        yield free, f"that the limit of {_size(limit)} leaves (ulimit -v)"
+    limit = _soft_limit("RLIMIT_DATA")
+    if limit is not None and (used := _pages_used(5)) is not None:
+        yield max(0, limit - used), f"that the limit of {_size(limit)} leaves (ulimit -d)"
+    for limit, used in _cgroup_memory():
+        yield max(0, limit - used), f"that the limit of {_size(limit)} of its cgroup leaves"
+
+
+def _soft_limit(name: str) -> int | None:
+    """A limit of this process; None if there is none."""
+    try:
+        import resource
+    except ImportError:  # Windows.
+        return None
+    limit = resource.getrlimit(getattr(resource, name))[0]
+    return None if limit == resource.RLIM_INFINITY else limit
+
+
+def _address_space_limit() -> int | None:
+    """Limit of the address space [bytes]; None if there is none."""
+    return _soft_limit("RLIMIT_AS")
+
+
+def _pages_used(column: int) -> int | None:
+    """A size of this process [bytes] by its column in Linux's `statm`; None on other systems."""
+    from pathlib import Path
+
+    with suppress(OSError, ValueError, IndexError):
+        columns = Path("/proc/self/statm").read_text(encoding="ascii").split()
+        return int(columns[column]) * os.sysconf("SC_PAGE_SIZE")
+    return None
+
+
+def _missing_threads() -> int:
+    """Threads that libraries start at their first use, less those that run already."""
+    from pathlib import Path
+
+    from overtaking.core import processors
+
+    expected = 2 * processors.wanted() + _OTHER_THREADS  # Those of the engine and those of Arrow.
+    with suppress(OSError):
+        return max(0, expected - len(list(Path("/proc/self/task").iterdir())))
+    return expected
+
+
+def _stack_bytes() -> int:
+    """Address space of a thread's stack."""
+    return min(_soft_limit("RLIMIT_STACK") or _STACK_BYTES, 2 * _STACK_BYTES)
+
+
+def _cgroup_memory() -> Iterator[tuple[int, int]]:
+    """Limit and use [bytes] of the cgroups of this process that limit memory, Linux alone."""
+    from pathlib import Path
+
+    yield from _memory_of_cgroups(Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"))
+
+
+def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
+    """Limit and use [bytes] of the groups in a file and of all groups above them.
+
+    The page cache does not count as use, because the kernel drops it first. In a container the
+    names can be those outside of it, whose folders are missing; its own group is at the mount.
+    """
+    with suppress(OSError, UnicodeDecodeError):
+        lines = groups.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+        for line in lines:
+            _, controllers, name = line.split(":", 2)
+            if not controllers:  # Version 2.
+                root, files = mount, ("memory.max", "anon")
+            elif "memory" in controllers.split(","):
+                root, files = mount / "memory", ("memory.limit_in_bytes", "total_rss")
+            else:
+                continue
+            folder = root / name.lstrip("/")
+            for group in (folder, *folder.parents):
+                yield from _group_memory(group, *files)
+                if group == root:
+                    break
+
+
+def _group_memory(group: Path, limit_file: str, use_key: str) -> Iterator[tuple[int, int]]:
+    """Limit and use of one group; nothing if it limits no memory."""
+    with suppress(OSError, ValueError, KeyError):
+        limit = int((group / limit_file).read_text(encoding="ascii"))  # "max" is no number.
+        pairs = (line.split() for line in (group / "memory.stat").read_text().splitlines())
+        yield limit, int(dict(pairs)[use_key])
+
+
+def _size(size: int) -> str:
+    """A number of bytes in words."""
+    return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
