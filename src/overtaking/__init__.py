@@ -66,10 +66,6 @@ used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors th
 
 from importlib import import_module as _import_module
 
-from overtaking.core import process_limits as _process_limits
-
-_process_limits.reduce_reservations()  # Before NumPy and Arrow are loaded.
-
 _HOMES = {
     "Balance": "overtaking.data.balance",
     "Change": "overtaking.model.changes",
@@ -136,10 +132,9 @@ def __getattr__(name: str) -> object:
     """Load a public name, once."""
     if name == "__version__":
         value = _import_module("importlib.metadata").version(__name__)
-    elif name == "OvertakingError":
-        from overtaking.core.errors import OvertakingError as value
     elif name in _HOMES:
-        _process_limits.check_address_space(name)
+        if name != "OvertakingError":  # Its module loads no library.
+            _import_module("overtaking.core.process_limits").check_address_space(name)
         value = getattr(_import_module(_HOMES[name]), name)
     else:
         message = f"overtaking: no public name {name!r}; dir(overtaking) lists them"

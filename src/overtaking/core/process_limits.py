@@ -1,6 +1,6 @@
 """Memory, threads and files that the operating system grants to this process.
 
-It imports neither NumPy nor Arrow: `reduce_reservations` has to run before they are loaded.
+It imports neither NumPy nor Arrow: `check_address_space` has to run before they are loaded.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import errno
 import os
 import sys
 from contextlib import contextmanager, suppress
+from functools import cache
 from typing import TYPE_CHECKING
 
 from overtaking.core.errors import OvertakingError, SystemLimitError
@@ -64,26 +65,6 @@ MORE_THREADS = (
 MORE_FILES = "raise the limit of open files (ulimit -n), or close some"
 
 
-def reduce_reservations() -> None:
-    """Let allocators reserve less where the address space is limited (`ulimit -v`).
-
-    Such a limit counts reserved addresses as well. Arrow's allocator reserves 1 GiB at once, glibc
-    64 MiB for each thread, and OpenBLAS a buffer for each processor.
-    """
-    if _address_space_limit() is None:
-        return
-    # For the libraries of this process, and for child processes, which have the same limit.
-    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ.setdefault("MALLOC_ARENA_MAX", "1")
-    if (arrow := sys.modules.get("pyarrow")) is not None:
-        arrow.set_memory_pool(arrow.system_memory_pool())
-    import ctypes
-
-    with suppress(AttributeError, OSError):  # Other C libraries than glibc.
-        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
-
-
 def check_address_space(where: str) -> None:
     """Refuse to begin a call where a limit leaves too few addresses for libraries and threads.
 
@@ -97,6 +78,7 @@ def check_address_space(where: str) -> None:
     used = None if limit is None else _pages_used(0)
     if limit is None or used is None:
         return
+    _reduce_reservations()
     libraries = 0 if "pyarrow" in sys.modules else LIBRARY_BYTES
     required = libraries + WORKING_BYTES + _missing_threads() * _stack_bytes()
     if used + required > limit:
@@ -119,7 +101,7 @@ def check_memory(size: int, where: str, next_step: str) -> None:
         next_step: What the caller can do instead.
 
     Raises:
-        SystemLimitError: The machine, the limit of the process or that of its cgroup leaves less.
+        SystemLimitError: The machine, a limit of the process or one of its cgroup leaves less.
     """
     for free, limit in _limits():
         if size > free:
@@ -178,36 +160,55 @@ def explain_refusals(where: str) -> Generator[None]:
         raise refusal from error
 
 
-def memory_error(where: str, got: str) -> SystemLimitError:
+def memory_error(where: str, answer: str) -> SystemLimitError:
     """The error where the system grants no more memory.
 
     Args:
         where: The function or file that needs it.
-        got: What the system or a library answered.
+        answer: Text of the error of the system or of a library.
     """
     return SystemLimitError.of(
         what="memory",
         where=where,
         expected="a system that grants more",
-        got=got or "no more",
+        got=answer or "no more",
         next_step=MORE_MEMORY,
     )
 
 
-def thread_error(where: str, got: str) -> SystemLimitError:
+def thread_error(where: str, answer: str) -> SystemLimitError:
     """The error where the system starts no more threads or processes.
 
     Args:
         where: The function that needs them.
-        got: What the system or a library answered.
+        answer: Text of the error of the system or of a library.
     """
     return SystemLimitError.of(
         what="threads",
         where=where,
         expected="a system that starts them",
-        got=got,
+        got=answer,
         next_step=MORE_THREADS,
     )
+
+
+@cache
+def _reduce_reservations() -> None:
+    """Let allocators reserve less where the address space is limited (`ulimit -v`).
+
+    Such a limit counts reserved addresses as well. Arrow's allocator reserves 1 GiB at once, glibc
+    64 MiB for each thread, and OpenBLAS a buffer for each processor.
+    """
+    # For libraries that are not loaded yet, and for child processes, which have the same limit.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("MALLOC_ARENA_MAX", "1")
+    if (arrow := sys.modules.get("pyarrow")) is not None:
+        arrow.set_memory_pool(arrow.system_memory_pool())
+    import ctypes
+
+    with suppress(AttributeError, OSError):  # Other C libraries than glibc.
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
 def _limits() -> Iterator[tuple[int, str]]:
@@ -256,7 +257,10 @@ def _missing_threads() -> int:
 
     from overtaking.core import processors
 
-    expected = 2 * processors.wanted() + _OTHER_THREADS  # Those of the engine and those of Arrow.
+    setting = os.environ.get("OMP_NUM_THREADS", "")
+    is_number = setting.isascii() and setting.isdigit()
+    arrow_threads = int(setting) if is_number else processors.usable()
+    expected = processors.wanted() + arrow_threads + _OTHER_THREADS
     with suppress(OSError):
         return max(0, expected - len(list(Path("/proc/self/task").iterdir())))
     return expected

@@ -39,7 +39,8 @@ def test_a_full_disk_is_told_as_such():
 
 def test_too_little_memory_is_told_with_a_way_out():
     line, code = explain(MemoryError())
-    assert line.startswith("error: not enough memory; try")
+    assert line.startswith("error: overtaking: memory: expected a system that grants more")
+    assert "ulimit -v" in line
     assert code == 2
 
 

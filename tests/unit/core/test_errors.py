@@ -15,6 +15,7 @@ KINDS = [
     (errors.ImportFormatError, ValueError),
     (errors.DatasetError, RuntimeError),
     (errors.LockedError, errors.DatasetError),
+    (errors.SystemLimitError, RuntimeError),
     (errors.MissingExtraError, ImportError),
     (errors.KnowledgeError, ValueError),
     (errors.InfeasibleError, ValueError),
