@@ -138,11 +138,11 @@ def test_what_a_recording_may_have_and_a_simulator_cannot_run_is_refused(scenari
 def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(os, "sysconf", {"SC_PAGE_SIZE": 1024, "SC_PHYS_PAGES": 20}.__getitem__)
     with pytest.raises(
-        SystemLimitError, match="^sample: memory: expected at most the 0 MB of this"
+        SystemLimitError, match=r"^sample: memory: expected at most the 0 MB of this"
     ):
         ot.sample("pinto2023-physical", 10**8, 1)
     with pytest.raises(
-        SystemLimitError, match="^simulate: memory: expected at most the 0 MB of this"
+        SystemLimitError, match=r"^simulate: memory: expected at most the 0 MB of this"
     ):
         ot.simulate(scenario)
 
