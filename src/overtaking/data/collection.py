@@ -130,8 +130,9 @@ class PartReport:
 
     @property
     def failed(self) -> dict[str, str]:
-        """All recordings without simulations in the result, with the reason."""
-        return {**self.refused, **self.faults}
+        """All recordings without simulations in the result, in order, with the reason."""
+        reasons = {**self.refused, **self.faults}
+        return {name: reasons[name] for name in self.sizes if name in reasons}
 
 
 _PART_REPORT = TypeAdapter(PartReport)
@@ -500,11 +501,15 @@ def _part_report_name(shard: plan.Shard) -> str:
 
 
 def _read_part_report(location: Location, shard: plan.Shard) -> PartReport | None:
-    """The report of a shard; None if it is missing or damaged."""
+    """The report of a shard; None if it is missing or damaged.
+
+    Raises:
+        OSError: It is there and cannot be read.
+    """
     try:
         with location.open(_part_report_name(shard)) as file:
             return _PART_REPORT.validate_json(file.read(), strict=True)
-    except (OSError, ValidationError):
+    except (FileNotFoundError, ValidationError):
         return None
 
 
