@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from pydantic import TypeAdapter, ValidationError
 
 from overtaking.core.errors import DatasetError, ImportFormatError, RecordingWarning
-from overtaking.core.files import whole
+from overtaking.core.files import unreadable_error, whole
 from overtaking.data.manifest import ReportRecord
 from overtaking.model.import_report import ImportFinding, place_text
 
@@ -32,7 +32,7 @@ FILE_NAME = "import_report.json"
 MAX_WARNINGS = 10
 """Warnings about the recordings of a folder; one more names the number of the others."""
 
-_MAX_BYTES = 1 << 26  # Some 200,000 findings.
+_MAX_BYTES = 1 << 28  # Some 800,000 findings.
 _ROWS = TypeAdapter(tuple[ImportFinding, ...])
 
 
@@ -91,7 +91,7 @@ def read_report(location: Location, record: ReportRecord | None) -> tuple[Import
         record: The entry of the manifest; None where there is no report.
 
     Raises:
-        DatasetError: The file is missing or damaged.
+        DatasetError: The file is missing, damaged, or cannot be read.
     """
     if record is None:
         return ()
@@ -99,13 +99,14 @@ def read_report(location: Location, record: ReportRecord | None) -> tuple[Import
         with location.open(FILE_NAME) as file:
             content = whole(file, _MAX_BYTES)
     except OSError as error:
-        raise _unreadable(location, error.strerror or str(error)) from None
+        unreadable = unreadable_error(error, location.at(FILE_NAME), DatasetError)
+        raise unreadable or _damaged(location, error.strerror or str(error)) from None
     if _sha256(content) != record.sha256:
-        raise _unreadable(location, "other bytes")
+        raise _damaged(location, "other bytes")
     try:
         return _ROWS.validate_json(content, strict=True)
     except ValidationError as error:
-        raise _unreadable(location, error.errors(include_url=False)[0]["msg"]) from None
+        raise _damaged(location, error.errors(include_url=False)[0]["msg"]) from None
 
 
 def warn_about(findings: Sequence[ImportFinding]) -> None:
@@ -172,7 +173,7 @@ def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _unreadable(location: Location, got: str) -> DatasetError:
+def _damaged(location: Location, got: str) -> DatasetError:
     return DatasetError.of(
         what="import report",
         where=location.at(FILE_NAME),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import pickle
 import warnings
@@ -18,6 +19,7 @@ from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError, ImportFormatError
 from overtaking.data.import_report import FILE_NAME, report_frame, warn_about
+from overtaking.data.location import Folder
 from overtaking.model.batch import batch_fields, concatenate
 from overtaking.model.import_report import ImportFinding, check_lines
 
@@ -199,6 +201,22 @@ def test_a_data_set_keeps_the_report_with_a_hash_of_its_own(recorded, tmp_path):
     report.unlink()
     with pytest.raises(DatasetError, match="import report"):
         api.load(tmp_path / "data").verify()
+
+
+@pytest.mark.ci
+def test_a_report_that_cannot_be_read_is_not_called_damaged(recorded, tmp_path, monkeypatch):
+    with pytest.warns(ot.RecordingWarning):
+        api.import_recording("table", recorded, tmp_path / "data", columns=MAP)
+    data, opened = api.load(tmp_path / "data"), Folder.open
+
+    def refuse(self: Folder, name: str) -> Any:
+        if name == FILE_NAME:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return opened(self, name)
+
+    monkeypatch.setattr(Folder, "open", refuse)
+    with pytest.raises(DatasetError, match="Permission denied; check its permissions"):
+        data.verify()
 
 
 @pytest.mark.ci
