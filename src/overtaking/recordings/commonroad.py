@@ -46,6 +46,7 @@ from overtaking.recordings.recording import (
     slope,
 )
 from overtaking.recordings.road import Projection
+from overtaking.recordings.state_examination import examine_states
 from overtaking.recordings.xml import Element, elements
 
 FORMAT = "commonroad"
@@ -267,25 +268,35 @@ class _Document:
 def _recording(document: _Document, road: Stretch) -> Recording:
     """The vehicles of a document on one of its roads."""
     obstacles = [one for _, one in sorted(document.obstacles.items())]
-    start = np.concatenate([[0], np.cumsum([len(one.states) for one in obstacles])])
-    columns = np.concatenate([one.states for one in obstacles])
-    given: dict[str, F64] = {name: columns[:, k] for k, name in enumerate(QUANTITIES)}
+    states = np.concatenate([one.states for one in obstacles])
+    time = np.concatenate([one.times for one in obstacles]).astype(np.float64)
+    examined = examine_states(
+        np.repeat(np.arange(len(obstacles)), [len(one.states) for one in obstacles]),
+        time,
+        {name: states[:, k] for k, name in enumerate(QUANTITIES)},
+        names=np.array([str(one.number) for one in obstacles], np.object_),
+        interval_ms=document.step_ms,
+        file_name=document.name,
+    )
+    start, given = examined.start, examined.values
     place = road.shape.project(given["x"], given["y"])
     derived = [name for name, values in given.items() if np.isnan(values).any()]
-    values: dict[str, Any] = _bodies(obstacles)
+    values: dict[str, Any] = _bodies([obstacles[vehicle] for vehicle in examined.vehicle.tolist()])
     values |= _motion(given, place, road.road, start, document.step_ms)
     tracks = Tracks(
-        start=start.astype(np.int64),
+        names=examined.names,
+        first=examined.first,
+        start=start,
         x=given["x"],
         y=given["y"],
         s=place.s,
         d=place.d,
         lane=lane_codes(road.road, place.d),
-        wheel_angle=np.zeros(len(columns)),
+        wheel_angle=np.zeros(len(place.s)),
         **values,
     )
     there = on_road(road.road, place.s, place.d)
-    ways = by_ways(kept(tracks, there), road.road)
+    ways = by_ways(kept(tracks, there, document.step_ms), road.road)
     _check_some(document.name, ways)
     unknown = NEVER_RECORDED | {"weather"} | road.unknown
     if "yawRate" in derived:
@@ -305,12 +316,13 @@ def _recording(document: _Document, road: Stretch) -> Recording:
             "straightening_m": round(float(off.max()), 3),
             "longest_way": round(float(np.abs(place.stretch[there] - 1.0).max()), 5),
             "states": ways.tracks.num_rows,
-            "states_off_the_road": len(columns) - int(there.sum()),
+            "states_off_the_road": len(there) - int(there.sum()),
             "obstacles_left_out": dict(sorted(document.left_out.items())),
             "vehicles_left_out": document.described_left_out,
             "world_shift_m": document.shift.tolist(),
             "derived": derived,
         },
+        findings=examined.findings,
     )
 
 
@@ -340,13 +352,11 @@ def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
     # Many recordings call every vehicle a car, also trucks of 20 m.
     is_kind_known = (is_car | is_truck | is_two_wheeler) & may_be_kind(kind, length)
     return {
-        "names": np.array([str(one.number) for one in obstacles], np.object_),
         "kind": kind,
         "is_kind_known": is_kind_known,
         "length": length,
         "width": np.array([one.width for one in obstacles]),
         "carriageway": np.zeros(len(obstacles), np.int64),
-        "first": np.array([one.first for one in obstacles]),
     }
 
 

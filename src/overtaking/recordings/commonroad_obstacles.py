@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from overtaking.core.arrays import F64
+from overtaking.core.arrays import F64, I64
 from overtaking.recordings.messages import shown
 from overtaking.recordings.xml import Element
 
@@ -31,15 +31,15 @@ class Obstacle:
         kind: Its type.
         length: [m].
         width: [m].
-        first: Time step of its first state.
-        states: One row for each step from there on, columns as in `QUANTITIES`.
+        times: Time step of each state, ascending, shape (state,).
+        states: Shape (state, quantity), columns as in `QUANTITIES`.
     """
 
     number: int
     kind: str
     length: float
     width: float
-    first: int
+    times: I64
     states: F64
 
 
@@ -92,7 +92,7 @@ def read_obstacle(element: Element) -> Obstacle | LeftOut:
         kind=kind,
         length=length,
         width=width,
-        first=int(times[0]),
+        times=np.array(times, np.int64),
         states=states,
     )
 
@@ -102,7 +102,7 @@ class _Uncertain(Exception):
 
 
 def _states(initial: Element, path: Element) -> tuple[list[Element], list[int]]:
-    """The states of a vehicle and their time steps, each step once and none missing.
+    """The states of a vehicle and their time steps, ascending.
 
     Some writers repeat the initial state as the first state of the trajectory.
     """
@@ -112,9 +112,11 @@ def _states(initial: Element, path: Element) -> tuple[list[Element], list[int]]:
         time = _time(row)
         if time == times[-1] and (len(rows) == 1 or _point(row) == _point(rows[-1])):
             continue
-        if time != times[-1] + 1:
+        if time <= times[-1]:
             raise row.error(
-                "does not follow the state before it", f"time step {times[-1] + 1}", f"{time}"
+                "does not follow the state before it",
+                f"time step {times[-1] + 1} or later",
+                f"{time}",
             )
         rows.append(row)
         times.append(time)

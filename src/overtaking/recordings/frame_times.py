@@ -28,6 +28,7 @@ them, the file is in another order than that of time."""
 _MAX_FRAMES = 10_000_000
 _WRAP_MARGIN = 2.0  # Two states at least lie within this time of a wrap [s].
 _MAX_VEHICLE_SPEED = 70.0  # Faster than any vehicle on a road [m/s].
+_MAX_STRIDE = 100  # At 100 frames a second, 1 s: the longest time between frames.
 _SAME_TIME = 1e-6  # Instants nearer to each other are one [s].
 
 
@@ -193,6 +194,21 @@ def frame_interval_ms(file_name: str, column: str, seconds: F64, vehicle: I64) -
         interval = float(np.median(steps_ms[is_near])) if is_near.any() else interval
     check_interval(file_name, column, interval)
     return round(interval)
+
+
+def most_frequent_stride(frames: F64, vehicle: I64) -> int:
+    """The most frequent step between the frames of two rows of a vehicle.
+
+    Args:
+        frames: Frame of each row, in order of vehicle and frame, shape (row,).
+        vehicle: Index of the vehicle of each row, same shape.
+    """
+    steps = np.diff(frames)
+    is_next = steps == 1.0
+    if 2 * int(is_next.sum()) > len(steps):
+        return 1
+    steps = steps[(np.diff(vehicle) == 0) & (steps > 0.0) & (steps <= _MAX_STRIDE)]
+    return int(np.argmax(np.bincount(steps.astype(np.int64)))) if len(steps) else 1
 
 
 def check_interval(file_name: str, column: str, interval_ms: float) -> None:

@@ -73,7 +73,7 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     name = uncompressed_name(Path(path)).removesuffix(columns.files["tracks"])
     road = _road(name, limit, list(borders.values()), extent)
     driven, on_lanes = _on_one_road(rows, borders, road)
-    ways = by_ways(kept(driven, on_lanes), road)
+    ways = by_ways(kept(driven, on_lanes, rows.frame_interval_ms), road)
     if not ways.along:
         raise refused(rows.where, "vehicles", "some that drive in their direction", "none")
     return Recording(

@@ -5,6 +5,7 @@ makes `Trajectories` of them. Numbers are float64 and SI until they are rounded 
 """
 
 import dataclasses
+import re
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Self
 
@@ -19,6 +20,7 @@ from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.findings import Finding
 from overtaking.recordings.limits import with_speed_limit
 from overtaking.recordings.recording_checks import check_ranges
+from overtaking.recordings.rows import track_names
 
 NEVER_RECORDED = frozenset(
     {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}
@@ -31,6 +33,8 @@ OPPOSITE = -1
 _OF_A_VEHICLE = ("names", "kind", "is_kind_known", "length", "width", "carriageway")
 _BESIDE = 6.0  # Vehicles farther than this from the outer lanes belong to another road [m].
 _LEAST_STRETCH = 0.5  # Nearer to the centre of a bend is no part of a road.
+_MIN_PIECE_MS = 500  # Shorter pieces of tracks show no manoeuvre.
+_LATER_TRACK = re.compile(r"(.*) \([0-9]+\)", re.DOTALL)
 _HALF_SMOOTHING_MS = 100  # As the signals have it: a central difference over 0.2 s.
 
 
@@ -175,25 +179,53 @@ class Recording:
         return dataclasses.replace(self, road=road, unknown=self.unknown - {"speed_limit"})
 
 
-def kept(tracks: Tracks, rows: NDArray[np.bool_]) -> Tracks:
-    """The tracks restricted to some rows; of what is torn apart the longest piece stays.
+def kept(tracks: Tracks, rows: NDArray[np.bool_], frame_interval_ms: int) -> Tracks:
+    """The tracks restricted to some rows; the pieces of a vehicle become tracks of their own.
+
+    A vehicle beside the edge of the road crosses it often, so pieces shorter than `_MIN_PIECE_MS`
+    are left out, but for the longest one of a vehicle.
 
     Args:
         tracks: The tracks.
         rows: Which rows may stay, shape (row,).
+        frame_interval_ms: Time between frames [ms].
     """
+    if rows.all():
+        return tracks
     vehicle = tracks.vehicle
     begins = rows & np.append(True, ~rows[:-1] | (vehicle[1:] != vehicle[:-1]))
     run = np.cumsum(begins) - 1
     first_row, length = np.flatnonzero(begins), np.bincount(run[rows], minlength=begins.sum())
     owner = vehicle[first_row]
-    # Longest first, the earlier of two that are equally long; then the first run of each vehicle.
-    order = np.lexsort((first_row, -length, owner))
-    chosen = order[np.append(True, np.diff(owner[order]) > 0)] if len(order) else order
-    wanted = np.zeros(tracks.num_rows, np.bool_)
-    for one in chosen:
-        wanted[first_row[one] : first_row[one] + length[one]] = True
-    return _restricted(tracks, owner[chosen], first_row[chosen], length[chosen], wanted)
+    longest = np.zeros(tracks.num_vehicles, np.int64)
+    np.maximum.at(longest, owner, length)
+    is_kept = length * frame_interval_ms >= _MIN_PIECE_MS
+    # Of pieces that are all short, the first one of the greatest length stays.
+    is_longest = np.flatnonzero(length == longest[owner])
+    is_kept[is_longest[np.unique(owner[is_longest], return_index=True)[1]]] = True
+    is_in_piece = np.zeros(tracks.num_rows, np.bool_)
+    is_in_piece[rows] = is_kept[run[rows]]
+    owner, first_row, length = owner[is_kept], first_row[is_kept], length[is_kept]
+    pieces = _restricted(tracks, owner, first_row, length, is_in_piece)
+    if (np.diff(owner) > 0).all():
+        return pieces
+    return dataclasses.replace(pieces, names=_piece_names(tracks.names, owner))
+
+
+def _piece_names(names: NDArray[np.object_], owner: I64) -> NDArray[np.object_]:
+    """Names of pieces of tracks, in order of track and time.
+
+    Args:
+        names: Name of each track; that of a second track is "NAME (2)".
+        owner: Track of each piece, ascending.
+    """
+    index_of_name = {name: place for place, name in enumerate(names.tolist())}
+    vehicle = np.arange(len(names))
+    for place, name in enumerate(names.tolist()):
+        match = _LATER_TRACK.fullmatch(name)
+        if match is not None and index_of_name.get(match[1], place) < place:
+            vehicle[place] = index_of_name[match[1]]
+    return track_names(names, vehicle[owner])
 
 
 class Ways(NamedTuple):
@@ -230,9 +262,18 @@ def by_ways(tracks: Tracks, road: Road) -> Ways:
     is_oncoming = 2 * np.bincount(vehicle[is_against], minlength=num) > np.diff(tracks.start)
     count = int(is_oncoming.sum())
     if not road.is_two_way:
-        return Ways(kept(tracks, ~is_oncoming[vehicle]), 0, count)
+        return Ways(_vehicles(tracks, ~is_oncoming), 0, count)
     carriageway = np.where(is_oncoming, OPPOSITE, tracks.carriageway)
     return Ways(dataclasses.replace(tracks, carriageway=carriageway), count, 0)
+
+
+def _vehicles(tracks: Tracks, is_chosen: Mask) -> Tracks:
+    """Some of the vehicles, with all of their rows."""
+    chosen = np.flatnonzero(is_chosen)
+    count = np.diff(tracks.start)
+    return _restricted(
+        tracks, chosen, tracks.start[chosen], count[chosen], np.repeat(is_chosen, count)
+    )
 
 
 def _restricted(

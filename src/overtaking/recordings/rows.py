@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
 ON_GRID = 1e-3
 """Instants this near a frame are that frame's: 3 mm at 30 m/s and 10 frames a second [frames]."""
-
-TORN = 1.5
-"""A longer time between two rows of a vehicle is a gap that begins a new track [frames]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,15 +66,15 @@ class Rows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """Rows at whole frames; a vehicle that was away is another track.
+    """States of tracks at whole frames.
 
     Attributes:
-        owner: Vehicle of each track, shape (track,).
+        owner: Track that each track of the grid was, shape (track,).
         start: First row of each track, and the number of rows, shape (track + 1,).
-        frame: Shape (row,).
+        frame: Shape (row,), without gaps in a track.
         nearest: Row of the table that is nearest in time, same shape.
         values: Same shape.
-        is_moved: Whether states are interpolated.
+        is_moved: Whether states are interpolated because their instants lie between frames.
     """
 
     owner: I64
@@ -88,57 +85,73 @@ class Grid:
     is_moved: bool
 
 
-def at_whole_frames(vehicle: I64, moment: F64, values: dict[str, F64]) -> Grid:
-    """States at whole frames.
+def at_whole_frames(track: I64, frame_time: F64, values: dict[str, F64]) -> Grid:
+    """States at each whole frame from the first to the last row of a track.
+
+    Frames without a row, and all frames if some instants lie between frames, are interpolated
+    linearly.
 
     Args:
-        vehicle: Place of each row's vehicle, growing, shape (row,).
-        moment: Instant in frames, growing within a vehicle, same shape.
-        values: What is interpolated, same shape.
+        track: Index of the track of each row, ascending, shape (row,).
+        frame_time: Instant, ascending within a track, same shape [frames].
+        values: Quantities to interpolate, same shape.
     """
-    torn = (np.diff(vehicle) != 0) | (np.diff(moment) > TORN)
-    begin = np.append(0, np.flatnonzero(torn) + 1)
-    frame = np.rint(moment)
-    if (np.abs(moment - frame) <= ON_GRID).all():
-        start = np.append(begin, len(moment)).astype(np.int64)
-        rows = np.arange(len(moment))
-        return Grid(
-            owner=vehicle[begin],
-            start=start,
-            frame=frame.astype(np.int64),
-            nearest=rows,
-            values=values,
-            is_moved=False,
-        )
-    return _interpolated(vehicle, moment, values, np.append(begin, len(moment)))
-
-
-def _interpolated(vehicle: I64, moment: F64, values: dict[str, F64], ends: I64) -> Grid:
-    """States at whole frames, linearly between those of the table."""
-    tracks: list[tuple[int, F64, I64]] = []
-    moved: dict[str, list[F64]] = {name: [] for name in values}
-    for low, high in pairwise(ends.tolist()):
-        when = moment[low:high]
-        at = np.arange(np.ceil(when[0] - ON_GRID), np.floor(when[-1] + ON_GRID) + 1.0)
-        if not len(at):
-            continue
-        after = np.clip(np.searchsorted(when, at), 1 if high - low > 1 else 0, high - low - 1)
-        before = np.maximum(after - 1, 0)
-        nearest = np.where(at - when[before] < when[after] - at, before, after)
-        tracks.append((int(vehicle[low]), at, low + nearest))
-        for name, column in values.items():
-            piece = column[low:high]
-            moved[name].append(
-                np.interp(at, when, np.unwrap(piece) if name == "heading" else piece)
-            )
-    count = [len(at) for _, at, _ in tracks]
+    begin = np.append(0, np.flatnonzero(np.diff(track) != 0) + 1)
+    start = np.append(begin, len(track)).astype(np.int64)
+    frame = np.rint(frame_time)
+    is_moved = bool((np.abs(frame_time - frame) > ON_GRID).any())
+    if is_moved:
+        return _interpolated(track, frame_time, values, start, is_moved=True)
+    if int((frame[start[1:] - 1] - frame[begin] + 1.0).sum()) > len(track):
+        return _interpolated(track, frame, values, start, is_moved=False)
     return Grid(
-        owner=np.array([owner for owner, _, _ in tracks], np.int64),
-        start=np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
-        frame=np.concatenate([at for _, at, _ in tracks]).astype(np.int64),
-        nearest=np.concatenate([row for _, _, row in tracks]),
-        values={name: np.concatenate(parts) for name, parts in moved.items()},
-        is_moved=True,
+        owner=track[begin],
+        start=start,
+        frame=frame.astype(np.int64),
+        nearest=np.arange(len(track)),
+        values=values,
+        is_moved=False,
+    )
+
+
+def _interpolated(
+    track: I64, frame_time: F64, values: dict[str, F64], start: I64, *, is_moved: bool
+) -> Grid:
+    """States at whole frames, linearly between those of the table."""
+    first_time, last_time = frame_time[start[:-1]], frame_time[start[1:] - 1]
+    first = np.ceil(first_time - ON_GRID)
+    count = np.maximum(np.floor(last_time + ON_GRID) - first + 1.0, 0.0).astype(np.int64)
+    has_frame = count > 0
+    first, count = first[has_frame], count[has_frame]
+    low, high = start[:-1][has_frame], start[1:][has_frame] - 1
+    grid_start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    within = np.arange(grid_start[-1]) - np.repeat(grid_start[:-1], count)
+    frame = np.repeat(first, count) + within
+    # One ascending axis for all tracks: each begins two frames after the end of the one before.
+    extent = np.ceil(last_time - first_time) + 2.0
+    shift = np.cumsum(extent) - extent - first_time
+    axis = frame_time + np.repeat(shift, np.diff(start))
+    place = np.searchsorted(axis, frame + np.repeat(shift[has_frame], count), side="right") - 1
+    before = np.clip(place, np.repeat(low, count), np.repeat(np.maximum(high - 1, low), count))
+    after = np.minimum(before + 1, np.repeat(high, count))
+    elapsed = frame_time[after] - frame_time[before]
+    share = (frame - frame_time[before]) / np.where(elapsed > 0.0, elapsed, 1.0)
+    # A frame that is a hair before the first row or after the last one has its values.
+    share = np.where(elapsed > 0.0, np.clip(share, 0.0, 1.0), 0.0)
+    moved: dict[str, F64] = {}
+    for name, column in values.items():
+        change = column[after] - column[before]
+        if name == "heading":
+            change -= np.round(change / math.tau) * math.tau
+        # Rows of the table at whole frames keep their values to the last digit.
+        moved[name] = np.where(share == 1.0, column[after], column[before] + share * change)
+    return Grid(
+        owner=track[low],
+        start=grid_start,
+        frame=frame.astype(np.int64),
+        nearest=np.where(share < 0.5, before, after),
+        values=moved,
+        is_moved=is_moved,
     )
 
 

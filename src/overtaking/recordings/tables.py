@@ -122,8 +122,10 @@ def recording_of(
         driven = _centred(driven, place.road)
     there = on_road(place.road, driven.s, driven.d)
     if place.notes["lanes_from"] == LANES_FITTED:
-        findings += check_lanes(place.road, kept(driven, there), rows.frame_interval_ms)
-    ways = by_ways(kept(driven, there), place.road)
+        findings += check_lanes(
+            place.road, kept(driven, there, rows.frame_interval_ms), rows.frame_interval_ms
+        )
+    ways = by_ways(kept(driven, there, rows.frame_interval_ms), place.road)
     if not ways.along:
         oncoming = ways.oncoming + ways.left_out
         got = f"{oncoming} oncoming ones" if oncoming else "none"

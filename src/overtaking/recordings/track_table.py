@@ -32,13 +32,16 @@ from overtaking.recordings.frame_times import (
     check_extent,
     check_interval,
     frame_interval_ms,
+    most_frequent_stride,
     order_rows,
     undo_clock_wraps,
 )
+from overtaking.recordings.gaps import check_pieces, gap_findings, is_long_gap
 from overtaking.recordings.memory_tables import arrow_table
 from overtaking.recordings.missing_cells import check_missing, fill_missing, missing_findings
+from overtaking.recordings.motion_check import FaultyRows, find_faulty_rows, motion_findings
 from overtaking.recordings.recording_checks import compare_sizes
-from overtaking.recordings.rows import ON_GRID, TORN, Rows, at_whole_frames, track_names
+from overtaking.recordings.rows import ON_GRID, Rows, at_whole_frames, track_names
 from overtaking.recordings.table_errors import refused, refused_cell
 from overtaking.recordings.table_files import checked_table, column_names, read_columns
 from overtaking.recordings.vehicle_constants import (
@@ -233,7 +236,17 @@ class _TableJoiner:
         tracks, vehicle, seconds = tracks.select(order), vehicle[order], seconds[order]
         type_code, incomplete = type_code[order], incomplete[order]
         frame_time, interval = self.frame_times(tracks, vehicle, seconds, recording_values)
-        track = _track_of_rows(vehicle, frame_time, x[order], y[order], interval)
+        x, y = x[order], y[order]
+        faulty = self.faulty_rows(vehicle, frame_time, x, y, type_code, interval)
+        self.findings.extend(motion_findings(faulty, vehicle=vehicle, seconds=seconds, names=names))
+        is_kept = np.ones(len(vehicle), np.bool_)
+        is_kept[faulty.row] = False
+        row_index = np.flatnonzero(is_kept)
+        if len(faulty.row):
+            tracks, vehicle, seconds = tracks.select(is_kept), vehicle[is_kept], seconds[is_kept]
+            type_code, incomplete = type_code[is_kept], incomplete[is_kept]
+            frame_time, x, y = frame_time[is_kept], x[is_kept], y[is_kept]
+        track = _track_of_rows(vehicle, frame_time, x, y, interval)
         track_vehicle = vehicle[np.flatnonzero(np.append(True, np.diff(track) != 0))]
         track_type, findings = self.vote(type_code, track, seconds, names[track_vehicle])
         is_read = (track_type != LEFT_OUT)[track]
@@ -252,18 +265,30 @@ class _TableJoiner:
         tracks_left, track = np.unique(track[rows], return_inverse=True)
         track_vehicle, track_type = track_vehicle[tracks_left], track_type[tracks_left]
         self.check_vehicle_values(tracks)
-        if self.map.is_exact:
-            self.check_frames(tracks, vehicle, frame_time, names, without_position)
         self.report_missing_values(tracks, empty, seconds, vehicle, names)
         values = fill_missing(self.motion_columns(tracks, empty), track, seconds)
         constants = self.vehicle_constants(tracks, track, track_vehicle, names, track_type)
         values = self.oriented(values, constants, track)
+        first_row = np.flatnonzero(np.append(True, np.diff(track) != 0))
+        check_pieces(tracks.file_name, np.append(first_row, len(track)), track_vehicle, interval)
+        track_name = track_names(names, track_vehicle)
+        self.findings.extend(
+            gap_findings(
+                track,
+                frame_time,
+                seconds,
+                interval_ms=interval,
+                track_names=track_name,
+                track_vehicle=track_vehicle,
+                num_faulty=np.diff(np.searchsorted(faulty.row, row_index[rows])),
+            )
+        )
         grid = at_whole_frames(track, frame_time, values)
         owner, lane = grid.owner, self.lane_names(tracks)
         direction = constants.direction
         return Rows(
             where=tracks.file_name,
-            names=track_names(names, track_vehicle[owner]),
+            names=track_name[owner],
             kind=constants.kind[owner].astype(np.uint8),
             is_kind_known=constants.is_kind_known[owner],
             length=constants.length[owner],
@@ -560,39 +585,35 @@ class _TableJoiner:
                 )
             )
 
-    def check_frames(
+    def faulty_rows(
         self,
-        tracks: ArrayTable,
         vehicle: I64,
         frame_time: F64,
-        names: NDArray[np.object_],
-        without_position: Iterable[tuple[int, float]],
-    ) -> None:
-        """Refuse a vehicle without a row in a frame between its first and its last.
+        x: F64,
+        y: F64,
+        type_code: I64,
+        interval_ms: int,
+    ) -> FaultyRows:
+        """Rows out of place, without those of repeated times and of vehicles that are not read.
 
         Args:
-            tracks: The rows with a position.
             vehicle: Index of the vehicle of each row, ascending, shape (row,).
             frame_time: Instant of each row, ascending within a vehicle, same shape [frames].
-            names: Name of each vehicle.
-            without_position: Vehicle and frame of the rows without one.
+            x: Position, same shape [m].
+            y: Position, same shape [m].
+            type_code: As of `type_codes`, same shape.
+            interval_ms: Length of a frame [ms].
         """
-        is_wrong = (np.diff(vehicle) == 0) & (np.abs(np.diff(frame_time) - 1.0) > ON_GRID)
-        frames = tracks.numbers[self.time_column]
-        known = set(without_position)
-        for row in (np.flatnonzero(is_wrong) + 1).tolist():
-            owner = int(vehicle[row])
-            frame = float(frames[row - 1]) + 1.0
-            while (owner, frame) in known:
-                frame += 1.0
-            if frame < frames[row]:
-                raise refused_cell(
-                    tracks.file_name,
-                    tracks.place(row),
-                    self.time_column,
-                    f"frame {frame:g} of vehicle {names[owner]}",
-                    f"{self.time_name} {frames[row]:g}",
-                )
+        is_compared = type_code != LEFT_OUT
+        # Rows of one time are compared by `is_repeated`, which refuses a contradiction.
+        is_repeated = (np.diff(vehicle) == 0) & (np.diff(frame_time) <= ON_GRID)
+        is_compared[1:] &= ~is_repeated
+        is_compared[:-1] &= ~is_repeated
+        if is_compared.all():
+            return find_faulty_rows(vehicle, frame_time, x, y, interval_ms)
+        rows = np.flatnonzero(is_compared)
+        faulty = find_faulty_rows(vehicle[rows], frame_time[rows], x[rows], y[rows], interval_ms)
+        return replace(faulty, row=rows[faulty.row], jump=rows[faulty.jump])
 
     def vehicle_constants(
         self,
@@ -712,9 +733,13 @@ class _TableJoiner:
         if self.time_name == "frame":
             exact = self.exact_interval_ms(recording_values)
             check_interval(file_name, column, exact)
+            frames = tracks.numbers[column]
+            # A file may have every fifth frame only.
+            stride = most_frequent_stride(frames, vehicle)
+            check_interval(file_name, column, exact * stride)
             # Frames are whole milliseconds apart: at another rate states are interpolated.
-            interval = round(exact)
-            frame_time = tracks.numbers[column] * exact / interval
+            interval = round(exact * stride)
+            frame_time = (frames - frames.min() % stride) * exact / interval
         else:
             interval = frame_interval_ms(file_name, column, seconds, vehicle)
             frame_time = (seconds - seconds.min()) * 1000.0 / interval
@@ -782,7 +807,9 @@ def _track_of_rows(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: i
     speed = np.hypot(np.diff(x), np.diff(y)) / elapsed
     median_speed = float(np.median(speed[is_same])) if is_same.any() else 0.0
     is_jump = (speed > max(_MAX_SPEED, _MAX_SPEED_RATIO * median_speed)) & ~is_repeated
-    return np.append(0, np.cumsum(~is_same | (apart > TORN) | is_jump))
+    return np.append(
+        0, np.cumsum(~is_same | is_long_gap(vehicle, frame_time, interval_ms) | is_jump)
+    )
 
 
 def _without_repeated(vehicles: ArrayTable, vehicle: I64, column: str) -> tuple[ArrayTable, I64]:

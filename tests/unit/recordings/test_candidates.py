@@ -189,13 +189,38 @@ def test_of_a_track_that_leaves_the_road_the_longest_piece_stays():
         **dict.fromkeys(("yaw_rate", "wheel_angle"), values),
     )
     rows = np.array([True, False, True, True, False, True, False, False, False, False])
-    left = kept(tracks, rows)
+    left = kept(tracks, rows, 100)
     assert left.names.tolist() == ["4"]
-    assert left.s.tolist() == [2.0, 3.0]
     assert left.first.tolist() == [102]
     assert left.last.tolist() == [103]
-    assert kept(tracks, np.ones(count, bool)).s.tolist() == values.tolist()
-    assert kept(tracks, np.zeros(count, bool)).num_vehicles == 0
+    assert left.s.tolist() == [2.0, 3.0]
+    assert kept(tracks, np.ones(count, bool), 100).s.tolist() == values.tolist()
+    assert kept(tracks, np.zeros(count, bool), 100).num_vehicles == 0
+
+
+def test_long_pieces_of_a_track_are_tracks_in_order_of_time():
+    names, count = ["4", "4 (2)", "8"], 18
+    values = np.arange(count, dtype=np.float64)
+    quantities = ("x", "y", "s", "d", "speed", "heading", "accel_lon", "accel_lat", "yaw_rate")
+    tracks = Tracks(
+        names=np.array(names, np.object_),
+        kind=np.zeros(3, np.uint8),
+        is_kind_known=np.ones(3, np.bool_),
+        length=np.ones(3),
+        width=np.ones(3),
+        carriageway=np.zeros(3, np.int64),
+        first=np.array([100, 150, 200]),
+        start=np.array([0, 8, 14, 18]),
+        lane=np.zeros(count, np.uint8),
+        **dict.fromkeys((*quantities, "wheel_angle"), values),
+    )
+    rows = np.ones(count, np.bool_)
+    rows[3] = False
+    pieces = kept(tracks, rows, 200)
+    assert pieces.names.tolist() == ["4", "4 (2)", "4 (3)", "8"]
+    assert pieces.first.tolist() == [100, 104, 150, 200]
+    assert pieces.start.tolist() == [0, 3, 7, 13, 17]
+    assert pieces.s.tolist() == values[rows].tolist()
 
 
 @pytest.mark.parametrize("interval", [40, 50, 100])

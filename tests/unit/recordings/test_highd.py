@@ -19,6 +19,7 @@ from tests.support.recordings import (
 )
 
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.recordings.findings import Check, Consequence
 from overtaking.recordings.highd import read_highd
 from overtaking.recordings.scenes import scenes
 
@@ -175,20 +176,40 @@ def test_a_bad_cell_is_named_by_line_and_column(tmp_path, column, cell, message)
 
 
 @pytest.mark.parametrize("cell", ["nan", "", "NaN"])
-def test_a_frame_without_a_position_parts_a_vehicle_into_two_tracks(tmp_path, cell):
+def test_a_frame_without_a_position_is_interpolated(tmp_path, cell):
     path = highd(tmp_path)
+    before = read_highd(path).tracks
     _changed(path, 5, 2, cell)
     recording = read_highd(path)
-    first = highd(tmp_path)
-    assert recording.tracks.num_vehicles == read_highd(first).tracks.num_vehicles + 1
+    assert recording.tracks.names.tolist() == before.names.tolist()
+    assert np.allclose(recording.tracks.s, before.s, atol=1e-3)
+    (finding,) = [each for each in recording.findings if each.check is Check.GAPS]
+    assert (finding.consequence, finding.rows, finding.vehicle) == (Consequence.CORRECTED, 1, "7")
+    assert finding.first_time_s == pytest.approx(3 * 0.04)
 
 
-def test_a_frame_that_is_missing_is_refused(tmp_path):
+def test_a_missing_frame_is_interpolated(tmp_path):
     path = highd(tmp_path)
+    before = read_highd(path).tracks
     lines = path.read_text(encoding="utf-8").splitlines()
     path.write_text("\n".join([*lines[:4], *lines[5:]]) + "\n", encoding="utf-8")
-    with pytest.raises(ImportFormatError, match=r"frame: expected frame 3 of vehicle 7, got fra"):
-        read_highd(path)
+    recording = read_highd(path)
+    assert np.allclose(recording.tracks.s, before.s, atol=1e-3)
+    (finding,) = recording.findings
+    assert (finding.check, finding.vehicle, finding.rows) == (Check.GAPS, "7", 1)
+    assert finding.first_time_s == pytest.approx(3 * 0.04)
+
+
+def test_a_long_time_without_frames_parts_a_vehicle_into_two_tracks(tmp_path):
+    path = highd(tmp_path)
+    before = read_highd(path).tracks
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([*lines[:11], *lines[31:]]) + "\n", encoding="utf-8")
+    recording = read_highd(path)
+    assert set(recording.tracks.names) == {*before.names, "7 (2)"}
+    assert recording.tracks.num_rows == before.num_rows - 20
+    (finding,) = recording.findings
+    assert (finding.consequence, finding.vehicle) == (Consequence.REPORTED, "7")
 
 
 @pytest.mark.parametrize(

@@ -199,7 +199,7 @@ def test_missing_positions_may_be_written_in_several_ways(tmp_path, frame, text)
 def test_rows_without_anything_are_a_gap(tmp_path, frame):
     path = tmp_path / "t.csv"
     frame = frame.astype({"id": float})
-    frame.loc[frame.index[40:44], :] = np.nan
+    frame.loc[frame.index[40:46], :] = np.nan
     frame.to_csv(path, index=False)
     found = read(path)
     assert found.tracks.names.tolist() == ["3", "5", "7", "7 (2)", "9"]
