@@ -153,7 +153,7 @@ class _Path:
 
     Attributes:
         time: Shape (row,) [s].
-        point: Positions x + iy, same shape [m].
+        point: Positions as complex numbers, x + 1j * y, same shape [m].
         bend: Deviation from the line through both neighbours, 0 at the ends, same shape [m].
         interval: Time between frames [s].
     """
