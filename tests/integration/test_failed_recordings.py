@@ -18,13 +18,18 @@ import overtaking as ot
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DatasetError, ImportFormatError
-from overtaking.data import collection, plan
+from overtaking.data import collection, plan, shards
 from overtaking.data.tables import files as table_files
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.ci
+
+
+class PanicException(BaseException):  # noqa: N818 - The name that pyo3 gives it.
+    """Stands for a panic of compiled code."""
+
 
 TIME = np.arange(0.0, 12.05, 0.1).round(1)
 COLUMNS: dict[str, Any] = {
@@ -141,6 +146,7 @@ def test_a_fault_in_the_last_piece_leaves_no_simulation_of_the_recording(
         (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "no"), "UnicodeDecodeError", True),
         (AssertionError(), "AssertionError", True),
         (StopIteration(), "StopIteration", True),
+        (PanicException("index out of bounds"), "PanicException: index out of bounds", True),
         (GeneratorExit(), None, None),
     ],
 )
@@ -228,6 +234,23 @@ def test_resuming_labels_recordings_after_the_fault_is_repaired(folder, tmp_path
         assert labelled(folder, out, road="motorway")["faults"] == 2
     labelled(folder, out, road="motorway", resume=True)
     labelled(folder, tmp_path / "once", road="motorway")
+    assert contents(out) == contents(tmp_path / "once")
+
+
+def test_an_error_while_a_shard_is_written_again_loses_no_recording(folder, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    labelled(folder, out)
+    write(folder, "02.csv", table(shift=10.0))
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shards, "put_into_place", full)
+        with pytest.raises(DatasetError, match="No space left"):
+            labelled(folder, out, resume=True)
+    labelled(folder, out, resume=True)
+    labelled(folder, tmp_path / "once")
     assert contents(out) == contents(tmp_path / "once")
 
 

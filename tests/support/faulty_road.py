@@ -5,10 +5,14 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from overtaking.core.arrays import F64
 
 FAR = 100_000.0
@@ -20,9 +24,9 @@ class FaultyRoad(Road):
 
     __slots__ = ()
 
-    def from_source(self, x: F64, y: F64) -> tuple[F64, F64]:
+    def from_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Positions in the world of the road, as in `Road`."""
-        if x.max() > FAR:
+        if np.max(x) > FAR:
             raise ZeroDivisionError("the road is wrong about distant traffic")
         return super().from_source(x, y)
 

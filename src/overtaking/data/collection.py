@@ -136,6 +136,7 @@ class PartReport:
 
 
 _PART_REPORT = TypeAdapter(PartReport)
+_PANIC = "PanicException"  # Of a fault in compiled code; pyo3 derives it from `BaseException`.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,12 +254,14 @@ class Labelling:
             findings = tuple(
                 replace(finding, recording=as_utf8(name)) for finding in scenes.import_findings
             )
-        except Exception as error:
+        except BaseException as error:
+            if not (isinstance(error, Exception) or type(error).__name__ == _PANIC):
+                raise  # Ctrl-C and SIGTERM.
             return _failed_recording(error, number, name)
         return LabelledRecording(tables=tables, findings=findings)
 
 
-def _failed_recording(error: Exception, number: int, name: str) -> FailedRecording:
+def _failed_recording(error: BaseException, number: int, name: str) -> FailedRecording:
     """A recording at which an error was raised: refused, or a fault of this package."""
     name = as_utf8(name)
     if isinstance(error, OvertakingError):
