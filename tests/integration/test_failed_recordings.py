@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ci
 
 
-class PanicException(BaseException):  # noqa: N818 - The name that pyo3 gives it.
+class PanicException(BaseException):
     """Stands for a panic of compiled code."""
 
 
