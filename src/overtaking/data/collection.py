@@ -52,10 +52,11 @@ ENDINGS = {
     "exid": ("_tracks.csv",),
     "highd": ("_tracks.csv",),
     "ngsim": (".csv", ".txt"),
-    "pinto2023": (".csv", ".parquet"),
-    "table": (".csv", ".parquet", ".arrow", ".arrows", ".feather"),
+    "pinto2023": (".csv", ".parquet", ".pq"),
+    "table": (".csv", ".tsv", ".parquet", ".pq", ".arrow", ".arrows", ".feather"),
 }
-"""How the names of recordings end, by format; the other files of a folder are left alone."""
+"""How the names of recordings end, by format, in small or capital letters; the other files of a
+folder are left alone."""
 
 TABLES = (*LABEL_TABLES, "simulations")
 
@@ -376,7 +377,7 @@ def _names(file_format: str, folder: Path) -> list[str]:
     names = sorted(
         file.name
         for file in folder.iterdir()
-        if (uncompressed_name(file) if may_be_compressed else file.name).endswith(endings)
+        if (uncompressed_name(file) if may_be_compressed else file.name).lower().endswith(endings)
     )
     if names:
         return names

@@ -369,7 +369,7 @@ def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
     if not columns.files:
         return {TRACKS: path}
     ending, name = columns.files[TRACKS], uncompressed_name(path)
-    if not name.endswith(ending):
+    if not name.lower().endswith(ending.lower()):
         raise ConfigError.of(
             what=f"{columns.name} recording",
             where="import",
@@ -377,7 +377,7 @@ def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
             got=repr(path.name),
             next_step="name that file; the two others are found beside it",
         )
-    stem, compression = name.removesuffix(ending), path.name.removeprefix(name)
+    stem, compression = name[: -len(ending)], path.name.removeprefix(name)
     return {
         table: _existing(path.with_name(f"{stem}{columns.files[table]}"), compression)
         for table in TABLES
@@ -392,8 +392,14 @@ def _existing(path: Path, compression: str) -> Path:
         compression: The ending to try first, such as ".gz"; empty for none.
     """
     endings = dict.fromkeys((compression, "", *COMPRESSED_SUFFIXES))
-    candidates = (path.with_name(path.name + ending) for ending in endings)
-    return next((candidate for candidate in candidates if candidate.exists()), path)
+    candidates = [path.with_name(path.name + ending) for ending in endings]
+    existing = next((candidate for candidate in candidates if candidate.exists()), None)
+    if existing is not None or not path.parent.is_dir():
+        return existing or path
+    # Files that were copied by other systems may have names in capital letters.
+    lower = {candidate.name.lower(): rank for rank, candidate in enumerate(candidates)}
+    others = [file for file in path.parent.iterdir() if file.name.lower() in lower]
+    return min(others, key=lambda file: (lower[file.name.lower()], file.name), default=path)
 
 
 def template(names: tuple[str, ...] = ()) -> str:

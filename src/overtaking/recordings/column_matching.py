@@ -28,7 +28,7 @@ _UNIT_SPELLINGS = {
     "m/s/s": "m/s^2", "m/s2": "m/s^2", "m/s²": "m/s^2", "m/s**2": "m/s^2", "m*s^-2": "m/s^2",
     "ms^-2": "m/s^2", "m s^-2": "m/s^2", "ft/s2": "ft/s^2", "ft/s²": "ft/s^2",
     "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
-    "°/s": "deg/s", "hz": "1/s", "fps [1/s]": "1/s",
+    "°/s": "deg/s", "hz": "1/s",
 }  # fmt: skip
 """Other spellings of the units of `column_map.UNITS` in the headers of tables."""
 
@@ -130,14 +130,22 @@ def _column_error(
     if name_key(name) in map(name_key, index_names):
         step = f"{shown(name)} is in the index: call reset_index() on the data frame"
     else:
-        key_to_name = {name_key(column): column for column in names}
-        nearest = difflib.get_close_matches(name_key(name), key_to_name, n=1)
-        # Whoever misspells a name writes most of it; a short one is often the start of another.
-        nearest = nearest or [key for key in key_to_name if name_key(name) in key][:1]
         step = "correct the map of columns"
-        if nearest and not num_matches:
-            step += f"; the nearest column is {shown(key_to_name[nearest[0]])}"
+        nearest = None if num_matches else _nearest(name, names)
+        if nearest is not None:
+            step += f"; the nearest column is {shown(nearest)}"
     return refused(where, "columns", f"a column {shown(name)}", got, step)
+
+
+def _nearest(name: str, names: Sequence[str]) -> str | None:
+    """The column whose name is most like another one; None if no name is like it."""
+    key = name_key(name)
+    name_of_key = {name_key(column): column for column in names}
+    for other, column in name_of_key.items():
+        if key in re.split(r"[^\w]|_", other) or other in re.split(r"[^\w]|_", key):
+            return column
+    nearest = difflib.get_close_matches(key, name_of_key, n=1)
+    return name_of_key[nearest[0]] if nearest else None
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -117,7 +117,9 @@ def _wraps_of_rows(seconds: F64, period: float) -> I64 | None:
     """Number of wraps before each row, shape (row,); None if it is not clear."""
     steps = np.diff(seconds)
     is_wrap = steps < _WRAP_MARGIN - period
-    if is_wrap.any() and (steps[~is_wrap] >= 0.0).all():
+    others = steps[~is_wrap]
+    is_in_order = (others >= 0.0) & (others < 0.5 * period)
+    if is_wrap.any() and is_in_order.all():
         return np.append(0, np.cumsum(is_wrap))
     times = np.sort(seconds)
     pauses = np.diff(times)

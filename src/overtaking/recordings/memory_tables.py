@@ -29,8 +29,7 @@ def arrow_table(table: Any) -> tuple[pa.Table, list[str]]:
         # pandas has the C interface as well, but there a NaN is no missing cell.
         if hasattr(table, "iloc") and hasattr(table, "index"):
             index_names = [name for name in table.index.names if isinstance(name, str)]
-            table = table.rename(columns=str)
-            return pa.Table.from_pandas(table, preserve_index=False), index_names
+            return _arrow_of_pandas(table.rename(columns=str)), index_names
         if hasattr(table, "__arrow_c_stream__"):
             return pa.RecordBatchReader.from_stream(table).read_all(), []
         if hasattr(table, "__arrow_c_array__"):
@@ -38,6 +37,16 @@ def arrow_table(table: Any) -> tuple[pa.Table, list[str]]:
     except (pa.ArrowException, TypeError, ValueError, AttributeError, UnicodeError) as error:
         raise _table_error(str(error)) from None
     raise _table_error(f"an object of type {type(table).__name__}")
+
+
+def _arrow_of_pandas(frame: Any) -> pa.Table:
+    """A data frame as a table of Arrow; a column of numbers and texts becomes one of texts."""
+    try:
+        return pa.Table.from_pandas(frame, preserve_index=False)
+    except (pa.ArrowInvalid, pa.ArrowTypeError):
+        objects = [name for name in frame.columns if frame[name].dtype == object]
+        texts = {name: frame[name].map(str).where(frame[name].notna(), None) for name in objects}
+        return pa.Table.from_pandas(frame.assign(**texts), preserve_index=False)
 
 
 def _table_error(got: str) -> Exception:

@@ -71,7 +71,6 @@ def missing_findings(
     """
     if not len(rows):
         return []
-    effect = "the rows are left out" if is_left_out else "the values count as unknown"
     vehicles = np.unique(vehicle[rows])
     groups = [(index, rows[vehicle[rows] == index]) for index in vehicles.tolist()]
     if len(groups) > _MAX_NAMED_VEHICLES:
@@ -79,11 +78,16 @@ def missing_findings(
     findings: list[Finding] = []
     for index, group in groups:
         times = seconds[group][~np.isnan(seconds[group])]
-        cells = "1 cell is" if len(group) == 1 else f"{len(group)} cells are"
+        is_single = len(group) == 1
+        cells = "1 cell is" if is_single else f"{len(group)} cells are"
+        if is_left_out:
+            effect = "its row is left out" if is_single else "their rows are left out"
+        else:
+            effect = "its value is unknown" if is_single else "their values are unknown"
         findings.append(
             Finding(
                 check=Check.MISSING_CELLS,
-                consequence=Consequence.LEFT_OUT if is_left_out else Consequence.REPORTED,
+                consequence=Consequence.LEFT_OUT,
                 detail=f"column {column}: {cells} missing; {effect}",
                 rows=len(group),
                 vehicle=str(names[index]) if index >= 0 else None,

@@ -128,7 +128,7 @@ def read_table(path: Path | str) -> pa.Table:
         ImportFormatError: The file is not such a table; the message names line and column.
     """
     source = Path(path)
-    is_parquet = source.suffix == ".parquet"
+    is_parquet = source.suffix.lower() in (".parquet", ".pq")
     try:
         text = _parquet_text(source) if is_parquet else _csv_text(source)
         return from_text(text)

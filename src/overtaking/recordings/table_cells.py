@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,16 +13,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from overtaking.recordings.column_request import MAX_MAGNITUDE, NUMBER, TEXT, TIME
-from overtaking.recordings.table_csv import MISSING_WORDS
+from overtaking.recordings.table_csv import MISSING_WORDS, thousands_advice
 from overtaking.recordings.table_errors import refused, refused_cell
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Mapping
+
     from overtaking.recordings.column_request import ColumnRequest, RowPlaces
 
 _SAMPLE_CELLS = 100_000  # Cells of a column that are looked at for separators of thousands.
 
 _NANOSECONDS = 1e-9  # [s]
 
+_ISO_INSTANT = r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d(?:\.\d+)?)?)?"
+_OFFSET = r"(?:Z|[+-]\d\d(?::?\d\d)?)$"
 _CLOCK = (
     r"^(?:(?P<sign>-)?(?P<days>\d{1,6}) days?,? )?\+?"
     r"(?P<hours>\d{1,4}):(?P<minutes>\d\d):(?P<seconds>\d\d(?:\.\d+)?)$"
@@ -49,13 +54,23 @@ def check_table(table: pa.Table, request: ColumnRequest, where: str, places: Row
             columns.append(_texts(table[name], name, where))
             continue
         if kind == TIME:
-            column = _seconds(table[name], name, request, where)
+            column = _seconds(table[name], name, request, where, places)
         else:
             column = _numbers(table[name], name, where)
         limit = request.limits.get(name, MAX_MAGNITUDE)
         _check_sizes(column, name, limit, where, places, has_gaps=name in request.gaps)
         columns.append(pc.fill_null(column, np.nan) if column.null_count else column)
     return pa.Table.from_arrays(columns, names=list(request.types))
+
+
+def decimal_mark(columns: Iterable[pa.ChunkedArray]) -> str:
+    """The decimal mark of numbers that are texts: a comma if no cell has a point."""
+    has_comma = False
+    for column in columns:
+        if pc.any(pc.match_substring(column, ".")).as_py():
+            return "."
+        has_comma |= bool(pc.any(pc.match_substring(column, ",")).as_py())
+    return "," if has_comma else "."
 
 
 def has_thousands(texts: pa.ChunkedArray, decimal: str) -> str | None:
@@ -82,11 +97,44 @@ def has_thousands(texts: pa.ChunkedArray, decimal: str) -> str | None:
     return None if example is None or example < 0 else texts[example].as_py()
 
 
-def without_thousands(texts: pa.ChunkedArray, thousands: str | None, decimal: str) -> pa.Array:
-    """Numbers as texts with a decimal point and without separators of thousands."""
-    if thousands in (".", ","):
-        texts = pc.replace_substring(texts, thousands, "")
-    return pc.replace_substring(texts, ",", ".") if decimal == "," else texts
+def numbers_without_thousands(
+    texts: Mapping[str, pa.ChunkedArray],
+    thousands: str | None,
+    decimal: str,
+    small: Collection[str],
+) -> dict[str, pa.ChunkedArray]:
+    """Numbers as texts with a decimal point and without separators of thousands.
+
+    A column has separators of thousands if each cell that has the mark has it before groups of
+    three digits. Where no cell of the table has the other mark, only numbers of small units have
+    them: "1.750" is 1.75 m, but 1750 mm.
+
+    Args:
+        texts: Numbers as texts, by column.
+        thousands: Separator of thousands, "." or ","; other values stand for none.
+        decimal: The decimal mark of columns without separators of thousands.
+        small: Columns of small units, such as mm.
+    """
+    if thousands not in (".", ","):
+        return {name: _with_point(column, decimal) for name, column in texts.items()}
+    other = "," if thousands == "." else "."
+    mark = re.escape(thousands)
+    pattern = rf"^\s*[+-]?\d{{1,3}}({mark}\d{{3}})+({re.escape(other)}\d*)?\s*$"
+    has_other = any(pc.any(pc.match_substring(column, other)).as_py() for column in texts.values())
+    columns: dict[str, pa.ChunkedArray] = {}
+    for name, column in texts.items():
+        has_mark = pc.match_substring(column, thousands)
+        is_grouped = pc.or_(pc.invert(has_mark), pc.match_substring_regex(column, pattern))
+        if (has_other or name in small) and pc.all(is_grouped).as_py() is not False:
+            columns[name] = _with_point(pc.replace_substring(column, thousands, ""), other)
+        else:
+            columns[name] = _with_point(column, thousands)
+    return columns
+
+
+def _with_point(column: pa.ChunkedArray, decimal: str) -> pa.ChunkedArray:
+    """Numbers as texts with a point in place of the decimal mark."""
+    return pc.replace_substring(column, ",", ".") if decimal == "," else column
 
 
 def _numbers(column: pa.ChunkedArray, name: str, where: str) -> pa.ChunkedArray:
@@ -111,7 +159,7 @@ def _texts(column: pa.ChunkedArray, name: str, where: str) -> pa.ChunkedArray:
 
 
 def _seconds(
-    column: pa.ChunkedArray, name: str, request: ColumnRequest, where: str
+    column: pa.ChunkedArray, name: str, request: ColumnRequest, where: str, places: RowPlaces
 ) -> pa.ChunkedArray:
     """Instants as float64 in the unit of the map of columns.
 
@@ -120,7 +168,8 @@ def _seconds(
     """
     kind = column.type
     if is_text(kind):
-        return _seconds_of_texts(_cast(column, TEXT, name, where), name, request, where)
+        texts = _cast(column, TEXT, name, where)
+        return _seconds_of_texts(texts, name, request, where, places)
     if not pa.types.is_temporal(kind):
         _check_time_unit(name, request, where)
         return _numbers(column, name, where)
@@ -146,20 +195,18 @@ def _check_time_unit(name: str, request: ColumnRequest, where: str) -> None:
 
 
 def _seconds_of_texts(
-    column: pa.ChunkedArray, name: str, request: ColumnRequest, where: str
+    column: pa.ChunkedArray, name: str, request: ColumnRequest, where: str, places: RowPlaces
 ) -> pa.ChunkedArray:
     """As `_seconds` of texts: numbers, ISO 8601, times of the day, or durations of pandas."""
     texts = pc.utf8_trim_whitespace(column)
     is_missing = pc.is_in(texts, pa.array(MISSING_WORDS))
-    texts = pc.if_else(is_missing, pa.scalar(None, TEXT), texts)
+    texts = pc.replace_substring(pc.if_else(is_missing, pa.scalar(None, TEXT), texts), ",", ".")
     stated = texts.drop_null()
     if not len(stated):
         return texts.cast(NUMBER)
-    first = stated[0].as_py()
     if pc.all(pc.match_substring_regex(stated, r"^[+-]?[\d.]+([eE][+-]?\d+)?$")).as_py():
         _check_time_unit(name, request, where)
         return _cast(texts, NUMBER, name, where)
-    texts = pc.replace_substring(texts, ",", ".")
     if pc.all(pc.match_substring_regex(texts.drop_null(), _CLOCK)).as_py():
         return pc.divide(_clock_seconds(texts), request.time_unit)
     for pattern, replacement in (
@@ -170,20 +217,25 @@ def _seconds_of_texts(
         (r" ([+-]\d\d:?\d\d)$", r"\1"),
     ):
         texts = pc.replace_substring_regex(texts, pattern, replacement)
+    first = texts.drop_null()[0].as_py()
     # Whether the texts state an offset decides about the type that they are read as.
-    for zone in (None, "UTC"):
+    zone = "UTC" if re.search(_OFFSET, first) else None
+    pattern = rf"^{_ISO_INSTANT}{_OFFSET if zone else '$'}"
+    row = pc.index(pc.fill_null(pc.match_substring_regex(texts, pattern), True), False).as_py()
+    if row < 0:
         try:
             instants = texts.cast(pa.timestamp("ns", zone))
-        except pa.ArrowException:
-            continue
-        seconds = instants.cast(pa.int64()).cast(NUMBER, safe=False)
-        return pc.multiply(seconds, _NANOSECONDS / request.time_unit)
-    raise refused(
+            seconds = instants.cast(pa.int64()).cast(NUMBER, safe=False)
+            return pc.multiply(seconds, _NANOSECONDS / request.time_unit)
+        except pa.ArrowException as error:
+            raise refused(where, f"column {name}", "instants", str(error)) from None
+    raise refused_cell(
         where,
-        f"column {name}",
-        "numbers, or instants in ISO 8601 such as 2024-05-01T08:30:00.1, all with an offset or all "
-        "without one",
-        first,
+        places.name(row),
+        name,
+        "a number, or an instant in ISO 8601 such as 2024-05-01T08:30:00.1, all with an offset or "
+        "all without one",
+        texts[row].as_py(),
     )
 
 
@@ -209,8 +261,9 @@ def _cast(column: pa.ChunkedArray, kind: pa.DataType, name: str, where: str) -> 
         # An integer beyond 2**53 loses digits; the limits of the columns allow none but instants.
         return column.cast(kind, safe=not (kind == NUMBER and pa.types.is_integer(column.type)))
     except (pa.ArrowException, UnicodeDecodeError) as error:
-        label = "text" if kind != NUMBER else "double"
-        raise refused(where, f"column {name}", f"cells of type {label}", str(error)) from None
+        step = thousands_advice(str(error)) or "correct the cell, or the map of columns"
+        expected = "numbers" if kind == NUMBER else "texts"
+        raise refused(where, f"column {name}", expected, str(error), step) from None
 
 
 def is_text(kind: pa.DataType) -> bool:

@@ -41,6 +41,9 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(r"\s*[+-]?\d*\.\d+([eE][+-]?\d+)?\s*")
 _NUMBER = re.compile(r"\s*[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?\s*")
 _EXCEL_SEPARATOR = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
+_THOUSANDS = re.compile(
+    r"(?<![\w.,])\d{1,3}(?:(?:([.,])\d{3})(?:\1\d{3})+|([.,])\d{3}(?!\2)[.,]\d+)(?![\w.,])"
+)
 _BLANK_LINE = re.compile(rb"\n[ \t]+\r?(?:\n|$)")
 _MAX_DROPPED_LINES = 1_000_000
 
@@ -209,8 +212,7 @@ def _dialect(path: Path, sample: str, request: ColumnRequest) -> Dialect:
     """
     first = _SampleLines.of(sample)
     first_line = first.lines[0] if first.lines else ""
-    starts_with_numbers = not any(cell.strip()[:1].isalpha() for cell in first_line.split(","))
-    if request.header and starts_with_numbers:
+    if request.header and not _has_names(first_line, request.header):
         separator = max(SEPARATORS[:-1], key=lambda mark: len(_cells(path, first_line, mark)))
         separator = separator if len(_cells(path, first_line, separator)) > 1 else " "
         names, has_header = tuple(request.header), False
@@ -236,6 +238,12 @@ def _dialect(path: Path, sample: str, request: ColumnRequest) -> Dialect:
         num_skipped=first.num_skipped,
         has_text_times=_has_text(rows, _indices(names, request, TIME)),
     )
+
+
+def _has_names(line: str, names: Sequence[str]) -> bool:
+    """Whether a line holds one of some names of columns."""
+    cells = {name_key(cell.strip('"')) for cell in re.split(r"[,;\t|]|\s+", line)}
+    return not cells.isdisjoint(map(name_key, names))
 
 
 def _separator_score(
@@ -307,9 +315,10 @@ def _decimal_mark(
 
 
 def _has_text(rows: Sequence[Sequence[str]], indices: Collection[int]) -> bool:
-    """Whether some columns have a cell in the first lines that is neither a number nor missing."""
+    """Whether the first cell of some columns that is not missing is no number."""
     cells = (row[k].strip() for row in rows for k in indices if k < len(row))
-    return any(cell not in MISSING_WORDS and _NUMBER.fullmatch(cell) is None for cell in cells)
+    first = next((cell for cell in cells if cell not in MISSING_WORDS), "0")
+    return _NUMBER.fullmatch(first) is None
 
 
 def _parse(
@@ -346,11 +355,22 @@ def _parse(
             )
         except (pa.ArrowException, UnicodeDecodeError) as error:
             text = str(error)
-            if dialect.separator == "," and "columns, got" in text:
+            counts = re.search(r"Expected (\d+) columns, got (\d+)", text)
+            if dialect.separator == "," and counts and int(counts[2]) > int(counts[1]):
                 text += " (decimal commas need another separator, such as semicolons)"
             where = _place_of(error, lines.places)
-            raise _ParseError(refused(path, where, "rows of a table", text)) from None
+            step = thousands_advice(text) or "correct the line, or the map of columns"
+            raise _ParseError(refused(path, where, "rows of a table", text, step)) from None
         return table, lines.places
+
+
+def thousands_advice(text: str) -> str | None:
+    """What the user can do about a text with separators of thousands; None if it has none."""
+    match = _THOUSANDS.search(text)
+    if match is None:
+        return None
+    mark = match[1] or match[2]
+    return f'if "{mark}" separates thousands, state recording.thousands = "{mark}" in the map'
 
 
 def _source(lines: _RowLines, dialect: Dialect) -> tuple[Any, str]:

@@ -17,9 +17,10 @@ from overtaking.core.errors import ImportFormatError
 from overtaking.recordings.column_request import NUMBER, TEXT, ColumnRequest, ReadTable, RowPlaces
 from overtaking.recordings.table_cells import (
     check_table,
+    decimal_mark,
     has_thousands,
     is_text,
-    without_thousands,
+    numbers_without_thousands,
 )
 from overtaking.recordings.table_csv import csv_column_names, read_csv
 from overtaking.recordings.table_errors import refused
@@ -64,7 +65,7 @@ def checked_table(
     request: ColumnRequest,
     where: str,
     places: RowPlaces | None = None,
-    decimal: str = ".",
+    decimal: str | None = None,
 ) -> ReadTable:
     """A table with the wanted columns; raises an error for a cell of another type.
 
@@ -73,19 +74,22 @@ def checked_table(
         request: The columns.
         where: What it is called in a message.
         places: Where its rows are.
-        decimal: The decimal mark of numbers that are texts.
+        decimal: The decimal mark of numbers that are texts; detected if None.
     """
     grouped: dict[str, str] = {}
-    for index, name in enumerate(table.column_names):
-        column = table[name]
-        if request.types[name] != NUMBER or not is_text(column.type):
-            continue
-        texts = column.cast(TEXT)
-        if request.thousands is None and request.units.get(name) in SMALL_UNITS:
-            example = has_thousands(texts, decimal)
-            grouped |= {} if example is None else {name: example}
-        texts = without_thousands(texts, request.thousands, decimal)
-        table = table.set_column(index, name, texts)
+    texts = {
+        name: table[name].cast(TEXT)
+        for name in table.column_names
+        if request.types[name] == NUMBER and is_text(table[name].type)
+    }
+    decimal = decimal or decimal_mark(texts.values())
+    small = [name for name in texts if request.units.get(name) in SMALL_UNITS]
+    if request.thousands is None:
+        examples = {name: has_thousands(texts[name], decimal) for name in small}
+        grouped = {name: example for name, example in examples.items() if example is not None}
+    columns = numbers_without_thousands(texts, request.thousands, decimal, small)
+    for name, column in columns.items():
+        table = table.set_column(table.column_names.index(name), name, column)
     places = places or RowPlaces()
     return ReadTable(check_table(table, request, where, places), places, grouped)
 

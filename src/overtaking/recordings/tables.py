@@ -23,6 +23,7 @@ from overtaking.recordings.recording import (
     slope,
 )
 from overtaking.recordings.recording_checks import check_lanes, check_rows
+from overtaking.recordings.table_axes import check_directions, check_sides
 from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_road import LANES_FITTED, check_straight, located
 from overtaking.recordings.table_streams import uncompressed_name
@@ -113,10 +114,12 @@ def recording_of(
         ConfigError: The map is wrong.
     """
     findings = check_rows(rows)
+    check_directions(rows.where, findings)
     place = located(rows, columns, road)
     if not np.ptp(place.s) < _WIDEST:
         raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
     bend = check_straight(rows, place.s, place.d)
+    check_sides(rows, columns, place.road, place.s, place.d)
     driven = tracks_of(rows, place.road, place.s, place.d)
     if columns.point == "front":
         driven = _centred(driven, place.road)

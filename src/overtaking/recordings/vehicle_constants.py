@@ -102,7 +102,9 @@ def vote_on_types(
         others = rows[(codes[rows] != chosen[index]) & (codes[rows] != NOT_KNOWN)]
         stated = sorted(zip(votes[index].tolist(), kinds.tolist(), strict=True), reverse=True)
         listed = " and ".join(
-            f"{_KIND_NAMES[kind]} in {number} rows" for number, kind in stated if number
+            f"{_KIND_NAMES[kind]} in {number} row{'s' if number > 1 else ''}"
+            for number, kind in stated
+            if number
         )
         effect = "its kind is unknown" if is_tie[index] else "the most frequent one is used"
         findings.append(
