@@ -30,6 +30,7 @@ from overtaking.recordings.commonroad_obstacles import (
 from overtaking.recordings.commonroad_road import Network, Stretch, chosen_road, posted_limit
 from overtaking.recordings.commonroad_side import side_of_traffic
 from overtaking.recordings.countries import speed_unit
+from overtaking.recordings.examination import examine
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.origins import origin_near
 from overtaking.recordings.recording import (
@@ -278,6 +279,9 @@ def _recording(document: _Document, road: Stretch) -> Recording:
         interval_ms=document.step_ms,
         file_name=document.name,
     )
+    # Obstacles are in the order of the file.
+    rank = {number: row for row, number in enumerate(document.obstacles)}
+    file_row = np.array([rank[one.number] for one in obstacles], np.int64)
     start, given = examined.start, examined.values
     place = road.shape.project(given["x"], given["y"])
     derived = [name for name, values in given.items() if np.isnan(values).any()]
@@ -285,6 +289,7 @@ def _recording(document: _Document, road: Stretch) -> Recording:
     values |= _motion(given, place, road.road, start, document.step_ms)
     tracks = Tracks(
         names=examined.names,
+        file_row=file_row[examined.vehicle],
         first=examined.first,
         start=start,
         x=given["x"],
@@ -303,7 +308,7 @@ def _recording(document: _Document, road: Stretch) -> Recording:
         unknown |= {"yaw_rate"}
     x, y = road.road.world(place.s[there], place.d[there])
     off = np.hypot(x - given["x"][there], y - given["y"][there])
-    return Recording(
+    recording = Recording(
         name=document.name,
         file_format=FORMAT,
         road=road.road,
@@ -324,6 +329,7 @@ def _recording(document: _Document, road: Stretch) -> Recording:
         },
         findings=examined.findings,
     )
+    return examine(recording)
 
 
 def _check_some(name: str, ways: Ways) -> None:

@@ -23,6 +23,7 @@ from overtaking.recordings.column_map import (
     column_map,
     files_of,
 )
+from overtaking.recordings.examination import examine
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, by_ways, kept
 from overtaking.recordings.recording_checks import check_rows
@@ -76,7 +77,7 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
     ways = by_ways(kept(driven, on_lanes, rows.frame_interval_ms), road)
     if not ways.along:
         raise refused(rows.where, "vehicles", "some that drive in their direction", "none")
-    return Recording(
+    recording = Recording(
         name=f"highD {road.name}",
         file_format=FORMAT,
         road=road,
@@ -93,7 +94,9 @@ def read_highd(path: Path | str, *, direction: int | None = None) -> Recording:
             "has_speed_limit": limit is not None,
         },
         findings=tuple(findings),
+        time_origin_s=rows.time_origin_s,
     )
+    return examine(recording)
 
 
 def check_direction(direction: int | None) -> None:

@@ -179,6 +179,7 @@ def tracks_of(
         length=length,
         width=values["width_m"][begins],
         carriageway=values["simulation"][begins],
+        file_row=values["line"][begins],
         first=values["frame"][begins],
         start=start,
         x=x,

@@ -30,7 +30,7 @@ NEVER_RECORDED = frozenset(
 OPPOSITE = -1
 """Carriageway of the vehicles that come the other way on a road with a lane for them."""
 
-_OF_A_VEHICLE = ("names", "kind", "is_kind_known", "length", "width", "carriageway")
+_OF_A_VEHICLE = ("names", "kind", "is_kind_known", "length", "width", "carriageway", "file_row")
 _BESIDE = 6.0  # Vehicles farther than this from the outer lanes belong to another road [m].
 _LEAST_STRETCH = 0.5  # Nearer to the centre of a bend is no part of a road.
 _MIN_PIECE_MS = 500  # Shorter pieces of tracks show no manoeuvre.
@@ -51,6 +51,8 @@ class Tracks:
         width: Same shape [m].
         carriageway: Number of the carriageway that it drives on; those on different ones have
             no influence on each other, same shape. `OPPOSITE` for oncoming vehicles.
+        file_row: Row of the file in which each vehicle appears first, or another number in that
+            order, same shape.
         first: Frame in which each vehicle is first seen, counted as the source does, same shape.
         start: Row at which each vehicle begins, and after the last the number of rows,
             shape (vehicle + 1,).
@@ -73,6 +75,7 @@ class Tracks:
     length: F64
     width: F64
     carriageway: I64
+    file_row: I64
     first: I64
     start: I64
     x: F64
@@ -146,6 +149,7 @@ class Recording:
         unknown: What the source does not tell, names of `UNKNOWNS`.
         notes: What the reader decided, left out or measured, by name with units.
         findings: What the examination of the recording found.
+        time_origin_s: Time of frame 0 as the file counts [s].
     """
 
     name: str
@@ -156,6 +160,7 @@ class Recording:
     unknown: frozenset[str]
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
     findings: tuple[Finding, ...] = ()
+    time_origin_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse quantities that the recorded integers cannot hold.
@@ -262,12 +267,12 @@ def by_ways(tracks: Tracks, road: Road) -> Ways:
     is_oncoming = 2 * np.bincount(vehicle[is_against], minlength=num) > np.diff(tracks.start)
     count = int(is_oncoming.sum())
     if not road.is_two_way:
-        return Ways(_vehicles(tracks, ~is_oncoming), 0, count)
+        return Ways(select_vehicles(tracks, ~is_oncoming), 0, count)
     carriageway = np.where(is_oncoming, OPPOSITE, tracks.carriageway)
     return Ways(dataclasses.replace(tracks, carriageway=carriageway), count, 0)
 
 
-def _vehicles(tracks: Tracks, is_chosen: Mask) -> Tracks:
+def select_vehicles(tracks: Tracks, is_chosen: Mask) -> Tracks:
     """Some of the vehicles, with all of their rows."""
     chosen = np.flatnonzero(is_chosen)
     count = np.diff(tracks.start)

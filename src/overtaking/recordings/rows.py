@@ -30,10 +30,12 @@ class Rows:
         is_kind_known: Whether the kind is stated and agrees with the length, same shape.
         length: Same shape [m].
         width: Same shape [m].
+        file_row: Row of the file in which each vehicle appears first, same shape.
         direction: Number of the carriageway, same shape; None where none is given.
         start: First row of each vehicle, and the number of rows, shape (vehicle + 1,).
         frame: Of each row, without gaps in a vehicle, shape (row,).
         frame_interval_ms: Time between frames [ms].
+        time_origin_s: Time of frame 0 as the file counts [s].
         values: Positions, speeds, headings and accelerations by the names of `QUANTITIES`, in axes
             of which y is to the left of x, shape (row,) [SI].
         lane: Name of the lane, shape (row,); None where none is given.
@@ -48,10 +50,12 @@ class Rows:
     is_kind_known: Mask
     length: F64
     width: F64
+    file_row: I64
     direction: I64 | None
     start: I64
     frame: I64
     frame_interval_ms: int
+    time_origin_s: float
     values: dict[str, F64]
     lane: NDArray[Any] | None
     about: dict[str, Any]

@@ -11,6 +11,7 @@ import numpy as np
 from overtaking.core.errors import ConfigError
 from overtaking.model.road import DrivingSide
 from overtaking.recordings.column_map import ColumnMap, column_map
+from overtaking.recordings.examination import examine
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
     Recording,
@@ -136,7 +137,7 @@ def recording_of(
     unknown = NEVER_RECORDED | {"weather"} | place.unknown
     unknown |= {"kinds"} if "type" not in columns.columns else frozenset()
     unknown |= {"yaw_rate"} if "yaw_rate" not in columns.columns else frozenset()
-    return Recording(
+    recording = Recording(
         name=f"{columns.name} {name}",
         file_format="table",
         road=place.road,
@@ -155,7 +156,9 @@ def recording_of(
             "columns": {"source": columns.source, "tested": columns.is_tested},
         },
         findings=tuple(findings),
+        time_origin_s=rows.time_origin_s,
     )
+    return examine(recording)
 
 
 def derived(columns: ColumnMap) -> list[str]:
@@ -212,6 +215,7 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64) -> Tracks:
         length=rows.length,
         width=rows.width,
         carriageway=np.zeros(len(rows.names), np.int64),
+        file_row=rows.file_row,
         first=rows.frame[rows.start[:-1]],
         start=rows.start,
         x=x,

@@ -293,10 +293,12 @@ class _TableJoiner:
             is_kind_known=constants.is_kind_known[owner],
             length=constants.length[owner],
             width=constants.width[owner],
+            file_row=np.minimum.reduceat(tracks.row, first_row)[owner],
             direction=None if direction is None else direction[owner],
             start=grid.start,
             frame=grid.frame,
             frame_interval_ms=interval,
+            time_origin_s=float(seconds[0] - frame_time[0] * interval * 1e-3),
             values=grid.values,
             lane=None if lane is None else lane[grid.nearest],
             about=recording_values,
@@ -513,6 +515,11 @@ class _TableJoiner:
             table = tracks if is_of_rows else table
             size = table.numbers[column] * self.map.columns[name].factor
             is_right = (size > least) & (size < most)
+            length = self.find_column("length")
+            if name == "width" and length is not None and length[0] is cell[0]:
+                # Exchanged columns are named as such by `examination.check_sizes`.
+                lengths = table.numbers[length[1]] * self.map.columns["length"].factor
+                is_right |= (size > lengths) & (size < _SIZES["length"][1])
             if is_of_rows:
                 is_right |= np.isnan(size)
             elif (types := self.find_column("type")) is not None and types[0] is table:

@@ -217,3 +217,86 @@ def test_positions_that_scatter_everywhere_are_kept_and_reported(frame):
     assert [(each.consequence, each.rows) for each in findings] == [
         (Consequence.REPORTED, len(frame))
     ]
+
+
+# Sizes
+
+
+def test_exchanged_columns_of_sizes_are_refused(frame):
+    wrong = frame.rename(columns={"length": "width", "width": "length"})
+    with pytest.raises(ImportFormatError, match=r"length and width of 4 of 4 vehicles: expected"):
+        read(wrong)
+
+
+def test_exchanged_sizes_of_a_vehicle_are_reported(frame):
+    frame.loc[frame.id == 5, ["length", "width"]] = 1.8, 4.6
+    (finding,) = read(frame).findings
+    assert (finding.check, finding.consequence) == (Check.SIZES, Consequence.REPORTED)
+    assert (finding.vehicle, finding.rows) == ("5", 300)
+
+
+def test_exchanged_sizes_of_a_scenario_are_refused(write):
+    text = re.sub(
+        "<length>(.*?)</length><width>(.*?)</width>",
+        r"<length>\2</length><width>\1</width>",
+        commonroad(),
+    )
+    with pytest.raises(ImportFormatError, match="exchange the two columns"):
+        read_commonroad(write(text))
+
+
+# One vehicle under two ids
+
+
+@pytest.mark.parametrize("is_first_in_file", [False, True])
+def test_of_two_tracks_of_a_vehicle_the_later_one_in_the_file_is_left_out(frame, is_first_in_file):
+    ghost = frame[frame.id == 3].assign(id=1, x=lambda one: one.x + 0.8)
+    table = pd.concat([ghost, frame] if is_first_in_file else [frame, ghost])
+    recording = read(table)
+    (finding,) = recording.findings
+    assert (finding.check, finding.consequence) == (
+        Check.DUPLICATE_VEHICLES,
+        Consequence.LEFT_OUT,
+    )
+    assert (finding.vehicle, finding.rows) == ("3" if is_first_in_file else "1", 300)
+    assert finding.first_time_s == pytest.approx(0.0)
+    assert sorted(recording.tracks.names) == sorted(
+        {"1", "5", "7", "9"} if is_first_in_file else {"3", "5", "7", "9"}
+    )
+
+
+def test_the_shorter_of_two_tracks_is_left_out_at_the_time_of_the_file(frame):
+    frame["t"] += 1000.0
+    ghost = frame[(frame.id == 3) & frame.t.between(1004.95, 1012.0)].assign(id=1)
+    (finding,) = read(pd.concat([ghost, frame])).findings
+    assert (finding.vehicle, finding.first_time_s) == ("1", pytest.approx(1005.0))
+
+
+def test_a_new_id_on_the_way_is_reported(frame):
+    is_late = (frame.id == 3) & (frame.t > 15.0)
+    table = pd.concat([frame[~is_late], frame[(frame.id == 3) & (frame.t > 14.0)].assign(id=33)])
+    recording = read(table)
+    (finding,) = recording.findings
+    assert finding.consequence is Consequence.REPORTED
+    assert {"3", "33"} <= set(recording.tracks.names)
+
+
+def test_vehicles_that_touch_later_or_at_other_speeds_are_two(frame):
+    touching = frame[frame.id == 3].copy()
+    late = touching.t > 6.0
+    beside = touching.assign(id=1)
+    beside.loc[~late, "x"] -= 30.0 - 5.0 * touching.t[~late]
+    faster = touching.assign(id=2, x=touching.x + 0.05 * touching.t)
+    faster["x"] = touching.x.iloc[0] + 1.0 + (touching.x - touching.x.iloc[0]) * 1.2
+    recording = read(pd.concat([frame, beside, faster]))
+    assert Check.DUPLICATE_VEHICLES not in {finding.check for finding in recording.findings}
+
+
+def test_a_second_id_in_a_scenario_is_left_out(write):
+    text = commonroad()
+    obstacle = re.findall(r'<dynamicObstacle id="5">.*?</dynamicObstacle>\n', text)[0]
+    ghost = obstacle.replace('id="5"', 'id="2"')
+    recording = read_commonroad(write(text.replace(obstacle, obstacle + ghost)))
+    (finding,) = recording.findings
+    assert (finding.check, finding.vehicle) == (Check.DUPLICATE_VEHICLES, "2")
+    assert "2" not in recording.tracks.names

@@ -131,11 +131,6 @@ def test_sizes_in_another_unit_are_named_by_the_factor(frame, factor):
     assert "0.3048 (feet and metres)" in warning
 
 
-def test_length_and_width_that_are_swapped_are_named(frame):
-    wrong = frame.assign(length=1.8, width=4.5)
-    assert "likely the two columns are swapped" in sentence(wrong)
-
-
 @pytest.mark.parametrize(
     ("heading", "name"),
     [
