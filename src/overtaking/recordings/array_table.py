@@ -59,8 +59,8 @@ class TextColumn:
         different = texts.dictionary_encode()
         new_code = different.indices.fill_null(MISSING).to_numpy(zero_copy_only=False)
         values = np.array(different.dictionary.to_pylist(), np.object_)
-        is_missing = np.isin(values, [""]) if len(values) else np.zeros(0, np.bool_)
-        new_code = np.where(is_missing[new_code] & (new_code >= 0), MISSING, new_code)
+        is_missing = np.append(values == "", True)  # The last place is that of `MISSING`.
+        new_code = np.where(is_missing[new_code], MISSING, new_code)
         # The last place is that of `MISSING`.
         return TextColumn(values, np.append(new_code, MISSING)[self.code].astype(np.int64))
 

@@ -50,13 +50,16 @@ def check_table(table: pa.Table, request: ColumnRequest, where: str, places: Row
         raise refused(where, "table", "at least one row", "none")
     columns: list[pa.ChunkedArray] = []
     for name, kind in request.types.items():
+        column = table[name]
+        if pa.types.is_run_end_encoded(column.type):
+            column = pc.run_end_decode(column)
         if kind == TEXT:
-            columns.append(_texts(table[name], name, where))
+            columns.append(_texts(column, name, where))
             continue
         if kind == TIME:
-            column = _seconds(table[name], name, request, where, places)
+            column = _seconds(column, name, request, where, places)
         else:
-            column = _numbers(table[name], name, where)
+            column = _numbers(column, name, where)
         limit = request.limits.get(name, MAX_MAGNITUDE)
         _check_sizes(column, name, limit, where, places, has_gaps=name in request.gaps)
         columns.append(pc.fill_null(column, np.nan) if column.null_count else column)
@@ -153,6 +156,8 @@ def _texts(column: pa.ChunkedArray, name: str, where: str) -> pa.ChunkedArray:
     kind = column.type
     if pa.types.is_floating(kind):  # A NaN is a missing cell.
         column = pc.if_else(pc.is_nan(column), pa.scalar(None, kind), column)
+    if not (pa.types.is_dictionary(kind) or pa.types.is_primitive(kind) or is_text(kind)):
+        column = _cast(column, TEXT, name, where)
     if not pa.types.is_dictionary(kind):
         column = column.dictionary_encode()
     return _cast(column, pa.dictionary(pa.int32(), TEXT), name, where)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pytest
 from tests.support.recordings import OVERTAKE, Mover, highd, states
 
@@ -311,6 +312,40 @@ def views(frame: pd.DataFrame) -> pa.Table:
 )
 def test_tables_of_other_libraries_are_read(frame, make):
     assert is_same(read(make(frame)), read(frame))
+
+
+def dictionary(texts: list[str], index: pa.DataType, text: pa.DataType) -> pa.Array:
+    encoded = pa.array(texts).dictionary_encode()
+    return pa.DictionaryArray.from_arrays(
+        encoded.indices.cast(index), encoded.dictionary.cast(text)
+    )
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda kinds: dictionary(kinds, pa.uint32(), pa.string_view()),
+        lambda kinds: dictionary(kinds, pa.uint8(), pa.large_string()),
+        lambda kinds: pa.array(kinds, pa.large_binary()),
+        lambda kinds: pc.run_end_encode(pa.array(kinds)),
+    ],
+)
+def test_texts_may_have_any_type_of_arrow(frame, make):
+    table = pa.table(frame)
+    typed = table.set_column(6, "kind", make(frame.kind.tolist()))
+    assert is_same(read(typed), read(frame))
+
+
+def test_columns_without_values(frame):
+    table = pa.table(frame)
+    tracks = read(table.set_column(6, "kind", pa.nulls(len(frame)))).tracks
+    assert not tracks.is_kind_known.any()
+    with pytest.raises(ImportFormatError, match=r"column x: .* an empty cell here and in"):
+        read(table.set_column(2, "x", pa.nulls(len(frame))))
+    with pytest.raises(ImportFormatError, match=r"column id: .* an empty cell here and in"):
+        read(table.set_column(0, "id", pa.nulls(len(frame))))
+    with pytest.raises(ImportFormatError, match="column kind: expected texts"):
+        read(table.set_column(6, "kind", pa.array([["car"]] * len(frame))))
 
 
 @pytest.mark.parametrize("table", [None, 3, [1, 2], "t.csv"])
