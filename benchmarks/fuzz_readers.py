@@ -93,7 +93,7 @@ def _any_table(folder: Path) -> list[Named]:
 
 
 def _column_maps(folder: Path) -> list[Named]:
-    """Maps of the columns of the table beside them: one that fits, and those of the package."""
+    """Maps of the columns of the table beside them: one that fits, and the maps of the package."""
     from overtaking.recordings.column_map import MAPS
 
     _any_table(folder)

@@ -67,32 +67,32 @@ def damaged(sound: Shard, chance: random.Random) -> Shard:
     return sound._replace(content=written.getvalue())
 
 
-def read(given: Shard, folder: Path) -> None:
+def read(shard: Shard, folder: Path) -> None:
     """Write the file and its checksum, use the data set, and put the sound files back."""
-    path = folder / given.folder / given.table / "part-00000.parquet"
-    manifest_path = folder / given.folder / MANIFEST
+    path = folder / shard.folder / shard.table / "part-00000.parquet"
+    manifest_path = folder / shard.folder / MANIFEST
     files = {path: path.read_bytes(), manifest_path: manifest_path.read_bytes()}
     try:
-        path.write_bytes(given.content)
-        manifest_path.write_text(_signed(files[manifest_path], given), encoding="utf-8")
-        _use(folder / given.folder)
+        path.write_bytes(shard.content)
+        manifest_path.write_text(_with_checksum(files[manifest_path], shard), encoding="utf-8")
+        _use(folder / shard.folder)
     finally:
         for file, content in files.items():
             file.write_bytes(content)
 
 
-def _signed(manifest: bytes, given: Shard) -> str:
+def _with_checksum(manifest: bytes, shard: Shard) -> str:
     """The manifest with size, checksum and number of rows of the damaged file."""
     values = json.loads(manifest)
-    facts = values["shards"][0]["tables"][given.table]
+    facts = values["shards"][0]["tables"][shard.table]
     facts |= {
-        "size_bytes": len(given.content),
-        "sha256": hashlib.sha256(given.content).hexdigest(),
+        "size_bytes": len(shard.content),
+        "sha256": hashlib.sha256(shard.content).hexdigest(),
     }
     with contextlib.suppress(
         pa.ArrowException, OSError, UnicodeDecodeError
     ):  # The footer may be damaged.
-        facts["rows"] = pq.read_metadata(io.BytesIO(given.content)).num_rows
+        facts["rows"] = pq.read_metadata(io.BytesIO(shard.content)).num_rows
     return json.dumps(values)
 
 

@@ -1,4 +1,4 @@
-"""What the pages say is true: links lead somewhere, commands and names exist, examples run.
+"""The pages are true: links lead somewhere, commands and names exist, examples run.
 
 Blocks of pages are run in `tests/integration/test_pages.py`.
 """

@@ -50,12 +50,12 @@ LEAVES = (ast.Name, ast.Constant, ast.expr_context, ast.operator)
 SPECIAL_METHOD = re.compile(r"__\w+__$")
 PYTHON_COMMENT = re.compile(r"(?:^|\s)# ?([^\"'\n]*)$", re.MULTILINE)
 # A comment to the end of the line, or a line of a block comment.
-C_COMMENT = re.compile(r"(?:^|\s)//[/!]? ?(.*)$|^\s*/?\*+ (.*)$", re.MULTILINE)
+C_COMMENT = re.compile(r"(?:^|[ \t])//[/!]? ?(.*)$|^[ \t]*/?\*+ (.*)$", re.MULTILINE)
 C_STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 # Functions, then variables, loops, parameters and fields.
 C_FUNCTION = re.compile(r"\b(?:fn|function) (\w+)")
 C_BINDING = re.compile(
-    r"\b(?:let(?: mut)?|const|var|for) (\w+)\b"
+    r"\b(?:let(?: mut)?|const|var|for) (?!Some\b|None\b|Ok\b|Err\b)(\w+)\b"
     r"|[(,{|]\s*(?:mut |pub )?(\w+)\??: |\b(\w+)\)? =>|\|(\w+)\|"
 )
 MARKER_ON_A_PAGE = re.compile(r"\s*(?:[-*>|]|#+|\d+\.)\s+")
@@ -111,9 +111,11 @@ def vague_parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterat
     if SPECIAL_METHOD.match(function.name) and function.name != "__init__":
         return
     positional = [*function.args.posonlyargs, *function.args.args]
-    keywords = [key for key in function.args.kwonlyargs if key.arg not in MESSAGE_PARTS]
+    keywords = function.args.kwonlyargs
+    makes_message = any(parameter.arg == "expected" for parameter in [*positional, *keywords])
     for parameter in [*positional, *keywords]:
-        if is_vague(parameter.arg):
+        is_part = parameter.arg in MESSAGE_PARTS and (makes_message or parameter in keywords)
+        if is_vague(parameter.arg) and not is_part:
             yield parameter.lineno, parameter.arg
 
 
@@ -213,7 +215,7 @@ def find_places(path: str, text: str) -> list[Place]:
 
     Args:
         path: Path from the root of the checkout, whose suffix tells the language.
-        text: What the file contains.
+        text: Content of the file.
     """
     names: Iterable[tuple[int, str]] = ()
     if path.endswith((".py", ".pyi")):
@@ -281,11 +283,12 @@ def describe_excess(part: str, kind: str) -> str:
     places = [place for place in count.places if place.kind == kind]
     if len(places) <= ceil(limit * count.num_lines / 10_000):
         return ""
-    shown = "\n".join(f"  {place}" for place in places[:MAX_SHOWN_PLACES])
+    first_places = "\n".join(f"  {place}" for place in places[:MAX_SHOWN_PLACES])
     return (
         f"{part}: vague {kind}: expected at most {limit} per 10,000 lines (target {target}), got "
-        f"{count.rate(kind):.1f}; rewrite those of your change, which `python "
-        f"tests/contract/test_language.py --since main` lists. The first of {len(places)}:\n{shown}"
+        f"{count.rate(kind):.1f}; list the places of your change with "
+        f"`python tests/contract/test_language.py --since main` and rewrite them. The first of "
+        f"{len(places)}:\n{first_places}"
     )
 
 
@@ -385,6 +388,7 @@ def test_a_vague_clause_is_found_in(path: str, form: str, entry: dict[str, str])
         ("a.py", "def _opened(path): pass\ndef read_speed(): pass\ndef speed(): pass", ["_opened"]),
         ("a.py", "def find(one, *, what, got): pass", ["one"]),
         ("a.py", "def find(what, *others): pass", ["what"]),
+        ("a.py", "def error(what, expected, got): pass", []),
         ("a.py", "class A:\n    def __eq__(self, other): pass", []),
         ("a.py", "class Plight: pass\nclass PlightOfDriver: pass", ["Plight"]),
         ("a.py", "for one in lanes: pass", ["one"]),
@@ -412,6 +416,13 @@ def test_vague_names_are_found(path: str, text: str, names: list[str] | None):
 )
 def test_a_sentence_with_a_subject_is_not_counted(sentence: str):
     assert find_places("page.md", sentence) == []
+
+
+def test_comments_above_a_name_do_not_shift_its_line():
+    (place,) = find_places(
+        "a.rs", "let x = 1;\n\n/// Text.\n// Text.\n\n/*\n * Text.\n */\nlet found = 1;"
+    )
+    assert place.line == 9
 
 
 def test_code_on_a_page_is_not_counted():

@@ -78,19 +78,26 @@ def test_the_locks_hold_every_package_that_the_project_asks_for(
     extras = project["project"]["optional-dependencies"]
     groups_of_extras = ("all", "common")
     optional = names(
-        [each for name, one in extras.items() if name not in groups_of_extras for each in one]
+        [
+            requirement
+            for name, requirements in extras.items()
+            if name not in groups_of_extras
+            for requirement in requirements
+        ]
     )
     runtime = names(project["project"]["dependencies"])
-    shown = names([each for name in ("plots", "stats", "video") for each in extras[name]])
-    wanted = {
+    demo_extras = names(
+        [requirement for name in ("plots", "stats", "video") for requirement in extras[name]]
+    )
+    packages_of_lock = {
         "runtime": runtime,
-        "demo": runtime | names(groups["build"]) | shown,
+        "demo": runtime | names(groups["build"]) | demo_extras,
         "dev": runtime | tools | optional,
         "rl": runtime | names([*groups["rl"], *extras["gym"]]),
         "qc": names(groups["qc"]),
         "pip": names(groups["pip"]),
     }
-    for name, packages in wanted.items():
+    for name, packages in packages_of_lock.items():
         locked = {pin[0] for pin in pins(repository, name)}
         assert packages - locked == set(), f'requirements/{name}.txt is older; run "make lock"'
 

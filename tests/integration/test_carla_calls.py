@@ -214,7 +214,7 @@ def test_several_maps_are_offered_and_loaded_by_their_names(tmp_path: Path):
         "Town99",
         "motorway",
     ]
-    assert {one.rsplit("/", 1)[-1] for one in names} == {
+    assert {name.rsplit("/", 1)[-1] for name in names} == {
         "Town06",
         "Town98",
         "Town99",

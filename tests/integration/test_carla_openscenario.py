@@ -38,11 +38,11 @@ def prop(name: str, blueprint: str) -> str:
     return f'<ScenarioObject name="{name}">{body}</ScenarioObject>'
 
 
-def start(name: str, x: float, y: float, *, heading: float = 0.0, more: str = "") -> str:
+def start(name: str, x: float, y: float, *, heading: float = 0.0, actions: str = "") -> str:
     return (
         f'<Private entityRef="{name}"><PrivateAction><TeleportAction><Position>'
         f'<WorldPosition x="{x}" y="{y}" z="0" h="{heading}"/>'
-        f"</Position></TeleportAction></PrivateAction>{more}</Private>"
+        f"</Position></TeleportAction></PrivateAction>{actions}</Private>"
     )
 
 
@@ -79,10 +79,10 @@ def scenario(friction: float) -> str:
         prop("cone", "static.prop.trafficcone01"),
     ]
     starts = [
-        start("ego", 1000.0, -1.75, more=speed(20.0)),
-        start("along", 2000.0, -1.75, more=CONTROLLER),
-        start("against", 3000.0, 1.75, heading=3.14159265, more=CONTROLLER),
-        start("stray", 4000.0, -1.75, more=speed(15.0)),
+        start("ego", 1000.0, -1.75, actions=speed(20.0)),
+        start("along", 2000.0, -1.75, actions=CONTROLLER),
+        start("against", 3000.0, 1.75, heading=3.14159265, actions=CONTROLLER),
+        start("stray", 4000.0, -1.75, actions=speed(15.0)),
         start("barrier", 4030.0, -1.75, heading=1.5707963),
         start("cone", 1010.0, -4.5),
     ]
@@ -126,15 +126,15 @@ def rural_server() -> Iterator[Address]:
 def play(server: Address, folder: Path, friction: float) -> dict[str, Any]:
     path = folder / f"{friction}.xosc"
     path.write_text(scenario(friction), encoding="utf-8")
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-P", PLAYER, str(path), str(server.port), str(free_port())],
         capture_output=True,
         text=True,
         timeout=2.0 * PATIENCE,
         check=False,
     )
-    assert done.returncode == 0, done.stderr[-2000:]
-    return json.loads(done.stdout.strip().splitlines()[-1])
+    assert process.returncode == 0, process.stderr[-2000:]
+    return json.loads(process.stdout.strip().splitlines()[-1])
 
 
 def test_a_file_with_friction_props_weather_and_two_directions_runs_to_its_end(
@@ -142,12 +142,12 @@ def test_a_file_with_friction_props_weather_and_two_directions_runs_to_its_end(
 ):
     usual, icy = (play(rural_server, tmp_path, friction) for friction in (1.0, 0.3))
     assert usual["rain"] == pytest.approx(20.0)
-    for found in (usual, icy):
-        assert found["lanes"] == {"ego": -1, "along": -1, "against": 1, "stray": -1}
-        assert found["collisions"] == [["stray", "static.prop.streetbarrier"]]
-        assert found["speeds"]["ego"] == 0.0
-        assert found["travelled"]["cone"] == 0.0
-        assert found["travelled"]["stray"] < 30.0
+    for report in (usual, icy):
+        assert report["lanes"] == {"ego": -1, "along": -1, "against": 1, "stray": -1}
+        assert report["collisions"] == [["stray", "static.prop.streetbarrier"]]
+        assert report["speeds"]["ego"] == 0.0
+        assert report["travelled"]["cone"] == 0.0
+        assert report["travelled"]["stray"] < 30.0
     assert min(usual["travelled"][name] for name in ("along", "against")) > 50.0
     assert usual["speeds"]["along"] > 5.0
     assert usual["speeds"]["against"] > 5.0

@@ -50,7 +50,7 @@ def test_vehicles_of_both_directions_drive_as_on_the_engine(
 @stopped_by_signals
 def test_a_client_finds_both_directions_of_the_road_that_the_server_loads():
     with headless_server("--map", "rural") as server:
-        found = ask(
+        answer = ask(
             server,
             """
             town = world.get_map()
@@ -82,8 +82,8 @@ def test_a_client_finds_both_directions_of_the_road_that_the_server_loads():
             }))
             """,
         )
-    assert found["lanes"] == found["then"] == [-1, 1]
-    assert found["ahead"] == pytest.approx([1050.0, 950.0])
-    assert found["spawn_points"] == [334, True]
-    assert found["moved"][0] > 20.0
-    assert found["moved"][1] < -20.0
+    assert answer["lanes"] == answer["then"] == [-1, 1]
+    assert answer["ahead"] == pytest.approx([1050.0, 950.0])
+    assert answer["spawn_points"] == [334, True]
+    assert answer["moved"][0] > 20.0
+    assert answer["moved"][1] < -20.0

@@ -44,7 +44,7 @@ def read(
     return api.import_recording("highd", tracks, folder / "recording"), POLICY_OF[name]
 
 
-def printed(capsys: pytest.CaptureFixture[str], *words: Any) -> str:
+def run_command(capsys: pytest.CaptureFixture[str], *words: Any) -> str:
     """The output of a command that succeeds."""
     assert main([str(word) for word in words]) == 0
     return capsys.readouterr().out
@@ -75,11 +75,11 @@ def test_features_and_statistics_have_the_default_policy(
     labels = data.labels()
     classes = labels.loc[labels["policy"] == policy, "class"].astype(str)
     assert data.features()["CLASS"].astype(str).tolist() == classes.tolist()
-    found = ot.statistics(data)
-    assert found.sample.policy == policy
-    assert all(f"policy {policy}" in table.title for table in found.tables)
-    assert json.loads(printed(capsys, "stats", data.path, "--json"))["policy"] == policy
-    assert f"classes under the policy {policy}" in printed(capsys, "stats", data.path)
+    statistics = ot.statistics(data)
+    assert statistics.sample.policy == policy
+    assert all(f"policy {policy}" in table.title for table in statistics.tables)
+    assert json.loads(run_command(capsys, "stats", data.path, "--json"))["policy"] == policy
+    assert f"classes under the policy {policy}" in run_command(capsys, "stats", data.path)
 
 
 def test_report_names_the_default_policy(read: tuple[Dataset, str], tmp_path: Path):
@@ -110,10 +110,12 @@ def test_show_names_the_default_policy_first(
     read: tuple[Dataset, str], capsys: pytest.CaptureFixture[str]
 ):
     data, policy = read
-    values = json.loads(printed(capsys, "show", data.path, "0", "--json"))
+    values = json.loads(run_command(capsys, "show", data.path, "0", "--json"))
     assert values["policy"] == policy
     name = values["policies"][policy]["class"]
-    assert re.search(rf"Class +{name} under {policy}\b", printed(capsys, "show", data.path, "0"))
+    assert re.search(
+        rf"Class +{name} under {policy}\b", run_command(capsys, "show", data.path, "0")
+    )
 
 
 def test_other_functions_use_the_default_policy(
@@ -121,10 +123,10 @@ def test_other_functions_use_the_default_policy(
 ):
     data, policy = read
     assert api.law_curve(data.path).policy == policy
-    assert json.loads(printed(capsys, "law", "curve", data.path, "--json"))["policy"] == policy
+    assert json.loads(run_command(capsys, "law", "curve", data.path, "--json"))["policy"] == policy
     if data.profile in profile_names():
         assert ot.fan(data, 0, futures=1, every=10.0).policy == policy
-        twins = json.loads(printed(capsys, "twin", data.path, "0", "--stay", "--json"))
+        twins = json.loads(run_command(capsys, "twin", data.path, "0", "--stay", "--json"))
         assert twins["policy"] == policy
 
 
@@ -139,5 +141,5 @@ def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str,
 
 @pytest.mark.parametrize(("profile", "policy"), [("motorway", "default"), ("pinto2023", "paper")])
 def test_comparisons_of_simulators_have_the_default_policy(profile: str, policy: str):
-    found = api.compare(profile, 2, 1, simulators=("engine", "reference"))
-    assert found.policy == policy
+    comparison = api.compare(profile, 2, 1, simulators=("engine", "reference"))
+    assert comparison.policy == policy

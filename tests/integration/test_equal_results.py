@@ -107,20 +107,20 @@ def parts_of(value: Any) -> Iterator[Any]:
 
 def test_recordings_compare_by_identity_and_have_equals():
     short = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
-    batch, same, different = (
+    batch, equal_batch, different = (
         ot.label(ot.simulate(ot.sample("pinto2023-physical", 3, seed, overrides=short)))
         for seed in (1, 1, 2)
     )
-    check_equals(batch, same, different)
-    check_equals(batch.trajectories, same.trajectories, different.trajectories)
-    scenarios = [labelled.trajectories.scenario for labelled in (batch, same, different)]
+    check_equals(batch, equal_batch, different)
+    check_equals(batch.trajectories, equal_batch.trajectories, different.trajectories)
+    scenarios = [labelled.trajectories.scenario for labelled in (batch, equal_batch, different)]
     check_equals(*scenarios)
 
 
-def check_equals(batch: Any, same: Any, different: Any) -> None:
-    assert (batch == same) is False
-    assert len({batch, same}) == 2
-    assert batch.equals(same) is True
+def check_equals(batch: Any, equal_batch: Any, different: Any) -> None:
+    assert (batch == equal_batch) is False
+    assert len({batch, equal_batch}) == 2
+    assert batch.equals(equal_batch) is True
     assert batch.equals(pickle.loads(pickle.dumps(batch)))
     assert batch.equals(different) is False
     assert batch.equals(batch.select(slice(1))) is False
@@ -150,9 +150,9 @@ def test_statistics_show_and_give_their_tables(data: ot.Dataset):
     assert statistics.to_pandas()["classes"].loc[0, "count"] != -1
     assert frames["waiting-time"]["at_risk"].iloc[0] == 300
     text, page = repr(statistics), statistics._repr_html_()
-    for shown in ("Success_I", "DSEP", "Waiting time (Kaplan-Meier)"):
-        assert shown in text
-        assert shown in page
+    for words in ("Success_I", "DSEP", "Waiting time (Kaplan-Meier)"):
+        assert words in text
+        assert words in page
     assert page.count("<table>") == 3
 
 

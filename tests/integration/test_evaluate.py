@@ -240,7 +240,7 @@ def test_an_unknown_reference_in_python_names_the_argument():
 
 
 @pytest.mark.parametrize(
-    ("words", "drawn", "is_told"),
+    ("words", "drawn", "has_note"),
     [
         (["rural"], "rural-risk", True),
         (["rural", "--as-met"], "rural", False),
@@ -248,15 +248,17 @@ def test_an_unknown_reference_in_python_names_the_argument():
         (["pinto2023-physical"], "pinto2023-physical", False),
     ],
 )
-def test_the_profile_whose_scenes_are_drawn_is_told(words, drawn, is_told, tmp_path, capsys):
+def test_output_and_page_name_the_profile_of_the_drawn_scenes(
+    words, drawn, has_note, tmp_path, capsys
+):
     command = ["evaluate", *words, "--policy", "stay", "--against", "human", "-n", "8", *ARGUMENTS]
     assert main([*command, "--json", "--out", str(tmp_path / "page"), "--films", "0"]) == 0
-    told = capsys.readouterr()
-    values = json.loads(told.out)
+    output = capsys.readouterr()
+    values = json.loads(output.out)
     assert (values["profile"], values["asked_profile"]) == (drawn, words[0])
     assert values["law_policy"] == "default"
     note = f"drawn from {drawn}, in which dangerous scenes are more frequent"
-    assert (note in told.err and "--as-met" in told.err) == is_told
+    assert (note in output.err and "--as-met" in output.err) == has_note
     page = next((tmp_path / "page").glob("*.html")).read_text()
     assert f"8 scenes of {drawn}" in page
-    assert (note in page) == is_told
+    assert (note in page) == has_note

@@ -89,14 +89,14 @@ def test_a_child_writes_a_data_set(tmp_path):
 
 def test_a_child_is_refused_simulations_that_its_parent_began():
     scenarios = ot.sample("pinto2023-physical", 2, seed=1)
-    begun = stepper(parameters(scenarios), None, is_true=True)
-    begun.begin()
+    simulations = stepper(parameters(scenarios), None, is_true=True)
+    simulations.begin()
     orders = np.zeros((2, MOST_PARTS), np.int32)
     answers = multiprocessing.get_context("fork").SimpleQueue()
 
     def go_on() -> None:
         try:
-            begun.step(orders, 1)
+            simulations.step(orders, 1)
         except RuntimeError as error:
             answers.put(str(error))
 
@@ -105,4 +105,4 @@ def test_a_child_is_refused_simulations_that_its_parent_began():
     child.join(LONGEST_S)
     assert child.exitcode == 0
     assert "'spawn'" in answers.get()
-    begun.step(orders, 1)  # The parent still has them.
+    simulations.step(orders, 1)  # The parent still has them.

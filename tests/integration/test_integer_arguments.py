@@ -24,7 +24,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     return ot.generate(PROFILE, 4, 7, tmp_path_factory.mktemp("integers") / "data")
 
 
-def sampled(seed: Any = 7, simulations: Any = 2) -> ot.Scenario:
+def draw_scenarios(seed: Any = 7, simulations: Any = 2) -> ot.Scenario:
     return ot.sample(PROFILE, simulations, seed=seed, overrides=SHORT)
 
 
@@ -33,11 +33,14 @@ def test_a_seed_of_any_library_draws_the_same_scenarios(kind: str):
     convert = INTEGER_TYPES[kind]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        expected = ot.simulate(sampled()).trace_hash
-        scenarios = [sampled(convert(7), convert(2)), sampled(1).replace(seed=convert(7))]
+        expected = ot.simulate(draw_scenarios()).trace_hash
+        scenarios = [
+            draw_scenarios(convert(7), convert(2)),
+            draw_scenarios(1).replace(seed=convert(7)),
+        ]
     assert [type(scenario.seed) for scenario in scenarios] == [int, int]
-    assert scenarios[0].equals(sampled())
-    replaced = sampled(1).replace(seed=7)
+    assert scenarios[0].equals(draw_scenarios())
+    replaced = draw_scenarios(1).replace(seed=7)
     for simulator in ("engine", "reference"):
         np.testing.assert_array_equal(
             ot.simulate(scenarios[0], simulator=simulator).trace_hash, expected
@@ -51,8 +54,8 @@ def test_a_seed_of_any_library_draws_the_same_scenarios(kind: str):
 @pytest.mark.parametrize("value", [*NO_INTEGERS, None, -1, 2**64])
 def test_another_value_is_no_seed(value: Any, tmp_path: Path):
     for call in (
-        lambda: sampled(value),
-        lambda: ot.simulate(sampled().replace(seed=value)),
+        lambda: draw_scenarios(value),
+        lambda: ot.simulate(draw_scenarios().replace(seed=value)),
         lambda: ot.validate(PROFILE, 1, value),
         lambda: ot.generate(PROFILE, 1, value, tmp_path / "data"),
     ):
@@ -65,8 +68,8 @@ def test_a_data_set_takes_and_records_integers_of_any_library(
     kind: str, data: ot.Dataset, tmp_path: Path
 ):
     convert = INTEGER_TYPES[kind]
-    same = ot.generate(PROFILE, convert(4), convert(7), tmp_path / "data")
-    assert same.content_hash == data.content_hash
+    dataset = ot.generate(PROFILE, convert(4), convert(7), tmp_path / "data")
+    assert dataset.content_hash == data.content_hash
     balance = ot.Balance(candidates=convert(20), allows_missing=True)
     ot.generate(PROFILE, convert(5), convert(7), tmp_path / "balanced", balance=balance)
     manifest = json.loads((tmp_path / "balanced" / "dataset.json").read_text(encoding="utf-8"))

@@ -45,12 +45,12 @@ def write_network(
     constants: list[Any],
     *,
     action: tuple[int, list[str | int]] = (FLOAT, ["n", 2]),
-    seen: tuple[int, list[str | int]] = (FLOAT, ["n", WIDTH]),
+    observation: tuple[int, list[str | int]] = (FLOAT, ["n", WIDTH]),
 ) -> Path:
-    """Write a network from `seen` to `action`, with their types and shapes."""
+    """Write a network from `observation` to `action`, with their types and shapes."""
     inputs, outputs = (
         [helper.make_tensor_value_info(name, *spec)]
-        for name, spec in (("seen", seen), ("action", action))
+        for name, spec in (("seen", observation), ("action", action))
     )
     graph = helper.make_graph(nodes, "test", inputs, outputs, constants)
     opset = [helper.make_opsetid("", 17)]
@@ -82,7 +82,7 @@ def allocating(path: Path, num_bytes: int) -> Path:
 
 
 def looping(path: Path, *, if_nonzero: bool = False) -> Path:
-    """A network with a loop of 2^62 rounds; of none for zeros where `if_nonzero`."""
+    """A network with a loop of 2^62 rounds; `if_nonzero` skips the loop for zeros."""
     body = helper.make_graph(
         [
             helper.make_node("Identity", ["running"], ["still_running"]),
@@ -222,7 +222,7 @@ def test_text_as_output_is_refused(tmp_path: Path):
 def test_an_input_of_float64_is_refused(tmp_path: Path):
     node = helper.make_node("Identity", ["seen"], ["action"])
     spec = (onnx.TensorProto.DOUBLE, ["n", WIDTH])
-    path = write_network(tmp_path / "double.onnx", [node], [], action=spec, seen=spec)
+    path = write_network(tmp_path / "double.onnx", [node], [], action=spec, observation=spec)
     assert "expected an input of float32 numbers" in load_error(path)
 
 

@@ -43,11 +43,13 @@ def test_the_fonts_of_a_pdf_are_truetype_and_embedded(data, tmp_path: Path):
     tool = shutil.which("pdffonts")
     if tool is None:
         pytest.skip("pdffonts is not installed")
-    told = subprocess.run([tool, str(path)], capture_output=True, text=True, check=True).stdout
-    fonts = told.splitlines()[2:]
+    font_table = subprocess.run(
+        [tool, str(path)], capture_output=True, text=True, check=True
+    ).stdout
+    fonts = font_table.splitlines()[2:]
     assert fonts
-    assert all("TrueType" in one and "Type 3" not in one for one in fonts)
-    assert all(re.search(r"\byes yes yes\b", one) for one in fonts)
+    assert all("TrueType" in font and "Type 3" not in font for font in fonts)
+    assert all(re.search(r"\byes yes yes\b", font) for font in fonts)
 
 
 def test_text_of_an_svg_is_text_with_fonts_to_fall_back_on(data, tmp_path: Path):
@@ -81,9 +83,9 @@ def test_what_cannot_be_used_is_refused(data, arguments, message):
 
 
 def test_a_figure_with_single_axes_is_drawn_into_those_of_the_caller(data):
-    own = Figure()
-    left, right = own.subplots(1, 2)
-    assert ot.plot(data, "waiting-time", ax=left) is own
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert ot.plot(data, "waiting-time", ax=left) is figure
     assert left.lines
     assert not right.lines
     with pytest.raises(ConfigError, match=r"pairs has several axes, got axes; .*classes"):

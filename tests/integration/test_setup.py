@@ -1,4 +1,4 @@
-"""What `make` does where Python is too old or Rust is missing, with stand-ins for both."""
+"""`make` finds or installs Python and Rust; stand-ins replace both."""
 
 from __future__ import annotations
 
@@ -71,15 +71,15 @@ def test_an_old_python_is_named_and_a_newer_one_is_used(clone: Path, version: st
 
 
 def test_a_shim_that_fails_hides_no_python(clone: Path):
-    """pyenv puts a shim on PATH for each version, and those of inactive versions fail."""
+    """pyenv puts a shim on PATH for each version; the shims of inactive versions fail."""
     for name in ("python3", "python3.12", "python3.13"):
         add_command(
             clone.parent / "bin" / name, f"echo 'pyenv: {name}: command not found' >&2; exit 127"
         )
     installed = clone.parent / "home/.pyenv/versions/3.12.1/bin/python3.12"
     add_python(installed, "3.12")
-    for asked in ("python3", "python3.12", "3.12"):
-        assert run(clone, "find_python.sh", asked).stdout == f"{installed}\n", asked
+    for version in ("python3", "python3.12", "3.12"):
+        assert run(clone, "find_python.sh", version).stdout == f"{installed}\n", version
 
 
 def test_a_python_without_environments_is_passed_over(clone: Path):

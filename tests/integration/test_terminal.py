@@ -35,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run_in_shell(
     arguments: str, redirection: str = "", **variables: str
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run `overtaking` in a shell; with a pipe, the status is that of `overtaking` (`pipefail`).
+    """Run `overtaking` in a shell; with a pipe, the status comes from `overtaking` (`pipefail`).
 
     Args:
         arguments: Arguments of `overtaking`.

@@ -79,7 +79,9 @@ def collisions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return ot.write_view(batch, page_file, simulations=COLLISIONS).path
 
 
-def described(dataset: Dataset, number: int, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+def values_of_show(
+    dataset: Dataset, number: int, capsys: pytest.CaptureFixture[str]
+) -> dict[str, Any]:
     """The values of `overtaking show --json`."""
     assert main(["show", dataset.where, str(number), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
@@ -230,7 +232,7 @@ def test_margins_and_marks_are_those_of_the_verdict(
     num_positive = 0
     with at(browser, url, key, "#sim=0") as page:
         for number in range(NUM_OPENED):
-            values = described(dataset, number, capsys)
+            values = values_of_show(dataset, number, capsys)
             page.evaluate(f"location.hash = 'sim={number}'")
             expect(page).to_have_title(re.compile(f"^Simulation {number},"))
             settle(page)
@@ -274,7 +276,7 @@ def test_only_rules_that_the_policy_counts_are_red(
     for policy in (policy.name for policy in POLICIES):
         with at(browser, url, key, f"#policy={policy}") as page:
             for number in range(NUM_OPENED):
-                values = described(dataset, number, capsys)
+                values = values_of_show(dataset, number, capsys)
                 codes = page.locator(ROWS).nth(number).locator(".codes")
                 counted = codes.locator(".counted-rule").all_inner_texts()
                 others = codes.locator(".other-rule").all_inner_texts()
@@ -356,9 +358,9 @@ def test_a_recording_opens_on_a_long_simulation_and_marks_short_ones(
         expect(page.locator(".facts")).to_contain_text("3 frames, very short")
     assert main(["view", str(recording), "--export", str(page_file), "-q"]) == 0
     with opened(browser, page_file) as page:  # The first of each class that lasts long enough.
-        shown = [int(str(row.get_attribute("data-sim"))) for row in page.locator(".runs a").all()]
-        assert len(shown) == 2
-        assert min(num_frames[number] for number in shown) > 100
+        numbers = [int(str(row.get_attribute("data-sim"))) for row in page.locator(".runs a").all()]
+        assert len(numbers) == 2
+        assert min(num_frames[number] for number in numbers) > 100
     with serving(dataset) as url:
         key = enter(browser, url, f"{len(dataset)} of {len(dataset)} simulations")
         with at(browser, url, key) as page:

@@ -18,7 +18,7 @@ static LAST_BUILT: AtomicPtr<ProcessPool> = AtomicPtr::new(null_mut());
 
 /// The thread pool of this process.
 ///
-/// A forked child has none of its parent's threads, so work in the parent's pool would never start. Each
+/// A forked child does not have its parent's threads, so work in the parent's pool would never start. Each
 /// process therefore builds a pool at its first call. The parent's pool stays in the child's memory, because
 /// dropping it would wait for threads that do not exist.
 ///

@@ -371,7 +371,7 @@ struct ShareRows<'r, 'o> {
     rows: &'r mut [Option<AnswerRow<'o>>],
 }
 
-/// What a share does at a request: its last step writes what its egos observe.
+/// The work of a share at a request: its last step writes the observations of its egos.
 type ShareWork<'a, 'w, S, const N: usize> =
     dyn Fn(&mut Share<'a, S, N>, &mut Minds<S, N>, &mut ShareRows<'_, '_>) + Sync + 'w;
 

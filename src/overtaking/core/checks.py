@@ -29,8 +29,8 @@ def check_name(got: str, known: Iterable[str], *, what: str, where: str) -> None
 def nearest_first(name: str, names: Iterable[str]) -> list[str]:
     """Names in order of their similarity to a name, the most similar one first."""
 
-    def similarity(other: str) -> float:
-        return SequenceMatcher(a=name.lower(), b=other.lower()).ratio()
+    def similarity(candidate: str) -> float:
+        return SequenceMatcher(a=name.lower(), b=candidate.lower()).ratio()
 
     return sorted(names, key=similarity, reverse=True)
 
@@ -68,7 +68,7 @@ def whole_number(value: Any) -> int | None:
     Integers of NumPy overflow where Python's do not, and JSON cannot write them.
 
     Args:
-        value: An integer of Python, NumPy or another library; flags are none.
+        value: An integer of Python, NumPy or another library; flags are no integers.
     """
     is_flag = isinstance(value, bool) or str(getattr(value, "dtype", "")).endswith("bool")
     try:

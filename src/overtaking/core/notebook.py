@@ -27,13 +27,13 @@ def show_progress(function: Callable[P, T]) -> Callable[P, T]:
     signature = inspect.signature(function)
 
     @wraps(function)
-    def called(*args: P.args, **kwargs: P.kwargs) -> T:
-        given = signature.bind_partial(*args, **kwargs)  # `progress` may be positional.
-        if given.arguments.get(PROGRESS) is None:
-            given.arguments[PROGRESS] = notebook_progress(function.__name__)
-        return function(*given.args, **given.kwargs)
+    def call_with_progress(*args: P.args, **kwargs: P.kwargs) -> T:
+        call = signature.bind_partial(*args, **kwargs)  # `progress` may be positional.
+        if call.arguments.get(PROGRESS) is None:
+            call.arguments[PROGRESS] = notebook_progress(function.__name__)
+        return function(*call.args, **call.kwargs)
 
-    return called
+    return call_with_progress
 
 
 def notebook_progress(title: str) -> Progress | None:

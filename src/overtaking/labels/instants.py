@@ -36,10 +36,10 @@ def at(values: NDArray[T], frames: Frames) -> NDArray[T]:
     return values[np.arange(len(frames)), np.maximum(frames, 0)]
 
 
-def spread_over(values: NDArray[T], where: IndexArray | Mask, count: int) -> NDArray[T]:
+def spread_over(values: NDArray[T], simulations: IndexArray | Mask, count: int) -> NDArray[T]:
     """Values of some of `count` simulations among all, 0 for the others."""
     spread = np.zeros(count, values.dtype)
-    spread[where] = values
+    spread[simulations] = values
     return spread
 
 
@@ -215,13 +215,13 @@ def lead_at(run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frame
 
 
 def across_at(
-    run: Trajectories, seen: Signals, rows: IndexArray, slot: IndexArray, frames: Frames
+    run: Trajectories, signals: Signals, rows: IndexArray, slot: IndexArray, frames: Frames
 ) -> tuple[F32, F32]:
     """Vehicles across the road at single frames: `lateral` and `lateral_gap` of `TargetSignals`.
 
     Args:
         run: The batch.
-        seen: Its signals.
+        signals: Its signals.
         rows: Simulations, shape (instant,).
         slot: A vehicle of each, same shape.
         frames: A frame of each, same shape.
@@ -235,8 +235,8 @@ def across_at(
         bodies.length[rows, slot],
         bodies.width[rows, slot],
     )
-    own_reach = (seen.left_reach[own] - seen.right_reach[own]) * np.float32(0.5)
-    return across, np.abs(across - seen.lateral[own]) - (own_reach + reach)
+    own_reach = (signals.left_reach[own] - signals.right_reach[own]) * np.float32(0.5)
+    return across, np.abs(across - signals.lateral[own]) - (own_reach + reach)
 
 
 def in_lane(run: Trajectories, lane: I32, frames: Frames) -> Mask:

@@ -1,4 +1,4 @@
-"""What all frozen batches (struct of arrays) share, and how their fields are declared.
+"""Base class of all frozen batches (struct of arrays), and the declarations of their fields.
 
 A field is declared in its annotation: `Annotated[F32, FieldSpec("Gap to the leader", "m")]`.
 `model.checks` checks values by these declarations; specifications, table columns and reference
@@ -68,7 +68,7 @@ class ColumnName:
 
 @dataclass(frozen=True, slots=True)
 class FieldSpec:
-    """What a field of a batch holds, and the table column that is written from it.
+    """Declaration of a field of a batch, and of the table column that is written from it.
 
     Attributes:
         meaning: A phrase without unit and full stop.
@@ -77,11 +77,11 @@ class FieldSpec:
         high: Largest value.
         low_is_open: Whether `low` itself is excluded.
         missing: One value outside the range that stands for "none".
-        axes: Axes of the array; those of its class (`Batch.AXES`) if left out.
+        axes: Axes of the array; the axes of its class (`Batch.AXES`) if left out.
         column: Name of the column; None for a field that is not written.
         null_unless: Path of the flag or count that says where there is a value: from the outermost
             batch, or from this one if it begins with a dot.
-        needs: What a recording must state for this field, names of `model.trajectory.UNKNOWNS`.
+        needs: Properties that a recording must state, in `model.trajectory.UNKNOWNS`.
         names: Names of the codes of an enumeration.
         since: Version of the tables that its column came with.
     """
@@ -207,8 +207,8 @@ def union_members(annotation: Any) -> tuple[Any, ...]:
 
 
 def _metadata(annotation: Any) -> Iterator[object]:
-    """The metadata of an annotation, then that of the members of its union."""
-    # The outer `FieldSpec` comes first because it overrides those of the members, as in
+    """The metadata of an annotation, then of the members of its union."""
+    # The outer `FieldSpec` comes first because it overrides the inner ones, as in
     # `Annotated[F32 | None, FieldSpec(…)]`. Python itself joins the metadata of nested `Annotated`.
     if get_origin(annotation) is Annotated:
         yield from annotation.__metadata__

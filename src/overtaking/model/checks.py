@@ -35,7 +35,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 _NO_MATCH = object()
-"""Result of `_converted` for a value of another type."""
+"""Result of `_convert` for a value of another type."""
 
 _PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
     int: (SupportsIndex, "a whole number"),
@@ -163,19 +163,19 @@ class _BatchChecker:
             if np.any(constraint.broken):
                 index = _first_true(constraint.broken)
                 axes = batch_fields(type(batch))[constraint.field].axes
-                got = _describe_element(constraint.got[index], index, axes)
-                raise self._error(_join(path, constraint.field), constraint.expected, got)
+                element = _describe_element(constraint.got[index], index, axes)
+                raise self._error(_join(path, constraint.field), constraint.expected, element)
 
     def check_value(self, field: BatchField, value: Any, path: str) -> Any:
         """A value that is no array, of the declared type and in range; iterables become tuples."""
-        converted = _converted(value, field.type)
+        converted = _convert(value, field.type)
         if converted is _NO_MATCH:
             raise self._error(path, _describe_type(field.type), _describe_value(value))
         if field.spec.is_bounded and converted is not None:
             high = self._upper_limit(field)
             if not _is_in_range(field.spec, high, converted):
-                got = _format_number(converted)
-                raise self._error(path, _describe_range(field.spec, high), got)
+                number_text = _format_number(converted)
+                raise self._error(path, _describe_range(field.spec, high), number_text)
         return converted
 
     def _check_array(self, field: BatchField, value: Any, path: str) -> None:
@@ -196,8 +196,8 @@ class _BatchChecker:
         high = self._upper_limit(field)
         if not _all_in_range(field.spec, high, values):
             index = _first_true(~_is_in_range(field.spec, high, values))
-            got = _describe_element(values[index], index, field.axes)
-            raise self._error(path, _describe_range(field.spec, high), got)
+            element = _describe_element(values[index], index, field.axes)
+            raise self._error(path, _describe_range(field.spec, high), element)
 
     def _upper_limit(self, field: BatchField) -> float:
         """The largest value; for the indices of an axis, its length less one."""
@@ -263,10 +263,10 @@ def _describe_element(value: Any, index: tuple[int, ...], axes: Axes) -> str:
     return f"{_format_number(value)} in {place}" if place else _format_number(value)
 
 
-def _converted(value: Any, annotation: Any) -> Any:
+def _convert(value: Any, annotation: Any) -> Any:
     """A value of an annotated type, or `_NO_MATCH`; iterables become tuples."""
     if len(members := union_members(annotation)) > 1:
-        results = (_converted(value, member) for member in members)
+        results = (_convert(value, member) for member in members)
         return next((result for result in results if result is not _NO_MATCH), _NO_MATCH)
     if (dtype := declared_dtype(annotation)) is not None:
         return value if isinstance(value, np.ndarray) and value.dtype == dtype else _NO_MATCH
@@ -281,9 +281,9 @@ def _converted(value: Any, annotation: Any) -> Any:
     if isinstance(value, str) or not isinstance(value, origin):
         return _NO_MATCH
     if inner and issubclass(origin, Mapping):
-        has_keys = all(_converted(key, inner[0]) is not _NO_MATCH for key in value)
+        has_keys = all(_convert(key, inner[0]) is not _NO_MATCH for key in value)
         return value if has_keys else _NO_MATCH
-    return _converted_elements(value, inner) if inner else value
+    return _convert_elements(value, inner) if inner else value
 
 
 def _is_plain(value: Any, plain_type: Any) -> bool:
@@ -295,7 +295,7 @@ def _is_plain(value: Any, plain_type: Any) -> bool:
     return isinstance(value, _PLAIN_TYPES[plain_type][0])
 
 
-def _converted_elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
+def _convert_elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
     """The elements of an iterable; in a tuple of fixed length each has a type of its own."""
     try:
         elements = tuple(value)
@@ -306,7 +306,7 @@ def _converted_elements(value: Iterable[Any], inner: tuple[Any, ...]) -> Any:
     if len(element_types) != len(elements):
         return _NO_MATCH
     results = tuple(
-        _converted(element, element_type)
+        _convert(element, element_type)
         for element, element_type in zip(elements, element_types, strict=True)
     )
     return _NO_MATCH if any(result is _NO_MATCH for result in results) else results

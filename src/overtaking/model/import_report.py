@@ -69,8 +69,8 @@ def _check_line(findings: list[ImportFinding]) -> str:
     """The line of one check and consequence."""
     first = findings[0]
     num_recordings = len({finding.recording for finding in findings})
-    where = first.recording if num_recordings == 1 else f"{num_recordings:,} recordings"
-    head = f"{where}: {first.check}: {first.consequence}, {_rows_text(findings)}"
+    source_name = first.recording if num_recordings == 1 else f"{num_recordings:,} recordings"
+    head = f"{source_name}: {first.check}: {first.consequence}, {_rows_text(findings)}"
     if len(findings) == 1:
         return f"{head}: {place_text(first)}{first.detail}"
     source = f"{first.recording}: " if num_recordings > 1 else ""

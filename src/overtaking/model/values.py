@@ -84,12 +84,12 @@ def meant(
 
 
 def along(*axes: str | int) -> FieldSpec:
-    """Declaration of an array whose axes are not those of its class; a number is a fixed length."""
+    """Declaration of an array whose axes differ from its class's; a number is a fixed length."""
     return FieldSpec(axes=axes)
 
 
 def _column_name(column: str | None) -> ColumnName | None:
-    """A name in which `{}` stands for that of the field, such as `ego_{}`."""
+    """A name in which `{}` stands for the name of the field, such as `ego_{}`."""
     if column is None:
         return None
     if column.endswith("{}"):

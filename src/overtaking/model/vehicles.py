@@ -46,7 +46,7 @@ def may_be_kind(kind: ArrayLike, length: ArrayLike) -> Mask:
 
     Args:
         kind: `VehicleKind`, any shape.
-        length: Length, in a shape that broadcasts with that of `kind` [m].
+        length: Length, in a shape that broadcasts with the shape of `kind` [m].
 
     Returns:
         A mask of the common shape, by the ranges of `kind_length` in `labels.toml`.

@@ -150,7 +150,7 @@ def settle(
         Positions [m] and speeds [m/s], shape (simulation, vehicle).
     """
     # Bad starts are repaired, not drawn again: otherwise the number of draws would depend on luck,
-    # and the accepted starts would follow a distribution that nobody wrote down.
+    # and the accepted starts would follow a distribution that no profile states.
     order = np.argsort(np.where(draft.valid, draft.s, np.inf), axis=1, kind="stable")
     no_lane = _NO_LANE + np.arange(order.shape[1], dtype=np.uint8)
     row = _Row(

@@ -186,11 +186,11 @@ def changed(scenario: Scenario, change: Change) -> Scenario:
 
 def _drivers(drivers: Drivers, change: Change) -> Drivers:
     """Drivers with other traits of one of them."""
-    known = batch_fields(Drivers)
+    fields_of_drivers = batch_fields(Drivers)
     found = {}
     for name, value in change.traits.items():
-        if name not in known:
-            raise ConfigError.not_among("trait", "branch", known, name)
+        if name not in fields_of_drivers:
+            raise ConfigError.not_among("trait", "branch", fields_of_drivers, name)
         array = getattr(drivers, name).copy()
         array[:, change.vehicle] = value
         found[name] = array

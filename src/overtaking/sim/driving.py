@@ -149,22 +149,22 @@ def _asked(
         reset(scenario)
     steps = stepper(given, control.kind, is_true=is_true, simulator=simulator)
     eyes = _Eyes(scenario, given, sensor if isinstance(sensor, Sensor) else None)
-    seen, decision = eyes.look(steps.begin(), 0), 0
-    while seen.active.any():
-        answer, beyond = limited(_answer(driver.policy, seen, control), control.parts)
-        clipped += beyond
+    observation, decision = eyes.look(steps.begin(), 0), 0
+    while observation.active.any():
+        answer, num_clipped = limited(_answer(driver.policy, observation, control), control.parts)
+        clipped += num_clipped
         if control.plan is None:
-            values = rounded(answer, seen.active, KINDS[control.kind])
+            values = rounded(answer, observation.active, KINDS[control.kind])
             yield decision, np.broadcast_to(values, (hold, *values.shape))
             decision += hold
-            seen = eyes.look(steps.step(values, hold), decision)
+            observation = eyes.look(steps.step(values, hold), decision)
             continue
-        track = control.plan(answer, seen)
+        track = control.plan(answer, observation)
         for _ in range(hold):
-            values = rounded(track(seen), seen.active, KINDS[control.kind])
+            values = rounded(track(observation), observation.active, KINDS[control.kind])
             yield decision, values[None]
             decision += 1
-            seen = eyes.look(steps.step(values, 1), decision)
+            observation = eyes.look(steps.step(values, 1), decision)
 
 
 class _Eyes:

@@ -31,7 +31,7 @@ _MEMORY_SIGNS = ("Failed to allocate memory", "bad_alloc", "bad allocation")
 
 
 class _UnusableError(Exception):
-    """A network or an output that cannot be used: what is expected, and what there is."""
+    """A network or an output that cannot be used; its arguments are `expected` and `got`."""
 
 
 class _Network:
@@ -79,8 +79,8 @@ class _Network:
             raise _runtime_error("an output", error) from None
         expected = f"numbers of shape (simulation, 1 to {MOST_PARTS}) as the first output"
         if not isinstance(action, np.ndarray) or action.dtype.kind not in "fiub":
-            got = getattr(action, "dtype", type(action).__name__)
-            raise _UnusableError(expected, f"values of type {got}")
+            value_type = getattr(action, "dtype", type(action).__name__)
+            raise _UnusableError(expected, f"values of type {value_type}")
         num_rows, *num_parts = action.shape or (0,)
         is_action = not num_parts or (len(num_parts) == 1 and 1 <= num_parts[0] <= MOST_PARTS)
         if num_rows != len(observation) or not is_action:
@@ -104,8 +104,8 @@ def main(parent: Parent) -> None:
         for observation in messages:
             parent.send(network.run(np.ascontiguousarray(observation)))
     except _UnusableError as error:
-        expected, got = error.args
-        parent.send({"expected": expected, "got": got})
+        expected, obtained = error.args
+        parent.send({"expected": expected, "got": obtained})
     except MemoryError as error:
         expected = f"at most {limits['memory_mib']} MiB of memory"
         parent.send({"expected": expected, "got": str(error) or "more"})

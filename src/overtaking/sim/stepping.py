@@ -82,17 +82,17 @@ class Renewable:
         """As `Stepper.step`."""
         return SteppedObservation(*self._batch.step(values, decisions))
 
-    def renew(self, rows: NDArray[np.int64], given: Parameters) -> SteppedObservation:
+    def renew(self, rows: NDArray[np.int64], parameters: Parameters) -> SteppedObservation:
         """Begin new simulations in some rows.
 
         Args:
             rows: The rows in which they begin, each once.
-            given: Their parameters: on the same road, with the same seed and number of slots.
+            parameters: Their parameters: on the same road, with the same seed and number of slots.
 
         Returns:
             The observations at their start, shape (row, `WIDTH`).
         """
-        return SteppedObservation(*self._batch.renew(rows, _values(given)))
+        return SteppedObservation(*self._batch.renew(rows, _values(parameters)))
 
 
 def _values(given: Parameters) -> dict[str, Any]:

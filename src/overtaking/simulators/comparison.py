@@ -112,7 +112,7 @@ class Comparison(Batch):
             frame_interval_ms=first.scenario.frame_interval_ms,
             index=first.scenario.index,
             weather=weather_names(first.scenario.weather),
-            endings=tuple(ending(one, policy) for one in recordings),
+            endings=tuple(ending(recording, policy) for recording in recordings),
             partings=tuple(parting(first, other) for other, _ in recordings[1:]),
         )
 

@@ -101,9 +101,8 @@ def _sight(scenario: Scenario, world: World) -> F32:
 
 
 def _passed(scenario: Scenario) -> Rows:
-    """What each driver does while being passed: makes room, yields, or speeds up."""
-    # A stream of its own: what drivers do while being passed changes no other draw, and no column
-    # of a data set.
+    """Behaviour of each driver while being passed: makes room, yields, or speeds up."""
+    # A separate stream, so that these draws change no other draw and no column of a data set.
     slots = np.uint32(Stream.PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
     draws = Draws(scenario.seed, scenario.index[:, None], slots)
     moves = draws.uniform() < known("model.oncoming.makes_room_share")

@@ -84,12 +84,12 @@ PAIRS: dict[str, tuple[Any, Any, Any]] = {
 @pytest.mark.parametrize("kind", PAIRS)
 @pytest.mark.parametrize("make", [lambda value: Result(value=value), SummarizedResult])
 def test_equal_content_makes_equal_results(kind, make):
-    first, second, other = map(make, PAIRS[kind])
+    first, second, different = map(make, PAIRS[kind])
     assert (first == second) is True
     assert (first != second) is False
-    assert (first == other) is False
-    assert (other == first) is False
-    assert (first != other) is True
+    assert (first == different) is False
+    assert (different == first) is False
+    assert (first != different) is True
 
 
 def test_results_of_different_classes_differ():

@@ -68,12 +68,12 @@ def test_groups_of_extras_are_read_from_the_metadata(monkeypatch: pytest.MonkeyP
 def test_the_extra_common_lacks_the_simulators_and_ray(repository: Path):
     text = (repository / "pyproject.toml").read_text(encoding="utf-8")
     groups = tomllib.loads(text)["project"]["optional-dependencies"]
-    (common,), (every,) = (
+    (common,), (all_extras,) = (
         re.findall(r"^overtaking\[(.*)\]$", groups[name][0]) for name in ("common", "all")
     )
-    left_out = set(every.split(",")) - set(common.split(","))
+    left_out = set(all_extras.split(",")) - set(common.split(","))
     assert left_out == {"carla", "cloud", "onnx", "ray", "sumo"}
-    assert set(common.split(",")) <= set(every.split(","))
+    assert set(common.split(",")) <= set(all_extras.split(","))
     readme = (repository / "README.md").read_text(encoding="utf-8")
     assert "python -m pip install '.[common]'" in readme
 

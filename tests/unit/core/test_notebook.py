@@ -11,15 +11,15 @@ if TYPE_CHECKING:
 
 
 @show_progress
-def progress_of(data: str, progress: Progress | None, *, every: int = 1) -> Progress | None:
-    del data, every
+def progress_of(data: str, progress: Progress | None, *, interval: int = 1) -> Progress | None:
+    del data, interval
     return progress
 
 
 def test_progress_may_be_positional():
-    def progress(done: int, total: int) -> None:
-        del done, total
+    def progress(num_done: int, total: int) -> None:
+        del num_done, total
 
-    assert progress_of("data", progress, every=2) is progress
+    assert progress_of("data", progress, interval=2) is progress
     assert progress_of("data", progress=progress) is progress
     assert progress_of("data", None) is None

@@ -234,13 +234,13 @@ def test_factors_keep_drivers_within_what_they_may_have(name, trait):
     low, high = allowed.limits
     assert all(low <= end <= high for end in ends)
     assert not (allowed.low_is_open and low in ends)
-    most = high / ends[1] if ends[1] else math.inf
-    if 1.001 * most > 100.0:  # No factor is larger than 100.
-        assert People(population=name, scale={trait: 0.999 * min(most, 100.0)})
+    max_factor = high / ends[1] if ends[1] else math.inf
+    if 1.001 * max_factor > 100.0:  # No factor is larger than 100.
+        assert People(population=name, scale={trait: 0.999 * min(max_factor, 100.0)})
         return
-    People(population=name, scale={trait: 0.999 * most})
+    People(population=name, scale={trait: 0.999 * max_factor})
     with pytest.raises(ValidationError, match="factor that keeps"):
-        People(population=name, scale={trait: 1.001 * most})
+        People(population=name, scale={trait: 1.001 * max_factor})
 
 
 def test_a_factor_on_what_is_fixed_keeps_it_within_what_drivers_may_have():

@@ -108,10 +108,10 @@ def test_other_scenarios_are_refused(run):
 @pytest.mark.parametrize("policy", ["paper", "default", "strict"])
 def test_classes_are_those_of_the_policy(run, policy):
     labels = label(run).labels
-    found = ending((run, labels), policy)
+    endings = ending((run, labels), policy)
     place = labels.policies.index(policy)
-    assert found.classes.tolist() == labels.classes[:, place].tolist()
-    assert found.outcome.tolist() == [Outcome.NO_ATTEMPT] * 3
+    assert endings.classes.tolist() == labels.classes[:, place].tolist()
+    assert endings.outcome.tolist() == [Outcome.NO_ATTEMPT] * 3
     with pytest.raises(ValueError, match="not in tuple"):
         ending((run, labels), "other")
 
@@ -120,9 +120,9 @@ def test_a_contact_of_others_is_told_and_is_no_collision_of_the_ego(run):
     partner = run.contacts.partner.copy()
     partner[1, 1] = 2
     hit = run.replace(contacts=run.contacts.replace(partner=partner))
-    found = ending((hit, label(hit).labels), "paper")
-    assert found.has_contact.tolist() == [False, True, False]
-    assert found.outcome[1] == Outcome.NO_ATTEMPT
+    endings = ending((hit, label(hit).labels), "paper")
+    assert endings.has_contact.tolist() == [False, True, False]
+    assert endings.outcome[1] == Outcome.NO_ATTEMPT
 
 
 def test_a_lane_change_counts_when_the_middle_of_the_other_lane_is_reached(run):

@@ -71,20 +71,20 @@ def lead(found: Evaluation) -> str:
                 said.append(f"{about}: {verdict} than {_listed(than)}")
     if not said:
         said = ["no primary endpoint shows a difference"]
-    asked = f" (asked for: {found.asked_profile})" if found.asked_profile else ""
-    return f"{found.simulations:,} scenes of {found.profile}{asked}: {'; '.join(said)}."
+    profile_note = f" (asked for: {found.asked_profile})" if found.asked_profile else ""
+    return f"{found.simulations:,} scenes of {found.profile}{profile_note}: {'; '.join(said)}."
 
 
-def risk_note(asked: str, drawn: str) -> str:
+def risk_note(named: str, drawn: str) -> str:
     """Explain that scenes of the `-risk` profile are drawn instead.
 
     Args:
-        asked: Name of the profile that the caller named.
+        named: Name of the profile that the caller named.
         drawn: Name of the profile that is drawn.
     """
     return (
         f"Scenes are drawn from {drawn}, in which dangerous scenes are more frequent, and weights "
-        f"restore the rates of {asked}. --as-met (as_met=True) draws scenes of {asked} itself."
+        f"restore the rates of {named}. --as-met (as_met=True) draws scenes of {named} itself."
     )
 
 

@@ -131,6 +131,6 @@ def leakage_table(found: FactorsFound) -> Table:
     )
 
 
-def _outcome_and_policy(found: FactorsFound) -> str:
-    outcome = "the class" if found.about == "outcome" else f"“{found.outcomes[0]}”"
-    return f"{outcome} under the policy {found.policy}"
+def _outcome_and_policy(factors: FactorsFound) -> str:
+    outcome = "the class" if factors.about == "outcome" else f"“{factors.outcomes[0]}”"
+    return f"{outcome} under the policy {factors.policy}"

@@ -177,28 +177,31 @@ def _checked_types(tree: Any) -> dict[str, Type]:
         ConfigError: A predicate is unknown, an argument cannot be a constant, or a variable has
             two types.
     """
-    types, where = dict[str, Type](), dict[str, str]()
+    types, first_atoms = dict[str, Type](), dict[str, str]()
     constants = dict[str, frozenset[str]]()
     for function in _functions(tree.body):
         signature = function.name, len(function.arguments)
-        found = _predicate_of(function)
-        for place, (label, of) in enumerate(found.arguments):
+        predicate = _predicate_of(function)
+        for place, (label, argument_type) in enumerate(predicate.arguments):
             argument = function.arguments[place]
             possible = programs.possible_constants().get((*signature, place), frozenset())
             if kind(argument) != "Variable":
-                _check_constants(argument, of, possible, f"{label} in {found.head}")
+                _check_constants(argument, argument_type, possible, f"{label} in {predicate.head}")
             if kind(argument) != "Variable" or argument.name == "_":
                 continue
             name = argument.name
             constants[name] = constants.get(name, possible) & possible
-            if types.setdefault(name, of) != of:
+            if types.setdefault(name, argument_type) != argument_type:
                 old = types[name].name
-                got = f"{name}, a {old} in {where[name]}, and a {of.name} in {found.head}"
-                raise refused(got, "each variable to be one kind of thing")
-            where.setdefault(name, found.head)
+                conflict = (
+                    f"{name}, a {old} in {first_atoms[name]}, and a {argument_type.name} in "
+                    f"{predicate.head}"
+                )
+                raise refused(conflict, "each variable to be one kind of thing")
+            first_atoms.setdefault(name, predicate.head)
     compared = [pair for pair in _compared_terms(tree.body) if pair[0] in types]
     for name, term in compared:
-        _check_constants(term, types[name], constants[name], f"{name} in {where[name]}")
+        _check_constants(term, types[name], constants[name], f"{name} in {first_atoms[name]}")
     return types
 
 
@@ -229,23 +232,23 @@ def _compared_terms(trees: Any) -> Iterator[tuple[str, Any]]:
         if kind(tree) == "Comparison" and len(tree.guards) == 1:
             (guard,) = tree.guards
             sides = (tree.term, guard.term) if guard.comparison in (_NOT_EQUAL, _EQUAL) else ()
-            for side, other in permutations(sides, 2):
+            for side, opposite in permutations(sides, 2):
                 if kind(side) == "Variable":
-                    yield side.name, other
+                    yield side.name, opposite
 
 
-def _check_constants(term: Any, of: Type, possible: frozenset[str], place: str) -> None:
+def _check_constants(term: Any, argument_type: Type, possible: frozenset[str], place: str) -> None:
     """Call `_check_constant` for each alternative of a pool, or for the term itself."""
     for alternative in _alternatives(term):
-        _check_constant(alternative, of, possible, place)
+        _check_constant(alternative, argument_type, possible, place)
 
 
-def _check_constant(term: Any, of: Type, possible: frozenset[str], place: str) -> None:
+def _check_constant(term: Any, argument_type: Type, possible: frozenset[str], place: str) -> None:
     """Refuse a constant that an argument can never have.
 
     Args:
         term: The argument, or the term with which its variable is compared.
-        of: Type of the argument.
+        argument_type: Type of the argument.
         possible: Constants that the argument can have.
         place: Name of the argument and its atom, for the message.
 
@@ -255,24 +258,29 @@ def _check_constant(term: Any, of: Type, possible: frozenset[str], place: str) -
     # The value of a term with a variable is not known before the query runs.
     if any(kind(part) == "Variable" for part in within([term])):
         return
-    if of.names:
+    if argument_type.names:
         if str(term) not in possible:
-            ordered = _nearest_first(str(term), [name for name in of.names if name in possible])
+            ordered = _nearest_first(
+                str(term), [name for name in argument_type.names if name in possible]
+            )
             raise refused(str(term), f"{place} to be one of {', '.join(ordered)}")
         return
     if str(term) == "ego":
         return
     is_symbol = kind(term) == "SymbolicTerm" and term.symbol.type != reasoner().SymbolType.Number
     if is_symbol or kind(term) == "Function":
-        raise refused(str(term), f"{place} to be a number, {of.about}")
+        raise refused(str(term), f"{place} to be a number, {argument_type.about}")
     low, high = range_of(term, {})
-    if high < of.low or low > of.high:
-        raise refused(str(term), f"{place} to be {of.low} to {of.high}, {of.about}")
+    if high < argument_type.low or low > argument_type.high:
+        raise refused(
+            str(term),
+            f"{place} to be {argument_type.low} to {argument_type.high}, {argument_type.about}",
+        )
 
 
-def _nearest_first(got: str, names: list[str]) -> list[str]:
-    """The names, those that resemble `got` first."""
-    near = difflib.get_close_matches(got.lower(), names, n=3, cutoff=0.5)
+def _nearest_first(unknown_name: str, names: list[str]) -> list[str]:
+    """The names, those that resemble `unknown_name` first."""
+    near = difflib.get_close_matches(unknown_name.lower(), names, n=3, cutoff=0.5)
     return [*near, *(name for name in names if name not in near)]
 
 

@@ -344,16 +344,16 @@ class _Recorded:
         """Lawful gaps at one position; the follower, ego or neighbour, must keep the gap."""
         seen, target = self._seen, self._case.target
         is_target, is_ahead = code == len(Around), code in _AHEAD
-        at = row, frame = self._there(code)
+        cells = row, frame = self._frames_with_vehicle(code)
         here = (row, code, frame)
-        gap = target.gap[at] if is_target else seen.gap[here]
+        gap = target.gap[cells] if is_target else seen.gap[here]
         if is_target:
-            rear = target.speed[at]
-            closing = rear - seen.speed[at]
+            rear = target.speed[cells]
+            closing = rear - seen.speed[cells]
         else:
             closing = seen.closing_speed[here]
-            rear = seen.speed[at] if is_ahead else seen.speed[at] + closing
-        lawful = lawful_gap(rear, closing, sure_decel(seen.friction[at]))
+            rear = seen.speed[cells] if is_ahead else seen.speed[cells] + closing
+        lawful = lawful_gap(rear, closing, sure_decel(seen.friction[cells]))
         other = target.vehicle[row] if is_target else seen.vehicle[here]
         speed = self._states.speed
         own, others = speed[row, Role.EGO, frame], speed[row, other.astype(np.intp), frame]
@@ -361,7 +361,7 @@ class _Recorded:
         neighbour = np.full(len(row), code)
         return self._numbers[row], neighbour, frame, down(gap), exact, beside(lawful, gap)
 
-    def _there(self, code: int) -> tuple[IndexArray, IndexArray]:
+    def _frames_with_vehicle(self, code: int) -> tuple[IndexArray, IndexArray]:
         """Simulations and frames with a vehicle at a position around the ego."""
         if code == len(Around):
             row, frame = np.nonzero(self._case.target.valid)
@@ -376,7 +376,7 @@ class _Recorded:
         return _joined([self._forced(one) for one in behind], 4)
 
     def _forced(self, neighbour: Around) -> Columns:
-        row, frame = self._there(neighbour)
+        row, frame = self._frames_with_vehicle(neighbour)
         closing = self._seen.closing_speed[row, neighbour, frame]
         closes = closing > 0
         row, frame, closing = row[closes], frame[closes], closing[closes]

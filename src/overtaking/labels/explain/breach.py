@@ -149,7 +149,7 @@ class BreachFacts:
         vehicle = self.case.signals.vehicle[0, neighbour, self.frames]
         return self.frames[vehicle != NO_VEHICLE]
 
-    def within(self, frames: IndexArray) -> IndexArray:
+    def keep_within(self, frames: IndexArray) -> IndexArray:
         """Keep the frames that lie within the breach."""
         return frames[(frames >= self.first) & (frames <= self.last)]
 

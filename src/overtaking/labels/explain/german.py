@@ -97,11 +97,11 @@ def _fined_gap(facts: BreachFacts) -> tuple[Remedy, ...]:
     The margin of the rule is a time, so the missing distance is computed here.
     """
     frames = facts.beside(Around.LEADER)
-    seen = facts.case.signals
+    signals = facts.case.signals
     # Between two parts of a breach there may be frames that the rule exempts.
-    is_fast = seen.speed[0, frames] > known("law_de.distance.fined_above")
+    is_fast = signals.speed[0, frames] > known("law_de.distance.fined_above")
     frames = frames[is_fast & ~after_cut_ins(facts.case)[0, frames]]
-    gaps_ahead, speed = seen.gap[0, Around.LEADER, frames], seen.speed[0, frames]
+    gaps_ahead, speed = signals.gap[0, Around.LEADER, frames], signals.speed[0, frames]
     lacking = fined_distance(speed) - gaps_ahead
     worst = int(lacking.argmax())
     return gaps.more_distance(facts, Around.LEADER, frames[worst], -lacking[worst])

@@ -49,9 +49,9 @@ def margins(labelled: Labelled, pack: Pack = PORTUGAL) -> dict[str, F64]:
 
 
 def _safe_distance(case: Case) -> F64:
-    seen, neighbour = case.signals, Around.LEADER
-    gap, closing = seen.gap[:, neighbour], seen.closing_speed[:, neighbour]
-    margin = margin_of_gap(gap, seen.speed, closing, sure_decel(seen.friction))
+    signals, neighbour = case.signals, Around.LEADER
+    gap, closing = signals.gap[:, neighbour], signals.closing_speed[:, neighbour]
+    margin = margin_of_gap(gap, signals.speed, closing, sure_decel(signals.friction))
     return _behind_leader(case, margin)
 
 
@@ -59,8 +59,8 @@ def _leader_distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
     """Margins of a rule that requires a gap to the leader [m] as a function of speed [m/s]."""
 
     def margins_of(case: Case) -> F64:
-        seen = case.signals
-        return _behind_leader(case, seen.gap[:, Around.LEADER] - required(seen.speed))
+        signals = case.signals
+        return _behind_leader(case, signals.gap[:, Around.LEADER] - required(signals.speed))
 
     return margins_of
 
@@ -92,9 +92,9 @@ def _stop_within(sight: str) -> Callable[[Case], F64]:
     """Margins of a sight, named by its field of `Signals`, over the stopping distance [m]."""
 
     def margins_of(case: Case) -> F64:
-        seen = case.signals
-        stop = stop_distance(seen.speed, seen.friction)
-        return _within(conduct(case), getattr(seen, sight) - stop)
+        signals = case.signals
+        stop = stop_distance(signals.speed, signals.friction)
+        return _within(conduct(case), getattr(signals, sight) - stop)
 
     return margins_of
 

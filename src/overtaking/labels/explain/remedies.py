@@ -105,7 +105,7 @@ def apart_from_bicycle(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def _alongside(facts: BreachFacts) -> IndexArray:
     """Frames of the breach in which ego and target overlap along the road."""
-    return facts.within(alongside(facts.case).frames)
+    return facts.keep_within(alongside(facts.case).frames)
 
 
 def not_too_fast(facts: BreachFacts) -> tuple[Remedy, ...]:

@@ -60,7 +60,7 @@ def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
 
     Returns:
         One item for each neighbour at each decision, in the order of decisions. Decisions to abort
-        have none because no rule judges them; recordings without percepts have none at all.
+        have no item because no rule judges them; recordings without percepts have no items.
     """
     percepts = case.trajectories.percepts
     if "percepts" in case.trajectories.unknown:

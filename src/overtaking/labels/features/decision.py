@@ -164,7 +164,7 @@ def _ahead(case: Case, rows: IndexArray, frames: IndexArray, ego: OwnState) -> V
 
 
 def _overtaking(
-    case: Case, one: Encounter, ego: OwnState, length: F32, frames: IndexArray
+    case: Case, encounter: Encounter, ego: OwnState, length: F32, frames: IndexArray
 ) -> tuple[F32, F32]:
     """Least time and way to be ahead of the vehicle ahead [s], [m].
 
@@ -173,9 +173,9 @@ def _overtaking(
     """
     lengths = length + case.trajectories.scenario.vehicles.length[:, Role.EGO]
     decel = sure_decel(at(case.signals.friction, frames))
-    clear = lawful_gap(ego.speed - one.closing_speed, np.float32(0.0), decel)
-    way = np.maximum(one.gap, np.float32(0.0)) + lengths + clear
-    time = ttc_accel(way, one.closing_speed, ego.available_accel)
+    clear = lawful_gap(ego.speed - encounter.closing_speed, np.float32(0.0), decel)
+    distance = np.maximum(encounter.gap, np.float32(0.0)) + lengths + clear
+    time = ttc_accel(distance, encounter.closing_speed, ego.available_accel)
     finite = np.where(np.isfinite(time), time, np.float32(0.0))
     return time, finite * (ego.speed + np.float32(0.5) * ego.available_accel * finite)
 

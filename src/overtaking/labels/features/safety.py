@@ -59,11 +59,14 @@ def safety_measures(case: Case) -> Safety:
         whole[:, 0] = worst.get(name, 0)
         return whole
 
-    def tables(name: str, one: Encounter, cells: IndexArray) -> Encounter:
+    def tables(name: str, encounter: Encounter, cells: IndexArray) -> Encounter:
         """The same of the measures of an encounter."""
-        names = [each.name for each in fields(one)]
+        names = [measure.name for measure in fields(encounter)]
         return Encounter(
-            **{each: table(f"{name}.{each}", getattr(one, each), cells) for each in names}
+            **{
+                measure: table(f"{name}.{measure}", getattr(encounter, measure), cells)
+                for measure in names
+            }
         )
 
     return Safety(

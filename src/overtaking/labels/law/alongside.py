@@ -170,10 +170,10 @@ def bicycle_distance(case: Case) -> np.float32:
 
 def _apart_from_motor(case: Case) -> Check:
     """Check the lateral distance to a motor vehicle."""
-    return apart(case, motor_vehicle_distance, bicycle=False)
+    return check_lateral_distance(case, motor_vehicle_distance, bicycle=False)
 
 
-def apart(case: Case, distance: LateralDistance, *, bicycle: bool) -> Check:
+def check_lateral_distance(case: Case, distance: LateralDistance, *, bicycle: bool) -> Check:
     """Check the lateral distance to the target.
 
     Args:
@@ -181,9 +181,9 @@ def apart(case: Case, distance: LateralDistance, *, bicycle: bool) -> Check:
         distance: The smallest lawful distance.
         bicycle: Whether the rule is about bicycles, or about all other targets.
     """
-    found = alongside(case)
-    margin = found.lateral_gap - distance(case)
-    return found.check(case, margin, target_may_be(case, bicycle=bicycle))
+    frames_alongside = alongside(case)
+    margin = frames_alongside.lateral_gap - distance(case)
+    return frames_alongside.check(case, margin, target_may_be(case, bicycle=bicycle))
 
 
 def _of_two_places(case: Case, found: Check, errors: Errors) -> F32:
@@ -212,11 +212,11 @@ L10 = Rule(
 
 def _apart_from_bicycle(case: Case) -> Check:
     """Alongside a bicycle, the bodies are 1.5 m apart and the ego no faster than at the start."""
-    found, speed, limit = alongside(case), case.signals.speed, bicycle_distance(case)
-    start = np.maximum(at(speed, case.events.attempt), _LEAST_SPEED)[found.rows]
-    room = (found.lateral_gap - limit) / limit
-    slower = (start - speed[found.rows, found.frames]) / start
-    return found.check(case, np.minimum(room, slower), target_may_be(case, bicycle=True))
+    frames_alongside, speed, limit = alongside(case), case.signals.speed, bicycle_distance(case)
+    start = np.maximum(at(speed, case.events.attempt), _LEAST_SPEED)[frames_alongside.rows]
+    room = (frames_alongside.lateral_gap - limit) / limit
+    slower = (start - speed[frames_alongside.rows, frames_alongside.frames]) / start
+    return frames_alongside.check(case, np.minimum(room, slower), target_may_be(case, bicycle=True))
 
 
 def _bicycle_error(case: Case, found: Check, errors: Errors) -> F32:

@@ -92,7 +92,7 @@ def beside(case: Case, place: Around, frame: Frames) -> Encounter:
     found = encounter(case, place, rows, frame[rows].astype(np.intp))
     if len(rows) == len(frame):
         return found
-    spread = partial(spread_over, where=rows, count=len(frame))
+    spread = partial(spread_over, simulations=rows, count=len(frame))
     return Encounter(**{one.name: spread(getattr(found, one.name)) for one in fields(Encounter)})
 
 

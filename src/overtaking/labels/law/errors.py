@@ -73,14 +73,14 @@ def standard_error(margin: Callable[..., F32], *sizes: float) -> F32:
     return np.sqrt(total)
 
 
-def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], found: Check) -> I32:
+def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], checked: Check) -> I32:
     """The frame of a span at which a margin is the one that was found, shape (simulation,)."""
     rows, frames = span.frames()
     decide = np.maximum(span.start, 0).astype(np.int32)
     if not rows.size:
         return decide
-    off = np.abs(margin(rows, frames) - found.margin[rows])
-    order = np.lexsort((frames, off, rows))
+    deviation = np.abs(margin(rows, frames) - checked.margin[rows])
+    order = np.lexsort((frames, deviation, rows))
     first = order[np.append(True, np.diff(rows[order]) != 0)]
     decide[rows[first]] = frames[first]
     return decide
@@ -257,8 +257,8 @@ def _meeting(case: Case, found: Check, errors: Errors) -> F32:
     others = others_at(case, back_frame(case))
 
     def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
-        seen = replace(others, gap=others.gap + its - own, speed=others.speed + its_faster)
-        return oncoming_margins(case, seen, faster).min(axis=1)
+        moved_others = replace(others, gap=others.gap + its - own, speed=others.speed + its_faster)
+        return oncoming_margins(case, moved_others, faster).min(axis=1)
 
     return _finite(standard_error(moved, *of_both(errors)))
 
@@ -352,7 +352,7 @@ _BRAKED = (
     f"{amount('law.entry.braking')} decides"
 )
 _FREE = amount("law.return.free_time")
-_BOTH, _ALONE = amount("law.oncoming.time"), amount("law.oncoming.encroachment")
+_TIME, _PET = amount("law.oncoming.time"), amount("law.oncoming.encroachment")
 FOLLOWING = Spread(
     formula=f"{_GAP}, in the frame of the smallest margin; where that is the last one in the lane, "
     "the square of sp (v - u) / (speed across the road) is added to the variance",
@@ -382,8 +382,8 @@ BRAKING = Spread(
     of=_braking,
 )
 MEETING = Spread(
-    formula=f"sqrt(2 sp^2 + 2 ({_BOTH})^2 sv^2), or sqrt(2 sp^2 + ({_ALONE})^2 sv^2) where "
-    f"{_ALONE} decide",
+    formula=f"sqrt(2 sp^2 + 2 ({_TIME})^2 sv^2), or sqrt(2 sp^2 + ({_PET})^2 sv^2) where "
+    f"{_PET} decide",
     of=_meeting,
 )
 DUE = Spread(

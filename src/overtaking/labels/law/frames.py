@@ -45,7 +45,7 @@ class Span:
         """First frames and then last frames, as compiled functions take them."""
         return np.concatenate([self.start, self.stop], dtype=np.int32)
 
-    def of(self, rows: IndexArray) -> "Span":
+    def at_rows(self, rows: IndexArray) -> "Span":
         """The spans of some simulations."""
         return Span(start=self.start[rows], stop=self.stop[rows])
 
@@ -163,11 +163,11 @@ class Stretch:
     last: I32
     longest: I32
 
-    def replaced(self, rows: IndexArray, by: "Stretch") -> "Stretch":
+    def with_rows(self, rows: IndexArray, replacement: "Stretch") -> "Stretch":
         """The same with other margins in some simulations."""
         changed = {one.name: getattr(self, one.name).copy() for one in fields(self)}
         for name, values in changed.items():
-            values[rows] = getattr(by, name)
+            values[rows] = getattr(replacement, name)
         return Stretch(**changed)
 
 

@@ -189,7 +189,7 @@ def _in_slow_lanes(case: Case) -> Check:
     rows = np.flatnonzero(applies)
     # What is beyond the slow edge counts as below lane 0.
     lane, margin = lane_index(seen.lane[rows]), np.zeros(len(applies), np.float32)
-    margin[rows] = lanes - _HALF - as_f32(reduced(np.maximum, lane, span.of(rows)))
+    margin[rows] = lanes - _HALF - as_f32(reduced(np.maximum, lane, span.at_rows(rows)))
     over = np.flatnonzero(margin[rows] < 0)
     first, last, longest = ends_in(span, rows[over], lane[over] >= lanes)
     return decided(applies, margin, first, last, longest=longest)

@@ -31,7 +31,7 @@ def bare(path: str, *, unit: str = "", times: float = 1.0) -> str:
     return f"{value * factor * times:.3g}"
 
 
-def filled(text: str) -> str:
+def fill_placeholders(text: str) -> str:
     """Replace each placeholder such as `{law.side.motor}` by its `amount`."""
     return _PLACEHOLDER.sub(lambda match: amount(match[1]), text)
 

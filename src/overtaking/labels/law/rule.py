@@ -147,8 +147,8 @@ def adopt(
 ) -> Rule:
     """Make a rule for another law with the check of an existing rule.
 
-    Texts, article, severity, fine and source are those of the other law. The check with its error
-    and its limit, and the data that it needs, are those of `rule`.
+    The other law gives texts, article, severity, fine and source. `rule` gives the check with its
+    error and limit, and the data that the check needs.
 
     Args:
         rule: The existing rule.
@@ -157,12 +157,12 @@ def adopt(
         law: Article of the other law.
         title: Title in a few words.
         gloss: The duty in plain words.
-        predicate: What is checked, without codes and articles of the law of `rule`.
+        predicate: Condition that the check tests, without codes and articles of the law of `rule`.
         grade: How severe a breach is by the other law.
         source: Id of the source of the text.
         fine: Fine for a breach by the other law.
         unit: Unit of the margin; None for the unit of `rule`.
-        needs: Names of `UNKNOWNS` that the check needs; None for those of `rule`.
+        needs: Names of `UNKNOWNS` that the check needs; None for `rule.needs`.
         check: Check with the numbers of the other law; None for the check of `rule`. With a new
             check, `spread` and `limit` of `rule` are not taken over.
         spread: Error of the margin of `check`; ignored without a check.
@@ -279,7 +279,9 @@ def _judged(rule: Rule, case: Case) -> Check:
     is_known = case.trajectories.is_kind_known
     if is_known is None or "kinds" not in rule.needs | rule.partly:
         return _judged_as_stated(rule, case)
-    return _agreed_check([_judged_as_stated(rule, one) for one in _possible_kinds(case)])
+    return _agreed_check(
+        [_judged_as_stated(rule, possible_case) for possible_case in _possible_kinds(case)]
+    )
 
 
 def _possible_kinds(case: Case) -> Iterator[Case]:

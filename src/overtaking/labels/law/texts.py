@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from overtaking.knowledge.reader import load, read_section
-from overtaking.labels.law.numbers import filled
+from overtaking.labels.law.numbers import fill_placeholders
 from overtaking.labels.law.rule import Rule, Text
 
 _FILE = "law_rules.toml"
@@ -53,7 +53,7 @@ def with_texts(pack: str, rules: Iterable[Rule]) -> tuple[Rule, ...]:
     """
     entries = words_of(pack)
     return tuple(
-        replace(rule, text=entry.text, where=entry.where, border=filled(entry.border))
+        replace(rule, text=entry.text, where=entry.where, border=fill_placeholders(entry.border))
         for rule in rules
         for entry in (entries[rule.code],)
     )

@@ -63,7 +63,7 @@ def _nobody_overtakes(case: Case) -> Check:
     shown = same & ((others.lights & out_indicator(case)) != 0) & (not hidden)
     begun = (moving | shown).any(axis=1)
     arrival = np.where(begun, np.float32(0.0), _arrival(case, others, left, rows))
-    spread = partial(spread_over, where=attempted, count=len(attempted))
+    spread = partial(spread_over, simulations=attempted, count=len(attempted))
     return instant(
         frame,
         spread(arrival - known("law.others.arrival")),

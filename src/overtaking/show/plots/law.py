@@ -54,9 +54,9 @@ def draw_curve(found: Curve) -> Figure:
     return figure
 
 
-def _label(found: Curve, code: str) -> str:
+def _label(curve: Curve, code: str) -> str:
     """Title and code of a rule; narrow figures shorten the title."""
-    title = found.titles[code]
+    title = curve.titles[code]
     if is_narrow():
         title = shorten(title, _COLUMN_LETTERS, placeholder=" …")
     return f"{title} {code}"

@@ -250,9 +250,9 @@ def _texts(values: F64, text: Callable[[float], str]) -> dict[tuple[int, int], s
     return {cell: text(value) for cell, value in np.ndenumerate(values) if not np.isnan(value)}  # type: ignore[misc]
 
 
-def _significant(found: Associations) -> dict[tuple[int, int], str]:
+def _significant(associations: Associations) -> dict[tuple[int, int], str]:
     """A dot for each pair whose adjusted p-value stays below the level."""
-    return {cell: "•" for cell, value in np.ndenumerate(found.q_values) if value < ALPHA}  # type: ignore[misc]
+    return {cell: "•" for cell, value in np.ndenumerate(associations.q_values) if value < ALPHA}  # type: ignore[misc]
 
 
 def _short(value: float) -> str:

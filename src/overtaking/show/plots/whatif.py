@@ -37,33 +37,33 @@ _LOOKS = (
 
 
 @styled
-def draw_twin(one: Twin, policy: str | None = None) -> Figure:
+def draw_twin(twin: Twin, policy: str | None = None) -> Figure:
     """Place across the road, speed of the ego and gap to its target, of both.
 
     Args:
-        one: The twins.
+        twin: The twins.
         policy: Which rules decide about the classes that the legend names; None for the default of
             the profile.
     """
-    policy = choose_policy(policy, one.profile)
+    policy = choose_policy(policy, twin.profile)
     figure = new_figure(5.0)
     across, speed, gap = figure.subplots(3, 1, sharex=True)
-    for told, labelled, look in zip(one.told, one.labelled, _LOOKS, strict=True):
-        run, frames = told.run, int(told.run.num_frames[0])
+    for simulation, labelled, look in zip(twin.told, twin.labelled, _LOOKS, strict=True):
+        run, frames = simulation.run, int(simulation.run.num_frames[0])
         time = run.time_ms[:frames] / 1000.0
-        name = f"{told.title}: {words(class_of(labelled, policy))}"
+        name = f"{simulation.title}: {words(class_of(labelled, policy))}"
         across.plot(time, _across(run, frames), label=name, **look)
         metres = run.states.speed[0, Role.EGO, :frames] * METRES_PER_SECOND_PER_STEP
         speed.plot(time, kmh_from_mps(metres), **look)
-        target = int(one.labelled[0].events.target[0])
+        target = int(twin.labelled[0].events.target[0])
         if target != NO_VEHICLE:
             gap.plot(time, _gap(run, target, frames), **look)
     across.set_ylabel("ego from its\nstart across [m]")
     speed.set_ylabel("speed of\nthe ego [km/h]")
     gap.set_ylabel("target ahead,\ncentre to centre [m]")
     gap.set_xlabel("time [s]")
-    _mark_parting(one, (across, speed, gap))
-    heading = f"{_heading(one)}; classes under the policy {policy}"
+    _mark_parting(twin, (across, speed, gap))
+    heading = f"{_heading(twin)}; classes under the policy {policy}"
     columns, heading = (1, fill(heading, _HEADING_LETTERS)) if is_narrow() else (2, heading)
     figure.legend(loc="outside upper left", ncols=columns, title=heading, alignment="left")
     figure.align_ylabels([across, speed, gap])

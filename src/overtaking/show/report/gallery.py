@@ -197,7 +197,7 @@ def _of_policy(policy: str) -> str:
     return f"Classes under the policy {policy}."
 
 
-def overtake_picture(name: str, simulation: int, one: Diagram, *, policy: str) -> Picture:
+def overtake_picture(name: str, simulation: int, diagram: Diagram, *, policy: str) -> Picture:
     """An example of a class in space and time."""
     from overtaking.show.plots.overtake import draw_overtake
 
@@ -207,5 +207,5 @@ def overtake_picture(name: str, simulation: int, one: Diagram, *, policy: str) -
         "its class. Above, positions along the road, with the lengths of the vehicles; below, "
         "across it, with the widths of ego and target. a: begins to pull out; x₁: crosses the "
         "line; o₁, o₂: alongside the target; b: begins to return; x₂: is back in its lane.",
-        draw=lambda: draw_overtake(one, name),
+        draw=lambda: draw_overtake(diagram, name),
     )

@@ -92,7 +92,7 @@ def _figures(found: Reproduction, folder: ReportFolder) -> list[str]:
     return [folder.figure(name, _CAPTIONS[name], draw) for name, draw in drawn.items()]
 
 
-def drawers(found: Reproduction) -> "dict[str, Callable[[], Figure]]":
+def drawers(reproduction: Reproduction) -> "dict[str, Callable[[], Figure]]":
     """The functions that draw the figures of a reproduction, by the name of the figure.
 
     Raises:
@@ -100,9 +100,12 @@ def drawers(found: Reproduction) -> "dict[str, Callable[[], Figure]]":
     """
     from overtaking.show.plots.comparison import draw_ridges, panels
 
-    all_panels = panels(found.comparisons)
+    all_panels = panels(reproduction.comparisons)
     panels_by_figure = {
         FITTED: [panel for panel in all_panels if panel.title.startswith(_FIRST)],
         OTHERS: [panel for panel in all_panels if not panel.title.startswith(_FIRST)],
     }
-    return {name: partial(draw_ridges, shown) for name, shown in panels_by_figure.items()}
+    return {
+        name: partial(draw_ridges, panels_of_figure)
+        for name, panels_of_figure in panels_by_figure.items()
+    }

@@ -45,13 +45,13 @@ class Job:
 
 
 def jobs(
-    source: Source, chosen: Iterable[int] | str = ONE_PER_CLASS, policy_name: str | None = None
+    source: Source, selection: Iterable[int] | str = ONE_PER_CLASS, policy_name: str | None = None
 ) -> Iterator[Job]:
     """Films to make, in the order of their numbers; with `ONE_PER_CLASS`, short ones come last.
 
     Args:
         source: The simulations; what a data set did not keep is simulated again.
-        chosen: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first simulation of each
+        selection: Numbers of simulations, `ALL`, or `ONE_PER_CLASS`: the first simulation of each
             class that lasts `MIN_DURATION_S` or more; if all are shorter, the longest.
         policy_name: Which rules decide about the class; None for the default of the profile.
 
@@ -60,8 +60,8 @@ def jobs(
         DatasetError: The data set is damaged, or the simulator has changed.
     """
     counted = policy(choose_policy(policy_name, profile_of(source)))
-    candidates = _candidates(source, chosen, counted)
-    if isinstance(chosen, str) and chosen == ONE_PER_CLASS:
+    candidates = _candidates(source, selection, counted)
+    if isinstance(selection, str) and selection == ONE_PER_CLASS:
         candidates = _first_of_each_class(candidates)
     for candidate in candidates:
         yield candidate.job()
@@ -91,9 +91,9 @@ class _Candidate:
 
 
 def _candidates(
-    source: Source, chosen: Iterable[int] | str, counted: Policy
+    source: Source, selection: Iterable[int] | str, counted: Policy
 ) -> Iterator[_Candidate]:
-    for numbers, batch in _batches(source, chosen):
+    for numbers, batch in _batches(source, selection):
         labelled = batch if isinstance(batch, Labelled) else label(batch)
         codes = labelled.labels.classes[:, labelled.labels.policies.index(counted.name)]
         for row, number in enumerate(numbers):
@@ -120,22 +120,22 @@ def _first_of_each_class(candidates: Iterable[_Candidate]) -> Iterator[_Candidat
 
 
 def _batches(
-    source: Source, chosen: Iterable[int] | str
+    source: Source, selection: Iterable[int] | str
 ) -> Iterator[tuple[list[int], Trajectories | Labelled]]:
     """The simulations to look at, with their numbers."""
-    if isinstance(chosen, str) and chosen not in (ALL, ONE_PER_CLASS):
-        raise _refused(f"numbers, {ALL} or {ONE_PER_CLASS}", repr(chosen))
+    if isinstance(selection, str) and selection not in (ALL, ONE_PER_CLASS):
+        raise _refused(f"numbers, {ALL} or {ONE_PER_CLASS}", repr(selection))
     if not isinstance(source, Dataset):
         size = num_simulations(source)
-        if isinstance(chosen, str):
+        if isinstance(selection, str):
             yield list(range(size)), source
         else:
-            numbers = checked(chosen, size)
+            numbers = checked(selection, size)
             yield numbers, source.select(np.array(numbers))
-    elif isinstance(chosen, str):
+    elif isinstance(selection, str):
         yield from ((numbers.tolist(), batch) for numbers, batch in source.batches())
     else:
-        for number in checked(chosen, len(source)):
+        for number in checked(selection, len(source)):
             yield [number], source.trajectory(number)
 
 
@@ -155,11 +155,11 @@ def profile_of(source: Source) -> str:
     return run.scenario.profile
 
 
-def num_films(source: Source, chosen: Iterable[int] | str) -> int | None:
+def num_films(source: Source, selection: Iterable[int] | str) -> int | None:
     """Number of films of a choice; None with `ONE_PER_CLASS`, as the classes are not known yet."""
-    if not isinstance(chosen, str):
-        return len(set(chosen))
-    return num_simulations(source) if chosen == ALL else None
+    if not isinstance(selection, str):
+        return len(set(selection))
+    return num_simulations(source) if selection == ALL else None
 
 
 def checked(numbers: Iterable[int], num_simulations: int) -> list[int]:
@@ -168,12 +168,12 @@ def checked(numbers: Iterable[int], num_simulations: int) -> list[int]:
     Raises:
         ConfigError: There is no such simulation, or none is named.
     """
-    chosen = sorted(set(map(operator.index, numbers)))  # Integers of NumPy become plain ones.
-    wrong = [number for number in chosen if not 0 <= number < num_simulations]
-    if wrong or not chosen:
+    distinct = sorted(set(map(operator.index, numbers)))  # Integers of NumPy become plain ones.
+    wrong = [number for number in distinct if not 0 <= number < num_simulations]
+    if wrong or not distinct:
         expected = f"some of 0 to {num_simulations - 1}"
         raise _refused(expected, str(wrong[0]) if wrong else "none")
-    return chosen
+    return distinct
 
 
 def _refused(expected: str, got: str) -> ConfigError:

@@ -24,17 +24,17 @@ class TwinFilm:
         policy: Name of the policy whose rules count; None for the default of the profile.
     """
 
-    def __init__(self, one: Twin, policy: str | None = None) -> None:
+    def __init__(self, twin: Twin, policy: str | None = None) -> None:
         """Prepare both films."""
-        counted = policy_named(choose_policy(policy, one.profile))
-        axis = max(scene(told.run).num_frames for told in one.told)
+        counted = policy_named(choose_policy(policy, twin.profile))
+        axis = max(scene(simulation.run).num_frames for simulation in twin.told)
         self._films: list[Film] = []
-        for told, labelled in zip(one.told, one.labelled, strict=True):
+        for simulation, labelled in zip(twin.told, twin.labelled, strict=True):
             codes = labelled.labels.classes[0]
             self._films.append(
                 Film(
-                    told.run,
-                    title=f"Simulation {one.number}, {told.title}",
+                    simulation.run,
+                    title=f"Simulation {twin.number}, {simulation.title}",
                     events=labelled.events,
                     findings=labelled.findings,
                     policy=counted,
@@ -43,9 +43,9 @@ class TwinFilm:
                 )
             )
         self._above = Canvas(WIDTH, HEIGHT, "#000000")
-        since = "drawn again" if one.effect == "total" else f"changed at {one.since:.2f} s"
-        self._what = f"above as it was, below {one.title}: {one.effect} effect, {since}"
-        self._parting = None if one.parting is None else one.parting.time
+        since = "drawn again" if twin.effect == "total" else f"changed at {twin.since:.2f} s"
+        self._caption = f"above as it was, below {twin.title}: {twin.effect} effect, {since}"
+        self._parting = None if twin.parting is None else twin.parting.time
 
     @property
     def num_frames(self) -> int:
@@ -75,8 +75,8 @@ class TwinFilm:
         """What differs, and whether the two have parted."""
         bar = Canvas(WIDTH, _BAR, palette.PANEL)
         canvas.paste(bar, 0, HEIGHT, (0, WIDTH))
-        what = line(self._what, _SIZE, palette.TEXT)
-        canvas.draw(what.drawing, _MARGIN, HEIGHT + _ROW)
+        caption = line(self._caption, _SIZE, palette.TEXT)
+        canvas.draw(caption.drawing, _MARGIN, HEIGHT + _ROW)
         text, colour = self._state(frame)
         state = line(text, _SIZE, colour, bold=True)
         canvas.draw(state.drawing, WIDTH - _MARGIN - state.width, HEIGHT + _ROW)

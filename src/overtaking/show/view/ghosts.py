@@ -55,8 +55,8 @@ def recorded_beliefs(trajectories: Trajectories) -> list[dict[str, Any]]:
 
     Returns:
         A record for each decision and each neighbour that existed or was believed in: time [s],
-        station and lateral position [m], speed [m/s], size [m], and both gaps [m], None where
-        there is none.
+        station and lateral position [m], speed [m/s], size [m], and both gaps [m], None for
+        an unknown gap.
     """
     if "percepts" in trajectories.unknown:
         return []
@@ -68,7 +68,7 @@ def beliefs_at_every_decision(trajectories: Trajectories, trace: Beliefs) -> dic
 
     Args:
         trajectories: A batch of one simulation.
-        trace: What its ego believes, and the true values.
+        trace: The beliefs of its ego, and the true values.
 
     Returns:
         The time between decisions [ms]. For each role that a neighbour ever has, columns over the
@@ -192,8 +192,8 @@ def _millimetres(
     """Whole millimetres, None at decisions without a value."""
     has_value = has_neighbour & np.isfinite(values)
     return [
-        round(float(value) / METRES_PER_STEP) if is_given else None
-        for value, is_given in zip(values, has_value, strict=True)
+        round(float(value) / METRES_PER_STEP) if is_finite else None
+        for value, is_finite in zip(values, has_value, strict=True)
     ]
 
 

@@ -56,16 +56,16 @@ def faces(body: Vehicle | Prop, eye: Points) -> Iterator[Face]:
         eye: The point from which the picture is taken, in CARLA's frame [m].
     """
     length, width, height = body.extent
-    turned = _turned(body)
-    seen_from = (eye - np.array(body.pose.location)) @ turned
+    rotation = _axes_to_world(body)
+    eye_in_body_frame = (eye - np.array(body.pose.location)) @ rotation
     for box, colour in _parts(body, length, width, 2.0 * height):
-        for name, corners in _sides(box, seen_from):
+        for name, corners in _sides(box, eye_in_body_frame):
             shade = _SHADES[name]
             paint = (shade * colour[0], shade * colour[1], shade * colour[2])
-            yield _placed(body, turned, corners, paint)
+            yield _face_in_world(body, rotation, corners, paint)
     if isinstance(body, Vehicle):
-        for corners, colour in _lamps(body, length, width, 2.0 * height, seen_from):
-            yield _placed(body, turned, corners, colour)._replace(glows=True)
+        for corners, colour in _lamps(body, length, width, 2.0 * height, eye_in_body_frame):
+            yield _face_in_world(body, rotation, corners, colour)._replace(glows=True)
 
 
 Box = tuple[float, float, float, float, float, float]
@@ -148,12 +148,14 @@ def _square(x: float, y: float, z: float, size: float) -> Points:
     return _flat((x, y - size, low), (x, y + size, low), (x, y + size, high))
 
 
-def _turned(vehicle: Vehicle | Prop) -> Points:
+def _axes_to_world(vehicle: Vehicle | Prop) -> Points:
     """From the vehicle's axes to the world's; pitch and roll are left out."""
     yaw = math.radians(vehicle.pose.rotation.yaw)
     cosine, sine = math.cos(yaw), math.sin(yaw)
     return np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
 
 
-def _placed(vehicle: Vehicle | Prop, turned: Points, corners: Points, colour: Colour) -> Face:
-    return Face(corners @ turned.T + np.array(vehicle.pose.location), colour)
+def _face_in_world(
+    vehicle: Vehicle | Prop, rotation: Points, corners: Points, colour: Colour
+) -> Face:
+    return Face(corners @ rotation.T + np.array(vehicle.pose.location), colour)

@@ -39,7 +39,7 @@ def definitions() -> list[list[object]]:
 def catalogue() -> dict[str, list[list[object]]]:
     """The attributes of every blueprint as clients want them, by its id."""
     front = _attribute("role_name", _TEXT, "front")
-    vehicles = {name: _of_a_vehicle(one) for name, one in blueprints().items()}
+    vehicles = {name: _of_a_vehicle(blueprint) for name, blueprint in blueprints().items()}
     prop = [_attribute("role_name", _TEXT, "prop")]
     return (
         vehicles

@@ -95,9 +95,13 @@ class Connections:
             CrowdedError: Even that one has made a call within the last `MIN_SILENCE`.
         """
         num_connections = Counter(connection.host for connection in self._open)
-        most = max(num_connections.values())
+        max_connections = max(num_connections.values())
         oldest = min(
-            (one for one in self._open if num_connections[one.host] == most),
+            (
+                connection
+                for connection in self._open
+                if num_connections[connection.host] == max_connections
+            ),
             key=lambda connection: (
                 min(connection.num_calls, NUM_CALLS_OF_CLIENT),
                 connection.last_call_time,

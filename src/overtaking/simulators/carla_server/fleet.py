@@ -421,18 +421,18 @@ class Fleet:
     def _collide(
         self,
         mover: Mover,
-        wanted: Controls,
+        controls: Controls,
         pairs: list[tuple[int, int]],
         near_obstacles: list[tuple[int, int]],
     ) -> list[Touch]:
         """Advance by one step with exchange of momentum in contacts.
 
-        Unlike in a simulation, vehicles can drive on after a contact. Obstacles get rows after
-        those of the vehicles, so that the model finds contacts with both alike.
+        Unlike in a simulation, vehicles can drive on after a contact. The rows of obstacles follow
+        the rows of vehicles, so that the model finds contacts with both alike.
         """
         state, count = self._state, len(self._vehicles)
         before = (state.s.copy(), state.d.copy())
-        self._drive(mover, wanted, 1)
+        self._drive(mover, controls, 1)
         obstacles = list(dict.fromkeys(obstacle for _, obstacle in near_obstacles))
         row_of = {obstacle: row for row, obstacle in enumerate(obstacles, count)}
         ids = [*self._vehicles, *obstacles]
@@ -464,7 +464,7 @@ class Fleet:
         return touches
 
     def _with_obstacles(self, obstacles: list[Obstacle]) -> "_Bodies":
-        """State and parameters of all vehicles, followed by those of some obstacles."""
+        """State and parameters of all vehicles, then of some obstacles."""
         motions = [obstacle.motion for obstacle in obstacles]
         speeds = [turned(motion.along, motion.across, -motion.psi) for motion in motions]
         motion_columns = {

@@ -282,8 +282,8 @@ _NO_MARK, _SOLID, _BROKEN = 0, 1, 2
 def _lane_borders(road: Road) -> list[float]:
     """Lateral position `d` of the borders of all lanes, the oncoming one last [m]."""
     borders = road.boundaries.tolist()
-    if road.is_two_way and (beyond := road.fast_side_neighbour) is not None:
-        borders.append(borders[-1] + road.side * beyond.width)
+    if road.is_two_way and (opposing_lane := road.fast_side_neighbour) is not None:
+        borders.append(borders[-1] + road.side * opposing_lane.width)
     return borders
 
 
@@ -304,7 +304,7 @@ def _sampled(road: Road) -> Lanes:
             np.full(len(s), drawn_mark(mark.value)) for mark in (lane.left_mark, lane.right_mark)
         )
         if is_oncoming:
-            # The road names left and right in its own direction, opposite to that of this lane.
+            # The road names left and right in its own direction, opposite to this lane's.
             left, right = centre_marks[::-1], left
         elif k == road.num_lanes - 1:
             left = centre_marks

@@ -113,22 +113,24 @@ def turned(x: float, y: float, angle: float) -> tuple[float, float]:
 
 
 def overlap(
-    body: Mapping[str, float], motion: Motion, other: Mapping[str, float], at: Motion
+    body: Mapping[str, float], motion: Motion, other_body: Mapping[str, float], other_motion: Motion
 ) -> bool:
     """Whether two rectangles overlap.
 
     Args:
         body: `length` and `width` of the first [m].
         motion: Pose of the first.
-        other: `length` and `width` of the second [m].
-        at: Pose of the second.
+        other_body: `length` and `width` of the second [m].
+        other_motion: Pose of the second.
     """
     reach = 0.5 * math.hypot(body["length"], body["width"])
-    reach += 0.5 * math.hypot(other["length"], other["width"])
-    if math.hypot(at.s - motion.s, at.d - motion.d) > reach:
+    reach += 0.5 * math.hypot(other_body["length"], other_body["width"])
+    if math.hypot(other_motion.s - motion.s, other_motion.d - motion.d) > reach:
         return False
-    apart: Any = (np.float32(at.s - motion.s), np.float32(at.d - motion.d))
-    enter, leave, _, _ = collisions.first_contact(_box(body, motion), _box(other, at), apart, apart)
+    offset: Any = (np.float32(other_motion.s - motion.s), np.float32(other_motion.d - motion.d))
+    enter, leave, _, _ = collisions.first_contact(
+        _box(body, motion), _box(other_body, other_motion), offset, offset
+    )
     return bool(enter <= 0.0 <= leave)
 
 

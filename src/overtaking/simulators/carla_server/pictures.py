@@ -94,7 +94,7 @@ class PictureThread:
         pixels = self._scene[1].draw(shot.pose, shot.size, shot.fov_deg, bodies, weather)
         return shot.header + snapshot.image(*shot.size, shot.fov_deg, pixels.tobytes())
 
-    def _finish(self, shot: Shot, done: asyncio.Future[bytes]) -> None:
+    def _finish(self, shot: Shot, picture: asyncio.Future[bytes]) -> None:
         del self._unfinished[shot.stream]
-        if not done.cancelled():
-            self._send(shot.stream, done.result())
+        if not picture.cancelled():
+            self._send(shot.stream, picture.result())

@@ -39,7 +39,7 @@ def cast(world: World, start: Vector, end: Vector) -> list[Hit]:
     for body in list(world.actors.values()):
         if not isinstance(body, Vehicle | Prop):
             continue
-        share = _entered(body, start, end)
+        share = _share_before_entry(body, start, end)
         if share is not None:
             found.append((share, body.tag))
     share = _ground(world.map, start, end)
@@ -62,7 +62,7 @@ def _at(start: Vector, end: Vector, share: float) -> Vector:
     return Vector(*(a + share * (b - a) for a, b in zip(start, end, strict=True)))
 
 
-def _entered(vehicle: Vehicle | Prop, start: Vector, end: Vector) -> float | None:
+def _share_before_entry(vehicle: Vehicle | Prop, start: Vector, end: Vector) -> float | None:
     """Share of the way after which the box of a body is entered; the slab method."""
     centre = vehicle.pose.location
     yaw = math.radians(vehicle.pose.rotation.yaw)

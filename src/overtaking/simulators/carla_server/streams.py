@@ -40,7 +40,7 @@ class Streams:
         self._listeners: dict[int, set[asyncio.StreamWriter]] = {}
         self._next = 0
         self._unnamed: dict[asyncio.StreamWriter, None] = {}
-        self._told = self._is_crowded = False
+        self._has_warned = self._is_crowded = False
         self._announced: set[int] = set()
         self._arrival = asyncio.Event()
         self.port = 0
@@ -109,8 +109,8 @@ class Streams:
 
     def _tell_of_unknown(self, stream: int) -> None:
         """Say once that a stream never was; clients ask again for that of a destroyed sensor."""
-        if stream > self._next and not self._told:
-            self._told = True
+        if stream > self._next and not self._has_warned:
+            self._has_warned = True
             self._log(f"somebody asked for stream {stream}, which never was; said once")
 
     def _make_room(self) -> None:

@@ -152,15 +152,15 @@ class World:
             actor = self._new_sensor(wanted, pose, parent)
         return self._enter(actor)
 
-    def _check_spawn(self, wanted: Description, parent: int) -> None:
+    def _check_spawn(self, description: Description, parent: int) -> None:
         """Check a request to spawn an actor, apart from its pose.
 
         Raises:
             Refused: There is no such blueprint or parent, or no more actors are taken.
         """
-        if wanted.blueprint not in catalogue.catalogue():
-            raise Refused(f"this headless server has no blueprint {wanted.blueprint}")
-        if wanted.blueprint in (catalogue.WALKER, catalogue.WALKER_CONTROLLER):
+        if description.blueprint not in catalogue.catalogue():
+            raise Refused(f"this headless server has no blueprint {description.blueprint}")
+        if description.blueprint in (catalogue.WALKER, catalogue.WALKER_CONTROLLER):
             raise Refused("this headless server has no walkers")
         if len(self.actors) >= MAX_ACTORS:
             raise Refused(f"this headless server takes at most {MAX_ACTORS} actors")
@@ -177,10 +177,10 @@ class World:
         tag = catalogue.SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
 
-    def _new_prop(self, wanted: Description, pose: Transform, parent: int) -> Prop:
-        size = props()[wanted.blueprint].size
+    def _new_prop(self, description: Description, pose: Transform, parent: int) -> Prop:
+        size = props()[description.blueprint].size
         prop = Prop(
-            actor_id=self._take_id(), description=wanted, pose=pose, parent=parent, size=size
+            actor_id=self._take_id(), description=description, pose=pose, parent=parent, size=size
         )
         if not parent:
             # A vehicle in the same place is no reason to refuse: ScenarioRunner first spawns all
@@ -317,7 +317,7 @@ class World:
         """
         if not any(isinstance(actor, FrictionTrigger) for actor in self.actors.values()):
             return {}
-        frictions = {one.actor_id: self.friction_of(one) for one in self.vehicles}
+        frictions = {vehicle.actor_id: self.friction_of(vehicle) for vehicle in self.vehicles}
         return {
             vehicle: min(friction, 1.0)
             for vehicle, friction in frictions.items()

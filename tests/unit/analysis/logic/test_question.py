@@ -88,6 +88,6 @@ def test_a_query_may_name_each_rule_of_the_head_of_the_program():
 
 def test_every_argument_with_a_closed_set_can_be_something():
     for (name, arity), predicate in PREDICATES.items():
-        for place, (_, of) in enumerate(predicate.arguments):
-            if of.names:
+        for place, (_, argument_type) in enumerate(predicate.arguments):
+            if argument_type.names:
                 assert possible_constants()[name, arity, place], (name, place)

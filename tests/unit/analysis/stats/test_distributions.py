@@ -122,9 +122,9 @@ def test_the_typical_simulation_is_in_the_middle_of_its_class():
 
 def test_a_class_without_simulations_has_no_typical_one(sample: Sample):
     frame = synthetic_features()
-    found = typical(prepare(frame[frame["CLASS"] != "No_attempt"], policy="paper"))
-    assert "No_attempt" not in found
-    assert len(found) == 4
+    typical_simulations = typical(prepare(frame[frame["CLASS"] != "No_attempt"], policy="paper"))
+    assert "No_attempt" not in typical_simulations
+    assert len(typical_simulations) == 4
 
 
 def test_missing_values_do_not_hide_a_class():

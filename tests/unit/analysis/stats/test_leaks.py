@@ -14,8 +14,10 @@ from overtaking.analysis.stats.sample import prepare
 
 def test_no_legal_overtake_at_night_is_a_warning():
     frame = synthetic_features()
-    found = {(one.feature, one.level): one for one in leaks(prepare(frame, policy="paper"))}
-    leak = found["DN", "Night"]
+    leaks_by_level = {
+        (leak.feature, leak.level): leak for leak in leaks(prepare(frame, policy="paper"))
+    }
+    leak = leaks_by_level["DN", "Night"]
     nights, legal = int((frame["DN"] == "Night").sum()), int((frame["CLASS"] == "Success_L").sum())
     assert leak.name == "Success_L"
     assert leak.size == nights
@@ -29,24 +31,26 @@ def test_the_papers_counts_would_be_reported():
     frame = synthetic_features(276)
     frame["CLASS"] = ["Success_L"] * 29 + ["Success_I"] * 247
     frame["DN"] = ["Day"] * 94 + ["Night"] * 182
-    found = [one for one in leaks(prepare(frame, policy="paper")) if one.feature == "DN"]
-    assert [(one.name, one.level, one.size) for one in found] == [("Success_L", "Night", 182)]
-    assert found[0].expected == pytest.approx(29 * 182 / 276)
-    assert found[0].chance < 1e-12
-    assert "below one in a million" in found[0].sentence
+    night_leaks = [leak for leak in leaks(prepare(frame, policy="paper")) if leak.feature == "DN"]
+    assert [(leak.name, leak.level, leak.size) for leak in night_leaks] == [
+        ("Success_L", "Night", 182)
+    ]
+    assert night_leaks[0].expected == pytest.approx(29 * 182 / 276)
+    assert night_leaks[0].chance < 1e-12
+    assert "below one in a million" in night_leaks[0].sentence
 
 
 def test_a_class_that_chance_may_leave_out_is_no_warning():
     frame = synthetic_features(60)
     frame["CLASS"] = ["Success_L"] * 2 + ["Success_I"] * 58
     frame["DN"] = ["Day"] * 30 + ["Night"] * 30
-    assert not [one for one in leaks(prepare(frame, policy="paper")) if one.feature == "DN"]
+    assert not [leak for leak in leaks(prepare(frame, policy="paper")) if leak.feature == "DN"]
 
 
 def test_a_class_that_occurs_everywhere_is_no_warning():
     frame = synthetic_features(500)
     frame["DN"] = np.where(np.arange(500) % 2 == 0, "Day", "Night")
-    assert not [one for one in leaks(prepare(frame, policy="paper")) if one.feature == "DN"]
+    assert not [leak for leak in leaks(prepare(frame, policy="paper")) if leak.feature == "DN"]
 
 
 def test_what_is_censored_does_not_count():
@@ -57,7 +61,7 @@ def test_what_is_censored_does_not_count():
 
 
 def test_weather_that_takes_few_values_is_a_stratum():
-    found = {
-        (one.feature, one.level) for one in leaks(prepare(synthetic_features(), policy="paper"))
+    levels = {
+        (leak.feature, leak.level) for leak in leaks(prepare(synthetic_features(), policy="paper"))
     }
-    assert ("FOG", "60 %") in found
+    assert ("FOG", "60 %") in levels

@@ -158,8 +158,8 @@ def test_collisions_before_any_attempt_are_counted_beside_the_class(frame: pd.Da
         "before any attempt" in note for note in statistics(changed, policy="paper").notes
     )
     changed.loc[collided[:7], "OT"] = 0.0
-    (said,) = (
+    (attempt_note,) = (
         note for note in statistics(changed, policy="paper").notes if "before any attempt" in note
     )
-    assert said.startswith(f"7 of the {len(collided)} simulations of class Unsuccess_col")
-    assert said.endswith("these are No_attempt.")
+    assert attempt_note.startswith(f"7 of the {len(collided)} simulations of class Unsuccess_col")
+    assert attempt_note.endswith("these are No_attempt.")

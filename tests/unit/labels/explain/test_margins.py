@@ -26,33 +26,35 @@ from overtaking.model.labels import Verdict
 def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
     runs = ot.simulate(ot.sample("pinto2023-physical", 64, seed=5))
     labelled = label(runs, pack=pack, policies=policies_for(pack.name))
-    seen = dict.fromkeys(codes, 0)
+    num_checked = dict.fromkeys(codes, 0)
     for number in range(64):
-        one = labelled.select(np.array([number]))
-        found = margins(one, pack)
-        for place, code in enumerate(one.findings.rules):
-            is_decided = one.findings.verdict[0, place] in (Verdict.LEGAL, Verdict.ILLEGAL)
-            assert (code in found) == (code in seen and is_decided)
-            if code in found:
-                seen[code] += 1
-                assert np.nanmin(found[code]) == one.findings.margin[0, place]
-                broken = np.flatnonzero(found[code] < 0)
-                if one.findings.verdict[0, place] == Verdict.ILLEGAL:
-                    ends = one.findings.first[0, place], one.findings.last[0, place]
+        simulation = labelled.select(np.array([number]))
+        series = margins(simulation, pack)
+        for place, code in enumerate(simulation.findings.rules):
+            is_decided = simulation.findings.verdict[0, place] in (Verdict.LEGAL, Verdict.ILLEGAL)
+            assert (code in series) == (code in num_checked and is_decided)
+            if code in series:
+                num_checked[code] += 1
+                assert np.nanmin(series[code]) == simulation.findings.margin[0, place]
+                broken = np.flatnonzero(series[code] < 0)
+                if simulation.findings.verdict[0, place] == Verdict.ILLEGAL:
+                    ends = simulation.findings.first[0, place], simulation.findings.last[0, place]
                     assert (broken[0], broken[-1]) == ends
     # O10 is about bicycles, and few targets are bicycles.
-    assert min(count for code, count in seen.items() if code != "O10") > 5
+    assert min(count for code, count in num_checked.items() if code != "O10") > 5
 
 
 @pytest.mark.parametrize(("kind", "needed"), [("town", 1.5), ("other", 2.0)])
 def test_the_margin_beside_a_bicycle_depends_on_the_kind_of_road(kind, needed):
     road = dataclasses.replace(wide_road(), kind=kind)
-    one = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
-    labelled = label(one.trajectories, pack=GERMANY, policies=policies_for("de"))
+    passed_bicycle = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
+    labelled = label(passed_bicycle.trajectories, pack=GERMANY, policies=policies_for("de"))
     # The tracks of the fixture show no events; the fixture states them.
-    labelled = labelled.replace(events=one.events, findings=check(GERMANY, one))
+    labelled = labelled.replace(
+        events=passed_bicycle.events, findings=check(GERMANY, passed_bicycle)
+    )
     series = margins(labelled, GERMANY)["O10"]
-    gap = one.target.lateral_gap[0]
+    gap = passed_bicycle.target.lateral_gap[0]
     is_judged = np.isfinite(series)
     assert is_judged.any()
     np.testing.assert_allclose(series[is_judged], gap[is_judged] - needed, atol=1e-6)

@@ -141,12 +141,12 @@ RECORDED = {
 
 @pytest.mark.parametrize(("code", "make"), BREACHES)
 def test_a_recording_with_its_remedy_put_in_breaks_the_rule_no_longer(code, make):
-    one = make()
-    for remedy in remedies(code, one):
+    breach = make()
+    for remedy in remedies(code, breach):
         # `put_in` changes the speed in all frames, and so the speed at the start, the limit of L11.
         is_relative = code == "L11" and remedy[-1].quantity is Quantity.SPEED
         if all(change.quantity in RECORDED for change in remedy) and not is_relative:
-            changed = all_put_in(one, remedy, 1.001)
+            changed = all_put_in(breach, remedy, 1.001)
             assert found(code, changed).verdict[0] != Verdict.ILLEGAL
 
 
@@ -165,31 +165,31 @@ def test_the_needed_value_is_the_number_of_the_rule(code, needed):
     ]
     assert makers
     for make in makers:
-        one = make()
-        if one.trajectories.road.is_two_way and code == "L15":
+        breach = make()
+        if breach.trajectories.road.is_two_way and code == "L15":
             continue  # On two-way roads L15 may require sight over the whole overtake.
-        assert remedies(code, one)[0][0].needed == pytest.approx(needed, rel=1e-6)
+        assert remedies(code, breach)[0][0].needed == pytest.approx(needed, rel=1e-6)
 
 
 @pytest.mark.parametrize(("kind", "needed"), [("town", 1.5), ("other", 2.0), ("motorway", 2.0)])
 def test_the_lateral_distance_to_a_bicycle_depends_on_the_kind_of_road(kind, needed):
     road = dataclasses.replace(wide_road(), kind=kind)
-    one = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
-    ((change,),) = remedies("O10", one)
+    breach = passing(2.4 / 3.75, target={"kind": "B"}, road=road)
+    ((change,),) = remedies("O10", breach)
     assert change.needed == needed
-    assert change.by == pytest.approx(-found("O10", one).margin[0], rel=1e-5)
-    assert found("O10", all_put_in(one, (change,), 1.001)).verdict[0] == Verdict.LEGAL
+    assert change.by == pytest.approx(-found("O10", breach).margin[0], rel=1e-5)
+    assert found("O10", all_put_in(breach, (change,), 1.001)).verdict[0] == Verdict.LEGAL
 
 
 def test_of_two_oncoming_vehicles_the_faster_one_may_need_the_larger_gap():
     # A gap of 100 m to a vehicle at 10 m/s is enough. At 60 m/s the rule requires 2 s: 120 m.
     slow = Track(s=100.0 + 4.4, speed=10.0, lane=1, oncoming=True)
     fast = Track(s=110.0 + 4.4, speed=60.0, lane=1, oncoming=True)
-    one = case(
+    breach = case(
         Track(), Track(s=-30.0), slow, fast, road=two_way_road(), frames=50, events=CROSSED | {
             "attempt": 0, "line_crossed": 0, "overlap_end": 0, "return_end": 0},
     )  # fmt: skip
-    ((change,),) = remedies("L24", one)
+    ((change,),) = remedies("L24", breach)
     assert (change.vehicle, change.needed) == (3, pytest.approx(120.0, abs=0.01))
 
 
@@ -197,14 +197,14 @@ def test_the_remedy_of_a_slow_truck_is_50_m_even_if_the_gap_was_smaller_at_a_hig
     # The smallest gap is at 45 km/h, a speed at which the rule does not apply.
     speed, leader_speed = np.full(90, 10.0), np.full(90, 10.1)
     speed[30:60], leader_speed[45:60] = 12.5, 16.0
-    one = case(
+    breach = case(
         Track(kind="T", speed=speed),
         Track(s=31.2, speed=leader_speed),
         road=two_way_road(), frames=90, events={},
     )  # fmt: skip
-    gap = one.signals.gap[0, Around.LEADER]
+    gap = breach.signals.gap[0, Around.LEADER]
     assert gap[30:60].min() < gap[np.r_[:30, 60:90]].min()
-    ((change,),) = remedies("L28", one)
+    ((change,),) = remedies("L28", breach)
     assert change.needed == pytest.approx(50.0, abs=0.01)
 
 
@@ -212,12 +212,12 @@ def test_a_gap_that_is_fined_is_that_of_a_frame_above_80_km_h():
     # Between two parts of the breach the ego is nearer, at 79 km/h, where no gap is fined.
     speed, leader_speed = np.full(400, 30.0), np.full(400, 30.0)
     speed[160:240], leader_speed[160:200], leader_speed[200:240] = 22.0, 16.0, 28.0
-    one = case(
+    breach = case(
         Track(speed=speed), Track(s=20.0 + 4.4, speed=leader_speed), frames=400, events={},
     )  # fmt: skip
-    lacking = 0.9 * speed - one.signals.gap[0, Around.LEADER]
+    lacking = 0.9 * speed - breach.signals.gap[0, Around.LEADER]
     assert lacking[160:240].max() > lacking[np.r_[:160, 240:400]].max()
-    ((change,),) = remedies("A2", one)
+    ((change,),) = remedies("A2", breach)
     assert change.needed == pytest.approx(27.0, abs=0.01)
 
 

@@ -15,7 +15,7 @@ from overtaking import api
 from overtaking.knowledge.reader import load
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, Grade, adopt, policies_for
-from overtaking.labels.law.numbers import amount, bare, filled
+from overtaking.labels.law.numbers import amount, bare, fill_placeholders
 from overtaking.labels.law.texts import words_of
 from overtaking.model.labels import Verdict
 from overtaking.show.description import describe
@@ -39,9 +39,9 @@ LAW_WORDS = {
 
 def foreign_words(law: str) -> re.Pattern[str]:
     """A pattern of what no text of a law may contain: names and rule codes of the other law."""
-    other = "de" if law == "pt" else "pt"
-    codes = sorted(PACKS[other].codes, key=len, reverse=True)
-    return re.compile(rf"\b(?:{'|'.join(codes)})\b|{LAW_WORDS[other]}")
+    other_law = "de" if law == "pt" else "pt"
+    codes = sorted(PACKS[other_law].codes, key=len, reverse=True)
+    return re.compile(rf"\b(?:{'|'.join(codes)})\b|{LAW_WORDS[other_law]}")
 
 
 def texts_of(value: Any) -> Iterator[str]:
@@ -153,7 +153,7 @@ def test_a_predicate_prints_the_numbers_of_its_check(code, numbers):
 def test_borders_contain_numbers_only_as_placeholders(law):
     for code, entry in words_of(law).items():
         assert not re.search(r"\d", re.sub(r"\{.*?\}", "", entry.border)), code
-        assert PACKS[law].rule(code).border == filled(entry.border)
+        assert PACKS[law].rule(code).border == fill_placeholders(entry.border)
 
 
 def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
@@ -161,4 +161,4 @@ def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
     assert amount("law.queue.speed", unit="km/h") == "30 km/h"
     assert amount("law.width.border", times=2.0) == "0.4 m"
     assert bare("law.trucks.lanes") == "2"
-    assert filled("the {law_de.side.motor} to {nobody}") == "the 1 m to {nobody}"
+    assert fill_placeholders("the {law_de.side.motor} to {nobody}") == "the 1 m to {nobody}"

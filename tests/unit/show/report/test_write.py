@@ -64,8 +64,8 @@ def test_the_page_explains_its_classes_features_and_policies(report: Report):
     text = report.path.read_text(encoding="utf-8")
     for group in GROUPS:
         for name, term in terms(group).items():
-            is_shown = group != "classes" or name in report.statistics.sample.classes
-            assert (escape(term.meaning) in text) == is_shown, name
+            is_expected = group != "classes" or name in report.statistics.sample.classes
+            assert (escape(term.meaning) in text) == is_expected, name
 
 
 def test_what_comes_from_outside_is_escaped(report: Report):
@@ -134,7 +134,7 @@ def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path)
 
     frame = synthetic_features(12)
     report = write_report(frame, tmp_path, title="x", example=example, policy="paper")
-    assert any("the simulator has changed" in one for one in report.remarks)
+    assert any("the simulator has changed" in remark for remark in report.remarks)
     assert not any(name.startswith("example") for name in report.figures)
 
 
@@ -251,9 +251,9 @@ def test_findings_of_a_recording_are_among_the_warnings(tmp_path):
         consequence="corrected",
         detail="interpolated.",
     )
-    made = write_report(
+    report = write_report(
         synthetic_features(30), tmp_path, title="x", policy="paper", findings=[finding]
     )
-    text = made.path.read_text(encoding="utf-8")
+    text = report.path.read_text(encoding="utf-8")
     line = "Import report: a.csv: gaps: corrected, 2 rows: vehicle &lt;7&gt; at 3 s: interpolated."
     assert f'<li class="warning">{line}</li>' in text

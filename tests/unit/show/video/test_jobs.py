@@ -58,24 +58,24 @@ def test_all_of_them_in_order(data):
     assert [job.number for job in jobs(data, "all")] == list(range(24))
 
 
-def test_chosen_ones_in_order_and_each_once(data):
-    chosen = list(jobs(data, [7, 3, 7]))
-    assert [job.number for job in chosen] == [3, 7]
-    assert chosen[0].labelled.trajectories.scenario.index.tolist() == [3]
+def test_films_are_in_order_and_each_simulation_once(data):
+    films = list(jobs(data, [7, 3, 7]))
+    assert [job.number for job in films] == [3, 7]
+    assert films[0].labelled.trajectories.scenario.index.tolist() == [3]
 
 
 def test_integers_of_numpy_choose_simulations_as_plain_ones_do(data):
-    chosen = np.array([7, 3])
-    assert num_films(data, chosen) == 2
-    numbers = [job.number for job in jobs(data, chosen)]
+    numbers_of_numpy = np.array([7, 3])
+    assert num_films(data, numbers_of_numpy) == 2
+    numbers = [job.number for job in jobs(data, numbers_of_numpy)]
     assert numbers == [3, 7]
     assert {type(number) for number in numbers} == {int}  # The page writes them as JSON.
 
 
-@pytest.mark.parametrize("chosen", [[24], [-1], [], "some"])
-def test_what_is_not_there_is_refused(data, chosen):
+@pytest.mark.parametrize("selection", [[24], [-1], [], "some"])
+def test_unknown_simulations_are_refused(data, selection):
     with pytest.raises(ConfigError, match="choice: simulations: expected") as caught:
-        list(jobs(data, chosen))
+        list(jobs(data, selection))
     assert "\n" not in str(caught.value)
 
 

@@ -35,16 +35,16 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
         columns = beliefs_at_every_decision(runs, beliefs(scenario))
         oncoming = next(role for role in columns["roles"] if role["role"] == "oncoming")
         for row in np.flatnonzero(out):
-            at = round(percepts.time[0, row] / columns["interval_ms"])
+            decision = round(percepts.time[0, row] / columns["interval_ms"])
             slot = percepts.vehicle[0, row, _ONCOMING]
-            assert oncoming["slot"][at] == slot
-            assert oncoming["seen"][at] == 1
-            assert abs(oncoming["gap_mm"][at] - percepts.gap[0, row, _ONCOMING]) <= 1
+            assert oncoming["slot"][decision] == slot
+            assert oncoming["seen"][decision] == 1
+            assert abs(oncoming["gap_mm"][decision] - percepts.gap[0, row, _ONCOMING]) <= 1
             true = percepts.true_gap[0, row, _ONCOMING]
-            assert abs(oncoming["true_gap_mm"][at] - true) <= 1
+            assert abs(oncoming["true_gap_mm"][decision] - true) <= 1
             # It stands ahead, as far as it is believed to be from where it is.
             frame = round(percepts.time[0, row] / scenario.frame_interval_ms)
-            place = oncoming["s_mm"][at] - (oncoming["gap_mm"][at] - true)
+            place = oncoming["s_mm"][decision] - (oncoming["gap_mm"][decision] - true)
             assert abs(place - runs.states.s[0, slot, frame]) <= 20
             compared += 1
     assert compared >= 4

@@ -24,10 +24,10 @@ def test_a_connection_with_few_calls_gives_way_first(monkeypatch: pytest.MonkeyP
 
     async def come_and_go() -> None:
         client_writer, other_writer, third_writer = writers = await _connected(3)
-        with crowd.enter(client_writer) as client, crowd.enter(other_writer) as other:
+        with crowd.enter(client_writer) as client, crowd.enter(other_writer) as other_client:
             for _ in range(NUM_CALLS_OF_CLIENT):
                 client.note_call()
-            other.note_call()
+            other_client.note_call()
             client.last_call_time -= 3600.0  # As a client that only listens to a sensor.
             with crowd.enter(third_writer):
                 assert other_writer.is_closing()

@@ -231,12 +231,12 @@ def test_a_vehicle_reads_the_limit_where_it_is():
 def test_a_two_way_road_has_spawn_points_lanes_and_limits_of_both_directions():
     base = known_map("rural")
     points = base.spawn_points()
-    along = [one for one in points if abs(one.rotation.yaw) < 1.0]
-    against = [one for one in points if abs(abs(one.rotation.yaw) - 180.0) < 1.0]
+    along = [point for point in points if abs(point.rotation.yaw) < 1.0]
+    against = [point for point in points if abs(abs(point.rotation.yaw) - 180.0) < 1.0]
     assert len(along) == len(against) == len(points) / 2 > 100
     # CARLA's y axis points to the right.
-    assert {one.location.y for one in along} == {1.75}
-    assert {one.location.y for one in against} == {-1.75}
+    assert {point.location.y for point in along} == {1.75}
+    assert {point.location.y for point in against} == {-1.75}
     assert [base.is_lane(1000.0, y, 0.0) for y in (-3.6, -3.4, 3.4, 3.6)] == [
         False,
         True,
@@ -250,8 +250,8 @@ def test_a_two_way_road_has_spawn_points_lanes_and_limits_of_both_directions():
         )
     )
     road = dataclasses.replace(base.ground.road, course=course)
-    found = dataclasses.replace(base, ground=dataclasses.replace(base.ground, road=road))
-    limits = [found.limit(point) for point in (along[50], against[-50])]
+    limited_map = dataclasses.replace(base, ground=dataclasses.replace(base.ground, road=road))
+    limits = [limited_map.limit(point) for point in (along[50], against[-50])]
     assert 900.0 < along[50].location.x < 2000.0
     assert 900.0 < against[-50].location.x < 2000.0
     assert limits == [road.speed_limit, 10.0]

@@ -45,21 +45,21 @@ def pose(x: float, y: float = LANE_Y, *, yaw: float = 0.0, z: float = 0.0) -> Tr
     return Transform(Vector(x, y, z), Rotation(0.0, yaw, 0.0))
 
 
-def spawn(world: World, blueprint: str, at: Transform, **attributes: float) -> int:
+def spawn(world: World, blueprint: str, place: Transform, **attributes: float) -> int:
     values = tuple(Attribute(name, FLOAT, str(value)) for name, value in attributes.items())
-    return world.spawn(Description(1, blueprint, values), at).actor_id
+    return world.spawn(Description(1, blueprint, values), place).actor_id
 
 
-def spawn_car(world: World, at: Transform, speed: float = 0.0) -> Vehicle:
-    car = world.vehicle(spawn(world, CAR, at))
-    yaw = math.radians(at.rotation.yaw)
+def spawn_car(world: World, place: Transform, speed: float = 0.0) -> Vehicle:
+    car = world.vehicle(spawn(world, CAR, place))
+    yaw = math.radians(place.rotation.yaw)
     world.set_velocity(car.actor_id, Vector(speed * math.cos(yaw), speed * math.sin(yaw), 0.0))
     return car
 
 
-def trigger(world: World, at: Transform, friction: float, metres: float = 50.0) -> int:
+def trigger(world: World, place: Transform, friction: float, metres: float = 50.0) -> int:
     sides = dict.fromkeys(("extent_x", "extent_y", "extent_z"), 100.0 * metres)
-    return spawn(world, "static.trigger.friction", at, friction=friction, **sides)
+    return spawn(world, "static.trigger.friction", place, friction=friction, **sides)
 
 
 def braking_distance(world: World, car: Vehicle) -> float:
@@ -91,13 +91,13 @@ def test_friction_of_a_trigger_is_a_factor_on_the_braking_distance(friction: flo
 
 def test_friction_acts_only_inside_the_box_in_all_three_dimensions():
     distances: dict[str, float] = {}
-    for name, at in {
+    for name, place in {
         "far": pose(1300.0),
         "above": pose(1000.0, z=60.0),
         "here": pose(1000.0),
     }.items():
         world = new_world()
-        trigger(world, at, 0.1)
+        trigger(world, place, 0.1)
         distances[name] = braking_distance(world, spawn_car(world, pose(1000.0), speed=10.0))
     world = new_world()
     usual = braking_distance(world, spawn_car(world, pose(1000.0), speed=10.0))
@@ -109,10 +109,10 @@ def test_friction_acts_only_inside_the_box_in_all_three_dimensions():
 def test_friction_of_a_usual_road_changes_nothing(friction: float):
     usual, inside = new_world(), new_world()
     trigger(inside, pose(1000.0), friction)
-    found = [
+    braking_distances = [
         braking_distance(world, spawn_car(world, pose(1000.0), 20.0)) for world in (usual, inside)
     ]
-    assert found[0] == found[1]
+    assert braking_distances[0] == braking_distances[1]
 
 
 def test_a_vehicle_regains_its_grip_behind_the_box_and_when_the_trigger_is_destroyed():
@@ -212,10 +212,10 @@ def test_a_prop_with_physics_is_pushed_with_the_momentum_that_the_vehicle_loses(
     car = spawn_car(world, pose(990.0), speed=15.0)
     speed = impulse = 0.0
     for _ in range(200):
-        before = world.fleet.motion(car.actor_id).along
+        speed_before = world.fleet.motion(car.actor_id).along
         touches = world.fleet.advance(0.05, {car.actor_id: car.control})
         if touches:
-            speed, impulse = before, touches[0].along
+            speed, impulse = speed_before, touches[0].along
             car.drive(Control(brake=1.0))
         world._follow_fleet(0.05)
     gained = -impulse / world.actors[prop].mass  # type: ignore[attr-defined]
@@ -280,9 +280,9 @@ def test_a_prop_blocks_the_spawning_of_a_vehicle_but_not_a_vehicle_in_which_it_i
 
 def test_a_prop_that_is_moved_or_destroyed_leaves_the_way_free():
     world = new_world()
-    prop, other = (spawn(world, CONTAINER, pose(x)) for x in (1010.0, 1020.0))
+    prop, destroyed_prop = (spawn(world, CONTAINER, pose(x)) for x in (1010.0, 1020.0))
     world.place_actor(prop, pose(1010.0, 30.0))
-    world.destroy(other)
+    world.destroy(destroyed_prop)
     car = spawn_car(world, pose(1000.0), speed=15.0)
     for _ in range(60):
         world.tick()
@@ -308,7 +308,7 @@ def test_rays_hit_props_and_cameras_show_them():
     bodies = [world.actors[max(world.actors)]]
     scene, lens = RoadScene(world.map), pose(1000.0, z=1.0)
     empty, full = (
-        scene.draw(lens, (160, 90), 90.0, some, world.weather)  # type: ignore[arg-type]
-        for some in ([], bodies)
+        scene.draw(lens, (160, 90), 90.0, bodies_in_view, world.weather)  # type: ignore[arg-type]
+        for bodies_in_view in ([], bodies)
     )
     assert (empty != full).any(axis=2).sum() > 50

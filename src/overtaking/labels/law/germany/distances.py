@@ -194,8 +194,8 @@ def _leaves_room(case: Case) -> Check:
 
 def room_for_another(speed: F32) -> F32:
     """A car with the distance that courts ask for behind and ahead of it [m]."""
-    way = courts_distance(np.float32(2.0) * speed)
-    return known("law_de.distance.entering_length") + way
+    distance = courts_distance(np.float32(2.0) * speed)
+    return known("law_de.distance.entering_length") + distance
 
 
 def _room_error(case: Case, found: Check, errors: Errors) -> F32:

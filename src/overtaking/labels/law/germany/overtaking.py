@@ -14,7 +14,7 @@ from overtaking.labels.law.alongside import (
     NOT_IN_QUEUES,
     TARGET_KEEPS_SPEED,
     alongside,
-    apart,
+    check_lateral_distance,
     in_queue,
     lane_index,
 )
@@ -204,7 +204,7 @@ def motor_vehicle_distance(case: Case) -> np.float32:
 
 def _apart_from_motor(case: Case) -> Check:
     """Check the lateral distance to a motor vehicle."""
-    return apart(case, motor_vehicle_distance, bicycle=False)
+    return check_lateral_distance(case, motor_vehicle_distance, bicycle=False)
 
 
 O7 = adopt(
@@ -250,7 +250,7 @@ def bicycle_distance(case: Case) -> np.float32:
 
 def _apart_from_bicycle(case: Case) -> Check:
     """Check the lateral distance to a bicycle."""
-    return apart(case, bicycle_distance, bicycle=True)
+    return check_lateral_distance(case, bicycle_distance, bicycle=True)
 
 
 O10 = adopt(
