@@ -54,7 +54,7 @@ BACK_BEFORE_ONCOMING = (
 )
 
 SAFE_RETURN = (
-    "At return_end: gap to the vehicle behind, the overtaken one or whoever came between, >= v t + "
+    "At return_end: gap to the vehicle behind, the overtaken one or one in between, >= v t + "
     f"v^2 / (2 b) - u^2 / (2 b), v behind and u ahead, {_REACTION_AND_DECEL}; the braking forced "
     f"on it <= {amount('law.entry.braking')}; gap to the vehicle ahead by the same formula."
 )
@@ -165,7 +165,7 @@ L8 = Rule(
     title="Safe return",
     gloss="Overtake only if one can return to the right without danger to those who drive there.",
     predicate=(
-        "At return_end: gap to the vehicle behind, the overtaken one or whoever came between, >= "
+        "At return_end: gap to the vehicle behind, the overtaken one or one in between, >= "
         "its safe distance (as L3); the braking forced on it <= "
         f"{amount('law.entry.braking')}; gap to the vehicle ahead >= the ego's safe distance."
     ),

@@ -226,7 +226,7 @@ _ENOUGH_SIGHT = (
 )
 
 SEES_ONCOMING = (
-    f"On two-way roads, at line_crossed, or at attempt if none is crossed: {_ENOUGH_SIGHT}"
+    f"On two-way roads, at line_crossed, or at attempt if no line is crossed: {_ENOUGH_SIGHT}"
 )
 
 

@@ -109,9 +109,10 @@ L6 = Rule(
     gloss="Do not begin to overtake if a follower in the same lane or in the one on the left has "
     "begun to.",
     predicate=(
-        "At attempt: nobody behind in the lane on the left arrives beside the ego within "
-        f"{amount('law.others.arrival')}, and nobody within {amount('law.others.reach')} behind in "
-        f"its lane signals left or moves left at over {amount('law.others.lateral_speed')}."
+        "At attempt: no vehicle behind in the lane on the left arrives beside the ego within "
+        f"{amount('law.others.arrival')}, and no vehicle within {amount('law.others.reach')} "
+        "behind in its lane signals left or moves left at over "
+        f"{amount('law.others.lateral_speed')}."
     ),
     unit="s",
     grade=Grade.BY_ROAD,
