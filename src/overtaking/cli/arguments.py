@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, cast
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.files import check_output_path
 from overtaking.core.processors import THREADS_VARIABLE
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
 
@@ -254,6 +255,8 @@ def figure_file(out: Path | None) -> Path | None:
     Raises:
         ConfigError: Its folder is missing, or its ending is of no figure.
     """
+    if out is not None:
+        check_output_path(out)
     if out is None or (out.suffix in (".png", ".svg", ".pdf") and out.parent.is_dir()):
         return out
     raise ConfigError.of(

@@ -39,10 +39,6 @@ def explain(error: BaseException) -> tuple[str, int]:
         return f"error: {_one_line(_usage(error))}", USAGE
     if isinstance(error, OSError):
         return f"error: {_one_line(_of_the_system(error))}", USAGE
-    if isinstance(error, UnicodeEncodeError) and error.reason == "surrogates not allowed":
-        # Arrow takes names in UTF-8 only; Python keeps other bytes of a name as surrogates.
-        name = ascii(error.object)
-        return f"error: {name}: expected a name in UTF-8, got other bytes; rename it", USAGE
     fault = f"{type(error).__name__}: {error}"
     return f"error: a fault of overtaking itself, please report it: {_one_line(fault)}", FAULT
 

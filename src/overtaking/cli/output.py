@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.cli.failures import FAULT, explain
 from overtaking.cli.streams import can_encode, discard, print_error_line, terminal_width
+from overtaking.core.files import check_output_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -52,6 +53,8 @@ class Output:
         self._begin = time.monotonic()
         self._json = json
         self._logger = logging.getLogger("overtaking")
+        if log:
+            check_output_path(log)
         self._handler = _log_handler(log) if log else None
         if self._handler:
             self._logger.addHandler(self._handler)

@@ -11,6 +11,8 @@ import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
+from overtaking.core.words import as_utf8
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -146,5 +148,5 @@ def _replace_unencodable(error: UnicodeError) -> tuple[str | bytes, int]:
         raise error
     character = error.object[error.start]
     if ord(character) in _SURROGATES:
-        return bytes([ord(character) - 0xDC00]), error.start + 1
+        return as_utf8(character), error.start + 1
     return plain_equivalent(character), error.start + 1

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from overtaking.core.words import as_utf8
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Self
@@ -15,18 +17,9 @@ if TYPE_CHECKING:
 MAX_SHOWN_CHARACTERS = 160
 
 
-def printable_name(name: str) -> str:
-    r"""A name in characters that every UTF-8 output can encode.
-
-    Python decodes a byte of a file name that is not UTF-8 to a lone surrogate (PEP 383); it becomes
-    an escape such as `\\udce9`.
-    """
-    return name.encode(errors="backslashreplace").decode()
-
-
 def _one_line(part: object) -> str:
     """A part of a message on one line, without what a terminal would obey, and not too long."""
-    text = printable_name(part) if isinstance(part, str) else repr(part)
+    text = as_utf8(part) if isinstance(part, str) else repr(part)
     text = " ".join(text.split())
     text = text[: MAX_SHOWN_CHARACTERS + 1]
     text = "".join(one if one.isprintable() else "�" for one in text)

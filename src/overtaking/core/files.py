@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import stat
 import tomllib
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import refusal_of
+from overtaking.core.words import as_utf8
 
 if TYPE_CHECKING:
     from io import BufferedIOBase, BufferedReader
@@ -53,21 +55,26 @@ def unreadable_error(
     )
 
 
-_SURROGATE = re.compile("[\ud800-\udfff]")
+def check_output_path(path: str | Path) -> None:
+    """Refuse an output path that is not UTF-8, before anything is written.
 
+    Arrow and other libraries write to names in UTF-8 only.
 
-def as_utf8(text: str) -> str:
-    r"""A text that UTF-8 can hold: bytes of a file name that are not UTF-8 become `\xe9`.
-
-    Python keeps such bytes of a name as surrogates, which no file in UTF-8 can hold.
+    Raises:
+        ConfigError: A part of the absolute path has other bytes.
     """
-    return _SURROGATE.sub(_escape, text)
-
-
-def _escape(surrogate: re.Match[str]) -> str:
-    code = ord(surrogate.group())
-    # Python adds 0xDC00 to the byte (PEP 383).
-    return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else f"\\u{code:04x}"
+    absolute = str(path)
+    if "://" not in absolute:
+        with suppress(OSError):  # The working directory does not exist any more.
+            absolute = os.path.abspath(path)  # noqa: PTH100 - `resolve` would follow links.
+    if as_utf8(absolute) != absolute:
+        raise ConfigError.of(
+            what="output",
+            where=absolute,
+            expected="a name in UTF-8",
+            got="other bytes",
+            next_step="choose another name",
+        )
 
 
 def ending(path: Path) -> Path:

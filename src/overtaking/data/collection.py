@@ -21,8 +21,9 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from overtaking.core.errors import ConfigError, DatasetError, OvertakingError
-from overtaking.core.files import as_utf8
+from overtaking.core.process_limits import refusal_of
 from overtaking.core.steps import Progress, Steps
+from overtaking.core.words import as_utf8
 from overtaking.data import lock, plan, shards
 from overtaking.data.import_report import refuse_findings
 from overtaking.data.importing import READER_VERSION
@@ -265,13 +266,11 @@ class Labelling:
 def _failed_recording(error: BaseException, number: int, name: str) -> FailedRecording:
     """A recording at which an error was raised: refused, or a fault of this package."""
     name = as_utf8(name)
+    error = refusal_of(error, name) or error
     if isinstance(error, OvertakingError):
         return FailedRecording(reason=as_utf8(str(error)), is_fault=False)
     if isinstance(error, OSError):
         reason = as_utf8(f"{name}: {error.strerror or error}")
-        return FailedRecording(reason=reason, is_fault=False)
-    if isinstance(error, MemoryError):
-        reason = f"{name}: not enough memory; take fewer --workers and --resume"
         return FailedRecording(reason=reason, is_fault=False)
     text = " ".join(f"{type(error).__name__}: {error}".split())
     reason = (

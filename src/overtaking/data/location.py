@@ -15,8 +15,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.files import ending, opened
+from overtaking.core.files import check_output_path, ending, opened
 from overtaking.core.folders import put_file, sync_folder
+from overtaking.core.words import as_utf8
 from overtaking.data import lock
 from overtaking.data.store import Store
 
@@ -41,7 +42,7 @@ class Folder:
     @property
     def name(self) -> str:
         """The last part of where it is, for people."""
-        return self.path.resolve().name
+        return as_utf8(self.path.resolve().name)
 
     def __str__(self) -> str:
         """Its path; `location_of` finds it again by that, on any machine that sees it."""
@@ -134,6 +135,7 @@ class Folder:
 
         If the block fails, the folders that hold nothing are removed.
         """
+        check_output_path(self.path)
         made = [one for one in (self.path, *self.path.parents) if not one.exists()]
         try:
             self.prepare([])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import Mask
 from overtaking.core.checks import whole_number
 from overtaking.core.errors import ConfigError
+from overtaking.core.files import check_output_path
 from overtaking.core.notebook import PROGRESS, show_progress
 from overtaking.core.process_limits import check_address_space, explain_refusals
 from overtaking.model.batch import (
@@ -33,6 +34,9 @@ from overtaking.model.batch import (
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+OUTPUT = "out"
+"""Keyword of a function that writes: the path of a file or folder, or the URL of a folder."""
 
 _NO_MATCH = object()
 """Result of `_convert` for a value of another type."""
@@ -71,7 +75,8 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     """The function, with its arguments held to their annotations before it begins.
 
     Iterables are handed on as tuples, because some can be read only once. A function with a
-    parameter `progress` shows its progress in notebooks (`show_progress`).
+    parameter `progress` shows its progress in notebooks (`show_progress`). A path in a parameter
+    `out` has to be UTF-8.
 
     Raises:
         ConfigError: An argument is something else.
@@ -99,6 +104,8 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         for name, hint in hints().items():
             if name in given.arguments:
                 given.arguments[name] = argument(given.arguments[name], hint, where, name)
+        if isinstance(out := given.arguments.get(OUTPUT), str | Path):
+            check_output_path(out)
         with explain_refusals(where):
             return function(*given.args, **given.kwargs)
 

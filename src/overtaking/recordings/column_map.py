@@ -14,6 +14,7 @@ from typing import Any
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
+from overtaking.core.words import as_utf8
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.messages import shown
 from overtaking.recordings.table_streams import COMPRESSED_SUFFIXES, uncompressed_name
@@ -244,7 +245,7 @@ class _Reading:
             if value not in known:
                 raise self.refused(f"recording.{key}", " or ".join(known), value)
         return ColumnMap(
-            name=about.get("name", Path(self.where).stem),
+            name=about.get("name", as_utf8(Path(self.where).stem)),
             source=about.get("source", ""),
             is_tested=about.get("tested", False),
             columns=columns,

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.core.files import unreadable_error
+from overtaking.core.words import as_utf8
 from overtaking.recordings.messages import refused, shown
 
 if TYPE_CHECKING:
@@ -65,7 +67,7 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
     check_options(file_format, options)
     source = Path(path)
     # Before reading, so that a file that changes meanwhile is not named by what it became.
-    files = {one.name: _sha256(one) for one in _files(file_format, source, options)}
+    files = {as_utf8(one.name): _sha256(one) for one in _files(file_format, source, options)}
     shown_options = {name: _plain(value) for name, value in options.items()}
     return Imported(scenes=_read(file_format, source, options), files=files, options=shown_options)
 
@@ -123,7 +125,9 @@ def _plain(value: Any) -> Any:
     """An option as it is written into the manifest."""
     if value == math.inf:  # JSON has no such number.
         return "none"
-    return str(value) if isinstance(value, Path) else getattr(value, "name", value)
+    if isinstance(value, str | Path):
+        return as_utf8(str(value))
+    return getattr(value, "name", value)
 
 
 def _files(file_format: str, source: Path, options: Mapping[str, Any]) -> Sequence[Path]:
@@ -193,7 +197,9 @@ def _sha256(path: Path) -> str:
     except (OSError, ValueError) as error:
         if isinstance(error, ImportFormatError):
             raise
-        raise _unreadable(path, getattr(error, "strerror", None) or "no path") from None
+        refusal = unreadable_error(error, shown(str(path), length=120), ImportFormatError)
+        got = getattr(error, "strerror", None) or "no path"
+        raise refusal or _unreadable(path, got) from None
 
 
 def _unreadable(path: Path, got: str) -> ImportFormatError:

@@ -1,6 +1,7 @@
 """What the readers of all formats say when they refuse a file."""
 
 from overtaking.core.errors import ImportFormatError
+from overtaking.core.words import as_utf8
 
 
 def refused(where: str, what: str, expected: str, got: str, next_step: str) -> ImportFormatError:
@@ -20,5 +21,5 @@ def refused(where: str, what: str, expected: str, got: str, next_step: str) -> I
 
 def shown(text: str, *, length: int = 40) -> str:
     """A text of unknown origin for a message: printable, on one line and short."""
-    clean = "".join(character if character.isprintable() else "?" for character in text)
+    clean = "".join(char if char.isprintable() else "?" for char in as_utf8(text))
     return clean if len(clean) <= length else clean[: length - 3] + "..."

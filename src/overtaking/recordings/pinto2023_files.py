@@ -18,7 +18,9 @@ import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, ImportFormatError
+from overtaking.core.files import unreadable_error
+from overtaking.core.process_limits import refusal_of
 from overtaking.recordings.messages import refused
 from overtaking.recordings.pinto2023_schema import COLUMNS, SCHEMA, VEHICLE_COLUMNS
 from overtaking.recordings.pinto2023_text import CellError, from_text, to_text
@@ -27,7 +29,6 @@ from overtaking.recordings.table_streams import open_bytes
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable
 
-    from overtaking.core.errors import ImportFormatError
 
 _TEXT = pa.schema([(name, pa.string()) for name in COLUMNS], metadata=SCHEMA.metadata)
 _MAX_SHOWN = 60
@@ -154,7 +155,8 @@ def _parquet_text(source: Path) -> pa.Table:
             table = pq.ParquetFile(file, read_dictionary=COLUMNS).read()
             table.validate(full=True)  # Text that is no UTF-8, for one, is read without complaint.
         except (pa.ArrowException, OSError) as error:  # Arrow raises both on damaged pages.
-            raise _unreadable(source, "a Parquet file", error) from None
+            refusal = unreadable_error(error, str(source), ImportFormatError)
+            raise refusal or _unreadable(source, "a Parquet file", error) from None
     size = 0
     for chunk in (chunk for column in table.columns for chunk in column.chunks):
         lengths = pc.binary_length(chunk.dictionary).cast(pa.int64())
@@ -201,6 +203,8 @@ def _csv_text(source: Path) -> pa.Table:
                 ),
             )
     except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
+        if (refusal := refusal_of(error, str(source))) is not None:
+            raise refusal from error
         raise _unreadable(source, "22 cells of UTF-8 text in each line", error) from None
 
 

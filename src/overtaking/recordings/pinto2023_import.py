@@ -17,6 +17,7 @@ import numpy as np
 
 from overtaking.core.arrays import F64, I64
 from overtaking.core.units import mps_from_kmh
+from overtaking.core.words import as_utf8
 from overtaking.model.road import Road
 from overtaking.model.trajectory import Stage, Trajectories
 from overtaking.model.vehicles import Role
@@ -145,7 +146,7 @@ def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes
     unknown |= set() if knows_limit else {"speed_limit"}
     place = place.extended(max(place.length, float(tracks.s.max()) + 1.0))
     recording = Recording(
-        name=source.name,
+        name=as_utf8(source.name),
         file_format=FORMAT,
         road=place,
         frame_interval_ms=interval,

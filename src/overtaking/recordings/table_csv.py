@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 
+from overtaking.core.process_limits import refusal_of
 from overtaking.recordings.column_matching import name_key, unit_of_header
 from overtaking.recordings.column_request import NUMBER, TEXT, TIME, ColumnRequest, RowPlaces
 from overtaking.recordings.table_errors import refused
@@ -354,6 +355,8 @@ def _parse(
                 ),
             )
         except (pa.ArrowException, UnicodeDecodeError) as error:
+            if (refusal := refusal_of(error, path.name)) is not None:
+                raise refusal from error
             text = str(error)
             counts = re.search(r"Expected (\d+) columns, got (\d+)", text)
             if dialect.separator == "," and counts and int(counts[2]) > int(counts[1]):

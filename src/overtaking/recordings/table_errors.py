@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from overtaking.core.errors import ImportFormatError
+from overtaking.core.errors import ImportFormatError, OvertakingError
+from overtaking.core.files import unreadable_error
 from overtaking.recordings import messages
 from overtaking.recordings.messages import shown
 
@@ -23,6 +24,21 @@ def refused(
     """
     place = shown(where.name if isinstance(where, Path) else where, length=80)
     return messages.refused(place, what, expected, shown(got, length=150), next_step)
+
+
+def unreadable(path: Path, expected: str, error: Exception) -> OvertakingError:
+    """The error for a file that could not be read.
+
+    Args:
+        path: The file.
+        expected: A description of the right content.
+        error: What reading it raised.
+    """
+    refusal = unreadable_error(error, shown(str(path), length=120), ImportFormatError)
+    if refusal is not None:
+        return refusal
+    reason = getattr(error, "strerror", None) or str(error)
+    return refused(path, "file", expected, reason)
 
 
 def refused_cell(

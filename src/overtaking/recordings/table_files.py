@@ -3,6 +3,7 @@
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
 
+import os
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +24,7 @@ from overtaking.recordings.table_cells import (
     numbers_without_thousands,
 )
 from overtaking.recordings.table_csv import csv_column_names, read_csv
-from overtaking.recordings.table_errors import refused
+from overtaking.recordings.table_errors import refused, unreadable
 from overtaking.recordings.table_streams import max_cell_bytes
 
 PARQUET_SUFFIXES = (".parquet", ".pq")
@@ -109,9 +110,9 @@ def _parquet_file(path: Path) -> Any:
     try:
         if not path.is_file():
             raise refused(path, "file", "a readable Parquet file", "no plain file")
-        return pq.ParquetFile(path)
+        return pq.ParquetFile(pa.OSFile(os.fsencode(path)))
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise refused(path, "file", "a readable Parquet file", str(error)) from None
+        raise unreadable(path, "a readable Parquet file", error) from None
 
 
 def _parquet(path: Path, request: ColumnRequest) -> pa.Table:
@@ -127,7 +128,7 @@ def _parquet(path: Path, request: ColumnRequest) -> pa.Table:
         table = file.read(columns=list(names.values()))
         table.validate(full=True)
     except (pa.ArrowException, OSError) as error:
-        raise refused(path, "file", "a readable Parquet file", str(error)) from None
+        raise unreadable(path, "a readable Parquet file", error) from None
     return table.select(list(names.values())).rename_columns(list(names))
 
 
@@ -148,7 +149,7 @@ def _open_arrow(path: Path, columns: Sequence[int] | None = None) -> Generator[A
         if not path.is_file():
             raise refused(path, "file", expected, "no plain file")
         # No memory map: another process that shortens the file would end this one by SIGBUS.
-        with pa.OSFile(str(path)) as file:
+        with pa.OSFile(os.fsencode(path)) as file:
             is_stream = file.read(len(_ARROW_FILE_MAGIC)) != _ARROW_FILE_MAGIC
             file.seek(0)
             opened = ipc.open_stream if is_stream else ipc.open_file
@@ -156,7 +157,7 @@ def _open_arrow(path: Path, columns: Sequence[int] | None = None) -> Generator[A
                 yield reader
     # Damaged names of columns are a UnicodeDecodeError or KeyError.
     except (pa.ArrowException, OSError, UnicodeDecodeError, KeyError) as error:
-        raise refused(path, "file", expected, str(error)) from None
+        raise unreadable(path, expected, error) from None
 
 
 def _read_arrow(path: Path, request: ColumnRequest) -> pa.Table:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, cast
 
 import pyarrow as pa
 
-from overtaking.recordings.table_errors import refused
+from overtaking.recordings.table_errors import refused, unreadable
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Mapping
@@ -101,8 +101,7 @@ def open_bytes(path: Path) -> Generator[BinaryIO]:
             stream = file if kind is None else _BoundedStream(_decompressed(file, kind), path)
             yield cast("BinaryIO", stream)
     except (lzma.LZMAError, EOFError, OSError) as error:
-        got = getattr(error, "strerror", None) or str(error)
-        raise refused(path, "file", "a readable file", got) from None
+        raise unreadable(path, "a readable file", error) from None
 
 
 def _kind(first: bytes, kinds: Mapping[bytes, _T]) -> _T | None:

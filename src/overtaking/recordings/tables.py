@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.words import as_utf8
 from overtaking.model.road import DrivingSide
 from overtaking.recordings.column_map import ColumnMap, column_map
 from overtaking.recordings.examination import examine
@@ -68,7 +69,7 @@ def read_table(
     """
     chosen = with_driving_side(column_map(columns), driving_side, road)
     rows = read_track_rows(Path(path), chosen, only)
-    name = Path(uncompressed_name(Path(path))).stem
+    name = as_utf8(Path(uncompressed_name(Path(path))).stem)
     return recording_of(rows, chosen, name, road=road)
 
 

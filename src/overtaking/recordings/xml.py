@@ -17,6 +17,7 @@ from typing import BinaryIO
 from xml.sax.saxutils import quoteattr
 
 from overtaking.core.errors import ImportFormatError
+from overtaking.core.files import unreadable_error
 from overtaking.recordings.messages import refused, shown
 
 # xs:double without INF and NaN; Python's own float() would also take "1_0", "infinity" and the
@@ -196,8 +197,10 @@ def _opened(path: Path, limits: Limits) -> BinaryIO:
         plain = stat.S_ISREG(status.st_mode)
         stream = path.open("rb") if plain and status.st_size <= limits.file_bytes else None
     except OSError as error:
-        raise refused(
-            where, "cannot be read", "a readable file", error.strerror or "an error", check
+        refusal = unreadable_error(error, where, ImportFormatError)
+        reason = error.strerror or "an error"
+        raise refusal or refused(
+            where, "cannot be read", "a readable file", reason, check
         ) from None
     if not plain:
         raise refused(

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
+from overtaking.core.words import as_utf8
 from overtaking.scenarios.complaints import advice, config_error
 from overtaking.scenarios.schema import Spec, known_keys
 
@@ -73,7 +74,7 @@ def _table(source: str | Path | Mapping[str, Any] | Spec) -> tuple[str, dict[str
             got="neither",
             next_step=advice(source, profile_names()),
         )
-    return path.name, _complete(_read(path), path.name)
+    return as_utf8(path.name), _complete(_read(path), path.name)
 
 
 def is_there(name: str) -> bool:

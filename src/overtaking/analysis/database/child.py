@@ -9,6 +9,7 @@ them, and counts no text against its memory limit until it keeps it.
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.abc import MetaPathFinder
 from typing import TYPE_CHECKING, Any
@@ -79,6 +80,7 @@ def main(parent: Parent) -> None:
 def _answer(asked: dict[str, Any], send: Callable[[object], None]) -> None:
     """Send the answer piece by piece."""
     memory_mib = asked["memory_mib"]
+    os.chdir(asked["folder"])
     connection = _connected(asked["tables"], memory_mib)
     statement = _only_statement(connection, asked["sql"])
     confine(memory_mib + _OVERHEAD_MIB)

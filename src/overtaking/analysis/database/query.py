@@ -113,7 +113,7 @@ def query(
     check_bounds("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
     request = {
         "sql": sql,
-        "tables": _tables(data, sql),
+        **_tables(data, sql),
         "max_rows": max_rows,
         "memory_mib": memory_mib,
     }
@@ -200,21 +200,29 @@ def _next_message(worker: Worker, end: float, cancelled: Event) -> Any:
                 raise
 
 
-def _tables(data: Dataset, sql: str) -> dict[str, tuple[list[str], Any]]:
-    """The files of each table, and its schema where a query cannot read it.
+def _tables(data: Dataset, sql: str) -> dict[str, Any]:
+    """The part of the request about tables.
 
     Views need the columns of unused tables too; the files of those tables stay closed.
+
+    Returns:
+        `tables` with the files of each table, and its schema where a query cannot read it; and the
+        `folder` that the names of files are relative to: Arrow takes names in UTF-8 only, but the
+        name of the folder may have other bytes.
     """
     from overtaking.data.tables.schemas import SCHEMAS  # Slow; `child` needs none of it.
 
     named = _named(sql, data.kept_tables)
-    return {
+    files = {table: data.files(table, is_checked=table in named) for table in data.kept_tables}
+    folder = next(iter(files.values()))[0].parents[1]
+    tables = {
         table: (
-            [str(path) for path in data.files(table, is_checked=table in named)],
+            [path.relative_to(folder).as_posix() for path in files[table]],
             None if table in named else SCHEMAS[table],
         )
         for table in data.kept_tables
     }
+    return {"folder": str(folder.absolute()), "tables": tables}
 
 
 def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
