@@ -141,7 +141,7 @@ def test_a_fault_in_the_last_piece_leaves_no_simulation_of_the_recording(
         (ImportFormatError("00.csv: no lanes"), "00.csv: no lanes", False),
         (ConfigError("no such lanelet"), "no such lanelet", False),
         (PermissionError(errno.EACCES, "Permission denied"), "00.csv: Permission denied", False),
-        (MemoryError(), "00.csv: not enough memory", False),
+        (MemoryError(), "00.csv: memory: expected a system that grants more", False),
         (KeyError("x"), "KeyError: 'x'", True),
         (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "no"), "UnicodeDecodeError", True),
         (AssertionError(), "AssertionError", True),

@@ -75,8 +75,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     """The function, with its arguments held to their annotations before it begins.
 
     Iterables are handed on as tuples, because some can be read only once. A function with a
-    parameter `progress` shows its progress in notebooks (`show_progress`). A path in a parameter
-    `out` has to be UTF-8.
+    parameter `progress` shows its progress in notebooks (`show_progress`).
 
     Raises:
         ConfigError: An argument is something else.
@@ -104,8 +103,6 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         for name, hint in hints().items():
             if name in given.arguments:
                 given.arguments[name] = argument(given.arguments[name], hint, where, name)
-        if isinstance(out := given.arguments.get(OUTPUT), str | Path):
-            check_output_path(out)
         with explain_refusals(where):
             return function(*given.args, **given.kwargs)
 
@@ -126,11 +123,13 @@ def argument(value: Any, annotation: Any, where: str, name: str) -> Any:
         only once.
 
     Raises:
-        ConfigError: It is of another type or out of range.
+        ConfigError: It is of another type or out of range, or an output path that is not UTF-8.
     """
     checked_value = _BatchChecker(where).check_value(
         field_from_annotation(name, annotation), value, name
     )
+    if name == OUTPUT and isinstance(checked_value, str | Path):
+        check_output_path(checked_value)
     if isinstance(checked_value, Batch) and not checked_value.IS_DERIVED:
         check(checked_value, where, name)
     return checked_value
