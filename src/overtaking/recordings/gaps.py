@@ -28,7 +28,7 @@ _MAX_SPLIT_SHARE = 0.5  # With more vehicles in pieces, the frame rate is not wh
 _MIN_PIECE_S = 1.0  # Shorter pieces of tracks show no manoeuvre [s].
 
 
-def is_long_gap(vehicle: I64, frame_time: F64, interval_ms: int) -> Mask:
+def is_long_gap(vehicle: I64, frame_time: F64, interval_ms: float) -> Mask:
     """Whether a gap before a row begins a new track, shape (row - 1,).
 
     A vehicle whose rows are regularly farther apart than `MAX_GAP_S`, up to `MAX_OWN_INTERVAL_S`,

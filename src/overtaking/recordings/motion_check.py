@@ -7,7 +7,7 @@ or collides: there the path bends, but every row lies on it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,8 +72,25 @@ class FaultyRows:
         rows, sizes = np.empty(0, np.int64), np.empty(0, np.float64)
         return cls(row=rows, deviation=sizes, jump=rows, jump_size=sizes, is_scattered=is_scattered)
 
+    def select(self, is_selected: Mask) -> FaultyRows:
+        """Those at some rows.
 
-def find_faulty_rows(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: int) -> FaultyRows:
+        Args:
+            is_selected: Which rows of the recording, shape (row,).
+        """
+        rows, jumps = is_selected[self.row], is_selected[self.jump]
+        return replace(
+            self,
+            row=self.row[rows],
+            deviation=self.deviation[rows],
+            jump=self.jump[jumps],
+            jump_size=self.jump_size[jumps],
+        )
+
+
+def find_faulty_rows(
+    vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float
+) -> FaultyRows:
     """Find positions that no vehicle can have reached.
 
     Args:
@@ -117,7 +134,7 @@ def find_faulty_rows(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms:
     )
 
 
-def _bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: int) -> I64:
+def _bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float) -> I64:
     """Rows that deviate by half the limit from the line through both neighbours, ascending.
 
     Beside a run of faulty rows, the first and the last of them deviate by half their distance.

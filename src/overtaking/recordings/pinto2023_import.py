@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.arrays import F64, I64
+from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.units import mps_from_kmh
 from overtaking.core.words import as_utf8
 from overtaking.model.road import Road
@@ -24,10 +24,15 @@ from overtaking.model.vehicles import Role
 from overtaking.model.weather import Weather
 from overtaking.recordings.batch import MAX_SLOTS
 from overtaking.recordings.candidates import MAX_FRAMES, Window
+from overtaking.recordings.examination import examine
 from overtaking.recordings.pinto2023_files import read_table
 from overtaking.recordings.pinto2023_schema import FORMAT
 from overtaking.recordings.pinto2023_tracks import (
+    NEAR_SCALE,
+    SCALES,
+    SLOW_KMH,
     Frames,
+    examine_vehicles,
     frames_of,
     interval_ms_of,
     limits_of,
@@ -40,12 +45,7 @@ from overtaking.recordings.pinto2023_tracks import (
 from overtaking.recordings.recording import NEVER_RECORDED, Recording, Tracks, slope
 from overtaking.recordings.scenes import Parts
 
-SCALES = {"a third": 1.0 / 3.0, "three times": 3.0}
-"""Ratios of measured to recorded speed in a table whose time was scaled on one side only."""
-
-_NEAR_SCALE = 0.1  # How near a ratio must be to one of them, as a part of it.
 _ROUNDING = 0.01 / 3.6  # By what limits of a table differ from those of its road [m/s].
-_SLOW_KMH = 10.0  # Below this a whole km/h is too coarse for a ratio.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +138,8 @@ def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes
     interval = interval_ms_of(source, table, frames)
     values = vehicle_values(table, frames)
     place, agreement = road_of(source, road, values)
-    tracks = tracks_of(source, values, place, interval)
+    examined = examine_vehicles(source, table, values, frames, interval)
+    tracks = tracks_of(examined, values, place, interval)
     place, knows_limit = _with_limits(place, limits_of(table))
     unknown = NEVER_RECORDED - {"stage", "wheel_angle"} | {"kinds", "yaw_rate"}
     weather, is_known = weather_of(table, frames, len(numbers))
@@ -153,15 +154,25 @@ def read_pinto2023(path: Path | str, *, road: Road | None = None) -> TableScenes
         tracks=tracks,
         unknown=frozenset(unknown),
         notes={"road": place.name, "lanes_as_named": round(agreement, 4)},
+        findings=examined.findings,
     )
     recording.notes.update(time_scaling(recording))
+    recording = examine(recording, needed=_is_ego_or_partner(tracks, frames))
     return TableScenes(
         recording=recording,
-        windows=_windows(source, tracks, numbers, frames),
+        windows=_windows(source, recording.tracks, numbers, frames),
         numbers=numbers,
         frames=frames,
         weather=weather,
     )
+
+
+def _is_ego_or_partner(tracks: Tracks, frames: Frames) -> Mask:
+    """Whether a vehicle is an ego, or one that an ego collides with, shape (vehicle,)."""
+    needed = {*zip(frames.simulation.tolist(), frames.ego.astype(str).tolist(), strict=True)}
+    needed |= {*zip(frames.simulation.tolist(), frames.partner.astype(str).tolist(), strict=True)}
+    places = zip(tracks.carriageway.tolist(), tracks.names.tolist(), strict=True)
+    return np.array([place in needed for place in places])
 
 
 def _with_limits(road: Road, given: F64) -> tuple[Road, bool]:
@@ -187,7 +198,7 @@ def speed_ratios(recording: Recording) -> F64:
     measured = np.hypot(
         slope(tracks.x, tracks.start, interval), slope(tracks.y, tracks.start, interval)
     )
-    moves = tracks.speed > mps_from_kmh(_SLOW_KMH)
+    moves = tracks.speed > mps_from_kmh(SLOW_KMH)
     ratio = np.where(moves, measured / np.where(moves, tracks.speed, 1.0), np.nan)
     ratios = np.full(tracks.num_vehicles, np.nan)
     for one in range(tracks.num_vehicles):
@@ -203,13 +214,13 @@ def time_scaling(recording: Recording) -> dict[str, Any]:
     known = ratios[~np.isnan(ratios)]
     if not len(known):
         return {"speed_ratio_median": None, "time_scaling": None, "vehicles_at_other_speeds": 0}
-    near = {name: np.abs(known / scale - 1.0) <= _NEAR_SCALE for name, scale in SCALES.items()}
+    near = {name: np.abs(known / scale - 1.0) <= NEAR_SCALE for name, scale in SCALES.items()}
     most = max(near, key=lambda name: int(near[name].sum()))
     return {
         "speed_ratio_median": round(float(np.median(known)), 4),
         "speed_ratio_lowest": round(float(known.min()), 4),
         "speed_ratio_highest": round(float(known.max()), 4),
-        "vehicles_at_other_speeds": int((np.abs(known - 1.0) > _NEAR_SCALE).sum()),
+        "vehicles_at_other_speeds": int((np.abs(known - 1.0) > NEAR_SCALE).sum()),
         "time_scaling": most if near[most].mean() > 0.5 else None,
     }
 

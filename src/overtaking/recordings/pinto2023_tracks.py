@@ -23,10 +23,20 @@ from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.recordings import messages
 from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
 from overtaking.recordings.recording import Tracks, kinds_by_length, lane_codes, slope
+from overtaking.recordings.state_examination import ExaminedStates, examine_states
 from overtaking.scenarios.assumed import assumed_weather
 
 MIN_AGREEMENT = 0.95
 """Share of the lane ids of a table that must be those of its road."""
+
+SCALES = {"a third": 1.0 / 3.0, "three times": 3.0}
+"""Ratios of measured to recorded speed in a table whose time was scaled on one side only."""
+
+NEAR_SCALE = 0.1
+"""How near a ratio must be to one of them, as a part of it."""
+
+SLOW_KMH = 10.0
+"""Below this speed a whole km/h is too coarse for a ratio [km/h]."""
 
 _GLARING = "ClearSunset"  # The only preset for which the paper says Yes in column HL.
 
@@ -155,43 +165,99 @@ def _agreement(road: Road, values: dict[str, NDArray[Any]]) -> float:
     return float(agrees.sum() / max(counts.sum(), 0.5 * len(lane)))
 
 
+def examine_vehicles(
+    source: Path,
+    table: pa.Table,
+    values: dict[str, NDArray[Any]],
+    frames: Frames,
+    interval_ms: int,
+) -> ExaminedStates:
+    """The states of all vehicles of all simulations, examined.
+
+    States of an ego are reported where they are faulty, and kept: the table's frames are the ego's.
+    Rows beside a contact that the table records are exempt.
+
+    Args:
+        source: The file.
+        table: Its content.
+        values: As of `vehicle_values`.
+        frames: As of `frames_of`.
+        interval_ms: Time between frames [ms].
+
+    Raises:
+        ImportFormatError: Gaps split most of the vehicles into short pieces.
+    """
+    is_new = (np.diff(values["simulation"]) != 0) | (np.diff(values["id"]) != 0)
+    vehicle = np.append(0, np.cumsum(is_new))
+    first_row = np.append(0, np.flatnonzero(is_new) + 1)
+    line = values["line"]
+    partner = frames.partner[line]
+    is_touching = np.convolve(partner > 0, [1, 1, 1, 1, 1], "same") > 0
+    is_ego = values["id"] == frames.ego[line]
+    states = {
+        "x": _float64(values["x_m"]),
+        "y": -_float64(values["y_m"]),
+        "speed": _float64(mps_from_kmh(values["speed_kmh"].astype(np.float64))),
+        "heading": -_float64(rad_from_deg(values["yaw_deg"])),
+        "wheel_angle": -_float64(rad_from_deg(values["wheel_deg"])),
+    }
+    return examine_states(
+        vehicle,
+        values["frame"].astype(np.float64),
+        states,
+        names=values["id"][first_row].astype(str).astype(np.object_),
+        interval_ms=interval_ms,
+        file_name=str(source),
+        seconds=table["TS"].to_numpy()[frames.line][line],
+        motion_interval_ms=interval_ms * _clock_ratio(vehicle, states, interval_ms),
+        is_exempt=is_touching,
+        is_unchanged=is_ego,
+    )
+
+
+def _clock_ratio(vehicle: I64, states: dict[str, F64], interval_ms: int) -> float:
+    """Speed measured from positions over stated speed, 1 unless the clock was scaled."""
+    way = np.hypot(np.diff(states["x"]), np.diff(states["y"]))
+    speed = states["speed"][1:]
+    moves = (np.diff(vehicle) == 0) & (speed > mps_from_kmh(SLOW_KMH))
+    if not moves.any():
+        return 1.0
+    ratio = float(np.median(way[moves] / speed[moves])) / (interval_ms * 1e-3)
+    scales = [scale for scale in SCALES.values() if abs(ratio / scale - 1.0) <= NEAR_SCALE]
+    return scales[0] if scales else 1.0
+
+
 def tracks_of(
-    source: Path, values: dict[str, NDArray[Any]], road: Road, interval_ms: int
+    examined: ExaminedStates, values: dict[str, NDArray[Any]], road: Road, interval_ms: int
 ) -> Tracks:
     """All vehicles of all simulations, each simulation on a carriageway of its own."""
-    changes = (np.diff(values["simulation"]) != 0) | (np.diff(values["id"]) != 0)
-    gap = ~changes & (np.diff(values["frame"]) != 1)
-    if gap.any():
-        row = int(np.argmax(gap)) + 1
-        place = f"row {values['line'][row] + 1}, column Dim"
-        expected = f"vehicle {values['id'][row]} in every frame from its first to its last"
-        raise refused(source, place, expected, f"none before frame {values['frame'][row]}")
-    begins = np.flatnonzero(np.append(True, changes))
-    start = np.append(begins, len(values["id"]))
-    x, y = values["x_m"], -values["y_m"]
+    is_new = (np.diff(values["simulation"]) != 0) | (np.diff(values["id"]) != 0)
+    begins = np.append(0, np.flatnonzero(is_new) + 1)[examined.vehicle]
+    start, states = examined.start, examined.values
+    x, y = states["x"], states["y"]
     s, d = road.road_coordinates(x, y)
     length = values["length_m"][begins]
     nobody = np.zeros(len(begins), np.bool_)
     return Tracks(
-        names=values["id"][begins].astype(str).astype(np.object_),
+        names=examined.names,
         kind=kinds_by_length(length, is_truck=nobody, is_car=nobody),
         is_kind_known=~nobody,  # No kind is: "kinds" is unknown for all of them.
         length=length,
         width=values["width_m"][begins],
         carriageway=values["simulation"][begins],
         file_row=values["line"][begins],
-        first=values["frame"][begins],
+        first=examined.first,
         start=start,
         x=x,
         y=y,
         s=s,
         d=d,
-        speed=_float64(mps_from_kmh(values["speed_kmh"].astype(np.float64))),
-        heading=-_float64(rad_from_deg(values["yaw_deg"])),
+        speed=states["speed"],
+        heading=states["heading"],
         accel_lon=slope(slope(s, start, interval_ms), start, interval_ms),
         accel_lat=slope(slope(d, start, interval_ms), start, interval_ms),
         yaw_rate=np.zeros_like(s),
-        wheel_angle=-_float64(rad_from_deg(values["wheel_deg"])),
+        wheel_angle=states["wheel_angle"],
         lane=lane_codes(road, d),
     )
 

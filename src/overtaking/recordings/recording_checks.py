@@ -49,7 +49,7 @@ _LENGTH_UNITS = {
 
 _FACTOR_TOLERANCE = 0.03  # Largest difference of logarithms between a ratio and a factor.
 _MAX_DISAGREEMENT = 0.1  # Ratios of speeds this near 1 agree: clocks of cameras are off by as much.
-_MAX_ACCEL_DISAGREEMENT = 0.4  # Larger: sources smooth accelerations in different ways.
+_MAX_ACCEL_DISAGREEMENT = 1.0  # Larger: sources smooth accelerations in different ways.
 _MAX_SIZE_DIFFERENCE = 0.05  # Sizes that differ by a larger share belong to different vehicles.
 _MIN_CORRELATION = 0.8  # Between two series that are one quantity in different units.
 _MIN_ROWS = 30  # With fewer rows a median or correlation is not reliable.
@@ -63,7 +63,8 @@ _MIN_WAY = 1.0  # Movement over a shorter way has no reliable direction [m].
 
 _MAX_TRAFFIC_SPEED = 70.0  # Above the 95th percentile of the speeds of any traffic [m/s].
 _USUAL_SPEEDS = (5.0, 50.0)  # Usual range of the 95th percentile of speeds on a road [m/s].
-_VEHICLE_WIDTHS = (1.2, 3.2)  # Possible median width of vehicles with four wheels or more [m].
+# Possible median width; the lower limit is that of motorcycles, which highD files call cars [m].
+_VEHICLE_WIDTHS = (0.7, 3.2)
 _USUAL_WIDTHS = (1.5, 2.7)  # Usual median width; narrower, so that it decides between factors [m].
 _LANE_WIDTHS = (2.75, 4.25)  # [m].
 _MAX_DRIFT = 0.3  # Faster movement across the road is a lane change [m/s].

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from overtaking.recordings.findings import Consequence
 from overtaking.recordings.gaps import check_pieces, gap_findings, is_long_gap
 from overtaking.recordings.motion_check import find_faulty_rows, motion_findings
 from overtaking.recordings.rows import at_whole_frames, track_names
@@ -14,7 +15,7 @@ from overtaking.recordings.rows import at_whole_frames, track_names
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking.core.arrays import F64, I64
+    from overtaking.core.arrays import F64, I64, Mask
     from overtaking.recordings.findings import Finding
 
 
@@ -47,6 +48,10 @@ def examine_states(
     names: NDArray[np.object_],
     interval_ms: int,
     file_name: str,
+    seconds: F64 | None = None,
+    motion_interval_ms: float | None = None,
+    is_exempt: Mask | None = None,
+    is_unchanged: Mask | None = None,
 ) -> ExaminedStates:
     """Leave out faulty rows, interpolate short gaps, and split tracks at long ones.
 
@@ -57,13 +62,33 @@ def examine_states(
         names: Name of each vehicle.
         interval_ms: Time between frames [ms].
         file_name: Name of the file in messages.
+        seconds: Time of each row as the file counts, same shape [s]; by default that of its frame.
+        motion_interval_ms: Time between frames in which the vehicles moved [ms], where the clock of
+            the file is another.
+        is_exempt: Rows that are never faulty, such as those of a contact, same shape.
+        is_unchanged: Rows that are reported if they are faulty, and kept, same shape.
 
     Raises:
         ImportFormatError: Gaps split most of the vehicles into short pieces.
     """
-    seconds = frame_time * (interval_ms * 1e-3)
-    faulty = find_faulty_rows(vehicle, frame_time, values["x"], values["y"], interval_ms)
-    findings = motion_findings(faulty, vehicle=vehicle, seconds=seconds, names=names)
+    if seconds is None:
+        seconds = frame_time * (interval_ms * 1e-3)
+    faulty = find_faulty_rows(
+        vehicle, frame_time, values["x"], values["y"], motion_interval_ms or interval_ms
+    )
+    if is_exempt is not None:
+        faulty = faulty.select(~is_exempt)
+    findings: list[Finding] = []
+    if is_unchanged is not None:
+        findings += motion_findings(
+            faulty.select(is_unchanged),
+            vehicle=vehicle,
+            seconds=seconds,
+            names=names,
+            consequence=Consequence.REPORTED,
+        )
+        faulty = replace(faulty.select(~is_unchanged), is_scattered=False)
+    findings += motion_findings(faulty, vehicle=vehicle, seconds=seconds, names=names)
     row = np.delete(np.arange(len(vehicle)), faulty.row)
     if len(faulty.row):
         vehicle, frame_time, seconds = vehicle[row], frame_time[row], seconds[row]

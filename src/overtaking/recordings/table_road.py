@@ -167,14 +167,14 @@ def bend_of(rows: Rows, s: F64, d: F64) -> float:
     return float(np.median(np.abs(d[middle][long] - chord)))
 
 
-def check_straight(rows: Rows, s: F64, d: F64) -> float:
+def check_straight(rows: Rows, s: F64, d: F64, max_bend: float = MOST_BEND) -> float:
     """The bend of the ways against the road, refused where it is no bend of the road."""
     bend = bend_of(rows, s, d)
-    if bend > MOST_BEND:
+    if bend > max_bend:
         raise refused(
             rows.where,
             "ways of the vehicles",
-            f"a road that they drive along: at most {MOST_BEND:g} m from the chord in their middle",
+            f"a road that they drive along: at most {max_bend:g} m from the chord in their middle",
             f"{bend:.2f} m",
         )
     return round(bend, 3)

@@ -27,7 +27,7 @@ from overtaking.recordings.recording import (
 from overtaking.recordings.recording_checks import check_lanes, check_rows
 from overtaking.recordings.table_axes import check_directions, check_sides
 from overtaking.recordings.table_errors import refused
-from overtaking.recordings.table_road import LANES_FITTED, check_straight, located
+from overtaking.recordings.table_road import LANES_FITTED, MOST_BEND, check_straight, located
 from overtaking.recordings.table_streams import uncompressed_name
 from overtaking.recordings.track_table import read_track_rows
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 
 _MOVES = 0.5  # Below this speed a movement has no reliable direction [m/s].
+_MOST_BEND_ON_GIVEN_ROAD = 4.0  # A lane: short tracks may show overtakes and nothing else [m].
 _WIDEST = 1.0e6  # Farther from each other than any two vehicles of a recording are [m].
 
 
@@ -120,7 +121,9 @@ def recording_of(
     place = located(rows, columns, road)
     if not np.ptp(place.s) < _WIDEST:
         raise refused(rows.where, "positions", f"less than {_WIDEST:g} m", f"{np.ptp(place.s):g} m")
-    bend = check_straight(rows, place.s, place.d)
+    bend = check_straight(
+        rows, place.s, place.d, MOST_BEND if road is None else _MOST_BEND_ON_GIVEN_ROAD
+    )
     check_sides(rows, columns, place.road, place.s, place.d)
     driven = tracks_of(rows, place.road, place.s, place.d)
     if columns.point == "front":
