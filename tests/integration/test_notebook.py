@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import nbclient
 import nbformat
+import numpy as np
+import pandas as pd
 import pytest
 
 from overtaking import api
@@ -39,6 +41,22 @@ line = http.client.HTTPConnection(server.url.split("/")[2], timeout=60)
 line.request("GET", "/")
 assert line.getresponse().status == 200
 line.close()
+"""
+
+IMPORT = """
+import overtaking.core.notebook as notebook
+from overtaking import api
+
+notebook.DELAY_S = notebook._INTERVAL_S = 0.0
+columns = {
+    "recording": {"length_m": 4.4, "width_m": 1.8},
+    "columns": {"vehicle": "id", "time": "t [s]", "x": "x [m]", "y": "y [m]"},
+}
+shown = []
+update = notebook._CellProgress.__call__
+notebook._CellProgress.__call__ = lambda *numbers: (shown.append(numbers[1:]), update(*numbers))[1]
+api.import_recording("table", "table.csv", "data", columns=columns)
+assert len(shown) > 1 and shown[0][1] > 1000, shown
 """
 
 STOP = """
@@ -86,6 +104,24 @@ def test_a_notebook_shows_nothing_for_short_work(tmp_path: Path):
 def test_a_notebook_shows_nothing_beside_the_progress_of_the_caller(tmp_path: Path):
     arguments = ", progress=lambda done, total: None"
     assert run_cell(tmp_path, delay_s=0.0, arguments=arguments) == []
+
+
+@pytest.mark.ci
+def test_a_notebook_shows_the_bytes_of_a_table_that_is_read(tmp_path: Path):
+    time = np.arange(0.0, 20.0, 0.1)
+    aside = np.clip((time - 2.0) / 3.0, 0.0, 1.0) - np.clip((time - 14.0) / 3.0, 0.0, 1.0)
+    paths = {
+        1: (30.0 * time, 3.5 * aside),
+        2: (40.0 + 24.0 * time, 0.0 * time),
+        3: (27.0 * time - 60.0, 0.0 * time + 3.5),
+    }
+    table = pd.concat(
+        pd.DataFrame({"id": number, "t": time, "x": x, "y": y}) for number, (x, y) in paths.items()
+    )
+    table.to_csv(tmp_path / "table.csv", index=False)
+    outputs = run_cells(tmp_path, IMPORT)[0]
+    texts = [output.data["text/plain"] for output in outputs if "data" in output]
+    assert texts == ["import_recording: 3 of 3"]
 
 
 @pytest.mark.ci

@@ -213,6 +213,7 @@ def import_recording(
     *,
     strict: bool = False,
     progress: Progress | None = None,
+    on_read: Progress | None = None,
     **options: Any,
 ) -> Dataset:
     """Make a data set of a recording of others: every overtake in it becomes a simulation.
@@ -225,6 +226,9 @@ def import_recording(
         strict: Whether a recording with findings is refused before anything is written. (It is not
             the policy of that name.)
         progress: Called with the number of simulations that are done, and of all.
+        on_read: Called with the number of bytes that are read, and of all, before the first
+            simulation is made; `progress` if left out. Each byte counts twice, because the hash of
+            the file is computed first. The thread that calls it may be another one.
         options: `attempts_only=True` leaves out vehicles that follow and never move left, and
             `vehicles` is how many a simulation has at most (both not for `pinto2023`); `lanelet`
             chooses a road of a CommonRoad file, `direction` (1, 2) one of highD, `road` (a `Road`)
@@ -247,11 +251,13 @@ def import_recording(
     from overtaking.data.import_report import refuse_findings, warn_about
     from overtaking.data.importing import write_scenes
     from overtaking.recordings.formats import read_recording
+    from overtaking.recordings.reading_progress import report_reading
 
     for name, value in options.items():
         argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
-    read = read_recording(file_format, path, _with_road(options))
+    with report_reading(on_read or progress):
+        read = read_recording(file_format, path, _with_road(options))
     if strict:
         refuse_findings(read.scenes.import_findings)
     write_scenes(read, target, file_format, progress)
@@ -272,6 +278,7 @@ def label_recordings(
     resume: bool = False,
     strict: bool = False,
     progress: Progress | None = None,
+    on_read: Progress | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Label every recording of a folder, however many, each on its own road.
@@ -294,6 +301,7 @@ def label_recordings(
         strict: Whether all recordings are examined first, which reads them twice, and a finding is
             an error before anything is written. (It is not the policy of that name.)
         progress: Called with the number of recordings that are done, and of all.
+        on_read: Called as in `import_recording` for each recording that this process reads itself.
         options: As in `import_recording`.
 
     Returns:
@@ -313,19 +321,21 @@ def label_recordings(
     from overtaking.data.collection import label_folder
     from overtaking.data.executors import executor_for
     from overtaking.data.import_report import warn_about
+    from overtaking.recordings.reading_progress import report_reading
 
     for name, value in options.items():
         argument(value, _READER_OPTIONS.get(name, Any), "label_recordings", name)
-    result = label_folder(
-        file_format,
-        folder_of(folder, "read"),
-        folder_of(out, "label to"),
-        _with_road(options),
-        executor=lambda shards: executor_for(engine, shards, address=address, workers=workers),
-        resume=resume,
-        strict=strict,
-        progress=progress,
-    )
+    with report_reading(on_read):
+        result = label_folder(
+            file_format,
+            folder_of(folder, "read"),
+            folder_of(out, "label to"),
+            _with_road(options),
+            executor=lambda shards: executor_for(engine, shards, address=address, workers=workers),
+            resume=resume,
+            strict=strict,
+            progress=progress,
+        )
     warn_about([ImportFinding(**row) for row in result["import_report"]])
     return result
 

@@ -166,6 +166,7 @@ def import_recording(
                 resume=resume,
                 strict=strict,
                 progress=meter,
+                on_read=meter.show_read_bytes,
                 **how,
                 **given,
             )
@@ -176,7 +177,15 @@ def import_recording(
         return FAULT if result["faults"] else None
     _refuse_of_file(resume=resume, engine=engine != "auto", **how)
     with output.progress("simulations") as meter:
-        data = api.import_recording(file_format, file, out, strict=strict, progress=meter, **given)
+        data = api.import_recording(
+            file_format,
+            file,
+            out,
+            strict=strict,
+            progress=meter,
+            on_read=meter.show_read_bytes,
+            **given,
+        )
     output.say_findings(data.import_findings)
     values = of_import(data) | output.duration
     output.wrote(values, lambda _: render(values))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rich.console import Console, RenderableType
-    from rich.progress import Progress
+    from rich.progress import Progress, TaskID
 
     from overtaking.analysis.stats.table import Table
     from overtaking.model.import_report import ImportFinding
@@ -178,6 +178,7 @@ class Meter:
         self._output = output
         self._begin = self._logged = time.monotonic()
         self._bar: Progress | None = None
+        self._tasks: dict[str, TaskID] = {}
 
     def __enter__(self) -> Self:
         """Begin the work."""
@@ -189,24 +190,34 @@ class Meter:
             self._bar.stop()
 
     def __call__(self, done: int, total: int) -> None:
-        """Say how much of the work is done."""
+        """Show how much of the work is done."""
+        self._show(self._what, done, total, f"{done}/{total}", shows_rate=True)
+
+    def show_read_bytes(self, done: int, total: int) -> None:
+        """Show how much of a file is read [bytes], on a line of its own."""
+        self._show("file read", done, total, f"{done / max(total, 1):.0%}")
+
+    def _show(
+        self, what: str, done: int, total: int, amount: str, *, shows_rate: bool = False
+    ) -> None:
         now = time.monotonic()
         if now - self._logged >= _LOG_INTERVAL:
             self._logged = now
-            self._output.log("progress", what=self._what, done=done, total=total)
+            self._output.log("progress", what=what, done=done, total=total)
         if self._output.quiet or not sys.stderr.isatty() or now - self._begin < _PATIENCE:
             return
         if self._bar is None:
-            self._bar = _bar(self._what, total)
-        self._bar.update(self._bar.task_ids[0], completed=done, total=total)
+            self._bar = _bar()
+        if what not in self._tasks:
+            self._tasks[what] = self._bar.add_task(what, amount=amount, shows_rate=shows_rate)
+        self._bar.update(self._tasks[what], completed=done, total=total, amount=amount)
 
 
-def _bar(what: str, total: int) -> Progress:
-    """A running progress bar on stderr."""
+def _bar() -> Progress:
+    """A running progress bar on stderr, as yet without a line."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
-        MofNCompleteColumn,
         Progress,
         ProgressColumn,
         Task,
@@ -220,19 +231,19 @@ def _bar(what: str, total: int) -> Progress:
 
         def render(self, task: Task) -> Text:
             """The mean speed of the last seconds."""
-            return Text(f"{task.speed:,.0f}/s" if task.speed else "")
+            shows_rate = task.speed and task.fields["shows_rate"]
+            return Text(f"{task.speed:,.0f}/s" if shows_rate else "")
 
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        MofNCompleteColumn(),
+        TextColumn("{task.fields[amount]}"),
         Rate(),
         TimeRemainingColumn(),
         TextColumn("left"),
         console=Console(stderr=True),
         transient=True,
     )
-    bar.add_task(what, total=total)
     bar.start()
     return bar
 

@@ -12,6 +12,7 @@ from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.core.files import unreadable_error
 from overtaking.core.words import as_utf8
 from overtaking.recordings.messages import refused, shown
+from overtaking.recordings.reading_progress import count_bytes, open_counted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -67,9 +68,12 @@ def read_recording(file_format: str, path: Path | str, options: Mapping[str, Any
     check_options(file_format, options)
     source = Path(path)
     # Before reading, so that a file that changes meanwhile is not named by what it became.
-    files = {as_utf8(one.name): _sha256(one) for one in _files(file_format, source, options)}
+    paths = _files(file_format, source, options)
+    with count_bytes(paths, num_passes=2):
+        files = {as_utf8(path.name): _sha256(path) for path in paths}
+        scenes = _read(file_format, source, options)
     shown_options = {name: _plain(value) for name, value in options.items()}
-    return Imported(scenes=_read(file_format, source, options), files=files, options=shown_options)
+    return Imported(scenes=scenes, files=files, options=shown_options)
 
 
 def check_options(file_format: str, options: Mapping[str, Any]) -> None:
@@ -192,7 +196,7 @@ def _sha256(path: Path) -> str:
         if not path.is_file():
             reason = "no plain file" if path.exists() else "no such file"
             raise _unreadable(path, reason)
-        with path.open("rb") as file:
+        with open_counted(path, "hash") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError) as error:
         if isinstance(error, ImportFormatError):

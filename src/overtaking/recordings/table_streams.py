@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, cast
 
 import pyarrow as pa
 
+from overtaking.recordings.reading_progress import open_counted
 from overtaking.recordings.table_errors import refused, unreadable
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def open_bytes(path: Path) -> Generator[BinaryIO]:
         if about.st_size > MAX_BYTES:
             expected = f"at most {MAX_BYTES} bytes"
             raise refused(path, "file", expected, f"{about.st_size} bytes")
-        with path.open("rb") as file:
+        with open_counted(path, "table") as file:
             first = file.read(_LONGEST_MAGIC)
             file.seek(0)
             if (other := _kind(first, _OTHER_FILES)) is not None:

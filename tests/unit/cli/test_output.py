@@ -165,6 +165,24 @@ def test_progress_shows_rate_and_time_left_where_somebody_watches(monkeypatch, c
     assert written.out == ""
 
 
+def test_the_share_of_a_file_that_is_read_has_a_bar_of_its_own(monkeypatch, capsys):
+    monkeypatch.setattr("overtaking.cli.output._PATIENCE", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with output() as out, out.progress("simulations") as meter:
+        for done in (1_000_000, 2_500_000, 10_000_000):
+            meter.show_read_bytes(done, 10_000_000)
+            time.sleep(0.15)
+        meter(1, 4)
+        time.sleep(0.15)
+    lines = re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", capsys.readouterr().err).split("\r")
+    assert any(re.match(r"file read .* 25%", line) for line in lines)
+    assert any(re.match(r"file read .* 100%", line) for line in lines)
+    assert any(re.search(r"simulations .* 1/4", line) for line in lines)
+    assert not any(re.search(r"file read.*[0-9]/s", line) for line in lines)
+
+
 def test_a_fault_of_the_program_is_in_the_log_with_its_traceback(tmp_path):
     path = tmp_path / "run.log"
     with pytest.raises(ZeroDivisionError), output(log=path, quiet=True):
