@@ -32,7 +32,7 @@ SETTINGS: dict[str, Any] = tomllib.loads(
     Path(__file__).with_name("language.toml").read_text("utf-8")
 )
 LIMITS: dict[str, dict[str, int]] = SETTINGS["limits"]
-ANY, FUNCTIONS, FUNCTIONS_IN_ED, CLASSES, MESSAGE_PARTS = (
+VAGUE_WORDS, FUNCTIONS, FUNCTIONS_IN_ED, CLASSES, MESSAGE_PARTS = (
     frozenset(SETTINGS["names"][key].split())
     for key in ("any", "functions", "functions_in_ed", "classes", "message_parts")
 )
@@ -55,7 +55,7 @@ C_STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 # Functions, then variables, loops, parameters and fields.
 C_FUNCTION = re.compile(r"\b(?:fn|function) (\w+)")
 C_BINDING = re.compile(
-    r"\b(?:let(?: mut)?|const|var|for) (?!Some\b|None\b|Ok\b|Err\b)(\w+)\b"
+    r"\b(?:let(?: mut)?|const|var|for) (\w+)\b"
     r"|[(,{|]\s*(?:mut |pub )?(\w+)\??: |\b(\w+)\)? =>|\|(\w+)\|"
 )
 MARKER_ON_A_PAGE = re.compile(r"\s*(?:[-*>|]|#+|\d+\.)\s+")
@@ -94,9 +94,9 @@ def split_name(name: str) -> list[str]:
 
 
 def is_vague(name: str, *others: frozenset[str]) -> bool:
-    """Whether all words of a name are among `ANY` and other lists; single letters are symbols."""
+    """Whether all words of a name are vague or in other lists; single letters are symbols."""
     words = split_name(name)
-    vague_words = ANY.union(*others)
+    vague_words = VAGUE_WORDS.union(*others)
     return len(name.strip("_")) > 1 and bool(words) and all(word in vague_words for word in words)
 
 
@@ -157,7 +157,7 @@ def vague_names_of_c(code: str) -> Iterator[tuple[int, str]]:
                 yield number, match[1]
         for match in C_BINDING.finditer(line):
             name = next(group for group in match.groups() if group)
-            if is_vague(name):
+            if is_vague(name) and not name[0].isupper():  # `None =>` is a pattern.
                 yield number, name
 
 
@@ -397,6 +397,7 @@ def test_a_vague_clause_is_found_in(path: str, form: str, entry: dict[str, str])
         ("a.py", "self.known = self.told", ["known"]),
         ("a.rs", "fn told(one: f32) {}\nlet mut found = 1; // let said", ["told", "one", "found"]),
         ("a.rs", 'lanes.map(|one| one.width)\nprint("let found")', ["one"]),
+        ("a.rs", "match lane { None => 1, Some(lane) => 2 }", []),
         ("a.ts", "const found = (one) => one.s;\nfunction asked(known: number) {}", None),
     ],
 )

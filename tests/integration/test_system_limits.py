@@ -83,7 +83,7 @@ def dataset(tmp_path_factory) -> Path:
 def run_limited(limit: str, *words: str, user: tuple[str, ...] = ()) -> str:
     """Standard output of a Python process under a limit of `ulimit`."""
     line = ["bash", "-c", f'ulimit {limit}; exec "$@"', "bash", sys.executable, *words]
-    done = subprocess.run(
+    process = subprocess.run(
         [*user, *line],
         check=False,
         capture_output=True,
@@ -91,9 +91,9 @@ def run_limited(limit: str, *words: str, user: tuple[str, ...] = ()) -> str:
         timeout=300,
         env={**os.environ, **FEWEST_THREADS},
     )
-    assert "Traceback" not in done.stderr, done.stderr
-    assert done.returncode >= 0, f"ended by signal {-done.returncode}: {done.stderr}"
-    return done.stdout
+    assert "Traceback" not in process.stderr, process.stderr
+    assert process.returncode >= 0, f"ended by signal {-process.returncode}: {process.stderr}"
+    return process.stdout
 
 
 def other_user() -> tuple[str, ...]:
@@ -145,9 +145,9 @@ def test_at_each_of_forty_limits_of_addresses_a_run_succeeds_or_is_refused(tmp_p
 def test_commands_print_one_line_where_memory_is_short(tmp_path):
     words = ["bash", "-c", 'ulimit -v 200000; exec "$@"', "bash", sys.executable, "-m"]
     words += ["overtaking", "generate", "-n", "8", "--out", str(tmp_path / "data")]
-    done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("error: generate: memory: expected at least ")
-    assert done.stderr.count("\n") == 1
+    process = subprocess.run(words, check=False, capture_output=True, text=True, timeout=300)
+    assert process.returncode == 2
+    assert process.stdout == ""
+    assert process.stderr.startswith("error: generate: memory: expected at least ")
+    assert process.stderr.count("\n") == 1
     assert not (tmp_path / "data").exists()

@@ -31,7 +31,7 @@ def unreadable_error(
     Such a file may be intact: the message never advises to write it again.
 
     Args:
-        error: What reading it raised. Arrow sets `errno` only where the system refuses something.
+        error: Exception of the reader. Arrow sets `errno` only where the system refuses it.
         where: The file.
         kind: Class of the error, unless the system lacks memory, threads or open files.
 

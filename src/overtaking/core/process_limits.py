@@ -98,7 +98,7 @@ def check_memory(size: int, where: str, next_step: str) -> None:
     Args:
         size: Memory that the work needs [bytes].
         where: The function that needs it.
-        next_step: What the caller can do instead.
+        next_step: An alternative for the caller.
 
     Raises:
         SystemLimitError: The machine, a limit of the process or one of its cgroup leaves less.
@@ -227,7 +227,7 @@ def _limits() -> Iterator[tuple[int, str]]:
 
 
 def _soft_limit(name: str) -> int | None:
-    """A limit of this process; None if there is none."""
+    """A limit of this process; None without a limit."""
     try:
         import resource
     except ImportError:  # Windows.
@@ -237,7 +237,7 @@ def _soft_limit(name: str) -> int | None:
 
 
 def _address_space_limit() -> int | None:
-    """Limit of the address space [bytes]; None if there is none."""
+    """Limit of the address space [bytes]; None without a limit."""
     return _soft_limit("RLIMIT_AS")
 
 

@@ -134,10 +134,10 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _is_folder(path: Path) -> ConfigError:
     """The error for a folder in place of a profile; a data set gets a hint of its own."""
-    got, next_step = "a folder", advice("", profile_names())
+    named, next_step = "a folder", advice("", profile_names())
     if (path / "dataset.json").is_file():
         command = shlex.join(["overtaking", "info", str(path)])
-        got, next_step = (
+        named, next_step = (
             "a data set",
             f"name a profile; this command prints the profile of the data set: {command}",
         )
@@ -145,7 +145,7 @@ def _is_folder(path: Path) -> ConfigError:
         what="profile",
         where=str(path),
         expected="the name of a profile or a TOML file",
-        got=got,
+        got=named,
         next_step=next_step,
     )
 

@@ -1,4 +1,4 @@
-"""What the system refuses is named, and memory is compared with every limit before it is used."""
+"""Errors name the refused resource; memory is compared with every limit before it is used."""
 
 from __future__ import annotations
 

@@ -228,12 +228,12 @@ def _above_minimum(case: Case) -> Check:
     span, least = conduct(case), known("law.minimum.speed")
     low = limited(seen.speed, least, span, is_most=False)
     slow = np.flatnonzero(span.exists & (low.low < 0))
-    margin, within = seen.speed[slow] - least, span.at_rows(slow)
-    row, frames = np.nonzero(within.mask(np.arange(len(slow)), seen.num_frames) & (margin < 0))
+    margin, slow_spans = seen.speed[slow] - least, span.at_rows(slow)
+    row, frames = np.nonzero(slow_spans.mask(np.arange(len(slow)), seen.num_frames) & (margin < 0))
     held = _is_held_up(case, slow[row], frames)
     margin[row[held], frames[held]] = ENDLESS
-    found = never_negative(low.with_rows(slow, stretch(margin, within)), span)
-    return found if road_known else perhaps(found)
+    checked = never_negative(low.with_rows(slow, stretch(margin, slow_spans)), span)
+    return checked if road_known else perhaps(checked)
 
 
 def _is_held_up(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
