@@ -45,7 +45,7 @@ _EXCEL_SEPARATOR = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 _THOUSANDS = re.compile(
     r"(?<![\w.,])\d{1,3}(?:(?:([.,])\d{3})(?:\1\d{3})+|([.,])\d{3}(?!\2)[.,]\d+)(?![\w.,])"
 )
-_BLANK_LINE = re.compile(rb"\n[ \t]+\r?(?:\n|$)")
+_BLANK_LINE = re.compile(rb"\n[ \t]+(?:#|\r?(?:\n|$))")  # Also a comment after blanks.
 _MAX_DROPPED_LINES = 1_000_000
 
 
@@ -190,13 +190,13 @@ class _SampleLines:
     def of(cls, sample: str) -> _SampleLines:
         """The lines of a sample."""
         lines = [line for line in re.split(r"\r\n|\n|\r", sample) if line.strip()]
-        is_comment = [line.startswith("#") for line in lines]
+        is_comment = [line.lstrip().startswith("#") for line in lines]
         # Below a header without "#", lines that mostly begin with it are rows with such names.
         has_comments = not lines or is_comment[0] or 2 * sum(is_comment) < len(lines)
         is_comment = [comment and has_comments for comment in is_comment]
         others = [line for line, comment in zip(lines, is_comment, strict=True) if not comment]
         num_first = is_comment.index(False) if others else len(lines)
-        comments = [line.lstrip("#").strip() for line in lines[:num_first]]
+        comments = [line.lstrip("# \t").rstrip() for line in lines[:num_first]]
         excel = _EXCEL_SEPARATOR.fullmatch(others[0]) if others else None
         if excel is None:
             return cls(comments, others, has_comments)
@@ -444,7 +444,7 @@ class _RowLines(io.RawIOBase):
         lines = text.splitlines(keepends=True) if b"\n" not in text else _split_lines(text)
         kept: list[bytes] = []
         for number, line in enumerate(lines, num_before + 1):
-            is_comment = self._dialect.has_comments and line.startswith(b"#")
+            is_comment = self._dialect.has_comments and line.lstrip().startswith(b"#")
             if not line.strip() or is_comment:
                 self._dropped.append(number)
             elif self._num_to_skip:

@@ -440,6 +440,7 @@ LAYOUTS = {
     "blank lines at the end": lambda lines: [*lines, "", "  ", "\t", ""],
     "empty rows at the end": lambda lines: [*lines, ",,,,,,", ",,,,,,"],
     "comments": lambda lines: ["# a", "#b", *lines[:9], "# c", "#7,1,2,3,4,5,6", *lines[9:], "# d"],
+    "comments after blanks": lambda lines: ["  # a", *lines[:9], "\t# b", *lines[9:]],
     "blank lines between": lambda lines: ["", *lines[:9], "", *lines[9:]],
     "names in a comment": lambda lines: [f"# {lines[0]}", *lines[1:]],
     "blanks": lambda lines: [line.replace(",", "  ") for line in lines],
