@@ -169,7 +169,9 @@ def run_command(line: str, page: str) -> None:
     errors = io.StringIO()
     with contextlib.redirect_stderr(errors):
         status = main(arguments)
-    assert status == 0, f"{page}: {line}: {errors.getvalue()}"
+    # `validate` ends with 1 if a figure of the profile misses its target, as the page states.
+    allowed = (0, 1) if arguments[0] == "validate" else (0,)
+    assert status in allowed, f"{page}: {line}: {errors.getvalue()}"
     assert "Traceback" not in errors.getvalue(), f"{page}: {line}"
     assert "arning" not in errors.getvalue(), f"{page}: {line}: {errors.getvalue()}"
 

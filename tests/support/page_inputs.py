@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
@@ -14,7 +15,8 @@ from overtaking.cli import main
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
 
 COLUMN_MAP = """
 [columns]
@@ -62,6 +64,13 @@ def write_map(path: Path) -> None:
     odr.write_xml(str(path))
 
 
+def write_driver(path: Path) -> None:
+    """The driver that `drive-it-yourself.md` shows."""
+    page = (ROOT / "docs" / "how-to" / "drive-it-yourself.md").read_text(encoding="utf-8")
+    _, _, block = page.partition("<!-- save: my_driver.py -->\n```python\n")
+    path.write_text(block.partition("```")[0], encoding="utf-8")
+
+
 def write_folder_of_tables(path: Path) -> None:
     path.mkdir()
     for number in range(3):
@@ -77,6 +86,8 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "map.toml": lambda path: path.write_text(COLUMN_MAP, encoding="utf-8"),
     "tracks.csv": write_table,
     "table.csv": write_paper_table,
+    "my_driver.py": write_driver,
+    "network.onnx": lambda path: shutil.copy(ROOT / "examples" / "rl" / "learned.onnx", path),
     "town.xodr": write_map,
     "recordings": write_folder_of_tables,
 }

@@ -123,7 +123,17 @@ def restore(
     )
     if tables["states"].num_rows == np.count_nonzero(restored.state_valid):
         return restored
-    return restored.replace(present=_Grid.of(tables, "states", "vehicle", "frame").present)
+    present = _Grid.of(tables, "states", "vehicle", "frame").present
+    if present.shape != restored.state_valid.shape:
+        expected = "states of the last vehicle and in the last frame"
+        raise _refused("states", "vehicle", expected, f"{tables['states'].num_rows} states")
+    recorded = restored.replace(present=present)
+    # Events and rules read the ego in every frame; other vehicles may appear later or leave.
+    num_ego_states = recorded.state_valid[:, Role.EGO].sum(axis=1)
+    if (is_short := num_ego_states != recorded.num_frames).any():
+        expected = f"{recorded.num_frames[is_short][0]} states of vehicle {int(Role.EGO)}"
+        raise _refused("states", "vehicle", expected, int(num_ego_states[is_short][0]))
+    return recorded
 
 
 def _known_kinds(table: pa.Table, grid: "_Grid", unknown: Collection[str]) -> Mask | None:
@@ -217,6 +227,8 @@ def _row_indices(keys: Array, wanted: Array, table: str, column: str) -> NDArray
     Raises:
         SchemaError: A key is not among them.
     """
+    if not len(keys) and len(wanted):
+        raise _refused(table, column, "a key of another table", int(wanted[0]))
     indices = np.searchsorted(keys, wanted)
     is_missing = keys[np.minimum(indices, len(keys) - 1)] != wanted
     if is_missing.any():

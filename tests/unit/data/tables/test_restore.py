@@ -114,3 +114,12 @@ def test_two_seeds_do_not_fit_into_one_batch(recorder):
     both = {name: pa.concat_tables([one[name], other[name]]) for name in one}
     with pytest.raises(SchemaError, match=r"column seed: expected one value .*, got 2 values"):
         restore(both, recorded.road)
+
+
+@pytest.mark.parametrize("name", ["vehicles", "weather", "states", "frames"])
+def test_an_empty_table_beside_simulations_is_refused(recorder, name: str):
+    recorded = recorder(11)
+    tables = encode(recorded, np.arange(5))
+    tables[name] = tables[name].slice(0, 0)
+    with pytest.raises(SchemaError, match=f"{name}|num_frames"):
+        restore(tables, recorded.road)
