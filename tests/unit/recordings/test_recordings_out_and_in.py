@@ -18,10 +18,12 @@ from overtaking.recordings import pinto2023
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
 from overtaking.recordings.export import write_folder
+from overtaking.recordings.findings import Check, Consequence
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.highd import read_highd
 from overtaking.recordings.highd_write import write_highd
 from overtaking.recordings.pinto2023_import import read_pinto2023, speed_ratios
+from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
 
 COUNT = 4
 
@@ -292,3 +294,66 @@ def test_frames_that_are_missing_or_uneven_are_refused(table, tmp_path):
     uneven = table.set_column(2, table.schema.field(2), pa.array(times))
     with pytest.raises(ImportFormatError, match="column TS: expected even steps"):
         read_pinto2023(write(uneven, tmp_path / "uneven.parquet"))
+
+
+def with_tuples(table: pa.Table, change) -> pa.Table:
+    """The paper's table with other tuples of vehicles.
+
+    Args:
+        table: The table.
+        change: Takes simulation, frame, column and the tuples of that cell, and gives others.
+    """
+    simulations, frames = table["S"].to_pylist(), table["F"].to_pylist()
+    for name in VEHICLE_COLUMNS:
+        cells = [
+            change(simulation, frame, name, cell)
+            for simulation, frame, cell in zip(
+                simulations, frames, table[name].to_pylist(), strict=True
+            )
+        ]
+        place = table.schema.get_field_index(name)
+        table = table.set_column(
+            place, table.schema.field(name), [pa.array(cells, table.schema.field(name).type)]
+        )
+    return table
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "consequence"), [(1, Consequence.REPORTED), (2, Consequence.LEFT_OUT)]
+)
+def test_a_position_of_the_papers_table_that_no_vehicle_reaches(
+    table, tmp_path, vehicle, consequence
+):
+    def move(simulation, frame, name, cell):
+        is_changed = (simulation, frame, name) == (3, 30, "L")
+        return [
+            {**part, "x_m": part["x_m"] + 15.0 * (is_changed and part["id"] == vehicle)}
+            if name == "L"
+            else part
+            for part in cell
+        ]
+
+    whole = read_pinto2023(write(table, tmp_path / "whole.parquet")).recording
+    recording = read_pinto2023(
+        write(with_tuples(table, move), tmp_path / "moved.parquet")
+    ).recording
+    (finding,) = recording.findings
+    assert (finding.check, finding.consequence) == (Check.MOTION, consequence)
+    assert finding.vehicle == str(vehicle)
+    assert finding.first_time_s == pytest.approx(30 * recording.frame_interval_ms * 1e-3)
+    largest = np.abs(recording.tracks.x - whole.tracks.x).max()
+    assert largest == pytest.approx(15.0, abs=0.01) if vehicle == 1 else largest < 0.2
+
+
+def test_a_vehicle_that_the_papers_table_lacks_in_a_few_frames_is_interpolated(table, tmp_path):
+    def leave_out(simulation, frame, _, cell):
+        is_changed = simulation == 3 and 30 <= frame < 33
+        return [part for part in cell if not (is_changed and part["id"] == 2)]
+
+    whole = read_pinto2023(write(table, tmp_path / "whole.parquet")).recording
+    recording = read_pinto2023(
+        write(with_tuples(table, leave_out), tmp_path / "shorter.parquet")
+    ).recording
+    (finding,) = recording.findings
+    assert (finding.check, finding.vehicle, finding.rows) == (Check.GAPS, "2", 3)
+    assert np.abs(recording.tracks.x - whole.tracks.x).max() < 0.2
