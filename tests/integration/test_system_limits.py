@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 import overtaking as ot
+from overtaking.core import process_limits
+from overtaking.core.errors import SystemLimitError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -151,3 +153,16 @@ def test_commands_print_one_line_where_memory_is_short(tmp_path):
     assert process.stderr.startswith("error: generate: memory: expected at least ")
     assert process.stderr.count("\n") == 1
     assert not (tmp_path / "data").exists()
+
+
+def test_a_run_larger_than_the_limit_of_a_container_is_refused_before_it_begins(
+    tmp_path, monkeypatch
+):
+    mib = 1 << 20
+    monkeypatch.setattr(process_limits, "_cgroup_memory", lambda: iter([(600 * mib, 500 * mib)]))
+    with pytest.raises(SystemLimitError, match=r"generate: memory: expected at most the 105 MB"):
+        ot.generate("motorway", simulations=100, seed=1, out=tmp_path / "data")
+    assert not (tmp_path / "data").exists()
+    with pytest.raises(SystemLimitError, match=r"simulate: memory: expected at most the 105 MB"):
+        ot.simulate(ot.sample("motorway", 100, seed=1))
+    ot.generate("motorway", simulations=2, seed=1, out=tmp_path / "data")

@@ -41,6 +41,9 @@ from overtaking.world.clock import STEP_MS
 MOST_ERROR = 100.0
 """Largest standard deviation of what was measured [m] and [m/s]."""
 
+BYTES_PER_LABELLED_FRAME = 64
+"""Memory of the signals of a frame, measured with 400 simulations of `motorway` [bytes]."""
+
 MAX_SAMPLED = 100_000_000
 """Most scenarios of a batch; data sets may be larger."""
 
@@ -167,7 +170,9 @@ def label(
     Raises:
         ConfigError: A field of the recording is out of its range, or there is no such law
             or policy.
+        SystemLimitError: The system grants too little memory or too few threads.
     """
+    check_memory(BYTES_PER_LABELLED_FRAME * runs.stage.size, "label", "label fewer at a time")
     pack = load_pack(law)
     errors = errors_of(position_error, speed_error)
     return labelled(runs, pack=pack, policies=policies_of(pack, policies), errors=errors)

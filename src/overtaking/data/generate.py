@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError, DatasetError, InfeasibleError, MissingExtraError
+from overtaking.core.process_limits import MORE_MEMORY, check_memory
 from overtaking.core.steps import Progress, Steps
 from overtaking.data import lock, manifest, plan
 from overtaking.data.balance_scan import Chosen, Scan
@@ -17,7 +18,7 @@ from overtaking.data.interruption import Terminated, cannot_write, termination_r
 from overtaking.data.load import Dataset, load
 from overtaking.data.location import PARTIAL, Location
 from overtaking.data.manifest import Identity, Manifest, Provenance, ShardRecord
-from overtaking.data.recipe import Recipe, Simulator
+from overtaking.data.recipe import Keep, Recipe, Simulator
 from overtaking.data.work import Executor, Job, Task, in_this_process
 
 _MORE_ROOM = "make room or choose another folder; --resume goes on with what is finished"
@@ -62,6 +63,7 @@ def generate(
         DatasetError: The location holds something else, is too small or cannot be written, another
             process writes it, or the process was asked to end; finished shards are kept.
         KeyboardInterrupt: Ctrl-C; finished shards are kept.
+        SystemLimitError: The system grants too little memory, or too few threads or processes.
     """
     _check(recipe)
     identity = Identity.of(recipe, simulator)
@@ -73,6 +75,8 @@ def generate(
         _refuse_strangers(location)
         if not location.has(manifest.FILE_NAME):
             refuse_too_large(recipe, location, simulator, allow_large)
+        if executor is in_this_process:  # Workers have limits of their own.
+            _check_memory(recipe, simulator)
         with termination_raises(), location.locked():
             run.run(executor, progress, on_candidates)
     except OSError as error:
@@ -82,6 +86,19 @@ def generate(
     except KeyboardInterrupt:
         raise KeyboardInterrupt(run.interrupted("Ctrl-C")) from None
     return load(location, simulator)
+
+
+def _check_memory(recipe: Recipe, simulator: Simulator) -> None:
+    """Refuse a data set of which this process cannot hold the chunks that are made at a time.
+
+    Raises:
+        SystemLimitError: The system grants less memory.
+    """
+    spec, keeps_frames = recipe.spec.resolved(), recipe.keep is Keep.FRAMES
+    size = plan.batch_size(spec, simulator.chunk_size, keeps_frames=keeps_frames)
+    chunk = min(size, recipe.num_simulations, recipe.shard_size)
+    threads = min(simulator.threads, -(-recipe.num_simulations // chunk))
+    check_memory(plan.working_bytes(spec, chunk, threads), "generate", MORE_MEMORY)
 
 
 class _Run:
