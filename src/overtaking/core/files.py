@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.process_limits import refusal_of
+from overtaking.core.process_limits import asks_beyond_machine, refusal_of
 from overtaking.core.words import as_utf8
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ def unreadable_error(
     Returns:
         The error; None if the file is missing or its content is the cause.
     """
+    if asks_beyond_machine(error):
+        return None
     if (refusal := refusal_of(error, where)) is not None:
         return refusal
     if (

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -145,6 +146,15 @@ def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
     return None
 
 
+def asks_beyond_machine(error: BaseException) -> bool:
+    """Whether a library failed to allocate more than the memory of this machine.
+
+    A file with a damaged length asks for such sizes, so that the file is the cause, not a limit.
+    """
+    stated = re.search(r"of size (\d+)", str(error)) if isinstance(error, MemoryError) else None
+    return stated is not None and int(stated[1]) > _machine_memory()
+
+
 @contextmanager
 def explain_refusals(where: str) -> Generator[None]:
     """Raise a `SystemLimitError` instead of errors of libraries that the system's limits cause.
@@ -214,7 +224,7 @@ def _reduce_reservations() -> None:
 def _limits() -> Iterator[tuple[int, str]]:
     """Memory that each limit leaves [bytes], and the limit in words."""
     if hasattr(os, "sysconf"):  # Windows refuses by itself to promise memory that is not there.
-        yield os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), "of this machine"
+        yield _machine_memory(), "of this machine"
     limit = _address_space_limit()
     if limit is not None and (used := _pages_used(0)) is not None:
         free = max(0, limit - used - WORKING_BYTES)
@@ -224,6 +234,13 @@ def _limits() -> Iterator[tuple[int, str]]:
         yield max(0, limit - used), f"that the limit of {_size(limit)} leaves (ulimit -d)"
     for limit, used in _cgroup_memory():
         yield max(0, limit - used), f"that the limit of {_size(limit)} of its cgroup leaves"
+
+
+def _machine_memory() -> int:
+    """Memory of this machine [bytes]; where the system does not tell it, more than any has."""
+    if not hasattr(os, "sysconf"):
+        return 1 << 46
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def _soft_limit(name: str) -> int | None:
