@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from tests.support.recordings import commonroad
 
 from overtaking import api
 from overtaking.cli import main
@@ -26,6 +27,15 @@ def test_labels_from_memory_and_from_files_are_the_same(data, table):
 
 
 def test_labelling_again_changes_nothing(data):
+    again = api.relabel(data.path)
+    assert again.content_hash == data.content_hash
+    again.verify()
+
+
+def test_labelling_a_recording_again_changes_nothing(tmp_path):
+    scene = tmp_path / "scene.xml"
+    scene.write_text(commonroad(), encoding="utf-8")
+    data = api.import_recording("commonroad", scene, tmp_path / "data")
     again = api.relabel(data.path)
     assert again.content_hash == data.content_hash
     again.verify()

@@ -12,7 +12,7 @@ from overtaking.data.location import Folder
 from overtaking.data.recipe import Simulator
 from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
-from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
+from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
 from overtaking.labels.label import label
 from overtaking.labels.law import Errors
 from overtaking.model.trajectory import Trajectories
@@ -58,7 +58,10 @@ def _relabel(data: Dataset, location: Folder, step: Steps, errors: Errors | None
     location.prepare(LABEL_TABLES)
     with location.staging() as staging:
         step(0)
-        batches, schemas = data.batches(), {name: SCHEMAS[name] for name in LABEL_TABLES}
+        # As the import wrote them: recordings allow nulls where they lack a quantity.
+        unknown = data.manifest.identity.unknown
+        schemas = {name: schema_of(name, unknown) for name in LABEL_TABLES}
+        batches = data.batches()
         written = [
             shards.write_files(staging, shard, _pieces(data, shard, batches, errors), schemas, step)
             for shard in planned
