@@ -142,13 +142,13 @@ class DuplicatePair(NamedTuple):
 
 def find_duplicates(tracks: Tracks) -> list[DuplicatePair]:
     """Pairs of tracks on one carriageway that are one vehicle, in order of the longer track."""
-    found: list[DuplicatePair] = []
+    duplicates: list[DuplicatePair] = []
     for first, second in zip(*_overlapping_at_first(tracks), strict=True):
         pair = _compare(tracks, int(first), int(second))
         if pair is not None:
-            found.append(pair)
+            duplicates.append(pair)
     count = np.diff(tracks.start)
-    return sorted(found, key=lambda pair: (-int(count[pair.vehicle]), pair.vehicle, pair.copy))
+    return sorted(duplicates, key=lambda pair: (-int(count[pair.vehicle]), pair.vehicle, pair.copy))
 
 
 def _overlapping_at_first(tracks: Tracks) -> tuple[I64, I64]:
@@ -201,7 +201,8 @@ def _overlapping_at_first(tracks: Tracks) -> tuple[I64, I64]:
         is_near = _overlaps(tracks, track, other, row, other_row)
         pairs.append((other[is_near], track[is_near]))
         begin = end
-    return np.concatenate([one for one, _ in pairs]), np.concatenate([two for _, two in pairs])
+    earlier, later = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    return earlier, later
 
 
 def _overlaps(

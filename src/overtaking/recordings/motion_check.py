@@ -120,9 +120,9 @@ def find_faulty_rows(
                 x[low:high] + 1j * y[low:high],
                 interval_ms * 1e-3,
             )
-            found, jumped = path.find((of_piece - low).tolist())
-            rows += [low + row for row in found]
-            deviations += found.values()
+            away, jumped = path.find((of_piece - low).tolist())
+            rows += [low + row for row in away]
+            deviations += away.values()
             jumps += [(low + row, size) for row, size in jumped.items()]
     if len(rows) > MAX_FAULTY_SHARE * len(vehicle):
         return FaultyRows.none(is_scattered=True)
@@ -139,7 +139,7 @@ def _bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float) ->
 
     Beside a run of faulty rows, the first and the last of them deviate by half their distance.
     """
-    found: list[I64] = []
+    blocks: list[I64] = []
     longest = max(MAX_GAP_S * 1000.0 / interval_ms, ONE_FRAME) + 1e-6
     for low in range(1, len(vehicle) - 1, _BLOCK):
         high = min(low + _BLOCK, len(vehicle) - 1)
@@ -155,8 +155,8 @@ def _bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float) ->
         is_inside = (vehicle[rows + low - 1] == vehicle[rows + low + 1]) & (
             np.maximum(earlier[rows], later[rows]) <= longest
         )
-        found.append(rows[is_inside] + low)
-    return np.concatenate(found) if found else np.empty(0, np.int64)
+        blocks.append(rows[is_inside] + low)
+    return np.concatenate(blocks) if blocks else np.empty(0, np.int64)
 
 
 def _limit(deviation: float, times: F64) -> F64:
@@ -272,7 +272,7 @@ class _Path:
     def _ends(self, faulty: dict[int, float]) -> dict[int, float]:
         """A faulty first or last row, by the line through the two rows beside it."""
         count = len(self.time)
-        found: dict[int, float] = {}
+        end_rows: dict[int, float] = {}
         for row, beside, third, fourth in (
             (0, 1, 2, 3),
             (count - 1, count - 2, count - 3, count - 4),
@@ -281,8 +281,8 @@ class _Path:
                 continue
             near = abs(self.time[beside] - self.time[row])
             far = abs(self.time[third] - self.time[beside])
-            way = self.point[beside] - self.point[third]
-            off = self.point[row] - self.point[beside] - way * (near / far)
+            last_step = self.point[beside] - self.point[third]
+            off = self.point[row] - self.point[beside] - last_step * (near / far)
             allowance = MAX_SPEED_CHANGE_AT_END * near
             size = max(abs(off) - allowance, 0.0) / max(abs(off), 1e-9) * off
             times = np.array([near * (near + far)])
@@ -290,8 +290,8 @@ class _Path:
                 np.array([size]), times, min(beside, third), max(beside, third)
             )
             if is_beyond[0] and abs(self.bend[third]) < _MAX_END_BEND * abs(off):
-                found[row] = float(abs(off))
-        return found
+                end_rows[row] = float(abs(off))
+        return end_rows
 
     def _jump(self, row: int) -> float | None:
         """Size of a jump to another path between a row and the one before it [m]."""

@@ -217,12 +217,12 @@ def examine_vehicles(
 
 def _clock_ratio(vehicle: I64, states: dict[str, F64], interval_ms: int) -> float:
     """Speed measured from positions over stated speed, 1 unless the clock was scaled."""
-    way = np.hypot(np.diff(states["x"]), np.diff(states["y"]))
+    distance = np.hypot(np.diff(states["x"]), np.diff(states["y"]))
     speed = states["speed"][1:]
     moves = (np.diff(vehicle) == 0) & (speed > mps_from_kmh(SLOW_KMH))
     if not moves.any():
         return 1.0
-    ratio = float(np.median(way[moves] / speed[moves])) / (interval_ms * 1e-3)
+    ratio = float(np.median(distance[moves] / speed[moves])) / (interval_ms * 1e-3)
     scales = [scale for scale in SCALES.values() if abs(ratio / scale - 1.0) <= NEAR_SCALE]
     return scales[0] if scales else 1.0
 
