@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.support.recordings import commonroad
+from tests.support.page_inputs import WRITERS
 
 from overtaking import api
 from overtaking.cli import main
@@ -32,10 +32,18 @@ def test_labelling_again_changes_nothing(data):
     again.verify()
 
 
-def test_labelling_a_recording_again_changes_nothing(tmp_path):
-    scene = tmp_path / "scene.xml"
-    scene.write_text(commonroad(), encoding="utf-8")
-    data = api.import_recording("commonroad", scene, tmp_path / "data")
+@pytest.mark.parametrize(
+    ("file_format", "name"),
+    [
+        ("commonroad", "scene.xml"),
+        ("ngsim", "trajectories.csv"),
+        # This format states no kinds of vehicles; friction depends on them.
+        ("pinto2023", "table.csv"),
+    ],
+)
+def test_labelling_a_recording_again_changes_nothing(tmp_path, file_format: str, name: str):
+    WRITERS[name](tmp_path / name)
+    data = api.import_recording(file_format, tmp_path / name, tmp_path / "data")
     again = api.relabel(data.path)
     assert again.content_hash == data.content_hash
     again.verify()

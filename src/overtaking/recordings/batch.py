@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import I64, Mask
+from overtaking.core.arrays import F32, I64, U8, Mask
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectory import (
     NO_VEHICLE,
@@ -26,7 +26,12 @@ from overtaking.recordings.candidates import Window
 from overtaking.recordings.neighbours import NOBODY, Surroundings
 from overtaking.recordings.recording import Recording
 from overtaking.scenarios.assumed import KIND as ASSUMED_KIND
-from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
+from overtaking.scenarios.assumed import (
+    assumed_bodies,
+    assumed_drivers,
+    assumed_weather,
+    kinds_by_length,
+)
 
 NUM_SLOTS = 16
 """Default number of vehicles of a simulation from a recording, the ego among them."""
@@ -206,6 +211,7 @@ def _scenario(
     num_lanes = recording.road.num_lanes
     lane = np.where(lane == NO_VEHICLE, 0, np.minimum(lane, num_lanes - 1))
     lane = np.where(tracks.is_oncoming[who], num_lanes, lane)
+    length = tracks.length.astype(np.float32)
     return Scenario(
         profile=recording.file_format,
         road=recording.road,
@@ -217,10 +223,8 @@ def _scenario(
         weight=np.ones(count),
         vehicles=assumed_bodies(
             valid,
-            # Data sets store null for an unknown kind and load it as the assumed kind. With the
-            # same kind here, labels before and after storing agree.
-            np.where(tracks.is_kind_known, tracks.kind, np.uint8(ASSUMED_KIND))[who],
-            tracks.length[who].astype(np.float32),
+            _assumed_kinds(recording, length)[who],
+            length[who],
             tracks.width[who].astype(np.float32),
         ),
         drivers=assumed_drivers((count, slots)),
@@ -229,6 +233,23 @@ def _scenario(
         start_lane=lane.astype(np.uint8),
         start_speed=tracks.speed[first].astype(np.float32),
     )
+
+
+def _assumed_kinds(recording: Recording, length: F32) -> U8:
+    """The kind of each vehicle, also where it is unknown, shape (vehicle,).
+
+    Data sets store null for an unknown kind, so that kinds from a file have to follow from what is
+    stored. With the same kinds here, labels before and after storing agree.
+
+    Args:
+        recording: The recording.
+        length: As stored, shape (vehicle,) [m].
+    """
+    tracks = recording.tracks
+    if "kinds" in recording.unknown:
+        nothing = np.zeros(len(length), np.bool_)
+        return kinds_by_length(length, is_truck=nothing, is_car=nothing)
+    return np.where(tracks.is_kind_known, tracks.kind, np.uint8(ASSUMED_KIND))
 
 
 def _hashes(

@@ -41,7 +41,6 @@ from overtaking.recordings.recording import (
     bending,
     by_ways,
     kept,
-    kinds_by_length,
     lane_codes,
     on_road,
     slope,
@@ -49,6 +48,7 @@ from overtaking.recordings.recording import (
 from overtaking.recordings.road import Projection
 from overtaking.recordings.state_examination import examine_states
 from overtaking.recordings.xml import Element, elements
+from overtaking.scenarios.assumed import kinds_by_length
 
 FORMAT = "commonroad"
 VERSIONS = ("2018b", "2020a")

@@ -22,9 +22,9 @@ from overtaking.model.road import Road
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.recordings import messages
 from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
-from overtaking.recordings.recording import Tracks, kinds_by_length, lane_codes, slope
+from overtaking.recordings.recording import Tracks, lane_codes, slope
 from overtaking.recordings.state_examination import ExaminedStates, examine_states
-from overtaking.scenarios.assumed import assumed_weather
+from overtaking.scenarios.assumed import assumed_weather, kinds_by_length
 
 MIN_AGREEMENT = 0.95
 """Share of the lane ids of a table that must be those of its road."""

@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, I64, U8, Mask
-from overtaking.knowledge import vehicle_classes
 from overtaking.model.road import Road
 from overtaking.model.trajectory import BEYOND_SLOW_EDGE
-from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.findings import Finding
 from overtaking.recordings.limits import with_speed_limit
 from overtaking.recordings.recording_checks import check_ranges
@@ -349,27 +347,3 @@ def lane_codes(road: Road, d: F64) -> U8:
     """Values of `States.lane` for positions across the road [m]."""
     lane = road.lane_index(d)
     return np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8)
-
-
-def kinds_by_length(length: F64, *, is_truck: NDArray[np.bool_], is_car: NDArray[np.bool_]) -> U8:
-    """Vehicle types where a source knows at most cars and trucks.
-
-    Small, medium and large are parted half-way between the typical lengths of the three classes. A
-    vehicle without a stated type is a truck from half-way between van and truck on. Vans are not
-    distinguished. `may_be_kind` checks whether a length contradicts a stated type.
-
-    Args:
-        length: Shape (vehicle,) [m].
-        is_truck: Whether the source calls it a truck or bus, same shape.
-        is_car: Whether the source calls it a car, same shape.
-    """
-    small, medium, large, van, truck = (
-        float(vehicle_classes()[name].length.number) for name in ("S", "M", "L", "V", "T")
-    )
-    car = np.select(
-        [length < (small + medium) / 2.0, length < (medium + large) / 2.0],
-        [VehicleKind.S, VehicleKind.M],
-        VehicleKind.L,
-    )
-    trucks = is_truck | (~is_car & (length >= (van + truck) / 2.0))
-    return np.where(trucks, VehicleKind.T, car).astype(np.uint8)

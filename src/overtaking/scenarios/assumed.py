@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.arrays import F32, U8, Mask
+from overtaking.core.arrays import F32, F64, U8, Mask
+from overtaking.knowledge import vehicle_classes
 from overtaking.model.batch import batch_fields
 from overtaking.model.drivers import Drivers
 from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
@@ -22,6 +23,30 @@ KIND = VehicleKind.M
 
 _HIGH_SUN = np.float32(0.8)  # Neither night nor glare.
 _ABEAM = np.float32(1.57)
+
+
+def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
+    """Vehicle types where a source knows at most cars and trucks.
+
+    Small, medium and large are parted half-way between the typical lengths of the three classes. A
+    vehicle without a stated type is a truck from half-way between van and truck on. Vans are not
+    distinguished. `may_be_kind` checks whether a length contradicts a stated type.
+
+    Args:
+        length: Shape (vehicle,) [m].
+        is_truck: Whether the source calls it a truck or bus, same shape.
+        is_car: Whether the source calls it a car, same shape.
+    """
+    small, medium, large, van, truck = (
+        float(vehicle_classes()[name].length.number) for name in ("S", "M", "L", "V", "T")
+    )
+    car = np.select(
+        [length < (small + medium) / 2.0, length < (medium + large) / 2.0],
+        [VehicleKind.S, VehicleKind.M],
+        VehicleKind.L,
+    )
+    trucks = is_truck | (~is_car & (length >= (van + truck) / 2.0))
+    return np.where(trucks, VehicleKind.T, car).astype(np.uint8)
 
 
 def assumed_bodies(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpecs:

@@ -31,7 +31,13 @@ from overtaking.model.trajectory import (
 )
 from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Pushes, Weather
-from overtaking.scenarios.assumed import KIND, assumed_bodies, assumed_drivers, assumed_weather
+from overtaking.scenarios.assumed import (
+    KIND,
+    assumed_bodies,
+    assumed_drivers,
+    assumed_weather,
+    kinds_by_length,
+)
 from overtaking.world.clock import DECISIONS_PER_SECOND
 from overtaking.world.constants import constants
 
@@ -340,8 +346,12 @@ def _values(table: pa.Table, column: Column, missing: int) -> Array:
 
 def _bodies(table: pa.Table, grid: _Grid, unknown: Collection[str]) -> VehicleSpecs:
     if "bodies" in unknown:
-        kind = grid.like_ego(_codes(table, "kind", KINDS, KIND))
         length, width = (grid.like_ego(_numbers(table, name)) for name in ("length_m", "width_m"))
+        if "kinds" in unknown:
+            nothing = np.zeros(length.shape, np.bool_)
+            kind = kinds_by_length(length, is_truck=nothing, is_car=nothing)
+        else:
+            kind = grid.like_ego(_codes(table, "kind", KINDS, KIND))
         return assumed_bodies(grid.present, kind, length, width)
     read = _read("vehicles", {"vehicles": table}, "scenario.vehicles", grid.like_ego, kind=KIND)
     return VehicleSpecs(valid=grid.present, **read)
