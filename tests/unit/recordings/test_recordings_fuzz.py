@@ -138,8 +138,16 @@ def test_what_is_no_such_scenario_is_refused_in_one_line(tmp_path: Path, text, m
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("<exact>5</exact></time>", "<exact>7</exact></time>", "expected time step 5, got 7"),
-        ("<exact>5</exact></time>", "<exact>4</exact></time>", "expected time step 5, got 4"),
+        (
+            "<exact>5</exact></time>",
+            "<exact>7</exact></time>",
+            "expected time step 8 or later, got 6",
+        ),
+        (
+            "<exact>5</exact></time>",
+            "<exact>4</exact></time>",
+            "expected time step 5 or later, got 4",
+        ),
         ("<exact>5</exact></time>", "<exact>5.5</exact></time>", "no time step"),
         ("<exact>30</exact></velocity>", "<exact>1e7</exact></velocity>", "not that of a vehicle"),
         ("<length>4.5</length>", "<length>450</length>", "no size of a vehicle"),
