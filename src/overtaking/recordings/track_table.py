@@ -8,7 +8,7 @@ without a gap: recordings of several periods number their vehicles anew in each.
 from __future__ import annotations
 
 import unicodedata
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,14 +19,10 @@ from overtaking.recordings.column_map import (
     NOT_KNOWN,
     RECORDING,
     TRACKS,
-    UNITS,
     VEHICLES,
     ColumnMap,
     files_of,
 )
-from overtaking.recordings.column_matching import name_key
-from overtaking.recordings.column_request import NUMBER, TEXT, TIME, ColumnRequest
-from overtaking.recordings.findings import Check, Consequence, Finding
 from overtaking.recordings.frame_times import (
     FRAME_INTERVAL_RANGE_MS,
     check_extent,
@@ -36,14 +32,29 @@ from overtaking.recordings.frame_times import (
     order_rows,
     undo_clock_wraps,
 )
-from overtaking.recordings.gaps import check_pieces, gap_findings, is_long_gap
+from overtaking.recordings.gaps import check_pieces, gap_findings
 from overtaking.recordings.memory_tables import arrow_table
 from overtaking.recordings.missing_cells import check_missing, fill_missing, missing_findings
-from overtaking.recordings.motion_check import FaultyRows, find_faulty_rows, motion_findings
+from overtaking.recordings.motion_check import motion_findings
 from overtaking.recordings.recording_checks import compare_sizes
-from overtaking.recordings.rows import ON_GRID, Rows, at_whole_frames, track_names
-from overtaking.recordings.table_errors import refused, refused_cell
+from overtaking.recordings.rows import Rows, at_whole_frames, track_names
+from overtaking.recordings.state_rows import (
+    StateRows,
+    faulty_rows,
+    find_repeated,
+    repeated_findings,
+    track_of_rows,
+)
+from overtaking.recordings.table_errors import refused
 from overtaking.recordings.table_files import checked_table, column_names, read_columns
+from overtaking.recordings.table_request import (
+    SIZE_RANGES,
+    TEXT_QUANTITIES,
+    build_request,
+    meaningful_words,
+    thousands_findings,
+    with_choice,
+)
 from overtaking.recordings.vehicle_constants import (
     VehicleConstants,
     medians,
@@ -56,26 +67,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    import pyarrow as pa
     from numpy.typing import NDArray
 
     from overtaking.core.arrays import F64, I64, Mask
+    from overtaking.recordings.findings import Finding
 
 _DIRECTIONS = (1, 2)
-_SIZES = {"length": (0.1, 50.0), "width": (0.1, 10.0)}
-_TEXT_QUANTITIES = frozenset({"type", "lane", "upper_lines", "lower_lines"})
-_LIMITS = {"x": 1.0e8, "y": 1.0e8, "frame": 1.0e9}
 _VEHICLE_CONSTANTS = ("type", "length", "width", "direction")
 _NOT_CHANGING = (*_VEHICLE_CONSTANTS, "vehicle", "frame", "time", "lane")
 _MAX_ROWS = 50_000_000
-_MAX_TIME, _MAX_DATE = 1.0e13, 1.0e10  # In the unit of the map; in seconds since 1970.
-
-_MAX_SPEED = 150.0
-"""An id that moves faster between two rows belongs to two vehicles, one after the other [m/s]."""
-
-_MAX_SPEED_RATIO = 20.0
-"""Jumps must also exceed the median speed by this factor: with positions in a wrong unit, every row
-exceeds `_MAX_SPEED`, and no track would be left for `recording_checks` to name the unit."""
 
 
 def read_track_rows(path: Path, columns: ColumnMap, only: Mapping[str, str] | None = None) -> Rows:
@@ -91,15 +91,17 @@ def read_track_rows(path: Path, columns: ColumnMap, only: Mapping[str, str] | No
         ImportFormatError: A file is missing or damaged; the message names line and column.
         ConfigError: The path is not that of the table of states.
     """
-    chosen = _with_choice(columns, only or {})
+    chosen = with_choice(columns, only or {})
     tables: dict[str, ArrayTable] = {}
     findings: list[Finding] = []
     for name, file in files_of(path, chosen).items():
         existing = column_names(file) if chosen.files else ()
-        request = _request(chosen, name, existing)
+        request = build_request(chosen, name, existing)
         content = read_columns(file, request)
-        tables[name] = ArrayTable.of(content, file.name, _words(chosen)).choose(chosen.only)
-        findings += _thousands_findings(content.grouped, content.table.num_rows)
+        tables[name] = ArrayTable.of(content, file.name, meaningful_words(chosen)).choose(
+            chosen.only
+        )
+        findings += thousands_findings(content.grouped, content.table.num_rows)
     return _TableJoiner(chosen, tables, findings).join()
 
 
@@ -109,99 +111,15 @@ def track_rows_from_table(table: Any, columns: ColumnMap) -> Rows:
     Raises:
         ImportFormatError: It lacks a column, or has a cell that is no such value.
     """
-    chosen = _with_choice(columns, {})
+    chosen = with_choice(columns, {})
     arrow, index_names = arrow_table(table)
-    request = _request(chosen, TRACKS)
+    request = build_request(chosen, TRACKS)
     names = request.match(arrow.column_names, "table", index_names)
     part = arrow.select(list(names.values())).rename_columns(list(names))
     content = checked_table(part, request, "table")
-    tracks = ArrayTable.of(content, "table", _words(chosen)).choose(chosen.only)
-    findings = _thousands_findings(content.grouped, content.table.num_rows)
+    tracks = ArrayTable.of(content, "table", meaningful_words(chosen)).choose(chosen.only)
+    findings = thousands_findings(content.grouped, content.table.num_rows)
     return _TableJoiner(chosen, {TRACKS: tracks}, findings).join()
-
-
-def _with_choice(columns: ColumnMap, only: Mapping[str, str]) -> ColumnMap:
-    """The map with further values that columns must have, composed as the cells are."""
-    values = {**columns.only, **only}
-    composed = {name: unicodedata.normalize("NFC", value) for name, value in values.items()}
-    return replace(columns, only=composed)
-
-
-def _words(columns: ColumnMap) -> dict[str, frozenset[str]]:
-    """The columns of words, and the words that are no missing cell, whatever they look like."""
-    words: dict[str, frozenset[str]] = {}
-    for name, column in columns.columns.items():
-        if name in _TEXT_QUANTITIES:
-            lanes = columns.road.get("lanes", ()) if name == "lane" else ()
-            kinds = columns.kinds if name == "type" else ()
-            words[column.names[0]] = frozenset({*kinds, *map(str, lanes)})
-    return words
-
-
-def _request(columns: ColumnMap, table: str, existing: Iterable[str] = ()) -> ColumnRequest:
-    """The columns to read of a table.
-
-    Args:
-        columns: The map.
-        table: One of `column_map.TABLES`.
-        existing: The columns that its file has. Of those by which rows are chosen, and of sizes
-            that the table of vehicles has as well, a table is asked for the existing ones.
-    """
-    types: dict[str, pa.DataType] = dict.fromkeys(columns.names(table), TEXT)
-    limits: dict[str, float] = {}
-    units: dict[str, str] = {}
-    for name, column in columns.columns.items():
-        if column.table == table and name not in _TEXT_QUANTITIES and name != "vehicle":
-            types |= dict.fromkeys(column.names, TIME if name == "time" else NUMBER)
-        if column.table == table:
-            limits |= dict.fromkeys(column.names, _LIMITS[name]) if name in _LIMITS else {}
-            if name == "time":
-                limits |= dict.fromkeys(column.names, max(_MAX_TIME, _MAX_DATE / column.factor))
-            units |= dict.fromkeys(column.names, column.unit)
-    if table in (TRACKS, VEHICLES):
-        types[columns.columns["vehicle"].names[0]] = TEXT
-    optional: dict[str, pa.DataType] = dict.fromkeys(columns.only, TEXT)
-    if table == TRACKS:
-        optional |= {
-            column.names[0]: NUMBER
-            for name, column in columns.columns.items()
-            if name in _SIZES and column.table == VEHICLES
-        }
-    keys = set(map(name_key, existing))
-    types |= {
-        name: kind
-        for name, kind in optional.items()
-        if name_key(name) in keys and name not in types
-    }
-    time = columns.columns.get("time")
-    return ColumnRequest(
-        types=types,
-        limits=limits,
-        gaps=() if table == RECORDING else tuple(types),
-        units=units,
-        known_units=tuple(UNITS),
-        time_unit=1.0 if time is None else time.factor,
-        has_time_unit=time is not None and bool(time.unit),
-        header=columns.header,
-        thousands=columns.thousands,
-    )
-
-
-def _thousands_findings(grouped: Mapping[str, str], num_rows: int) -> list[Finding]:
-    """A finding for each column whose numbers may have separators of thousands."""
-    return [
-        Finding(
-            check=Check.NUMBER_FORMAT,
-            consequence=Consequence.REPORTED,
-            detail=(
-                f"column {column}: {example} is read as a number with decimals, but all cells may "
-                "be whole numbers with separators of thousands; state recording.thousands in the "
-                'map of columns: ".", "," or "none"'
-            ),
-            rows=num_rows,
-        )
-        for column, example in grouped.items()
-    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,76 +132,55 @@ class _TableJoiner:
 
     def join(self) -> Rows:
         """The states of the recording."""
-        tracks = self.tables[TRACKS]
-        if not 0 < tracks.num_rows <= _MAX_ROWS:
-            expected = f"1 to {_MAX_ROWS:,}"
-            raise refused(tracks.file_name, "rows", expected, f"{tracks.num_rows:,}")
         names, vehicle = self.identify()
-        tracks = self.tables[TRACKS]
         recording_values = self.recording_values()
-        states = self.complete_rows(tracks, vehicle, names, recording_values)
-        tracks, vehicle, without_position = states
+        tracks, vehicle, num_incomplete = self.complete_rows(vehicle, names, recording_values)
         empty = self.empty_quantities(tracks)
-        type_code = self.type_codes(tracks, vehicle)
-        seconds = self.seconds(tracks, recording_values)
-        x, y = (self.mean(tracks, name) for name in ("x", "y"))
-        if self.time_name == "time":
-            seconds, findings = undo_clock_wraps(seconds, vehicle, x, y, self.time_column)
-            self.findings.extend(findings)
-        incomplete = self.is_incomplete(tracks, empty)
-        order, findings = order_rows(seconds, vehicle, incomplete, names, self.time_column)
-        self.findings.extend(findings)
-        tracks, vehicle, seconds = tracks.select(order), vehicle[order], seconds[order]
-        type_code, incomplete = type_code[order], incomplete[order]
-        frame_time, interval = self.frame_times(tracks, vehicle, seconds, recording_values)
-        x, y = x[order], y[order]
-        faulty = self.faulty_rows(vehicle, frame_time, x, y, type_code, interval)
-        self.findings.extend(motion_findings(faulty, vehicle=vehicle, seconds=seconds, names=names))
-        is_kept = np.ones(len(vehicle), np.bool_)
+        states, interval = self.order_states(tracks, vehicle, names, empty, recording_values)
+        faulty = faulty_rows(states, interval)
+        self.findings.extend(
+            motion_findings(faulty, vehicle=states.vehicle, seconds=states.seconds, names=names)
+        )
+        is_kept = np.ones(states.num_rows, np.bool_)
         is_kept[faulty.row] = False
-        row_index = np.flatnonzero(is_kept)
-        if len(faulty.row):
-            tracks, vehicle, seconds = tracks.select(is_kept), vehicle[is_kept], seconds[is_kept]
-            type_code, incomplete = type_code[is_kept], incomplete[is_kept]
-            frame_time, x, y = frame_time[is_kept], x[is_kept], y[is_kept]
-        track = _track_of_rows(vehicle, frame_time, x, y, interval)
-        track_vehicle = vehicle[np.flatnonzero(np.append(True, np.diff(track) != 0))]
-        track_type, findings = self.vote(type_code, track, seconds, names[track_vehicle])
+        states = states.select(is_kept)
+        track = track_of_rows(states, interval)
+        track_vehicle = states.vehicle[_first_rows(track)]
+        track_type = self.vote(states, track, names[track_vehicle])
         is_read = (track_type != LEFT_OUT)[track]
-        num_left_out = len(np.unique(vehicle[~is_read]))
         if not is_read.any():
             raise refused(tracks.file_name, "vehicles", "some that are read", "none")
-        self.findings.extend(findings)
-        is_repeated = self.is_repeated(
-            tracks.select(is_read), vehicle[is_read], frame_time[is_read], names,
-            incomplete[is_read],
-        )  # fmt: skip
-        rows = np.flatnonzero(is_read)[~is_repeated]
-        self.report_repeated(np.flatnonzero(is_read)[is_repeated], seconds, vehicle, names)
-        tracks, vehicle, seconds = tracks.select(rows), vehicle[rows], seconds[rows]
-        frame_time = frame_time[rows]
-        tracks_left, track = np.unique(track[rows], return_inverse=True)
+        num_left_out = len(np.unique(states.vehicle[~is_read]))
+        states, track = states.select(is_read), track[is_read]
+        is_repeated = find_repeated(
+            states, self.time_name, self.time_column, ignored=(*self.map.only, self.id_column)
+        )
+        self.findings.extend(repeated_findings(states, is_repeated))
+        states, track = states.select(~is_repeated), track[~is_repeated]
+        # Tracks that are left out have no rows any more.
+        tracks_left, track = np.unique(track, return_inverse=True)
         track_vehicle, track_type = track_vehicle[tracks_left], track_type[tracks_left]
+        tracks = states.table
         self.check_vehicle_values(tracks)
-        self.report_missing_values(tracks, empty, seconds, vehicle, names)
-        values = fill_missing(self.motion_columns(tracks, empty), track, seconds)
-        constants = self.vehicle_constants(tracks, track, track_vehicle, names, track_type)
+        self.report_missing_values(states, empty)
+        constants = self.vehicle_constants(tracks, track, track_vehicle, track_type)
+        values = fill_missing(self.motion_columns(tracks, empty), track, states.seconds)
         values = self.oriented(values, constants, track)
-        first_row = np.flatnonzero(np.append(True, np.diff(track) != 0))
+        first_row = _first_rows(track)
         check_pieces(tracks.file_name, np.append(first_row, len(track)), track_vehicle, interval)
         track_name = track_names(names, track_vehicle)
         self.findings.extend(
             gap_findings(
                 track,
-                frame_time,
-                seconds,
+                states.frame_time,
+                states.seconds,
                 interval_ms=interval,
                 track_names=track_name,
                 track_vehicle=track_vehicle,
-                num_faulty=np.diff(np.searchsorted(faulty.row, row_index[rows])),
+                num_faulty=np.diff(np.searchsorted(faulty.row, states.place)),
             )
         )
-        grid = at_whole_frames(track, frame_time, values)
+        grid = at_whole_frames(track, states.frame_time, values)
         owner, lane = grid.owner, self.lane_names(tracks)
         direction = constants.direction
         return Rows(
@@ -298,7 +195,7 @@ class _TableJoiner:
             start=grid.start,
             frame=grid.frame,
             frame_interval_ms=interval,
-            time_origin_s=float(seconds[0] - frame_time[0] * interval * 1e-3),
+            time_origin_s=float(states.seconds[0] - states.frame_time[0] * interval * 1e-3),
             values=grid.values,
             lane=None if lane is None else lane[grid.nearest],
             about=recording_values,
@@ -307,10 +204,52 @@ class _TableJoiner:
                 "tracks_torn": len(owner) - len(np.unique(track_vehicle[owner])),
                 "left_out": num_left_out,
                 "rows_repeated": int(is_repeated.sum()),
-                "rows_missing": len(without_position),
+                "rows_missing": num_incomplete,
             },
             findings=(*self.findings, *constants.findings),
         )
+
+    def order_states(
+        self,
+        tracks: ArrayTable,
+        vehicle: I64,
+        names: NDArray[np.object_],
+        empty: Iterable[str],
+        recording_values: Mapping[str, Any],
+    ) -> tuple[StateRows, int]:
+        """Rows in order of vehicle and time, and the time between two frames [ms].
+
+        Args:
+            tracks: The rows in the order of the file.
+            vehicle: Index of the vehicle of each row, shape (row,).
+            names: Name of each vehicle.
+            empty: Quantities whose columns are empty.
+            recording_values: As of the method of that name.
+        """
+        seconds = self.seconds(tracks, recording_values)
+        x, y = (self.mean(tracks, name) for name in ("x", "y"))
+        if self.time_name == "time":
+            seconds, findings = undo_clock_wraps(seconds, vehicle, x, y, self.time_column)
+            self.findings.extend(findings)
+        is_incomplete = self.is_incomplete(tracks, empty)
+        order, findings = order_rows(seconds, vehicle, is_incomplete, names, self.time_column)
+        self.findings.extend(findings)
+        type_code = self.type_codes(tracks, vehicle)[order]
+        tracks, vehicle, seconds = tracks.select(order), vehicle[order], seconds[order]
+        frame_time, interval = self.frame_times(tracks, vehicle, seconds, recording_values)
+        states = StateRows(
+            table=tracks,
+            names=names,
+            vehicle=vehicle,
+            seconds=seconds,
+            frame_time=frame_time,
+            x=x[order],
+            y=y[order],
+            type_code=type_code,
+            is_incomplete=is_incomplete[order],
+            place=np.arange(len(vehicle)),
+        )
+        return states, interval
 
     def find_column(self, name: str) -> tuple[ArrayTable, str] | None:
         """Table and column of a quantity, None where there is none."""
@@ -346,9 +285,13 @@ class _TableJoiner:
         Repeated rows of the table of vehicles are dropped, and its rows are sorted by vehicle.
 
         Raises:
-            ImportFormatError: The table of vehicles lacks one, or has it twice with other values.
+            ImportFormatError: The table of vehicles lacks one, or has it twice with other values;
+                or there are no rows or too many.
         """
         tracks, vehicles = self.tables[TRACKS], self.tables.get(VEHICLES)
+        if not 0 < tracks.num_rows <= _MAX_ROWS:
+            expected = f"1 to {_MAX_ROWS:,}"
+            raise refused(tracks.file_name, "rows", expected, f"{tracks.num_rows:,}")
         columns = [table.texts[self.id_column] for table in (tracks, vehicles) if table is not None]
         names, vehicle_of_row = identify_vehicles(columns)
         self.findings.extend(compare_names(self.id_column, names.tolist(), tracks.num_rows))
@@ -376,20 +319,22 @@ class _TableJoiner:
         return missing
 
     def complete_rows(
-        self,
-        tracks: ArrayTable,
-        vehicle: I64,
-        names: NDArray[np.object_],
-        recording_values: Mapping[str, Any],
-    ) -> tuple[ArrayTable, I64, list[tuple[int, float]]]:
+        self, vehicle: I64, names: NDArray[np.object_], recording_values: Mapping[str, Any]
+    ) -> tuple[ArrayTable, I64, int]:
         """The rows that have a vehicle, a time and a position, and their vehicles.
 
+        Args:
+            vehicle: Index of the vehicle of each row, `MISSING` for none, shape (row,).
+            names: Name of each vehicle.
+            recording_values: As of the method of that name.
+
         Returns:
-            The rows, their vehicles, and vehicle and time of each other row.
+            The rows, their vehicles, and the number of other rows that are not blank.
 
         Raises:
             ImportFormatError: Too many lack one of these, or a frame is no whole number.
         """
+        tracks, num_incomplete = self.tables[TRACKS], 0
         needed = ("vehicle", self.time_name, "x", "y")
         is_missing = {name: self.is_missing(tracks, name) for name in needed}
         is_missing["vehicle"] = vehicle == MISSING
@@ -406,18 +351,14 @@ class _TableJoiner:
                 self.findings.extend(
                     missing_findings(column, rows, seconds, vehicle, names, is_left_out=True)
                 )
-            incomplete = np.flatnonzero(is_left_out & is_counted)
-            cells = tracks.numbers[self.time_column][incomplete].tolist()
-            dropped = list(zip(vehicle[incomplete].tolist(), cells, strict=True))
+            num_incomplete = int((is_left_out & is_counted).sum())
             tracks, vehicle = tracks.select(~is_left_out), vehicle[~is_left_out]
             if not tracks.num_rows:
                 raise refused(tracks.file_name, "rows", "positions", "none")
-        else:
-            dropped = []
         if self.time_name == "frame":
             frame = tracks.numbers[self.time_column]
             tracks.check(frame == np.rint(frame), self.time_column, "a whole number")
-        return tracks, vehicle, dropped
+        return tracks, vehicle, num_incomplete
 
     def is_blank(self, tracks: ArrayTable) -> Mask:
         """Whether all cells of a row are missing, shape (row,)."""
@@ -444,19 +385,12 @@ class _TableJoiner:
                 incomplete |= self.is_missing(tracks, name)
         return incomplete
 
-    def report_missing_values(
-        self,
-        tracks: ArrayTable,
-        empty: Iterable[str],
-        seconds: F64,
-        vehicle: I64,
-        names: NDArray[np.object_],
-    ) -> None:
+    def report_missing_values(self, states: StateRows, empty: Iterable[str]) -> None:
         """Note the missing cells of optional quantities, and refuse too many of them.
 
         Sizes and kinds belong to a track, so one row of it is enough.
         """
-        all_rows = np.ones(tracks.num_rows, np.bool_)
+        tracks, all_rows = states.table, np.ones(states.num_rows, np.bool_)
         for name in [*self.changing, *_VEHICLE_CONSTANTS]:
             column = self.map.columns.get(name)
             if name in empty or column is None or column.table != TRACKS:
@@ -467,7 +401,14 @@ class _TableJoiner:
                 advice = "complete them, or leave the column out of the map"
                 check_missing(tracks, column.names[0], is_missing, all_rows, advice)
             self.findings.extend(
-                missing_findings(column.names[0], rows, seconds, vehicle, names, is_left_out=False)
+                missing_findings(
+                    column.names[0],
+                    rows,
+                    states.seconds,
+                    states.vehicle,
+                    states.names,
+                    is_left_out=False,
+                )
             )
 
     def of_vehicles(self, cells: NDArray[Any], vehicle: I64) -> NDArray[Any]:
@@ -494,20 +435,26 @@ class _TableJoiner:
         table.check(np.array([*is_listed, True])[words.code], column, expected)
         return np.array([*codes, kinds.get("", NOT_KNOWN)], np.int64)[words.code]
 
-    def vote(
-        self, type_code: I64, track: I64, seconds: F64, names: NDArray[np.object_]
-    ) -> tuple[I64, list[Finding]]:
-        """The type of each track, and what was found."""
+    def vote(self, states: StateRows, track: I64, names: NDArray[np.object_]) -> I64:
+        """The most frequent type of each track, as of `type_codes`, shape (track,).
+
+        Args:
+            states: The rows.
+            track: Index of the track of each row, shape (row,).
+            names: Name of the vehicle of each track.
+        """
         cell = self.find_column("type")
         column = "" if cell is None else cell[1]
-        return vote_on_types(type_code, track, seconds, names, column)
+        track_type, findings = vote_on_types(states.type_code, track, states.seconds, names, column)
+        self.findings.extend(findings)
+        return track_type
 
     def check_vehicle_values(self, tracks: ArrayTable) -> None:
         """Refuse sizes that no vehicle has, and directions other than 1 and 2.
 
         Sizes of vehicles that are left out may be anything.
         """
-        for name, (least, most) in _SIZES.items():
+        for name, (least, most) in SIZE_RANGES.items():
             if (cell := self.find_column(name)) is None:
                 continue
             table, column = cell
@@ -519,7 +466,7 @@ class _TableJoiner:
             if name == "width" and length is not None and length[0] is cell[0]:
                 # Exchanged columns are named as such by `examination.check_sizes`.
                 lengths = table.numbers[length[1]] * self.map.columns["length"].factor
-                is_right |= (size > lengths) & (size < _SIZES["length"][1])
+                is_right |= (size > lengths) & (size < SIZE_RANGES["length"][1])
             if is_of_rows:
                 is_right |= np.isnan(size)
             elif (types := self.find_column("type")) is not None and types[0] is table:
@@ -530,104 +477,11 @@ class _TableJoiner:
             table = tracks if table is self.tables[TRACKS] else table
             table.check(np.isin(table.numbers[column], _DIRECTIONS), column, "1 or 2")
 
-    def is_repeated(
-        self,
-        tracks: ArrayTable,
-        vehicle: I64,
-        frame_time: F64,
-        names: NDArray[np.object_],
-        is_incomplete: Mask,
-    ) -> Mask:
-        """Whether a row repeats the vehicle and time of the row before it, shape (row,).
-
-        Args:
-            tracks: Rows in order of vehicle, instant, and whether a quantity is missing.
-            vehicle: Index of the vehicle of each row, shape (row,).
-            frame_time: Instant of each row, same shape [frames].
-            names: Name of each vehicle.
-            is_incomplete: Whether a quantity is missing in each row, same shape.
-
-        Raises:
-            ImportFormatError: Two rows of a vehicle at one time differ.
-        """
-        is_same_time = np.append(False, (np.diff(vehicle) == 0) & (np.diff(frame_time) <= ON_GRID))
-        later = np.flatnonzero(is_same_time & ~is_incomplete)
-        columns = [
-            name
-            for name in (*tracks.numbers, *tracks.texts)
-            if name not in self.map.only and name != self.id_column
-        ]
-        differs = {name: tracks.differs(name, later, later - 1) for name in columns}
-        is_conflict = np.logical_or.reduce([*differs.values()])
-        if not is_conflict.any():
-            return is_same_time
-        first = int(np.argmax(is_conflict))
-        row, column = int(later[first]), self.time_column
-        name = next(name for name, cells in differs.items() if cells[first])
-        conflict = " and ".join(f"{name} {tracks.cell(name, k)}" for k in (row - 1, row))
-        raise refused_cell(
-            tracks.file_name,
-            tracks.place(row),
-            column,
-            f"another {self.time_name} of vehicle {names[vehicle[row]]} than in "
-            f"{tracks.place(row - 1)}, or the same values",
-            f"{self.time_name} {tracks.cell(column, row)} again, with {conflict} "
-            "(choose a part: --only COLUMN=VALUE)",
-        )
-
-    def report_repeated(
-        self, rows: I64, seconds: F64, vehicle: I64, names: NDArray[np.object_]
-    ) -> None:
-        """Note repeated rows, by vehicle."""
-        owners, first, counts = np.unique(vehicle[rows], return_index=True, return_counts=True)
-        for owner, place, count in zip(owners, first, counts, strict=True):
-            self.findings.append(
-                Finding(
-                    check=Check.DUPLICATE_ROWS,
-                    consequence=Consequence.LEFT_OUT,
-                    detail=f"{count} rows repeat the vehicle and time of another",
-                    rows=int(count),
-                    vehicle=str(names[owner]),
-                    first_time_s=float(seconds[rows[place]]),
-                )
-            )
-
-    def faulty_rows(
-        self,
-        vehicle: I64,
-        frame_time: F64,
-        x: F64,
-        y: F64,
-        type_code: I64,
-        interval_ms: int,
-    ) -> FaultyRows:
-        """Rows out of place, without those of repeated times and of vehicles that are not read.
-
-        Args:
-            vehicle: Index of the vehicle of each row, ascending, shape (row,).
-            frame_time: Instant of each row, ascending within a vehicle, same shape [frames].
-            x: Position, same shape [m].
-            y: Position, same shape [m].
-            type_code: As of `type_codes`, same shape.
-            interval_ms: Length of a frame [ms].
-        """
-        is_compared = type_code != LEFT_OUT
-        # Rows of one time are compared by `is_repeated`, which refuses a contradiction.
-        is_repeated = (np.diff(vehicle) == 0) & (np.diff(frame_time) <= ON_GRID)
-        is_compared[1:] &= ~is_repeated
-        is_compared[:-1] &= ~is_repeated
-        if is_compared.all():
-            return find_faulty_rows(vehicle, frame_time, x, y, interval_ms)
-        rows = np.flatnonzero(is_compared)
-        faulty = find_faulty_rows(vehicle[rows], frame_time[rows], x[rows], y[rows], interval_ms)
-        return replace(faulty, row=rows[faulty.row], jump=rows[faulty.jump])
-
     def vehicle_constants(
         self,
         tracks: ArrayTable,
         track: I64,
         track_vehicle: I64,
-        names: NDArray[np.object_],
         track_type: I64,
     ) -> VehicleConstants:
         """Sizes, kind and direction of each track.
@@ -636,14 +490,12 @@ class _TableJoiner:
             tracks: The rows.
             track: Index of the track of each row, ascending, shape (row,).
             track_vehicle: Vehicle of each track, shape (track,).
-            names: Name of each vehicle.
             track_type: Type of each track as of `type_codes`, shape (track,).
         """
-        del names
         count = len(track_vehicle)
         sizes: dict[str, F64] = {}
         findings: list[Finding] = []
-        for name in _SIZES:
+        for name in SIZE_RANGES:
             cell = self.find_column(name)
             if cell is None:
                 sizes[name] = np.full(count, getattr(self.map, name), np.float64)
@@ -696,7 +548,7 @@ class _TableJoiner:
             raise refused(table.file_name, "table", "one row", got)
         values: dict[str, Any] = {}
         for name, column in self.map.columns.items():
-            if column.table == RECORDING and name in _TEXT_QUANTITIES:
+            if column.table == RECORDING and name in TEXT_QUANTITIES:
                 values[name] = table.texts[column.names[0]].text(0)
             elif column.table == RECORDING:
                 values[name] = float(table.numbers[column.names[0]][0]) * column.factor
@@ -797,26 +649,13 @@ class _TableJoiner:
         return np.append(lanes.texts, "")[lanes.code]
 
 
-def _track_of_rows(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: int) -> I64:
-    """Index of the track of each row, shape (row,). A gap or a jump begins a new track.
+def _first_rows(track: I64) -> I64:
+    """First row of each track.
 
     Args:
-        vehicle: Index of the vehicle of each row, ascending, shape (row,).
-        frame_time: Instant of each row, ascending within a vehicle, same shape [frames].
-        x: Position, same shape [m].
-        y: Position, same shape [m].
-        interval_ms: Length of a frame [ms].
+        track: Index of the track of each row, ascending, shape (row,).
     """
-    is_same = np.diff(vehicle) == 0
-    apart = np.where(is_same, np.diff(frame_time), 1.0)
-    is_repeated = apart <= ON_GRID
-    elapsed = np.where(is_repeated, 1.0, apart) * (interval_ms * 1e-3)
-    speed = np.hypot(np.diff(x), np.diff(y)) / elapsed
-    median_speed = float(np.median(speed[is_same])) if is_same.any() else 0.0
-    is_jump = (speed > max(_MAX_SPEED, _MAX_SPEED_RATIO * median_speed)) & ~is_repeated
-    return np.append(
-        0, np.cumsum(~is_same | is_long_gap(vehicle, frame_time, interval_ms) | is_jump)
-    )
+    return np.flatnonzero(np.append(True, np.diff(track) != 0))
 
 
 def _without_repeated(vehicles: ArrayTable, vehicle: I64, column: str) -> tuple[ArrayTable, I64]:
