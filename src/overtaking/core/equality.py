@@ -7,33 +7,34 @@ from typing import Any
 import numpy as np
 
 _NUMBERS_WITH_NAN = "fcmM"
-"""Kinds of NumPy dtypes that have NaN or NaT."""
+"""Kinds of NumPy dtypes with NaN or NaT: float, complex, timedelta, datetime."""
 
 
 class ContentEquality:
-    """Base of dataclasses whose objects are equal if `is_same_content` holds for them.
+    """Base of dataclasses that compare by `is_same_content`.
 
-    An object is hashable if all values of its fields are. Arrays, tables, lists and dicts are not.
+    An object is hashable if the values of all its fields are hashable. Arrays, tables, lists and
+    dicts are not.
     """
 
     __slots__ = ()
 
     def __init_subclass__(cls) -> None:
-        """Copy the methods into each subclass, so that `dataclass` does not generate its own."""
+        """Copy the methods into each subclass, because `dataclass` replaces inherited ones."""
         super().__init_subclass__()
         for name in ("__eq__", "__hash__"):
             if name not in vars(cls):
                 setattr(cls, name, getattr(cls, name))
 
     def __eq__(self, other: object, /) -> bool:
-        """Whether the other object has the same class and the same content."""
+        """Whether the other object has the same class and content."""
         return is_same_content(self, other) if type(other) is type(self) else NotImplemented
 
     def __hash__(self) -> int:
         """A hash that equal objects share.
 
         Raises:
-            TypeError: A field holds something that is not hashable.
+            TypeError: The value of a field is not hashable.
         """
         return _hash_content(self)
 
@@ -41,10 +42,12 @@ class ContentEquality:
 def is_same_content(first: Any, second: Any) -> bool:
     """Whether two values have the same content; NaN equals NaN.
 
+    Dataclasses are compared field by field, not by their own `==`. Arrays and tables must have the
+    same types and shapes.
+
     Args:
         first: A value of any type.
-        second: Another one. Dataclasses are compared field by field, whatever their own `==` does.
-            Arrays and tables must have the same types and shapes.
+        second: The value to compare with.
     """
     if first is second:
         return True
@@ -69,6 +72,7 @@ def is_same_content(first: Any, second: Any) -> bool:
         return type(first) is type(second) and bool(first.equals(second))
     if isinstance(second, np.ndarray) or hasattr(second, "equals"):
         return False
+    # Only NaN and NaT differ from themselves.
     return bool(first == second or (first != first and second != second))
 
 
@@ -95,7 +99,7 @@ def _hash_content(value: Any) -> int:
     if isinstance(value, tuple):
         return hash(tuple(map(_hash_content, value)))
     number = hash(value)
-    # Python hashes each NaN by its identity.
+    # Python hashes a NaN by its identity, but here all NaNs are equal and need the same hash.
     return 0 if isinstance(value, float | np.generic) and value != value else number
 
 

@@ -1,6 +1,6 @@
 """Memory, threads and files that the operating system grants to this process.
 
-It imports neither NumPy nor Arrow: `check_address_space` has to run before they are loaded.
+This module imports neither NumPy nor Arrow, because `check_address_space` must run before both.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _OTHER_THREADS = 9
 """Threads that do not depend on the number of processors: 8 that read files for Arrow, 1 that
 cleans up for its allocator."""
 
-_M_ARENA_MAX = -8  # Name of the setting in glibc's malloc.h.
+_M_ARENA_MAX = -8  # Value of M_ARENA_MAX in glibc's malloc.h.
 
 _MEMORY_ERRORS = (errno.ENOMEM,)
 _THREAD_ERRORS = (errno.EAGAIN,)
@@ -50,7 +50,7 @@ _THREAD_TEXTS = (
 )
 _MEMORY_TEXTS = (
     "failed to map segment",  # The dynamic loader, in an ImportError
-    "annot allocate memory",
+    "annot allocate memory",  # The system, with "C" or "c"
     "bad_alloc",  # C++
     "bad allocation",
 )
@@ -67,7 +67,9 @@ MORE_FILES = "raise the limit of open files (ulimit -n), or close some"
 
 
 def check_address_space(where: str) -> None:
-    """Refuse to begin a call where a limit leaves too few addresses for libraries and threads.
+    """Refuse to begin a call if too little address space is left for libraries and threads.
+
+    Without this check, C++ or Rust code ends the process when an allocation fails.
 
     Args:
         where: The function or command, for the message.
@@ -102,7 +104,7 @@ def check_memory(size: int, where: str, next_step: str) -> None:
         next_step: An alternative for the caller.
 
     Raises:
-        SystemLimitError: The machine, a limit of the process or one of its cgroup leaves less.
+        SystemLimitError: The machine, a limit of the process or a limit of its cgroup leaves less.
     """
     for free, limit in _limits():
         if size > free:
@@ -116,14 +118,14 @@ def check_memory(size: int, where: str, next_step: str) -> None:
 
 
 def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
-    """The error to raise instead of one that only says that the system refuses something.
+    """Translate an error that a limit of the system caused.
 
     Args:
         error: Any error.
         where: The function or file in which it was raised.
 
     Returns:
-        The error to raise; None if the cause is something else.
+        The error to raise instead, with the limit and a next step; None for other causes.
     """
     if isinstance(error, OvertakingError):
         return None
@@ -149,7 +151,8 @@ def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
 def asks_beyond_machine(error: BaseException) -> bool:
     """Whether a library failed to allocate more than the memory of this machine.
 
-    A file with a damaged length asks for such sizes, so that the file is the cause, not a limit.
+    A damaged file may state such a size as the length of its content. Then the file is the cause,
+    not a limit of the system.
     """
     stated = re.search(r"of size (\d+)", str(error)) if isinstance(error, MemoryError) else None
     return stated is not None and int(stated[1]) > _machine_memory()
@@ -157,10 +160,13 @@ def asks_beyond_machine(error: BaseException) -> bool:
 
 @contextmanager
 def explain_refusals(where: str) -> Generator[None]:
-    """Raise a `SystemLimitError` instead of errors of libraries that the system's limits cause.
+    """Translate errors in the block that limits of the system cause, see `refusal_of`.
 
     Args:
         where: The function or file, for the message.
+
+    Raises:
+        SystemLimitError: Instead of an error that a limit caused.
     """
     try:
         yield
@@ -204,10 +210,10 @@ def thread_error(where: str, answer: str) -> SystemLimitError:
 
 @cache
 def _reduce_reservations() -> None:
-    """Let allocators reserve less where the address space is limited (`ulimit -v`).
+    """Make allocators reserve less address space, for processes with a limit (`ulimit -v`).
 
-    Such a limit counts reserved addresses as well. Arrow's allocator reserves 1 GiB at once, glibc
-    64 MiB for each thread, and OpenBLAS a buffer for each processor.
+    The limit includes reserved addresses that are never used. Arrow's allocator reserves 1 GiB at
+    once, glibc 64 MiB for each thread, and OpenBLAS a buffer for each processor.
     """
     # For libraries that are not loaded yet, and for child processes, which have the same limit.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
@@ -217,13 +223,15 @@ def _reduce_reservations() -> None:
         arrow.set_memory_pool(arrow.system_memory_pool())
     import ctypes
 
-    with suppress(AttributeError, OSError):  # Other C libraries than glibc.
+    with suppress(AttributeError, OSError):  # C libraries other than glibc have no mallopt.
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
 def _limits() -> Iterator[tuple[int, str]]:
-    """Memory that each limit leaves [bytes], and the limit in words."""
-    if hasattr(os, "sysconf"):  # Windows refuses by itself to promise memory that is not there.
+    """Free memory under each limit [bytes], and a description of the limit for messages."""
+    # Linux grants more memory than the machine has, and ends the process when it is used. Windows
+    # refuses such an allocation itself.
+    if hasattr(os, "sysconf"):
         yield _machine_memory(), "of this machine"
     limit = _address_space_limit()
     if limit is not None and (used := _pages_used(0)) is not None:
@@ -237,14 +245,14 @@ def _limits() -> Iterator[tuple[int, str]]:
 
 
 def _machine_memory() -> int:
-    """Memory of this machine [bytes]; where the system does not tell it, more than any has."""
+    """Memory of this machine [bytes]; on Windows 64 TiB, so that no size exceeds it."""
     if not hasattr(os, "sysconf"):
         return 1 << 46
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def _soft_limit(name: str) -> int | None:
-    """A limit of this process; None without a limit."""
+    """Soft limit of this process by its name in `resource`; None without a limit."""
     try:
         import resource
     except ImportError:  # Windows.
@@ -259,7 +267,11 @@ def _address_space_limit() -> int | None:
 
 
 def _pages_used(column: int) -> int | None:
-    """A size of this process [bytes] by its column in Linux's `statm`; None on other systems."""
+    """A size of this process [bytes]; None on systems without `/proc`.
+
+    Args:
+        column: Column of Linux's `statm`: 0 is the address space, 5 are data and stack.
+    """
     from pathlib import Path
 
     with suppress(OSError, ValueError, IndexError):
@@ -269,7 +281,7 @@ def _pages_used(column: int) -> int | None:
 
 
 def _missing_threads() -> int:
-    """Threads that libraries start at their first use, less those that run already."""
+    """Number of threads that libraries have yet to start."""
     from pathlib import Path
 
     from overtaking.core import processors
@@ -289,17 +301,22 @@ def _stack_bytes() -> int:
 
 
 def _cgroup_memory() -> Iterator[tuple[int, int]]:
-    """Limit and use [bytes] of the cgroups of this process that limit memory, Linux alone."""
+    """Limit and use [bytes] of the cgroups of this process that limit memory, on Linux only."""
     from pathlib import Path
 
     yield from _memory_of_cgroups(Path("/proc/self/cgroup"), Path("/sys/fs/cgroup"))
 
 
 def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
-    """Limit and use [bytes] of the groups in a file and of all groups above them.
+    """Limit and use [bytes] of the groups in a file and of their parents.
 
-    The page cache does not count as use, because the kernel drops it first. In a container the
-    names can be those outside of it, whose folders are missing; its own group is at the mount.
+    The page cache does not count as use, because the kernel drops it first. In a container the file
+    may name groups of the host, whose folders do not exist inside; then the container's own group
+    is at the mount.
+
+    Args:
+        groups: File in the format of `/proc/self/cgroup`.
+        mount: Folder of the cgroup file system.
     """
     with suppress(OSError, UnicodeDecodeError):
         lines = groups.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
@@ -319,13 +336,13 @@ def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
 
 
 def _group_memory(group: Path, limit_file: str, use_key: str) -> Iterator[tuple[int, int]]:
-    """Limit and use of one group; nothing if it limits no memory."""
+    """Limit and use of one group [bytes]; empty if the group does not limit memory."""
     with suppress(OSError, ValueError, KeyError):
-        limit = int((group / limit_file).read_text(encoding="ascii"))  # "max" is no number.
+        limit = int((group / limit_file).read_text(encoding="ascii"))  # Without a limit: "max".
         pairs = (line.split() for line in (group / "memory.stat").read_text().splitlines())
         yield limit, int(dict(pairs)[use_key])
 
 
 def _size(size: int) -> str:
-    """A number of bytes in words."""
+    """A number of bytes for messages."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"

@@ -1,9 +1,8 @@
-"""Labels of a folder of recordings, a shard of them at a time: in parallel, and to be resumed.
+"""Labels all recordings of a folder, in shards that run in parallel and can be resumed.
 
-Recordings have roads of their own, so the result is no data set, but the tables of labels and a
-manifest. A recording that cannot be read and labelled to its end is named with the reason, and the
-others go on. The content of a shard follows from its files alone: neither the process that makes it
-nor the time changes a byte.
+Each recording has its own road, so the result is not a data set but the tables of labels with a
+manifest. The manifest lists recordings that failed, with the reason; the other recordings are
+labelled. The bytes of a shard depend only on its recordings, not on the process or the time.
 """
 
 from __future__ import annotations
@@ -56,18 +55,19 @@ ENDINGS = {
     "pinto2023": (".csv", ".parquet", ".pq"),
     "table": (".csv", ".tsv", ".parquet", ".pq", ".arrow", ".arrows", ".feather"),
 }
-"""How the names of recordings end, by format, in small or capital letters; the other files of a
-folder are left alone."""
+"""Endings of the names of recordings by format, regardless of case. Other files of a folder are
+ignored."""
 
 TABLES = (*LABEL_TABLES, "simulations")
 
 SHARD_SIZE = 256
-"""Recordings of a shard: at most that much to do again."""
+"""Recordings in a shard. After an interruption, only unfinished shards are repeated."""
 
 NUMBERS = 1_000_000
-"""Numbers of simulations that each recording has; its own is the first divided by this."""
+"""Simulation numbers reserved for each recording: those of recording `k` begin at `k * NUMBERS`."""
 
-_OWN = frozenset({lock.FILE_NAME, PARTIAL})
+# Files that this package puts into a folder before its manifest.
+_OWN_FILES = frozenset({lock.FILE_NAME, PARTIAL})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +75,8 @@ class Part:
     """The recordings of a shard.
 
     Attributes:
-        shard: Their numbers.
-        names: Their files.
+        shard: The numbers of the recordings in the folder.
+        names: The file names of the recordings, in the same order.
     """
 
     shard: plan.Shard
@@ -88,7 +88,7 @@ class FailedRecording:
     """A recording without simulations in the result.
 
     Attributes:
-        reason: One line.
+        reason: The error in one line.
         is_fault: Whether the reason is a fault of this package, not of the recording.
         traceback: The traceback of a fault, else empty.
     """
@@ -100,10 +100,10 @@ class FailedRecording:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelledRecording:
-    """The tables of a recording that was read and labelled to its end.
+    """The tables of a recording.
 
     Attributes:
-        tables: The tables of some simulations each, in order.
+        tables: Chunks of consecutive simulations; each has the tables by name.
         findings: The rows of the import report.
     """
 
@@ -119,9 +119,9 @@ class PartReport:
     """The report of a shard, a JSON file beside its tables.
 
     Attributes:
-        sizes: Size of each recording when it was read [bytes].
-        refused: Recordings that cannot be used, with the reason.
-        faults: Recordings at which this package failed, with the reason.
+        sizes: Size of each recording when it was read, by file name [bytes].
+        refused: Reason for each recording that cannot be used, by file name.
+        faults: Reason for each recording at which this package failed, by file name.
         import_report: The rows of the import report.
     """
 
@@ -132,24 +132,24 @@ class PartReport:
 
     @property
     def failed(self) -> dict[str, str]:
-        """All recordings without simulations in the result, in order, with the reason."""
+        """Reason for each recording without simulations in the result, in the order of files."""
         reasons = {**self.refused, **self.faults}
         return {name: reasons[name] for name in self.sizes if name in reasons}
 
 
 _PART_REPORT = TypeAdapter(PartReport)
-_PANIC = "PanicException"  # Of a fault in compiled code; pyo3 derives it from `BaseException`.
+_PANIC = "PanicException"  # A fault in Rust code; pyo3 derives it from `BaseException`.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labelling:
-    """What all shards share; see `Work`.
+    """The work on all shards; see `Work`.
 
     Attributes:
         file_format: Format of the recordings.
-        folder: Where they lie.
+        folder: Folder of the recordings.
         options: Options of the reader.
-        fingerprint: Of all that decides the result.
+        fingerprint: Hash over everything that determines the result, except for the recordings.
     """
 
     file_format: str
@@ -158,27 +158,38 @@ class Labelling:
     fingerprint: str
 
     def for_one_core(self) -> Labelling:
-        """The same: nothing here has threads of its own."""
+        """This object: the work starts no threads."""
         return self
 
     def location(self, where: str) -> Location:
-        """The folder of the result, if this process sees the same one.
+        """The folder of the result, checked because workers may run on other machines.
 
         Raises:
-            DatasetError: Something else is there, or nothing.
+            DatasetError: This process finds another manifest in the folder, or none.
         """
         location = Folder(Path(where))
-        if _begun(location) == self.fingerprint:
+        if _read_fingerprint(location) == self.fingerprint:
             return location
-        raise _other(
+        raise _folder_error(
             location, "one that every worker sees", "choose a folder that all machines share"
         )
 
     def make(self, task: Part, location: Location, on_done: OnDone) -> ShardRecord:
-        """Put a shard into its place, unless it is there and intact and no failed recording works.
+        """Label the recordings of a shard and write it.
+
+        A shard that exists and is intact is kept, unless one of its failed recordings can be
+        labelled now.
+
+        Args:
+            task: The recordings.
+            location: Folder of the result.
+            on_done: Called with the number of recordings that are done.
+
+        Returns:
+            The record of the shard for the manifest.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: The shard cannot be written.
         """
         record = shards.finished_shard(
             location, task.shard, tables=TABLES, fingerprint=self.fingerprint
@@ -194,7 +205,7 @@ class Labelling:
             if not any(isinstance(outcome, LabelledRecording) for outcome in outcomes.values()):
                 on_done(len(task.names))
                 return record
-        # Without the commit mark an interruption leaves no shard that contradicts its report.
+        # The commit mark goes first: an interruption must not leave an old shard with a new report.
         location.remove(shards.name_of(shards.MARK, task.shard))
         return shards.write_shard(
             location,
@@ -208,13 +219,13 @@ class Labelling:
     def _pieces(
         self, task: Part, location: Location, on_done: OnDone, outcomes: Mapping[str, Outcome]
     ) -> Iterator[shards.Piece]:
-        """The tables of each recording, counted when its last simulation is there.
+        """Yield the tables of each recording; its last chunk counts as one recording that is done.
 
         Args:
             task: The recordings.
-            location: Where their report is written.
+            location: Folder of the result, for the report of the shard and tracebacks.
             on_done: Called for each failed recording.
-            outcomes: Outcomes of recordings that were read already.
+            outcomes: Outcomes of recordings that are labelled already, by file name.
         """
         report = PartReport(sizes={}, refused={}, faults={}, import_report=[])
         for number, name in enumerate(task.names, task.shard.first):
@@ -227,19 +238,20 @@ class Labelling:
                 on_done(1)
                 continue
             report.import_report.extend(outcome.findings)
-            # Only here: an error in writing ends the run, and does not fail the recording.
+            # Outside of `_read_and_label`, so that an error in writing ends the run instead of
+            # counting as a failed recording.
             last = len(outcome.tables) - 1
             for place, tables in enumerate(outcome.tables):
                 yield int(place == last), tables
-        # Before the shard is in its place, which says that it is complete.
-        location.put_text(_part_report_name(task.shard), _text(asdict(report)))
+        # The report is written before the commit mark, which marks the shard as complete.
+        location.put_text(_part_report_name(task.shard), _json_text(asdict(report)))
 
     def _read_and_label(self, number: int, name: str) -> Outcome:
-        """Read and label a recording to its end, so that nothing of a failed one is written.
+        """Read and label a whole recording, so that no part of a failed recording is written.
 
         Args:
-            number: Its number among all recordings.
-            name: Its file.
+            number: Number of the recording in the folder.
+            name: File name of the recording.
         """
         try:
             path = Path(self.folder) / name
@@ -258,13 +270,13 @@ class Labelling:
             )
         except BaseException as error:
             if not (isinstance(error, Exception) or type(error).__name__ == _PANIC):
-                raise  # Ctrl-C and SIGTERM.
+                raise  # Ctrl-C and SIGTERM end the run.
             return _failed_recording(error, number, name)
         return LabelledRecording(tables=tables, findings=findings)
 
 
 def _failed_recording(error: BaseException, number: int, name: str) -> FailedRecording:
-    """A recording at which an error was raised: refused, or a fault of this package."""
+    """Describe the error of a recording: a refusal, or a fault of this package."""
     name = as_utf8(name)
     error = refusal_of(error, name) or error
     if isinstance(error, OvertakingError):
@@ -296,26 +308,27 @@ def label_folder(
 
     Args:
         file_format: One of `ENDINGS`.
-        folder: Where the recordings lie.
+        folder: Folder of the recordings.
         out: Folder for the tables.
         options: Options of the reader.
-        executor: Chooses who makes the shards, given their number.
-        resume: Whether to complete what an earlier call has begun; failed recordings are read
+        executor: Returns the executor for a number of shards.
+        resume: Whether to complete the result of an earlier call. Recordings that failed are read
             again.
-        strict: Whether all recordings are examined first, and a finding is an error. It does not
-            change the result.
-        progress: Called with the number of recordings that are done, and of all.
+        strict: Whether to examine all recordings first and refuse a finding. The result does not
+            depend on it.
+        progress: Called with the number of recordings that are done and the number of all.
 
     Returns:
         The content of the manifest.
 
     Raises:
-        ConfigError: There is no recording, or an option is not for the format or out of its range.
-        ImportFormatError: `strict` refuses a finding.
-        DatasetError: The folder holds something else or cannot be written, or the process was asked
-            to end; finished shards are kept.
+        ConfigError: The folder has no recording, the format lacks an option, or the value of an
+            option is out of range.
+        ImportFormatError: `strict` is set and a recording has a finding.
+        DatasetError: `out` has other content or cannot be written, or a signal ended the call.
+            Finished shards are kept.
     """
-    names = _names(file_format, folder)
+    names = _list_recordings(file_format, folder)
     check_options(file_format, options)
     if strict:
         _refuse_any_finding(file_format, folder, names, options)
@@ -324,7 +337,7 @@ def label_folder(
         file_format=file_format,
         folder=str(folder.resolve()),
         options=options,
-        fingerprint=hashlib.sha256(_text(identity).encode()).hexdigest(),
+        fingerprint=hashlib.sha256(_json_text(identity).encode()).hexdigest(),
     )
     location = Folder(out)
     with all_or_nothing(out, "time to complete it", "complete it with --resume"), location.locked():
@@ -332,17 +345,17 @@ def label_folder(
             Part(shard=shard, names=tuple(names[shard.first : shard.stop]))
             for shard in plan.shards(len(names), SHARD_SIZE)
         ]
-        is_first = _begin(location, job, parts, resume=resume)
+        is_first = _begin_or_resume(location, job, parts, resume=resume)
         location.sweep()
         location.prepare(TABLES)
         try:
             step = Steps(len(names), progress)
-            with closing(executor(len(parts))(job, parts, location, step)) as made:
-                records = sorted(made, key=lambda one: one.number)
+            with closing(executor(len(parts))(job, parts, location, step)) as shard_records:
+                records = sorted(shard_records, key=lambda record: record.number)
             identity["files_sha256"] = _files_hash(folder, names)
             return _complete(location, job, identity, parts, records)
         except ConfigError:
-            if is_first:  # The manifest of a call that cannot succeed would keep the right one out.
+            if is_first:  # With this manifest, a corrected call would find a folder in use.
                 location.remove(MANIFEST)
             raise
         finally:
@@ -352,7 +365,7 @@ def label_folder(
 def _refuse_any_finding(
     file_format: str, folder: Path, names: Iterable[str], options: Mapping[str, Any]
 ) -> None:
-    """Refuse the first finding of all recordings, before anything is written.
+    """Read all recordings and refuse the first finding, before anything is written.
 
     Raises:
         ImportFormatError: There is a finding.
@@ -360,15 +373,15 @@ def _refuse_any_finding(
     for name in names:
         try:
             scenes = read_recording(file_format, folder / name, options).scenes
-        except Exception:  # It is a failed recording of the result.
+        except Exception:  # The result lists it as a failed recording.
             continue
         refuse_findings(
             [replace(finding, recording=as_utf8(name)) for finding in scenes.import_findings]
         )
 
 
-def _names(file_format: str, folder: Path) -> list[str]:
-    """The recordings of a folder, in order."""
+def _list_recordings(file_format: str, folder: Path) -> list[str]:
+    """File names of the recordings of a folder, in alphabetical order."""
     if file_format not in ENDINGS:
         raise ConfigError.not_among("format", "import", ENDINGS, file_format)
     endings = ENDINGS[file_format]
@@ -390,9 +403,10 @@ def _names(file_format: str, folder: Path) -> list[str]:
 
 
 def _identity(file_format: str, names: list[str], options: Mapping[str, Any]) -> dict[str, Any]:
-    """All that decides the result, except for the bytes of the recordings.
+    """Everything that determines the result, except for the bytes of the recordings.
 
-    Their sizes are compared shard by shard: a failed recording may be repaired before `--resume`.
+    `_check_sizes` compares recordings shard by shard instead, because a failed recording may be
+    repaired before `--resume`.
     """
     columns = options.get("columns")
     is_file = isinstance(columns, str | Path) and Path(columns).is_file()
@@ -409,43 +423,52 @@ def _identity(file_format: str, names: list[str], options: Mapping[str, Any]) ->
 
 
 def _files_hash(folder: Path, names: Iterable[str]) -> str:
-    """Hash over the names and sizes of the recordings, which stand in for their bytes."""
+    """Hash over names and sizes of the recordings, without reading their content."""
     lines = "\n".join(f"{name} {_size_of(folder / name)}" for name in names)
     return hashlib.sha256(os.fsencode(lines)).hexdigest()
 
 
 def _size_of(path: Path) -> int:
-    """Size of a recording; -1 if the system does not tell it [bytes]."""
+    """Size of a recording [bytes]; -1 if it cannot be determined."""
     try:
         return path.stat().st_size
     except OSError:
         return -1
 
 
-def _begin(location: Folder, job: Labelling, parts: Iterable[Part], *, resume: bool) -> bool:
-    """Write the first manifest, or check that an earlier call may be continued; whether first."""
+def _begin_or_resume(
+    location: Folder, job: Labelling, parts: Iterable[Part], *, resume: bool
+) -> bool:
+    """Write the first manifest, or check that the result of an earlier call can be completed.
+
+    Returns:
+        Whether this is the first call for the folder.
+
+    Raises:
+        DatasetError: The folder has other content, or a result to complete without `resume`.
+    """
     if not location.has(MANIFEST):
-        if strangers := location.names() - _OWN:
-            raise _other(
-                location, "an empty folder", "choose another", f"one with {min(strangers)}"
+        if other_files := location.names() - _OWN_FILES:
+            raise _folder_error(
+                location, "an empty folder", "choose another", f"one with {min(other_files)}"
             )
-        location.put_text(MANIFEST, _text({"fingerprint": job.fingerprint, "complete": False}))
+        location.put_text(MANIFEST, _json_text({"fingerprint": job.fingerprint, "complete": False}))
         return True
-    if _begun(location) != job.fingerprint:
-        raise _other(location, "the labels of these recordings", "choose another folder")
+    if _read_fingerprint(location) != job.fingerprint:
+        raise _folder_error(location, "the labels of these recordings", "choose another folder")
     if not resume:
         next_step = "complete it with --resume, or choose another folder"
-        raise _other(location, "an empty folder", next_step, "one that was begun")
+        raise _folder_error(location, "an empty folder", next_step, "one that was begun")
     for part in parts:
         _check_sizes(location, job, part)
     return False
 
 
 def _check_sizes(location: Folder, job: Labelling, part: Part) -> None:
-    """Refuse recordings that have changed since they were labelled.
+    """Refuse recordings of a finished shard that have changed since they were labelled.
 
     Raises:
-        DatasetError: A recording has another size.
+        DatasetError: The size of a labelled recording has changed.
     """
     report = _read_part_report(location, part.shard)
     if report is None or not location.has(shards.name_of(shards.MARK, part.shard)):
@@ -454,7 +477,7 @@ def _check_sizes(location: Folder, job: Labelling, part: Part) -> None:
         size = _size_of(Path(job.folder) / name)
         key = as_utf8(name)
         if key not in report.failed and size != report.sizes.get(key):
-            raise _other(
+            raise _folder_error(
                 location,
                 "the labels of these recordings",
                 "choose another folder",
@@ -469,7 +492,7 @@ def _complete(
     parts: Iterable[Part],
     records: list[ShardRecord],
 ) -> dict[str, Any]:
-    """Write the last manifest."""
+    """Write the final manifest and return its content."""
     reports = [
         report for part in parts if (report := _read_part_report(location, part.shard)) is not None
     ]
@@ -477,7 +500,7 @@ def _complete(
         **identity,
         "fingerprint": job.fingerprint,
         "complete": True,
-        "simulations": sum(one.tables[shards.MARK].rows for one in records),
+        "simulations": sum(record.tables[shards.MARK].rows for record in records),
         "refused": sum(len(report.refused) for report in reports),
         "faults": sum(len(report.faults) for report in reports),
         "failed": {name: reason for report in reports for name, reason in report.failed.items()},
@@ -486,12 +509,12 @@ def _complete(
         ],
         "content_hash": content_hash(tuple(records)),
     }
-    location.put_text(MANIFEST, _text(values))
+    location.put_text(MANIFEST, _json_text(values))
     return values
 
 
-def _begun(location: Folder) -> str | None:
-    """The fingerprint that a folder was begun with."""
+def _read_fingerprint(location: Folder) -> str | None:
+    """The fingerprint in the manifest of a folder; None without a valid manifest."""
     try:
         return json.loads((location.path / MANIFEST).read_text(encoding="utf-8"))["fingerprint"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -507,7 +530,7 @@ def _read_part_report(location: Location, shard: plan.Shard) -> PartReport | Non
     """The report of a shard; None if it is missing or damaged.
 
     Raises:
-        OSError: It is there and cannot be read.
+        OSError: The file exists but cannot be read.
     """
     try:
         with location.open(_part_report_name(shard)) as file:
@@ -529,11 +552,13 @@ def _write_traceback(location: Location, number: int, outcome: Outcome) -> None:
         location.remove(_traceback_name(number))
 
 
-def _text(values: Mapping[str, Any]) -> str:
+def _json_text(values: Mapping[str, Any]) -> str:
     return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
 
 
-def _other(location: Location, expected: str, next_step: str, got: str = "others") -> DatasetError:
+def _folder_error(
+    location: Location, expected: str, next_step: str, got: str = "others"
+) -> DatasetError:
     return DatasetError.of(
         what="folder of labels",
         where=str(location),

@@ -1,7 +1,7 @@
-"""The import report: its file in a data set, as a pandas table, and as warnings of Python.
+"""The import report: as a file of a data set, as a pandas table, and as Python warnings.
 
-The file is no table of simulations: it has a hash of its own in the manifest and no part in the
-content hash.
+The file has a hash of its own in the manifest. It is not part of the content hash, which covers the
+tables of simulations.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 FILE_NAME = "import_report.json"
 
 MAX_WARNINGS = 10
-"""Warnings about the recordings of a folder; one more names the number of the others."""
+"""Largest number of warnings about recordings; one more states how many recordings follow."""
 
-_MAX_BYTES = 1 << 28  # Some 800,000 findings.
+_MAX_BYTES = 1 << 28  # Room for some 800,000 findings; a longer file is refused.
 _ROWS = TypeAdapter(tuple[ImportFinding, ...])
 
 
@@ -40,7 +40,7 @@ def report_frame(findings: Sequence[ImportFinding]) -> pd.DataFrame:
     """The report as a table.
 
     Args:
-        findings: Its rows.
+        findings: Rows of the report.
 
     Returns:
         Columns `recording`, `check`, `vehicle` (text; missing for the whole file), `first_time_s`
@@ -60,23 +60,23 @@ def report_frame(findings: Sequence[ImportFinding]) -> pd.DataFrame:
 
 
 def report_text(findings: Sequence[ImportFinding]) -> str:
-    """The content of the file: a JSON array with an object for each row."""
+    """The content of the report's file: a JSON array with one object for each finding."""
     rows = [finding.to_dict() for finding in findings]
     return json.dumps(rows, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def write_report(location: Location, findings: Sequence[ImportFinding]) -> ReportRecord:
-    """Put the report of a data set into its place.
+    """Write the report of a data set.
 
     Args:
-        location: Where the data set lies.
-        findings: The rows.
+        location: Folder or store of the data set.
+        findings: Rows of the report.
 
     Returns:
-        The entry of the manifest.
+        The entry for the manifest.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     text = report_text(findings)
     location.put_text(FILE_NAME, text)
@@ -84,11 +84,14 @@ def write_report(location: Location, findings: Sequence[ImportFinding]) -> Repor
 
 
 def read_report(location: Location, record: ReportRecord | None) -> tuple[ImportFinding, ...]:
-    """The rows of the report of a data set.
+    """Read the report of a data set.
 
     Args:
-        location: Where the data set lies.
-        record: The entry of the manifest; None where there is no report.
+        location: Folder or store of the data set.
+        record: The entry of the manifest; None if the data set has no report.
+
+    Returns:
+        The rows of the report; empty without a report.
 
     Raises:
         DatasetError: The file is missing, damaged, or cannot be read.
@@ -110,12 +113,12 @@ def read_report(location: Location, record: ReportRecord | None) -> tuple[Import
 
 
 def warn_about(findings: Sequence[ImportFinding]) -> None:
-    """Issue a `RecordingWarning` for each recording with findings, and one for many others.
+    """Issue a `RecordingWarning` for each recording with findings, at most `MAX_WARNINGS` + 1.
 
-    The warnings point to the line outside the package that called it.
+    The warnings point to the line of the user's code that called this package.
 
     Args:
-        findings: The rows of a report.
+        findings: Rows of a report.
     """
     stacklevel = _frames_of_package() + 1
     by_recording: dict[str, list[ImportFinding]] = {}
@@ -130,10 +133,13 @@ def warn_about(findings: Sequence[ImportFinding]) -> None:
 
 
 def refuse_findings(findings: Sequence[ImportFinding]) -> None:
-    """Refuse a recording with findings, as `strict` demands.
+    """Refuse a recording with findings, for the option `strict`.
+
+    Args:
+        findings: Rows of a report.
 
     Raises:
-        ImportFormatError: There is a finding.
+        ImportFormatError: `findings` is not empty.
     """
     if not findings:
         return
@@ -148,11 +154,11 @@ def refuse_findings(findings: Sequence[ImportFinding]) -> None:
 
 
 def _frames_of_package() -> int:
-    """Number of frames of this package on top of the stack, from the caller's on."""
-    frame, count = currentframe(), 0  # None in a Python without frames.
+    """Number of stack frames in this package, from the caller's frame outwards."""
+    frame, count = currentframe(), 0  # Some Python implementations have no frames: None.
     while frame and frame.f_globals.get("__name__", "").startswith("overtaking."):
         frame, count = frame.f_back, count + 1
-    return count - 1
+    return count - 1  # Without the frame of this function.
 
 
 def _warning_text(findings: list[ImportFinding]) -> str:
@@ -177,7 +183,7 @@ def _damaged(location: Location, got: str) -> DatasetError:
     return DatasetError.of(
         what="import report",
         where=location.at(FILE_NAME),
-        expected="the file that was written",
+        expected="the file that was written with the data set",
         got=got,
         next_step="restore it from a copy, or import the recording again",
     )

@@ -1,6 +1,6 @@
-"""Rows of a table as arrays: numbers, and texts of which each different one stands once."""
+"""Columns of a table as NumPy arrays: numbers, and texts as codes of distinct values."""
 
-# pyarrow ships no types, and it makes its compute functions when it is imported.
+# pyarrow ships no types, and it creates its compute functions at import.
 # pyright: reportUnknownParameterType=false, reportAttributeAccessIssue=false
 
 from __future__ import annotations
@@ -25,15 +25,16 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F64, I64, Mask
 
 MISSING = -1
-"""Code of a missing text."""
+"""Code of a missing text. As an index it selects the last element of an array, so arrays that are
+indexed by codes end with the element for missing texts."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextColumn:
-    """Texts of rows.
+    """A column of texts.
 
     Attributes:
-        texts: The different texts, composed in Unicode's form NFC, shape (text,).
+        texts: The distinct texts, composed in Unicode's form NFC, shape (text,).
         code: Index of the text of each row, `MISSING` for an empty cell, shape (row,).
     """
 
@@ -42,7 +43,7 @@ class TextColumn:
 
     @classmethod
     def of(cls, column: pa.ChunkedArray) -> TextColumn:
-        """The texts of a column of dictionaries."""
+        """The column of a dictionary-encoded Arrow column."""
         encoded = column.unify_dictionaries().combine_chunks()
         if isinstance(encoded, pa.ChunkedArray):
             encoded = encoded.chunk(0) if encoded.num_chunks else pa.array([], column.type)
@@ -51,24 +52,26 @@ class TextColumn:
         return cls(np.array(texts.to_pylist(), np.object_), code.astype(np.int64)).merged(texts)
 
     def merged(self, texts: pa.Array) -> TextColumn:
-        """The column with other texts, of which equal ones become one and empty ones are missing.
+        """The column with replaced texts; equal texts are merged, and empty ones become missing.
 
         Args:
-            texts: The new text in place of each of `texts`.
+            texts: The replacement of each element of `self.texts`, shape (text,).
         """
         different = texts.dictionary_encode()
         new_code = different.indices.fill_null(MISSING).to_numpy(zero_copy_only=False)
         values = np.array(different.dictionary.to_pylist(), np.object_)
-        is_missing = np.append(values == "", True)  # The last place is that of `MISSING`.
+        is_missing = np.append(values == "", True)
         new_code = np.where(is_missing[new_code], MISSING, new_code)
-        # The last place is that of `MISSING`.
         return TextColumn(values, np.append(new_code, MISSING)[self.code].astype(np.int64))
 
     def words(self, meaningful: Collection[str] = ()) -> TextColumn:
-        """The texts without blanks around them, and whole numbers without the ".0" of pandas.
+        """The column without blanks around texts and without ".0" after whole numbers.
+
+        pandas writes whole numbers of a column with missing cells with ".0". Words for missing
+        cells, such as "NA", become missing.
 
         Args:
-            meaningful: Texts that count as they stand even if they look like a missing cell.
+            meaningful: Words that are values although they look like a missing cell.
         """
         texts = pc.utf8_trim_whitespace(pa.array(self.texts, TEXT))
         texts = pc.replace_substring_regex(texts, r"^([+-]?\d+)\.0*$", r"\1")
@@ -85,24 +88,24 @@ class TextColumn:
         return np.append(self.texts == text, False)[self.code]
 
     def text(self, row: int) -> str:
-        """Text of a row."""
+        """The text of a row; empty if it is missing."""
         return "" if self.code[row] == MISSING else str(self.texts[self.code[row]])
 
     def select(self, rows: Mask | I64) -> TextColumn:
-        """Some of the rows."""
+        """The rows of a mask or of indices."""
         return TextColumn(self.texts, self.code[rows])
 
 
 @dataclass(frozen=True, slots=True)
 class ArrayTable:
-    """Rows of a table as arrays.
+    """Columns of a table as arrays.
 
     Attributes:
         file_name: Name of the table in messages.
-        numbers: Columns of numbers, NaN where a cell is missing, shape (row,).
-        texts: Columns of texts.
+        numbers: Columns of numbers by name, NaN where a cell is missing, shape (row,) each.
+        texts: Columns of texts by name.
         row: Index of each row in the file, from 0, shape (row,).
-        places: Where the rows are in the file.
+        places: Names of the places of rows in the file, such as "line 7".
     """
 
     file_name: str
@@ -115,13 +118,13 @@ class ArrayTable:
     def of(
         cls, content: ReadTable, file_name: str, meaningful: Mapping[str, Collection[str]]
     ) -> ArrayTable:
-        """The columns of a table that was read.
+        """The arrays of an Arrow table.
 
         Args:
             content: The table.
             file_name: Name of the table in messages.
-            meaningful: For columns of words, the texts that are no missing cell; texts of other
-                columns stay as they stand.
+            meaningful: For each column of words, the words that are values although they look like
+                a missing cell. Texts of other columns are unchanged.
         """
         numbers: dict[str, F64] = {}
         texts: dict[str, TextColumn] = {}
@@ -142,26 +145,35 @@ class ArrayTable:
         return len(self.row)
 
     def place(self, row: int) -> str:
-        """Place in the file of one of these rows, for messages."""
+        """Place in the file of a row of this table, for messages."""
         return self.places.name(int(self.row[row]))
 
     def cell(self, name: str, row: int) -> str:
-        """A cell as it is shown in messages."""
+        """A cell as messages show it."""
         if name in self.texts:
             return self.texts[name].text(row) or "an empty cell"
         number = float(self.numbers[name][row])
         return "an empty cell" if np.isnan(number) else f"{number:.12g}"
 
     def check(self, is_right: Mask, name: str, expected: str) -> None:
-        """Raise the error for the first cell of a column that is not right."""
+        """Refuse a column with a wrong cell.
+
+        Args:
+            is_right: Whether the cell of each row is right, shape (row,).
+            name: Name of the column.
+            expected: A description of a right cell.
+
+        Raises:
+            ImportFormatError: A cell is wrong; the message names the first one.
+        """
         if not is_right.all():
             row = int(np.argmin(is_right))
             got = self.cell(name, row)
             raise refused_cell(self.file_name, self.place(row), name, expected, got)
 
     def select(self, rows: Mask | I64) -> ArrayTable:
-        """Some of the rows."""
-        if rows.dtype == np.bool_ and rows.all():
+        """The rows of a mask or of indices."""
+        if rows.dtype == np.bool_ and rows.all():  # Avoids a copy of all columns.
             return self
         return replace(
             self,
@@ -171,7 +183,13 @@ class ArrayTable:
         )
 
     def differs(self, name: str, rows: I64, others: I64) -> Mask:
-        """Whether the cells of two rows differ, and not both are missing; shape of `rows`."""
+        """Whether cells of a column differ between two rows; two missing cells are equal.
+
+        Args:
+            name: Name of the column.
+            rows: Indices of rows.
+            others: Index of the row to compare with each, same shape.
+        """
         if name in self.texts:
             code = self.texts[name].code
             return code[rows] != code[others]
@@ -179,26 +197,33 @@ class ArrayTable:
         return (first != second) & ~(np.isnan(first) & np.isnan(second))
 
     def choose(self, only: Mapping[str, str]) -> ArrayTable:
-        """The rows in which each column of `only` has the value that is stated for it.
+        """The rows in which columns have required values.
+
+        Args:
+            only: Required value of each column; columns that this table lacks are ignored.
 
         Raises:
-            ImportFormatError: No row has these values.
+            ImportFormatError: No row has all these values.
         """
         is_chosen = np.ones(self.num_rows, np.bool_)
+        conditions: list[str] = []  # A message about a combination names all of its columns.
         for name, value in only.items():
             if name in self.texts:
                 is_chosen &= self.texts[name].words().is_text(value)
             elif name in self.numbers:
                 is_chosen &= _is_number(self.numbers[name], value)
+            else:
+                continue
+            conditions.append(f"{shown(name)}={shown(value)}")
             if not is_chosen.any():
-                what = f"rows with {shown(name)}={shown(value)}"
+                what = f"rows with {' and '.join(conditions)}"
                 raise refused(self.file_name, what, "at least one", "none")
         return self.select(is_chosen)
 
 
 def _is_number(numbers: F64, value: str) -> Mask:
-    """Whether cells have a value that the user states as text: 12 is also 12.0 among numbers."""
+    """Whether numbers equal a value that the user wrote as text: "12" equals 12.0."""
     try:
         return numbers == float(value)
-    except ValueError:  # A word is in no column of numbers.
+    except ValueError:  # A word equals no number.
         return np.zeros(len(numbers), np.bool_)

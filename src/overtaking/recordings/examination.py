@@ -1,7 +1,7 @@
-"""The examination of a recording, whatever file it comes from, before overtakes are looked for.
+"""Checks of vehicle sizes and of vehicles under two ids, for recordings of every format.
 
-Readers examine ids, times, cells, positions and gaps, which only they can name in the words of the
-file. Sizes and vehicles that a recording has twice are examined here, on its tracks.
+They run on the tracks, after reading and before the search for overtakes. Readers check ids, times,
+cells, positions and gaps themselves, so that their messages can name rows and columns of the file.
 """
 
 from __future__ import annotations
@@ -20,32 +20,34 @@ if TYPE_CHECKING:
     from overtaking.recordings.recording import Recording, Tracks
 
 MAX_SWAPPED_SHARE = 0.5
-"""With a larger share of vehicles that are wider than long, the columns are exchanged."""
+"""With a larger share of vehicles that are wider than long, length and width are exchanged in the
+whole recording, and it is refused. Up to this share, each such vehicle is reported."""
 
 MIN_OVERLAP = 0.6
-"""Boxes that overlap in more of their common frames are one vehicle. In simulated collisions they
-do in up to 42 % of them, and not from the first one on."""
+"""Two tracks are one vehicle if their boxes overlap in more than this share of their common frames.
+In simulated collisions, boxes overlap in up to 42 % of the common frames, but not in the first."""
 
 MAX_SPEED_DIFFERENCE = 1.0
-"""Largest difference of the mean speeds of two tracks of one vehicle [m/s]. Trackers that see a
-vehicle twice differ in its position, by less than its length, not in the way that it goes."""
+"""Largest difference of the mean speeds of two tracks of one vehicle [m/s]. Two detections of
+one vehicle are offset by less than its length, but move at the same speed."""
 
 MIN_COMMON_SHARE = 0.5
-"""Two tracks are one vehicle seen twice if they have at least this share of the shorter one in
-common. If they have less, a tracker changed the id on the way, and both are needed."""
+"""The shorter of two tracks of one vehicle is left out if at least this share of its frames are
+common frames. With a smaller share, the tracker changed the id on the way, and both are needed."""
 
 _MAX_PAIRS = 1 << 20  # Pairs of tracks that are compared at a time, to keep memory small.
 
 
 def examine(recording: Recording, *, needed: Mask | None = None) -> Recording:
-    """Check sizes, then leave out vehicles that the recording has under a second id.
+    """Check sizes, then leave out second tracks of vehicles that have two ids.
 
     Args:
         recording: The recording.
-        needed: Vehicles that are reported instead of left out, shape (vehicle,); none by default.
+        needed: Whether the track of each vehicle must stay, shape (vehicle,): a duplicate among
+            them is reported, not left out. By default no track must stay.
 
     Returns:
-        The recording without those vehicles, with all findings.
+        The recording without the second tracks, with all findings.
 
     Raises:
         ImportFormatError: Most vehicles are wider than long.
@@ -59,6 +61,7 @@ def examine(recording: Recording, *, needed: Mask | None = None) -> Recording:
     is_left_out = np.zeros(tracks.num_vehicles, np.bool_)
     interval_s = recording.frame_interval_ms * 1e-3
     for pair in pairs:
+        # A track that is left out already gives no reason to leave out another one.
         if is_left_out[pair.copy] or is_left_out[pair.vehicle]:
             continue
         is_reported = bool(is_needed[pair.copy]) or not pair.is_whole
@@ -87,10 +90,10 @@ def examine(recording: Recording, *, needed: Mask | None = None) -> Recording:
 
 
 def check_sizes(recording: Recording) -> list[Finding]:
-    """Vehicles that are wider than long, one finding for each.
+    """Report vehicles that are wider than long, one finding for each.
 
     Raises:
-        ImportFormatError: Most of them are.
+        ImportFormatError: More than `MAX_SWAPPED_SHARE` of the vehicles are wider than long.
     """
     tracks = recording.tracks
     is_swapped = tracks.width > tracks.length
@@ -126,11 +129,12 @@ class DuplicatePair(NamedTuple):
     """Two tracks of one vehicle.
 
     Attributes:
-        vehicle: The longer track; of two that are equally long, the one that the file has first.
-        copy: The other one.
-        num_common: Number of common frames.
-        num_overlapping: Number of those in which their boxes overlap.
-        is_whole: Whether the copy has most of its frames in common with the other track.
+        vehicle: Index of the track with more frames; of two with equally many, the one that comes
+            first in the file.
+        copy: Index of the other track.
+        num_common: Number of frames in which both tracks have a state.
+        num_overlapping: Number of common frames in which the boxes overlap.
+        is_whole: Whether at least `MIN_COMMON_SHARE` of the copy's frames are common frames.
     """
 
     vehicle: int
@@ -141,65 +145,74 @@ class DuplicatePair(NamedTuple):
 
 
 def find_duplicates(tracks: Tracks) -> list[DuplicatePair]:
-    """Pairs of tracks on one carriageway that are one vehicle, in order of the longer track."""
+    """Find pairs of tracks on one carriageway that are one vehicle.
+
+    Returns:
+        The pairs, those with the longest `vehicle` track first.
+    """
     duplicates: list[DuplicatePair] = []
-    for first, second in zip(*_overlapping_at_first(tracks), strict=True):
-        pair = _compare(tracks, int(first), int(second))
+    for first, second in zip(*_find_candidate_pairs(tracks), strict=True):
+        pair = _match_tracks(tracks, int(first), int(second))
         if pair is not None:
             duplicates.append(pair)
     count = np.diff(tracks.start)
     return sorted(duplicates, key=lambda pair: (-int(count[pair.vehicle]), pair.vehicle, pair.copy))
 
 
-def _overlapping_at_first(tracks: Tracks) -> tuple[I64, I64]:
-    """Pairs of tracks whose boxes overlap in the first frame that they have in common.
+def _find_candidate_pairs(tracks: Tracks) -> tuple[I64, I64]:
+    """Pairs of tracks whose boxes overlap in their first common frame.
 
-    That frame is the first one of either track, so each track is compared in its first frame with
-    those that are there. Tracks are looked up by spans of time, so that the effort grows with the
-    number of rows.
+    The first common frame of two tracks is the first frame of the later one. So each track is
+    compared, in its first frame, with the tracks that have a state there. An index of tracks by
+    carriageway and time span keeps the effort proportional to the number of rows.
+
+    Returns:
+        The earlier and the later track of each pair, shape (pair,) each.
     """
     count = tracks.num_vehicles
     first, last, carriageway = tracks.first, tracks.last, tracks.carriageway
     if count < 2:
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    span = max(1, int(np.diff(tracks.start).mean()))  # In frames.
+    # Spans of a mean track's length: each track is in few spans, and each span has few tracks.
+    span = max(1, int(np.diff(tracks.start).mean()))  # [frames]
     origin = int(first.min())
     num_spans = (int(last.max()) - origin) // span + 1
+    # The key of a span is unique across carriageways.
     base = (carriageway - carriageway.min()) * num_spans
     first_span, last_span = (first - origin) // span, (last - origin) // span
     num_entries = last_span - first_span + 1
     entry_track = np.repeat(np.arange(count), num_entries)
-    within = np.arange(len(entry_track)) - np.repeat(
+    span_in_track = np.arange(len(entry_track)) - np.repeat(
         np.cumsum(num_entries) - num_entries, num_entries
     )
-    entry_key = (base + first_span)[entry_track] + within
+    entry_key = (base + first_span)[entry_track] + span_in_track
     order = np.argsort(entry_key, kind="stable")
     entry_key, entry_track = entry_key[order], entry_track[order]
-    key = base + first_span
-    low = np.searchsorted(entry_key, key, side="left")
-    num_near = np.searchsorted(entry_key, key, side="right") - low
-    ends = np.cumsum(num_near)
+    first_key = base + first_span
+    low = np.searchsorted(entry_key, first_key, side="left")
+    num_candidates = np.searchsorted(entry_key, first_key, side="right") - low
+    ends = np.cumsum(num_candidates)
     pairs: list[tuple[I64, I64]] = []
     begin = 0
     while begin < count:
-        passed = int(ends[begin - 1]) if begin else 0
-        end = max(begin + 1, int(np.searchsorted(ends, passed + _MAX_PAIRS, side="right")))
-        part = np.arange(begin, end)
-        track = np.repeat(part, num_near[part])
+        num_done = int(ends[begin - 1]) if begin else 0
+        end = max(begin + 1, int(np.searchsorted(ends, num_done + _MAX_PAIRS, side="right")))
+        chunk = np.arange(begin, end)
+        track = np.repeat(chunk, num_candidates[chunk])
         offset = np.arange(len(track)) - np.repeat(
-            np.cumsum(num_near[part]) - num_near[part], num_near[part]
+            np.cumsum(num_candidates[chunk]) - num_candidates[chunk], num_candidates[chunk]
         )
         other = entry_track[low[track] + offset]
-        # Of two tracks that begin together, the pair counts once.
-        is_there = (first[other] < first[track]) | (
+        # Two tracks that begin in the same frame find each other; their pair counts once.
+        precedes = (first[other] < first[track]) | (
             (first[other] == first[track]) & (other < track)
         )
-        is_there &= last[other] >= first[track]
-        track, other = track[is_there], other[is_there]
+        precedes &= last[other] >= first[track]
+        track, other = track[precedes], other[precedes]
         row = tracks.start[track]
         other_row = tracks.start[other] + first[track] - first[other]
-        is_near = _overlaps(tracks, track, other, row, other_row)
-        pairs.append((other[is_near], track[is_near]))
+        is_overlapping = _overlaps(tracks, track, other, row, other_row)
+        pairs.append((other[is_overlapping], track[is_overlapping]))
         begin = end
     earlier, later = (np.concatenate(side) for side in zip(*pairs, strict=True))
     return earlier, later
@@ -208,7 +221,10 @@ def _overlapping_at_first(tracks: Tracks) -> tuple[I64, I64]:
 def _overlaps(
     tracks: Tracks, first: I64 | int, second: I64 | int, first_row: I64, second_row: I64
 ) -> Mask:
-    """Whether the boxes of two vehicles overlap in some rows, in the axes of the road."""
+    """Whether the boxes of two tracks overlap, by rows of the same frames; shape of `first_row`.
+
+    Boxes are parallel to the road.
+    """
     length = 0.5 * (tracks.length[first] + tracks.length[second])
     width = 0.5 * (tracks.width[first] + tracks.width[second])
     is_along = np.abs(tracks.s[first_row] - tracks.s[second_row]) < length
@@ -216,8 +232,8 @@ def _overlaps(
     return overlaps
 
 
-def _compare(tracks: Tracks, first: int, second: int) -> DuplicatePair | None:
-    """The pair, None if these tracks are two vehicles."""
+def _match_tracks(tracks: Tracks, first: int, second: int) -> DuplicatePair | None:
+    """Describe two tracks as a pair; None if they are two vehicles."""
     begin = max(int(tracks.first[first]), int(tracks.first[second]))
     num_common = min(int(tracks.last[first]), int(tracks.last[second])) - begin + 1
     rows, other_rows = (
@@ -226,8 +242,8 @@ def _compare(tracks: Tracks, first: int, second: int) -> DuplicatePair | None:
     num_overlapping = int(_overlaps(tracks, first, second, rows, other_rows).sum())
     if num_overlapping <= MIN_OVERLAP * num_common:
         return None
-    difference = float(tracks.speed[rows].mean() - tracks.speed[other_rows].mean())
-    if abs(difference) > MAX_SPEED_DIFFERENCE:
+    speed_difference = float(tracks.speed[rows].mean() - tracks.speed[other_rows].mean())
+    if abs(speed_difference) > MAX_SPEED_DIFFERENCE:
         return None
     count = np.diff(tracks.start)
     vehicle, copy = sorted(

@@ -1,4 +1,4 @@
-"""What the examination of a recording finds, and what becomes of it."""
+"""Findings of the examination of a recording, and their consequences."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Check(StrEnum):
-    """The checks, in the order in which a recording passes them."""
+    """Names of the checks, in the order in which a recording passes them."""
 
     IDENTITY = "identity"
     TIME = "time"
@@ -28,12 +28,15 @@ class Check(StrEnum):
 
 
 class Consequence(StrEnum):
-    """What the reader does about a finding. A refused recording has an error instead."""
+    """What the reader does about a finding.
+
+    A recording that it refuses has no finding but raises an `ImportFormatError`.
+    """
 
     CORRECTED = "corrected"
     LEFT_OUT = "left out"
     REPORTED = "reported"
-    """The values are unchanged."""
+    """The values in the result are those of the file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,12 +44,12 @@ class Finding:
     """A fault of a recording.
 
     Attributes:
-        check: The check that found it.
-        consequence: What the reader did.
-        detail: One sentence: columns, values, and for a correction how it was made.
-        rows: Number of rows that it concerns.
-        vehicle: Name of the vehicle in the file; None for the whole file.
-        first_time_s: Time of its first row, as the file counts [s]; None for the whole file.
+        check: The check that found the fault.
+        consequence: What the reader did about it.
+        detail: One sentence with columns, values and, for a correction, its method.
+        rows: Number of rows with the fault.
+        vehicle: Name of the vehicle in the file; None if the fault concerns the whole file.
+        first_time_s: Time of the first of these rows, as the file counts [s]; None as above.
     """
 
     check: Check

@@ -1,4 +1,4 @@
-"""Gaps of tracks: short ones are interpolated, long ones begin a new track."""
+"""Gaps in tracks: short ones are interpolated; after a long one a new track begins."""
 
 from __future__ import annotations
 
@@ -15,24 +15,26 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F64, I64, Mask
 
 MAX_GAP_S = 0.5
-"""Longest time between two rows that is interpolated [s]. A vehicle that brakes at 3 m/s² leaves a
-straight line by 3 * 0.5**2 / 8 = 0.1 m in it."""
+"""Longest time between two rows that is interpolated [s]. In its middle, linear interpolation of a
+vehicle that brakes at 3 m/s² is off by 3 * 0.5**2 / 8 = 0.1 m."""
 
 MAX_OWN_INTERVAL_S = 1.0
-"""Longest time between frames of a recording, so of the rows of a slow vehicle in it as well [s]"""
+"""Longest regular time between the rows of one vehicle [s]; a recording has the same limit
+(`frame_times.FRAME_INTERVAL_RANGE_MS`)."""
 
 ONE_FRAME = 1.5
-"""Rows that are less apart are in adjacent frames, however instants tremble [frames]."""
+"""Rows less than this apart are in adjacent frames [frames]; the half frame allows for jitter."""
 
-_MAX_SPLIT_SHARE = 0.5  # With more vehicles in pieces, the frame rate is not what it seems to be.
-_MIN_PIECE_S = 1.0  # Shorter pieces of tracks show no manoeuvre [s].
+_MAX_SPLIT_SHARE = 0.5  # With a larger share of split vehicles, the frame interval is wrong.
+_MIN_PIECE_S = 1.0  # Shorter pieces of tracks contain no manoeuvre [s].
+_ROUNDING = 1e-6  # A gap of exactly the longest time stays short in floating point [frames].
 
 
 def is_long_gap(vehicle: I64, frame_time: F64, interval_ms: float) -> Mask:
-    """Whether a gap before a row begins a new track, shape (row - 1,).
+    """Whether a long gap precedes each row but the first, shape (row - 1,).
 
-    A vehicle whose rows are regularly farther apart than `MAX_GAP_S`, up to `MAX_OWN_INTERVAL_S`,
-    has a frame rate of its own, and no gap between them.
+    The rows of a vehicle may be regularly more than `MAX_GAP_S` apart, up to `MAX_OWN_INTERVAL_S`.
+    Such a vehicle has a frame rate of its own; its gaps are measured in its own intervals.
 
     Args:
         vehicle: Index of the vehicle of each row, ascending, shape (row,).
@@ -41,10 +43,10 @@ def is_long_gap(vehicle: I64, frame_time: F64, interval_ms: float) -> Mask:
     """
     step = np.diff(frame_time)
     is_same = np.diff(vehicle) == 0
-    is_long = is_same & (step > max(ONE_FRAME, MAX_GAP_S * 1000.0 / interval_ms + 1e-6))
+    is_long = is_same & (step > max(ONE_FRAME, MAX_GAP_S * 1000.0 / interval_ms + _ROUNDING))
     owners, count = np.unique(vehicle[1:][is_long], return_counts=True)
-    longest = MAX_OWN_INTERVAL_S * 1000.0 / interval_ms + 1e-6
-    for owner in owners[count > 1].tolist():
+    longest = MAX_OWN_INTERVAL_S * 1000.0 / interval_ms + _ROUNDING
+    for owner in owners[count > 1].tolist():  # One long gap is not regular.
         low, high = np.searchsorted(vehicle, [owner, owner + 1])
         steps = step[low : high - 1]
         own_interval = float(np.median(steps))
@@ -63,7 +65,7 @@ def gap_findings(
     track_vehicle: I64,
     num_faulty: I64,
 ) -> list[Finding]:
-    """The gaps of a recording, one finding for each track, and one for each split.
+    """Report the gaps of a recording.
 
     Args:
         track: Index of the track of each row, ascending, shape (row,).
@@ -73,7 +75,11 @@ def gap_findings(
         track_names: Name of each track, shape (track,).
         track_vehicle: Vehicle of each track, same shape.
         num_faulty: Number of faulty rows that were left out before each row but the first, shape
-            (row - 1,). Findings of their own name these.
+            (row - 1,). They do not count as missing: `motion_findings` reports them.
+
+    Returns:
+        One finding for each track with interpolated gaps, and one for each track that continues
+        another.
     """
     step, is_same = np.diff(frame_time), np.diff(track) == 0
     step = step - num_faulty
@@ -84,7 +90,7 @@ def gap_findings(
         low, high = np.searchsorted(track, [owner, owner + 1])
         num_missing = int((np.rint(step[gaps]) - 1.0).sum())
         own_interval = float(np.median(step[low : high - 1])) * interval_ms * 1e-3
-        is_slow = 2 * len(gaps) > high - low - 1
+        is_slow = 2 * len(gaps) > high - low - 1  # Most steps are gaps: a frame rate of its own.
         longest = float(step[gaps].max()) * interval_ms * 1e-3
         detail = (
             f"a row every {own_interval:.3g} s, where the recording has one every "
@@ -116,7 +122,7 @@ def _split_findings(
     track_names: NDArray[np.object_],
     track_vehicle: I64,
 ) -> list[Finding]:
-    """One finding for each track that continues another; arguments as of `gap_findings`."""
+    """Report each track that continues another; arguments as in `gap_findings`."""
     start = np.searchsorted(track, np.arange(len(track_vehicle) + 1))
     findings: list[Finding] = []
     for later in (np.flatnonzero(np.diff(track_vehicle) == 0) + 1).tolist():
@@ -142,11 +148,11 @@ def _split_findings(
 
 
 def check_pieces(file_name: str, start: I64, track_vehicle: I64, interval_ms: int) -> None:
-    """Refuse a recording whose tracks are mostly short pieces.
+    """Refuse a recording in which most vehicles are split into short pieces.
 
     Args:
         file_name: Name of the file in messages.
-        start: First row of each track, and the number of rows, shape (track + 1,).
+        start: First row of each track, then the number of rows, shape (track + 1,).
         track_vehicle: Vehicle of each track, shape (track,).
         interval_ms: Time between frames [ms].
 

@@ -1,8 +1,8 @@
-"""Positions that no vehicle can have reached: single rows or short runs of rows out of place.
+"""Finds positions that no vehicle can have reached: single rows or short runs of rows.
 
-A row is faulty if it lies away from the straight line through its neighbours in time, and if the
-path jumps to it and back. The second condition tells a faulty row from a vehicle that brakes, turns
-or collides: there the path bends, but every row lies on it.
+A row is faulty if it deviates from the straight line through its neighbours in time, and if the
+path jumps to it and back. The second condition excludes vehicles that brake, turn or collide: their
+paths bend without a jump.
 """
 
 from __future__ import annotations
@@ -23,41 +23,46 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
 
 MAX_DEVIATION_ALONG = 1.0
-"""Largest distance of a position from the line through its neighbours along the movement, beside
-that of `MAX_ACCELERATION` [m]. Together they are 1.2 m at 5 Hz, where trackers of the MONA data set
-are off by up to 1.15 m."""
+"""Largest deviation along the movement from the line through the neighbours [m], in addition to
+the deviation that `MAX_ACCELERATION` allows. The sum is 1.2 m at 5 Hz; at this rate, positions of
+the MONA data set deviate by up to 1.15 m."""
 
 MAX_DEVIATION_ACROSS = 0.5
-"""The same across the movement [m]: positions of US-101 scatter by 0.21 m in their lanes, and a
-faulty row must not reach the next lane, 1.5 m away for a car in the middle of its own."""
+"""Largest deviation across the movement [m], in addition to the same allowance. Positions of US-101
+scatter by 0.21 m in their lanes. An undetected fault must not move a car from the middle of its
+lane into the next lane, 1.5 m away."""
 
 MAX_ACCELERATION = 10.0
-"""Full braking on a dry road, and a margin for slopes [m/s^2]. With it a position deviates from the
-line by half of it times the times to both neighbours."""
+"""Full braking on a dry road with a margin for slopes [m/s^2]. A vehicle with the acceleration `a`
+deviates by `a * t1 * t2 / 2` from the line, where `t1` and `t2` are the times to its neighbours."""
 
 MAX_SPEED_CHANGE_AT_END = 20.0
-"""At the end of a track a contact looks like a faulty row, up to this change of speed [m/s]."""
+"""Largest change of speed in a contact [m/s]. The first or last row of a track is faulty only
+beyond this change, because no further row shows whether the path returns."""
 
 MAX_FAULTY_SHARE = 0.05
-"""With a larger share of faulty rows, positions scatter, and the rows are kept."""
+"""With a larger share of faulty rows, the positions of the whole recording scatter, and no row is
+called faulty."""
 
-_MIN_RETURN = 0.5  # Least share of a jump to and from faulty rows that their neighbours show.
-_MAX_END_BEND = 0.25  # Largest deviation beside a faulty first or last row, as a share of its own.
-_MIN_CHORD = 1.0  # A shorter line has no reliable direction [m].
+# A neighbour of a faulty row must show at least this share of the bend that the fault causes there.
+_MIN_RETURN = 0.5
+# Largest bend beside a faulty first or last row, as a share of the deviation of that row.
+_MAX_END_BEND = 0.25
+_MIN_CHORD = 1.0  # The direction of a shorter line is unreliable [m].
 _BLOCK = 1 << 18  # Rows that are compared at a time, to keep memory small.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultyRows:
-    """Rows out of place, ascending.
+    """Faulty rows and jumps of a recording, in ascending order.
 
     Attributes:
-        row: Index of each, shape (faulty,).
-        deviation: Its distance from the line through its neighbours, same shape [m].
-        jump: First row after each jump to another path, shape (jump,).
-        jump_size: Size of each, same shape [m].
-        is_scattered: Whether so many rows deviate that none can be called faulty; then the arrays
-            are empty.
+        row: Index of each faulty row, shape (faulty,).
+        deviation: Distance of each from the line through its neighbours, same shape [m].
+        jump: Index of the first row after each jump to another path, shape (jump,).
+        jump_size: Length of each jump, same shape [m].
+        is_scattered: Whether more rows deviate than `MAX_FAULTY_SHARE` allows; the arrays are
+            empty then.
     """
 
     row: I64
@@ -68,15 +73,15 @@ class FaultyRows:
 
     @classmethod
     def none(cls, *, is_scattered: bool = False) -> FaultyRows:
-        """No rows."""
+        """The result without any faulty row or jump."""
         rows, sizes = np.empty(0, np.int64), np.empty(0, np.float64)
         return cls(row=rows, deviation=sizes, jump=rows, jump_size=sizes, is_scattered=is_scattered)
 
     def select(self, is_selected: Mask) -> FaultyRows:
-        """Those at some rows.
+        """The faulty rows and jumps among some rows; indices stay those of the recording.
 
         Args:
-            is_selected: Which rows of the recording, shape (row,).
+            is_selected: Whether each row of the recording is selected, shape (row,).
         """
         rows, jumps = is_selected[self.row], is_selected[self.jump]
         return replace(
@@ -99,9 +104,12 @@ def find_faulty_rows(
         x: Position, same shape [m].
         y: Position, same shape [m].
         interval_ms: Time between frames [ms].
+
+    Returns:
+        Indices of faulty rows and jumps; no row is faulty if more than `MAX_FAULTY_SHARE` are.
     """
-    bends = _bends(vehicle, frame_time, x, y, interval_ms)
-    # A faulty row shows in three rows: its own and both neighbours.
+    bends = _find_bends(vehicle, frame_time, x, y, interval_ms)
+    # A faulty row bends the path at three rows: at itself and at both neighbours.
     if len(bends) > 3.0 * MAX_FAULTY_SHARE * len(vehicle):
         return FaultyRows.none(is_scattered=True)
     rows: list[int] = []
@@ -113,17 +121,17 @@ def find_faulty_rows(
         pieces, first = np.unique(
             np.searchsorted(start, bends, side="right") - 1, return_index=True
         )
-        for piece, of_piece in zip(pieces.tolist(), np.split(bends, first)[1:], strict=True):
+        for piece, piece_bends in zip(pieces.tolist(), np.split(bends, first)[1:], strict=True):
             low, high = int(start[piece]), int(start[piece + 1])
             path = _Path.of(
                 frame_time[low:high] * (interval_ms * 1e-3),
                 x[low:high] + 1j * y[low:high],
                 interval_ms * 1e-3,
             )
-            away, jumped = path.find((of_piece - low).tolist())
-            rows += [low + row for row in away]
-            deviations += away.values()
-            jumps += [(low + row, size) for row, size in jumped.items()]
+            faulty_in_piece, jumps_in_piece = path.find((piece_bends - low).tolist())
+            rows += [low + row for row in faulty_in_piece]
+            deviations += faulty_in_piece.values()
+            jumps += [(low + row, size) for row, size in jumps_in_piece.items()]
     if len(rows) > MAX_FAULTY_SHARE * len(vehicle):
         return FaultyRows.none(is_scattered=True)
     return FaultyRows(
@@ -134,10 +142,11 @@ def find_faulty_rows(
     )
 
 
-def _bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float) -> I64:
-    """Rows that deviate by half the limit from the line through both neighbours, ascending.
+def _find_bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float) -> I64:
+    """Find rows that deviate by half the limit from the line through both neighbours, ascending.
 
-    Beside a run of faulty rows, the first and the last of them deviate by half their distance.
+    Half the limit, because in a run of faulty rows only one neighbour of the first and of the last
+    row is in place: these rows deviate by half the distance of the run from the path.
     """
     blocks: list[I64] = []
     longest = max(MAX_GAP_S * 1000.0 / interval_ms, ONE_FRAME) + 1e-6
@@ -147,10 +156,10 @@ def _bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float) ->
         earlier = frame_time[here] - frame_time[before]
         later = frame_time[after] - frame_time[here]
         share = earlier / np.maximum(earlier + later, 1e-9)
-        off_x = x[here] - x[before] - share * (x[after] - x[before])
-        off_y = y[here] - y[before] - share * (y[after] - y[before])
+        deviation_x = x[here] - x[before] - share * (x[after] - x[before])
+        deviation_y = y[here] - y[before] - share * (y[after] - y[before])
         limit = _limit(MAX_DEVIATION_ACROSS, earlier * later * (interval_ms * 1e-3) ** 2)
-        is_bend = off_x * off_x + off_y * off_y > (0.5 * limit) ** 2
+        is_bend = deviation_x * deviation_x + deviation_y * deviation_y > (0.5 * limit) ** 2
         rows = np.flatnonzero(is_bend)
         is_inside = (vehicle[rows + low - 1] == vehicle[rows + low + 1]) & (
             np.maximum(earlier[rows], later[rows]) <= longest
@@ -160,16 +169,21 @@ def _bends(vehicle: I64, frame_time: F64, x: F64, y: F64, interval_ms: float) ->
 
 
 def _limit(deviation: float, times: F64) -> F64:
-    """Largest deviation [m], where `times` is the product of the times to both neighbours [s^2]."""
+    """Largest deviation that braking and errors of measurement explain [m].
+
+    Args:
+        deviation: `MAX_DEVIATION_ALONG` or `MAX_DEVIATION_ACROSS` [m].
+        times: Product of the times to both neighbours, shape (row,) [s^2].
+    """
     return deviation + 0.5 * MAX_ACCELERATION * times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Path:
-    """The path of a vehicle without a long gap.
+    """A stretch of a vehicle's path without a long gap.
 
     Attributes:
-        time: Shape (row,) [s].
+        time: Time of each row, shape (row,) [s].
         point: Positions as complex numbers, x + 1j * y, same shape [m].
         bend: Deviation from the line through both neighbours, 0 at the ends, same shape [m].
         interval: Time between frames [s].
@@ -182,45 +196,53 @@ class _Path:
 
     @classmethod
     def of(cls, time: F64, point: Complex, interval: float) -> _Path:
-        """The path through points."""
+        """The path through points, with its bends."""
         bend = np.zeros(len(point), np.complex128)
         share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
         bend[1:-1] = point[1:-1] - point[:-2] - share * (point[2:] - point[:-2])
         return cls(time=time, point=point, bend=bend, interval=interval)
 
     def find(self, bends: list[int]) -> tuple[dict[int, float], dict[int, float]]:
-        """Faulty rows and jumps, with their distances.
+        """Find faulty rows and jumps.
 
         Args:
-            bends: Rows of large deviation, where faulty rows may begin.
+            bends: Rows at which the path bends, ascending; faulty rows may begin there.
+
+        Returns:
+            The deviation of each faulty row, and the length of each jump by the row after it [m].
         """
         faulty: dict[int, float] = {}
         for first in bends:
             if first in faulty or first - 1 in faulty:
                 continue
+            # The shortest run that is faulty counts: a longer one would contain good rows.
             last = first
             while last + 1 < len(self.time) and self._is_short(first, last):
-                deviation = self._run(first, last)
+                deviation = self._run_deviation(first, last)
                 if deviation is not None:
                     distances = np.abs(deviation).tolist()
                     faulty |= dict(zip(range(first, last + 1), distances, strict=True))
                     break
                 last += 1
-        faulty |= self._ends(faulty)
+        faulty |= self._end_deviations(faulty)
         jumps: dict[int, float] = {}
         for row in bends:
+            # `_jump_size` compares the speeds before and after the jump, so all four rows count.
             if not {row - 2, row - 1, row, row + 1} & faulty.keys() and row >= 2:
-                size = self._jump(row)
+                size = self._jump_size(row)
                 jumps |= {} if size is None else {row: size}
         return dict(sorted(faulty.items())), jumps
 
     def _is_short(self, first: int, last: int) -> bool:
-        """Whether the gap without these rows is one that is interpolated."""
+        """Whether the gap that the rows `first` to `last` would leave is short enough to fill.
+
+        At low frame rates, the gap of a single row counts as short.
+        """
         elapsed = self.time[last + 1] - self.time[first - 1]
         return bool(elapsed <= max(MAX_GAP_S, 2.0 * self.interval) + 1e-6)
 
-    def _run(self, first: int, last: int) -> Complex | None:
-        """Deviations of rows that are faulty together, None if they are not."""
+    def _run_deviation(self, first: int, last: int) -> Complex | None:
+        """Deviations of the rows `first` to `last` if they are one faulty run, else None [m]."""
         time, point = self.time, self.point
         before, after = first - 1, last + 1
         earlier = time[first:after] - time[before]
@@ -240,37 +262,62 @@ class _Path:
         return deviation if returns and all(returns) else None
 
     def _returns(self, row: int, beside: int, towards: int, deviation: complex) -> bool:
-        """Whether a row beside faulty ones deviates to the other side, as far as they cause it."""
-        near, far = (
-            abs(self.time[towards] - self.time[row]),
-            abs(self.time[beside] - self.time[row]),
-        )
+        """Whether the path returns at a row beside a faulty run.
+
+        A fault of size `deviation` in one neighbour bends a straight path at the row to the other
+        side, by the share that linear interpolation between both neighbours gives.
+
+        Args:
+            row: The row beside the run.
+            beside: Its neighbour on the side away from the run.
+            towards: Its neighbour in the run.
+            deviation: Deviation of that neighbour [m].
+        """
+        near = abs(self.time[towards] - self.time[row])
+        far = abs(self.time[beside] - self.time[row])
         caused = -deviation * far / (near + far)
         share = (self.bend[row] * caused.conjugate()).real / abs(caused) ** 2
         return bool(share >= _MIN_RETURN)
 
     def _is_beyond(self, deviation: Complex, times: F64, before: int, after: int) -> Mask:
-        """Whether deviations exceed the limits along or across the movement, same shape."""
-        along = np.abs(deviation) > _limit(MAX_DEVIATION_ALONG, times)
+        """Whether deviations exceed the limits along or across the movement, shape of `deviation`.
+
+        Args:
+            deviation: Deviations from the line through the rows `before` and `after` [m].
+            times: Products of the times to these rows, same shape [s^2].
+            before: The last row before the deviations.
+            after: The first row after them.
+        """
         direction = self._direction(before, after)
-        if direction is None:
-            return along
+        if direction is None:  # Without a direction, the larger limit holds.
+            return np.abs(deviation) > _limit(MAX_DEVIATION_ALONG, times)
         turned = deviation * direction.conjugate()
         along = np.abs(turned.real) > _limit(MAX_DEVIATION_ALONG, times)
         return along | (np.abs(turned.imag) > _limit(MAX_DEVIATION_ACROSS, times))
 
     def _direction(self, before: int, after: int) -> complex | None:
-        """Direction of the movement as a unit, None for a vehicle that stands."""
-        wide = round(1.0 / self.interval)
-        low, high = max(before - wide, 0), min(after + wide, len(self.point) - 1)
+        """Direction of the movement as a unit complex number, None for a vehicle that stands.
+
+        The line through both rows decides; if it is short, a line that is 1 s longer on both sides,
+        then that of the whole path.
+        """
+        rows_per_second = round(1.0 / self.interval)
+        low, high = (
+            max(before - rows_per_second, 0),
+            min(after + rows_per_second, len(self.point) - 1),
+        )
         for first, last in ((before, after), (low, high), (0, len(self.point) - 1)):
             chord = self.point[last] - self.point[first]
             if abs(chord) > _MIN_CHORD:
                 return complex(chord / abs(chord))
         return None
 
-    def _ends(self, faulty: dict[int, float]) -> dict[int, float]:
-        """A faulty first or last row, by the line through the two rows beside it."""
+    def _end_deviations(self, faulty: dict[int, float]) -> dict[int, float]:
+        """Deviation of the first and of the last row if they are faulty [m].
+
+        An end row has one neighbour, so the line through the next two rows is extended to it. The
+        path may also bend there in a contact: the limit grows by `MAX_SPEED_CHANGE_AT_END`.
+        """
         count = len(self.time)
         end_rows: dict[int, float] = {}
         for row, beside, third, fourth in (
@@ -293,18 +340,21 @@ class _Path:
                 end_rows[row] = float(abs(off))
         return end_rows
 
-    def _jump(self, row: int) -> float | None:
-        """Size of a jump to another path between a row and the one before it [m]."""
+    def _jump_size(self, row: int) -> float | None:
+        """Length of the jump between the row before and this row [m]; None without a jump.
+
+        The jump is the part of the step that the mean of the speeds before and after it does not
+        explain. Both rows must show it as bends to opposite sides.
+        """
         time, point = self.time, self.point
         if row + 1 >= len(time):
             return None
-        step, before, after = (
-            time[row] - time[row - 1],
-            time[row - 1] - time[row - 2],
-            (time[row + 1] - time[row]),
-        )
-        speed = (point[row - 1] - point[row - 2]) / before + (point[row + 1] - point[row]) / after
-        jump = point[row] - point[row - 1] - 0.5 * speed * step
+        step = time[row] - time[row - 1]
+        before, after = time[row - 1] - time[row - 2], time[row + 1] - time[row]
+        velocity_sum = (point[row - 1] - point[row - 2]) / before + (
+            point[row + 1] - point[row]
+        ) / after
+        jump = point[row] - point[row - 1] - 0.5 * velocity_sum * step
         if not self._is_beyond(np.array([jump]), np.array([step * step]), row - 1, row)[0]:
             return None
         caused_before = -jump * before / (before + step)
@@ -324,14 +374,14 @@ def motion_findings(
     names: NDArray[np.object_],
     consequence: Consequence = Consequence.LEFT_OUT,
 ) -> list[Finding]:
-    """The faulty rows and the jumps of a recording, one finding for each vehicle.
+    """Report the faulty rows and the jumps of a recording, one finding of each for each vehicle.
 
     Args:
-        faulty: The rows, as of `find_faulty_rows`.
+        faulty: Result of `find_faulty_rows`.
         vehicle: Index of the vehicle of each row, ascending, shape (row,).
         seconds: Time of each row as the file counts, same shape [s].
-        names: Name of each vehicle.
-        consequence: What becomes of faulty rows.
+        names: Name of each vehicle, shape (vehicle,).
+        consequence: What the reader does with faulty rows.
     """
     if faulty.is_scattered:
         detail = (
@@ -368,15 +418,15 @@ def motion_findings(
     ):
         owners, first = np.unique(vehicle[rows], return_index=True)
         parts = zip(np.split(rows, first)[1:], np.split(sizes, first)[1:], strict=True)
-        for owner, (of_owner, distances) in zip(owners.tolist(), parts, strict=True):
+        for owner, (owner_rows, distances) in zip(owners.tolist(), parts, strict=True):
             findings.append(
                 Finding(
                     check=Check.MOTION,
                     consequence=outcome,
                     detail=text.format(distances.max()),
-                    rows=len(of_owner),
+                    rows=len(owner_rows),
                     vehicle=str(names[owner]),
-                    first_time_s=float(seconds[of_owner[0]]),
+                    first_time_s=float(seconds[owner_rows[0]]),
                 )
             )
     return findings

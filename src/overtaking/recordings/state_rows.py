@@ -1,4 +1,4 @@
-"""Rows of the table of states in order of vehicle and time: faulty and repeated rows, tracks."""
+"""Sorted rows of the table of states: faulty rows, repeated rows, and division into tracks."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
     from overtaking.recordings.array_table import ArrayTable
 
 _MAX_SPEED = 150.0
-"""An id that moves faster between two rows belongs to two vehicles, one after the other [m/s]."""
+"""Where an id moves faster than this between two rows, a second vehicle has taken it over [m/s]."""
 
 _MAX_SPEED_RATIO = 20.0
-"""Jumps must also exceed the median speed by this factor: with positions in a wrong unit, every row
-exceeds `_MAX_SPEED`, and no track would be left for `recording_checks` to name the unit."""
+"""A jump must also exceed the median speed by this factor. With positions in a wrong unit, all rows
+exceed `_MAX_SPEED`; each would be a track of its own, and `recording_checks`, which reports the
+unit, would have no speeds to compare."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,16 +36,16 @@ class StateRows:
     """Rows of the table of states in order of vehicle and time; arrays have shape (row,).
 
     Attributes:
-        table: Their cells.
+        table: The cells of the rows.
         names: Name of each vehicle, shape (vehicle,).
         vehicle: Index of the vehicle.
         seconds: Time as the file counts [s].
         frame_time: Time [frames].
         x: Position in the axes of the table [m].
-        y: The same [m].
-        type_code: A `VehicleKind`, or another code of `column_map`.
-        is_incomplete: Whether a quantity that changes is missing.
-        place: Index of each row before rows were left out.
+        y: Position in the axes of the table [m].
+        type_code: A `VehicleKind`, or `BY_LENGTH`, `LEFT_OUT` or `NOT_KNOWN` of `column_map`.
+        is_incomplete: Whether the row lacks a quantity that changes from row to row.
+        place: Index of the row among the sorted rows before any were left out.
     """
 
     table: ArrayTable
@@ -64,12 +65,12 @@ class StateRows:
         return len(self.vehicle)
 
     def select(self, is_selected: Mask) -> StateRows:
-        """Some of the rows.
+        """The selected rows.
 
         Args:
-            is_selected: Which ones, shape (row,).
+            is_selected: Whether each row is selected, shape (row,).
         """
-        if is_selected.all():  # Without a copy of all columns.
+        if is_selected.all():  # Avoids a copy of all columns.
             return self
         names = {field.name for field in fields(self)} - {"table", "names"}
         arrays = {name: getattr(self, name)[is_selected] for name in names}
@@ -77,15 +78,18 @@ class StateRows:
 
 
 def faulty_rows(states: StateRows, interval_ms: int) -> FaultyRows:
-    """Rows out of place, without those of repeated times and of vehicles that are not read.
+    """Find faulty positions, except in rows of repeated times and of vehicles that are left out.
 
     Args:
         states: The rows.
-        interval_ms: Length of a frame [ms].
+        interval_ms: Time between frames [ms].
+
+    Returns:
+        Indices in `states` of faulty rows and jumps.
     """
     vehicle, frame_time, x, y = states.vehicle, states.frame_time, states.x, states.y
     is_compared = states.type_code != LEFT_OUT
-    # Rows of one time are compared by `find_repeated`, which refuses a contradiction.
+    # Two rows of one time have no speed between them; `find_repeated` compares them instead.
     is_repeated = (np.diff(vehicle) == 0) & (np.diff(frame_time) <= ON_GRID)
     is_compared[1:] &= ~is_repeated
     is_compared[:-1] &= ~is_repeated
@@ -97,11 +101,11 @@ def faulty_rows(states: StateRows, interval_ms: int) -> FaultyRows:
 
 
 def track_of_rows(states: StateRows, interval_ms: int) -> I64:
-    """Index of the track of each row, shape (row,). A gap or a jump begins a new track.
+    """Index of the track of each row, shape (row,). After a long gap or a jump a new track begins.
 
     Args:
         states: The rows.
-        interval_ms: Length of a frame [ms].
+        interval_ms: Time between frames [ms].
     """
     is_same = np.diff(states.vehicle) == 0
     apart = np.where(is_same, np.diff(states.frame_time), 1.0)
@@ -120,18 +124,19 @@ def find_repeated(
     """Whether a row repeats the vehicle and time of the row before it, shape (row,).
 
     Args:
-        states: The rows; of one time, complete ones come first.
+        states: The rows; among rows of one vehicle and time, complete rows come first.
         time_name: "time" or "frame".
-        time_column: The column of these.
+        time_column: The column of times or frames.
         ignored: Columns that may differ.
 
     Raises:
-        ImportFormatError: Two rows of a vehicle at one time differ.
+        ImportFormatError: Two complete rows of a vehicle at one time differ.
     """
     table, vehicle = states.table, states.vehicle
     is_same_time = np.append(
         False, (np.diff(vehicle) == 0) & (np.diff(states.frame_time) <= ON_GRID)
     )
+    # An incomplete row adds nothing to the complete one before it, so its cells are not compared.
     later = np.flatnonzero(is_same_time & ~states.is_incomplete)
     columns = [name for name in (*table.numbers, *table.texts) if name not in set(ignored)]
     differs = {name: table.differs(name, later, later - 1) for name in columns}
@@ -154,14 +159,16 @@ def find_repeated(
 
 
 def repeated_findings(states: StateRows, is_repeated: Mask) -> list[Finding]:
-    """Repeated rows, a finding for each vehicle.
+    """Report repeated rows, one finding for each vehicle.
 
     Args:
         states: The rows.
-        is_repeated: As of `find_repeated`.
+        is_repeated: Result of `find_repeated`, shape (row,).
     """
     rows = np.flatnonzero(is_repeated)
-    owners, first, counts = np.unique(states.vehicle[rows], return_index=True, return_counts=True)
+    owners, first_places, counts = np.unique(
+        states.vehicle[rows], return_index=True, return_counts=True
+    )
     return [
         Finding(
             check=Check.DUPLICATE_ROWS,
@@ -171,5 +178,5 @@ def repeated_findings(states: StateRows, is_repeated: Mask) -> list[Finding]:
             vehicle=str(states.names[owner]),
             first_time_s=float(states.seconds[rows[place]]),
         )
-        for owner, place, count in zip(owners, first, counts, strict=True)
+        for owner, place, count in zip(owners, first_places, counts, strict=True)
     ]

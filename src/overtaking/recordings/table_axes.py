@@ -1,7 +1,7 @@
-"""Whether the sides that a map of columns states are those that the traffic of a table shows.
+"""Checks that left and right in a map of columns agree with the traffic of a table.
 
-Nothing in a table of one direction tells left from right. Oncoming traffic does, and so do lanes
-whose names are stated from the slow to the fast side.
+Traffic in one direction looks the same in a mirror. Two things show a mirrored table: the side of
+oncoming traffic, and the order of lanes if the map lists them from the slow to the fast side.
 """
 
 from __future__ import annotations
@@ -26,18 +26,19 @@ if TYPE_CHECKING:
     from overtaking.recordings.rows import Rows
 
 MIN_SIDE_OFFSET = 1.0
-"""Oncoming traffic that is nearer to the other one is on neither side of it [m]."""
+"""Least lateral distance between both directions of traffic at which the side is clear [m]."""
 
 MIN_ONCOMING_SHARE = 0.05
-"""Fewer oncoming vehicles for each other one may be bicycles or vehicles that go the wrong way."""
+"""Least number of oncoming vehicles per forward vehicle. Fewer may be unmarked bicycles or vehicles
+that go the wrong way, which show no side."""
 
-_MIN_WAY = 20.0  # Shorter ways have no direction that is worth counting [m].
-_MIN_COSINE = 0.9  # Vehicles that go more across the road cross or leave it.
-_MAX_SAMPLE = 20_000
+_MIN_DISTANCE = 20.0  # Vehicles that move less show no reliable direction [m].
+_MIN_COSINE = 0.9  # Vehicles at more than 26° to the road cross it or leave it.
+_MAX_SAMPLE = 20_000  # Rows that suffice for median offsets of lanes.
 
 
 def check_sides(rows: Rows, columns: ColumnMap, road: Road, s: F64, d: F64) -> None:
-    """Refuse a table whose traffic shows other sides than its map of columns.
+    """Refuse a table in which traffic contradicts the sides that the map of columns states.
 
     Args:
         rows: The rows.
@@ -58,10 +59,10 @@ def check_directions(file_name: str, findings: Iterable[Finding]) -> None:
 
     Args:
         file_name: Name of the table in messages.
-        findings: What the comparison of columns has found.
+        findings: Findings of the comparison of columns.
 
     Raises:
-        ImportFormatError: There is such a finding.
+        ImportFormatError: A finding says that axes differ or that headings are flipped.
     """
     for finding in findings:
         is_mirrored = finding.check is Check.HEADINGS and "y is flipped" in finding.detail
@@ -80,10 +81,10 @@ def _check_oncoming(rows: Rows, road: Road, s: F64, d: F64) -> None:
     """Refuse oncoming traffic on the wrong side of the other traffic."""
     first, last = rows.start[:-1], rows.start[1:] - 1
     along, across = s[last] - s[first], d[last] - d[first]
-    way = np.hypot(along, across)
-    is_counted = (way > _MIN_WAY) & (np.abs(along) > _MIN_COSINE * way)
-    is_counted &= rows.kind != VehicleKind.B
-    is_forward, is_oncoming = is_counted & (along > 0.0), is_counted & (along < 0.0)
+    distance = np.hypot(along, across)
+    is_along_road = (distance > _MIN_DISTANCE) & (np.abs(along) > _MIN_COSINE * distance)
+    is_along_road &= rows.kind != VehicleKind.B
+    is_forward, is_oncoming = is_along_road & (along > 0.0), is_along_road & (along < 0.0)
     num_forward, num_oncoming = int(is_forward.sum()), int(is_oncoming.sum())
     if not num_forward or num_oncoming < max(1.0, MIN_ONCOMING_SHARE * num_forward):
         return
@@ -119,7 +120,7 @@ def _check_lane_order(rows: Rows, columns: ColumnMap, road: Road, d: F64) -> Non
 
 
 def _sign(road: Road) -> float:
-    """1 where traffic keeps to the right, so that faster lanes are to the left; else -1."""
+    """1.0 where traffic keeps to the right (faster lanes have larger d), else -1.0."""
     return 1.0 if road.driving_side is DrivingSide.RIGHT else -1.0
 
 
@@ -129,7 +130,7 @@ def _sides(road: Road) -> tuple[str, str]:
 
 
 def _side_error(file_name: str, what: str, expected: str, got: str) -> ImportFormatError:
-    """The error for a side that is not the one that the map of columns states."""
+    """The error for traffic that contradicts the sides in the map of columns."""
     return refused(
         file_name,
         what,

@@ -1,4 +1,4 @@
-"""The columns that are read of a table, with types, limits and units, from a map of columns."""
+"""Requests for columns of a table, with types, limits and units, built from a map of columns."""
 
 from __future__ import annotations
 
@@ -17,24 +17,37 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SIZE_RANGES = {"length": (0.1, 50.0), "width": (0.1, 10.0)}
-"""Possible sizes of vehicles [m]."""
+"""Least and largest plausible sizes of vehicles [m]."""
 
 TEXT_QUANTITIES = frozenset({"type", "lane", "upper_lines", "lower_lines"})
-"""Quantities whose cells are words."""
+"""Quantities with words as cells; all others but `vehicle` have numbers."""
 
+# Larger numbers are no positions or frames, but cells of another column or damaged ones. Limits of
+# positions are in the unit of the map.
 _LIMITS = {"x": 1.0e8, "y": 1.0e8, "frame": 1.0e9}
-_MAX_TIME, _MAX_DATE = 1.0e13, 1.0e10  # In the unit of the map; in seconds since 1970.
+_MAX_TIME = 1.0e13  # In the unit of the map: milliseconds since 1970 fit.
+_MAX_DATE = 1.0e10  # Seconds since 1970, for units in which a date exceeds `_MAX_TIME`.
 
 
 def with_choice(columns: ColumnMap, only: Mapping[str, str]) -> ColumnMap:
-    """The map with further values that columns must have, composed as the cells are."""
+    """The map with further conditions on rows.
+
+    Args:
+        columns: The map.
+        only: Required value of each column, in addition to those of the map. Values are brought
+            into Unicode's form NFC, as the cells are, so that both compare equal.
+    """
     values = {**columns.only, **only}
     composed = {name: unicodedata.normalize("NFC", value) for name, value in values.items()}
     return replace(columns, only=composed)
 
 
 def meaningful_words(columns: ColumnMap) -> dict[str, frozenset[str]]:
-    """The columns of words, and the words that are no missing cell, whatever they look like."""
+    """Words of the map that are values even if they look like a missing cell, such as "NA".
+
+    Returns:
+        The words of each column that holds words, by the name of the column.
+    """
     words: dict[str, frozenset[str]] = {}
     for name, column in columns.columns.items():
         if name in TEXT_QUANTITIES:
@@ -45,13 +58,13 @@ def meaningful_words(columns: ColumnMap) -> dict[str, frozenset[str]]:
 
 
 def build_request(columns: ColumnMap, table: str, existing: Iterable[str] = ()) -> ColumnRequest:
-    """The columns to read of a table.
+    """Build the request for the columns of one table.
 
     Args:
         columns: The map.
         table: One of `column_map.TABLES`.
-        existing: The columns that its file has. Of those by which rows are chosen, and of sizes
-            that the table of vehicles has as well, a table is asked for the existing ones.
+        existing: Names of the columns in the file. Columns of `ColumnMap.only`, and sizes that the
+            map takes from the table of vehicles, are optional: the request has them if they exist.
     """
     types: dict[str, pa.DataType] = dict.fromkeys(columns.names(table), TEXT)
     limits: dict[str, float] = {}
@@ -94,7 +107,12 @@ def build_request(columns: ColumnMap, table: str, existing: Iterable[str] = ()) 
 
 
 def thousands_findings(grouped: Mapping[str, str], num_rows: int) -> list[Finding]:
-    """A finding for each column whose numbers may have separators of thousands."""
+    """Report each column whose numbers may have separators of thousands.
+
+    Args:
+        grouped: An example cell of each such column, by the name of the column.
+        num_rows: Number of rows of the table.
+    """
     return [
         Finding(
             check=Check.NUMBER_FORMAT,

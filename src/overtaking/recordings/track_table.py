@@ -1,8 +1,9 @@
-"""From the tables of a recording to rows: cells checked, tables joined, units converted.
+"""Converts the tables of a recording to rows: checks cells, joins tables, converts units.
 
-A map of columns says where each quantity is. Quantities that a table lacks are missing in the rows
-too; they are worked out later, on the road. Sizes and kinds belong to a track, a stretch of rows
-without a gap: recordings of several periods number their vehicles anew in each.
+A map of columns states the table and column of each quantity. Quantities without a column stay
+missing here; they are derived later, in road coordinates. Sizes and kinds belong to a track, which
+is a series of rows of one id without a long gap, because recordings of several periods may reuse
+ids.
 """
 
 from __future__ import annotations
@@ -79,52 +80,64 @@ _MAX_ROWS = 50_000_000
 
 
 def read_track_rows(path: Path, columns: ColumnMap, only: Mapping[str, str] | None = None) -> Rows:
-    """The states in the files of a recording.
+    """Read the states in the files of a recording.
 
     Args:
-        path: The file, or the one of the states.
-        columns: Where each quantity is.
-        only: Values that columns must have, beside those that the map names. The tables of vehicles
-            and of the recording are filtered too if they have such a column.
+        path: The file of the recording; of several files, the one with the states.
+        columns: The map of columns.
+        only: Required value of each column, in addition to those of the map. They also filter the
+            tables of vehicles and of the recording if these have such a column.
 
     Raises:
         ImportFormatError: A file is missing or damaged; the message names line and column.
-        ConfigError: The path is not that of the table of states.
+        ConfigError: `path` is not the table of states.
     """
-    chosen = with_choice(columns, only or {})
+    filtered_map = with_choice(columns, only or {})
     tables: dict[str, ArrayTable] = {}
     findings: list[Finding] = []
-    for name, file in files_of(path, chosen).items():
-        existing = column_names(file) if chosen.files else ()
-        request = build_request(chosen, name, existing)
+    for name, file in files_of(path, filtered_map).items():
+        existing = column_names(file) if filtered_map.files else ()
+        request = build_request(filtered_map, name, existing)
         content = read_columns(file, request)
-        tables[name] = ArrayTable.of(content, file.name, meaningful_words(chosen)).choose(
-            chosen.only
+        tables[name] = ArrayTable.of(content, file.name, meaningful_words(filtered_map)).choose(
+            filtered_map.only
         )
         findings += thousands_findings(content.grouped, content.table.num_rows)
-    return _TableJoiner(chosen, tables, findings).join()
+    return _TableJoiner(filtered_map, tables, findings).join()
 
 
 def track_rows_from_table(table: Any, columns: ColumnMap) -> Rows:
-    """The states in a table in memory; see `arrow_table` for its types.
+    """Convert a table in memory to rows; see `arrow_table` for types of tables.
+
+    Args:
+        table: The table of states.
+        columns: The map of columns.
 
     Raises:
-        ImportFormatError: It lacks a column, or has a cell that is no such value.
+        ImportFormatError: A column is missing, or a cell has no valid value.
     """
-    chosen = with_choice(columns, {})
+    filtered_map = with_choice(columns, {})
     arrow, index_names = arrow_table(table)
-    request = build_request(chosen, TRACKS)
+    request = build_request(filtered_map, TRACKS)
     names = request.match(arrow.column_names, "table", index_names)
     part = arrow.select(list(names.values())).rename_columns(list(names))
     content = checked_table(part, request, "table")
-    tracks = ArrayTable.of(content, "table", meaningful_words(chosen)).choose(chosen.only)
+    tracks = ArrayTable.of(content, "table", meaningful_words(filtered_map)).choose(
+        filtered_map.only
+    )
     findings = thousands_findings(content.grouped, content.table.num_rows)
-    return _TableJoiner(chosen, {TRACKS: tracks}, findings).join()
+    return _TableJoiner(filtered_map, {TRACKS: tracks}, findings).join()
 
 
 @dataclass(frozen=True, slots=True)
 class _TableJoiner:
-    """The tables of a recording on their way to rows."""
+    """Joins the tables of a recording; `findings` grows on the way.
+
+    Attributes:
+        map: The map of columns.
+        tables: The tables by the names of `column_map.TABLES`, rows in the order of the file.
+        findings: The findings so far.
+    """
 
     map: ColumnMap
     tables: dict[str, ArrayTable]
@@ -149,7 +162,13 @@ class _TableJoiner:
         track_type = self.vote(states, track, names[track_vehicle])
         is_read = (track_type != LEFT_OUT)[track]
         if not is_read.any():
-            raise refused(tracks.file_name, "vehicles", "some that are read", "none")
+            raise refused(
+                tracks.file_name,
+                "vehicles",
+                "at least one with a type that the map of columns does not leave out",
+                "none",
+                "correct [types] in the map of columns",
+            )
         num_left_out = len(np.unique(states.vehicle[~is_read]))
         states, track = states.select(is_read), track[is_read]
         is_repeated = find_repeated(
@@ -157,7 +176,7 @@ class _TableJoiner:
         )
         self.findings.extend(repeated_findings(states, is_repeated))
         states, track = states.select(~is_repeated), track[~is_repeated]
-        # Tracks that are left out have no rows any more.
+        # Renumber the tracks, because those that are left out have no rows now.
         tracks_left, track = np.unique(track, return_inverse=True)
         track_vehicle, track_type = track_vehicle[tracks_left], track_type[tracks_left]
         tracks = states.table
@@ -224,7 +243,7 @@ class _TableJoiner:
             vehicle: Index of the vehicle of each row, shape (row,).
             names: Name of each vehicle.
             empty: Quantities whose columns are empty.
-            recording_values: As of the method of that name.
+            recording_values: Result of the method of that name.
         """
         seconds = self.seconds(tracks, recording_values)
         x, y = (self.mean(tracks, name) for name in ("x", "y"))
@@ -252,7 +271,7 @@ class _TableJoiner:
         return states, interval
 
     def find_column(self, name: str) -> tuple[ArrayTable, str] | None:
-        """Table and column of a quantity, None where there is none."""
+        """Table and column of a quantity; None if the map has no column for it."""
         column = self.map.columns.get(name)
         return None if column is None else (self.tables[column.table], column.names[0])
 
@@ -285,8 +304,8 @@ class _TableJoiner:
         Repeated rows of the table of vehicles are dropped, and its rows are sorted by vehicle.
 
         Raises:
-            ImportFormatError: The table of vehicles lacks one, or has it twice with other values;
-                or there are no rows or too many.
+            ImportFormatError: The table of vehicles lacks a vehicle or has two different rows of
+                one, or the table of states has no rows or too many.
         """
         tracks, vehicles = self.tables[TRACKS], self.tables.get(VEHICLES)
         if not 0 < tracks.num_rows <= _MAX_ROWS:
@@ -302,7 +321,8 @@ class _TableJoiner:
         vehicle = vehicle_of_row[0]
         is_listed = np.isin(vehicle, listed) | (vehicle == MISSING)
         tracks.check(is_listed, self.id_column, f"an id of {file}")
-        # Each vehicle has the row of its number; vehicles without states have none.
+        # Renumber vehicles by their row in the table of vehicles. The last element, for `MISSING`,
+        # stays `MISSING`.
         new_number = np.full(len(names) + 1, MISSING)
         new_number[listed] = np.arange(len(listed))
         self.tables[VEHICLES] = vehicles
@@ -326,13 +346,14 @@ class _TableJoiner:
         Args:
             vehicle: Index of the vehicle of each row, `MISSING` for none, shape (row,).
             names: Name of each vehicle.
-            recording_values: As of the method of that name.
+            recording_values: Result of the method of that name.
 
         Returns:
-            The rows, their vehicles, and the number of other rows that are not blank.
+            The rows, the vehicle of each, and the number of incomplete rows that are not blank and
+            not of vehicles that are left out.
 
         Raises:
-            ImportFormatError: Too many lack one of these, or a frame is no whole number.
+            ImportFormatError: Too many rows are incomplete, or a frame is not a whole number.
         """
         tracks, num_incomplete = self.tables[TRACKS], 0
         needed = ("vehicle", self.time_name, "x", "y")
@@ -370,7 +391,7 @@ class _TableJoiner:
         return blank
 
     def empty_quantities(self, tracks: ArrayTable) -> frozenset[str]:
-        """Quantities beside positions whose columns are empty: they count as not there."""
+        """Quantities other than positions whose columns are empty; they count as absent."""
         return frozenset(
             name
             for name in self.changing
@@ -378,7 +399,7 @@ class _TableJoiner:
         )
 
     def is_incomplete(self, tracks: ArrayTable, empty: Iterable[str]) -> Mask:
-        """Whether a row lacks a quantity that changes, but for those of empty columns; (row,)."""
+        """Whether a row lacks a quantity that changes and is not in `empty`, shape (row,)."""
         incomplete = np.zeros(tracks.num_rows, np.bool_)
         for name in self.changing:
             if name not in empty:
@@ -386,9 +407,9 @@ class _TableJoiner:
         return incomplete
 
     def report_missing_values(self, states: StateRows, empty: Iterable[str]) -> None:
-        """Note the missing cells of optional quantities, and refuse too many of them.
+        """Report missing cells of optional quantities, and refuse too many of them.
 
-        Sizes and kinds belong to a track, so one row of it is enough.
+        Sizes and kinds may be missing in any number of rows: one row of each track is enough.
         """
         tracks, all_rows = states.table, np.ones(states.num_rows, np.bool_)
         for name in [*self.changing, *_VEHICLE_CONSTANTS]:
@@ -412,8 +433,11 @@ class _TableJoiner:
             )
 
     def of_vehicles(self, cells: NDArray[Any], vehicle: I64) -> NDArray[Any]:
-        """The cells that some vehicles have in a column of the table of vehicles."""
-        return np.append(cells, cells[:1])[vehicle]  # The last place is that of `MISSING`.
+        """Cells of a column of the table of vehicles, for the vehicle of each row or track.
+
+        For `MISSING` it is any cell; such rows are left out.
+        """
+        return np.append(cells, cells[:1])[vehicle]
 
     def type_codes(self, tracks: ArrayTable, vehicle: I64) -> I64:
         """A `VehicleKind`, `BY_LENGTH`, `LEFT_OUT` or `NOT_KNOWN` for each row, shape (row,)."""
@@ -425,18 +449,18 @@ class _TableJoiner:
         return self.of_vehicles(self.codes_of(*cell), vehicle)
 
     def codes_of(self, table: ArrayTable, column: str) -> I64:
-        """The code of each word in a column of types, as of `type_codes`, shape (row,)."""
+        """The code of the type in each row of a column, as in `type_codes`, shape (row,)."""
         words = table.texts[column]
         kinds = {unicodedata.normalize("NFC", word): code for word, code in self.map.kinds.items()}
         codes = [kinds.get(word, NOT_KNOWN) for word in words.texts.tolist()]
         is_listed = [word in kinds for word in words.texts.tolist()]
         expected = " or ".join(self.map.kinds) or "a type of the map"
-        # The last place is that of an empty cell.
+        # The last element is for an empty cell, with the code `MISSING`.
         table.check(np.array([*is_listed, True])[words.code], column, expected)
         return np.array([*codes, kinds.get("", NOT_KNOWN)], np.int64)[words.code]
 
     def vote(self, states: StateRows, track: I64, names: NDArray[np.object_]) -> I64:
-        """The most frequent type of each track, as of `type_codes`, shape (track,).
+        """The most frequent type of each track, as in `type_codes`, shape (track,).
 
         Args:
             states: The rows.
@@ -450,9 +474,9 @@ class _TableJoiner:
         return track_type
 
     def check_vehicle_values(self, tracks: ArrayTable) -> None:
-        """Refuse sizes that no vehicle has, and directions other than 1 and 2.
+        """Refuse implausible sizes, and directions other than 1 and 2.
 
-        Sizes of vehicles that are left out may be anything.
+        Sizes of vehicles that are left out are not checked.
         """
         for name, (least, most) in SIZE_RANGES.items():
             if (cell := self.find_column(name)) is None:
@@ -464,7 +488,7 @@ class _TableJoiner:
             is_right = (size > least) & (size < most)
             length = self.find_column("length")
             if name == "width" and length is not None and length[0] is cell[0]:
-                # Exchanged columns are named as such by `examination.check_sizes`.
+                # Accepted here, because `examination.check_sizes` reports exchanged columns.
                 lengths = table.numbers[length[1]] * self.map.columns["length"].factor
                 is_right |= (size > lengths) & (size < SIZE_RANGES["length"][1])
             if is_of_rows:
@@ -490,7 +514,7 @@ class _TableJoiner:
             tracks: The rows.
             track: Index of the track of each row, ascending, shape (row,).
             track_vehicle: Vehicle of each track, shape (track,).
-            track_type: Type of each track as of `type_codes`, shape (track,).
+            track_type: Type of each track as in `type_codes`, shape (track,).
         """
         count = len(track_vehicle)
         sizes: dict[str, F64] = {}
@@ -528,7 +552,7 @@ class _TableJoiner:
         )
 
     def directions(self, tracks: ArrayTable, track: I64, track_vehicle: I64) -> I64 | None:
-        """Number of the carriageway of each track; None where no column has it."""
+        """Number of the carriageway of each track, shape (track,); None without such a column."""
         cell = self.find_column("direction")
         if cell is None:
             return None
@@ -539,7 +563,7 @@ class _TableJoiner:
         return tracks.numbers[column][first_row].astype(np.int64)
 
     def recording_values(self) -> dict[str, Any]:
-        """What holds for the whole recording."""
+        """Quantities of the table of the recording by name, in SI units; empty without it."""
         if RECORDING not in self.tables:
             return {}
         table = self.tables[RECORDING]
@@ -557,7 +581,10 @@ class _TableJoiner:
         return values
 
     def check_rate(self, table: ArrayTable, rate: float) -> None:
-        """Refuse a rate that is none of a recording."""
+        """Refuse a frame rate out of range [1/s].
+
+        If the map demands exact frames, a frame must also last whole milliseconds.
+        """
         interval = 1000.0 / rate if rate > 0 else 0.0
         is_right = FRAME_INTERVAL_RANGE_MS[0] <= interval <= FRAME_INTERVAL_RANGE_MS[1]
         if self.map.is_exact:
@@ -566,7 +593,7 @@ class _TableJoiner:
         table.check(np.array([is_right]), self.map.columns["frame_rate"].names[0], expected)
 
     def exact_interval_ms(self, recording_values: Mapping[str, Any]) -> float:
-        """Time between two frames that are counted [ms]."""
+        """Time between two consecutive frame numbers [ms]."""
         rate = recording_values.get("frame_rate") or self.map.frames_per_second or 1.0
         return 1000.0 / float(rate)
 
@@ -586,17 +613,18 @@ class _TableJoiner:
             tracks: Rows in order of vehicle and time.
             vehicle: Index of the vehicle of each row, shape (row,).
             seconds: Time of each row, same shape [s].
-            recording_values: What holds for the whole recording.
+            recording_values: Result of the method of that name.
         """
         file_name, column = tracks.file_name, self.time_column
         if self.time_name == "frame":
             exact = self.exact_interval_ms(recording_values)
             check_interval(file_name, column, exact)
             frames = tracks.numbers[column]
-            # A file may have every fifth frame only.
+            # A file may contain only every fifth frame, for example.
             stride = most_frequent_stride(frames, vehicle)
             check_interval(file_name, column, exact * stride)
-            # Frames are whole milliseconds apart: at another rate states are interpolated.
+            # The result has whole milliseconds between frames; states of other rates are
+            # interpolated later.
             interval = round(exact * stride)
             frame_time = (frames - frames.min() % stride) * exact / interval
         else:
@@ -608,7 +636,7 @@ class _TableJoiner:
     def mean(self, tracks: ArrayTable, name: str) -> F64:
         """A quantity in SI units and the axes of the table, shape (row,).
 
-        Of a quantity with several columns, such as the four corners of a box, it is their mean.
+        A quantity with several columns, such as the four corners of a box, is their mean.
         """
         column = self.map.columns[name]
         if len(column.names) == 1:
@@ -617,16 +645,16 @@ class _TableJoiner:
         return np.mean([tracks.numbers[cell] for cell in column.names], axis=0) * column.factor
 
     def motion_columns(self, tracks: ArrayTable, empty: Iterable[str]) -> dict[str, F64]:
-        """Quantities that change, as `mean` has them."""
+        """Quantities that change from row to row, converted by `mean`, without those in `empty`."""
         return {name: self.mean(tracks, name) for name in self.changing if name not in empty}
 
     def oriented(
         self, values: dict[str, F64], constants: VehicleConstants, track: I64
     ) -> dict[str, F64]:
-        """Quantities of the centres of vehicles, with y to the left of x.
+        """Convert quantities to the centres of vehicles and to axes with y to the left of x.
 
         Args:
-            values: Quantities in the axes of the table, maybe of a corner, shape (row,) each.
+            values: Quantities at the map's `point`, in the axes of the table, shape (row,) each.
             constants: Sizes of each track.
             track: Index of the track of each row, shape (row,).
         """
@@ -641,7 +669,7 @@ class _TableJoiner:
         return values
 
     def lane_names(self, tracks: ArrayTable) -> NDArray[np.object_] | None:
-        """Name of the lane of each row, None where no column has it."""
+        """Name of the lane of each row, shape (row,); None without such a column."""
         cell = self.find_column("lane")
         if cell is None:
             return None
@@ -650,7 +678,7 @@ class _TableJoiner:
 
 
 def _first_rows(track: I64) -> I64:
-    """First row of each track.
+    """Index of the first row of each track, shape (track,).
 
     Args:
         track: Index of the track of each row, ascending, shape (row,).

@@ -1,4 +1,4 @@
-"""Which rows of the tables of a recording belong to the same vehicle, and what it is called."""
+"""Vehicles of a recording: their names, and the vehicle of each row of its tables."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
     from overtaking.core.arrays import I64
 
-# Longer numbers are as different as their texts are.
+# At most 18 digits, which fit a 64-bit integer; ids with more digits are compared as texts.
 _WHOLE_NUMBER = re.compile(r"(0|-?[1-9][0-9]{0,17})(?:\.0*)?")
 
 
 class VehicleIds(NamedTuple):
-    """The vehicles that the tables of a recording name.
+    """Names of the vehicles of a recording, and the vehicle of each row.
 
     Attributes:
-        names: Name of each vehicle: numbers in their order, texts in alphabetical order, shape
-            (vehicle,).
+        names: Name of each vehicle, shape (vehicle,). Numbers are in ascending order, texts in
+            alphabetical order.
         vehicles: For each table, the index of the vehicle of each row, `MISSING` for an empty cell.
     """
 
@@ -37,14 +37,15 @@ class VehicleIds(NamedTuple):
 
 
 def identify_vehicles(columns: Sequence[TextColumn]) -> VehicleIds:
-    """The vehicles that the columns of ids of some tables name.
+    """Collect the vehicles of a recording from the columns of ids of its tables.
 
-    Ids are numbers if every one is a whole number without leading zeros, underscores or blanks; it
-    may end in ".0", as pandas writes numbers of a column with missing cells. Else they are texts:
-    "07" and "7" are two vehicles then. Blanks around ids count only if ids differ in nothing else.
+    Ids are numbers if all of them are whole numbers without leading zeros or underscores. They may
+    end in ".0", as pandas writes numbers of a column with missing cells. Otherwise ids are texts:
+    "07" and "7" are two vehicles. Blanks around ids are ignored, unless two ids differ only in
+    blanks.
 
     Args:
-        columns: The ids of each table.
+        columns: The column of ids of each table.
     """
     texts = {text for column in columns for text in column.texts.tolist()}
     texts = {text for text in texts if text.strip() not in MISSING_WORDS}
@@ -65,17 +66,17 @@ def identify_vehicles(columns: Sequence[TextColumn]) -> VehicleIds:
             index_of_name[name_of_text[text]] if text in name_of_text else MISSING
             for text in column.texts.tolist()
         ]
-        # The last place is that of `MISSING`.
+        # `MISSING` is -1 and selects the last element.
         vehicles.append(np.array([*index_of_text, MISSING], np.int64)[column.code])
     return VehicleIds(np.array(names, np.object_), tuple(vehicles))
 
 
 def compare_names(column: str, names: Iterable[str], num_rows: int) -> list[Finding]:
-    """A finding if names of vehicles differ only as one number may be written in several ways.
+    """Report names that may be one number in several spellings, such as "7", "07" and "7.0".
 
     Args:
         column: The column of ids.
-        names: Names of the vehicles.
+        names: Name of each vehicle.
         num_rows: Number of rows of the recording.
     """
     spellings: dict[str, list[str]] = {}
@@ -83,7 +84,7 @@ def compare_names(column: str, names: Iterable[str], num_rows: int) -> list[Find
         digits = re.sub(r"[\s_]|\.0*$", "", name)
         if digits.isascii() and digits.isdigit():
             spellings.setdefault(digits.lstrip("0"), []).append(name)
-    similar = [spelled for spelled in spellings.values() if len(spelled) > 1]
+    similar = [spelling for spelling in spellings.values() if len(spelling) > 1]
     if not similar:
         return []
     examples = " and ".join(f'"{shown(name)}"' for name in similar[0][:2])

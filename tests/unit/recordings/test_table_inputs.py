@@ -337,6 +337,13 @@ def test_a_choice_without_rows_is_named(tmp_path, frame, column, value):
         read(path, only={column: value})
 
 
+def test_a_combination_without_rows_is_named_with_all_its_columns(tmp_path, frame):
+    path = tmp_path / "t.csv"
+    frame.assign(site="A", day=np.where(frame.index < 10, "Mon", "Tue")).to_csv(path, index=False)
+    with pytest.raises(ImportFormatError, match="rows with day=Mon and length=99: expected at"):
+        read(path, only={"day": "Mon", "length": "99"})
+
+
 # Ids that restart
 
 
