@@ -72,8 +72,10 @@ def is_same_content(first: Any, second: Any) -> bool:
         return type(first) is type(second) and bool(first.equals(second))
     if isinstance(second, np.ndarray) or hasattr(second, "equals"):
         return False
-    # Only NaN and NaT differ from themselves.
-    return bool(first == second or (first != first and second != second))
+    try:
+        return bool(first == second) or (_is_nan(first) and _is_nan(second))
+    except TypeError:  # Comparisons with the NA of pandas have no truth value.
+        return False
 
 
 def _is_same_array(first: np.ndarray[Any, Any], second: np.ndarray[Any, Any]) -> bool:
@@ -100,7 +102,15 @@ def _hash_content(value: Any) -> int:
         return hash(tuple(map(_hash_content, value)))
     number = hash(value)
     # Python hashes a NaN by its identity, but here all NaNs are equal and need the same hash.
-    return 0 if isinstance(value, float | np.generic) and value != value else number
+    return 0 if _is_nan(value) else number
+
+
+def _is_nan(value: Any) -> bool:
+    """Whether a value is NaN or NaT: only these differ from themselves."""
+    try:
+        return bool(value != value)
+    except TypeError:  # The NA of pandas.
+        return False
 
 
 def _is_dataclass_object(value: object) -> bool:

@@ -318,7 +318,7 @@ def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
         groups: File in the format of `/proc/self/cgroup`.
         mount: Folder of the cgroup file system.
     """
-    with suppress(OSError, UnicodeDecodeError):
+    with suppress(OSError, ValueError):  # Also lines of another form, and other encodings.
         lines = groups.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
         for line in lines:
             _, controllers, name = line.split(":", 2)

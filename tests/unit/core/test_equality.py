@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,9 @@ PAIRS: dict[str, tuple[Any, Any, Any]] = {
     # Two equal values and a different one.
     "float": (nan(), nan(), 1.0),
     "array scalar": (np.float32("nan"), np.float32("nan"), np.float32(0)),
+    "complex": (complex(nan(), 0), complex(nan(), 0), 1j),
+    "decimal": (Decimal("nan"), Decimal("nan"), Decimal(1)),
+    "missing value of pandas": (pd.NA, pd.NA, 1),
     "missing time": (np.datetime64("NaT"), np.datetime64("NaT"), np.datetime64("2020-01-01")),
     "floats": (np.array([1.0, nan()]), np.array([1.0, nan()]), np.array([nan(), 1.0])),
     "integers": (np.arange(3), np.arange(3), np.arange(4)),
