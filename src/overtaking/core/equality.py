@@ -72,6 +72,10 @@ def is_same_content(first: Any, second: Any) -> bool:
         return type(first) is type(second) and bool(first.equals(second))
     if isinstance(second, np.ndarray) or hasattr(second, "equals"):
         return False
+    return _is_same_scalar(first, second)
+
+
+def _is_same_scalar(first: Any, second: Any) -> bool:
     try:
         return bool(first == second) or (_is_nan(first) and _is_nan(second))
     except TypeError:  # Comparisons with the NA of pandas have no truth value.
