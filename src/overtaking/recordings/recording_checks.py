@@ -63,8 +63,11 @@ _MIN_WAY = 1.0  # Movement over a shorter way has no reliable direction [m].
 
 _MAX_TRAFFIC_SPEED = 70.0  # Above the 95th percentile of the speeds of any traffic [m/s].
 _USUAL_SPEEDS = (5.0, 50.0)  # Usual range of the 95th percentile of speeds on a road [m/s].
-# Possible median width; the lower limit is that of motorcycles, which highD files call cars [m].
-_VEHICLE_WIDTHS = (0.7, 3.2)
+_VEHICLE_WIDTHS = (1.2, 3.2)  # Possible median width of vehicles with four wheels or more [m].
+_MIN_VEHICLES = (
+    10  # Of fewer vehicles, most can be motorcycles or bicycles, which highD calls cars.
+)
+_MIN_LENGTH = 1.5  # Shorter than bicycles: a unit is wrong, however few vehicles there are [m].
 _USUAL_WIDTHS = (1.5, 2.7)  # Usual median width; narrower, so that it decides between factors [m].
 _LANE_WIDTHS = (2.75, 4.25)  # [m].
 _MAX_DRIFT = 0.3  # Faster movement across the road is a lane change [m/s].
@@ -302,7 +305,8 @@ def _check_sizes(rows: Rows) -> list[str]:
     if width > length:  # `examination` refuses exchanged columns.
         return []
     narrowest, widest = _VEHICLE_WIDTHS
-    if narrowest <= width <= widest:
+    may_be_bicycles = has_four_wheels.sum() < _MIN_VEHICLES and length >= _MIN_LENGTH
+    if width <= widest and (width >= narrowest or may_be_bicycles):
         return []
     factor = _factor_into(width, _USUAL_WIDTHS)
     return [
