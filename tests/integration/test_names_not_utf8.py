@@ -88,12 +88,12 @@ def test_a_data_set_is_read(dataset):
 
 
 def test_commands_show_the_name_with_escapes(dataset):
-    done = overtaking("info", dataset)
-    assert done.returncode == 0, done.stderr
-    assert SHOWN in done.stdout.decode()
-    done = overtaking("info", dataset.with_name(NAME + "-missing"))
-    assert done.returncode == 2
-    assert f"{SHOWN}-missing: data set: expected" in done.stderr.decode()
+    process = overtaking("info", dataset)
+    assert process.returncode == 0, process.stderr
+    assert SHOWN in process.stdout.decode()
+    process = overtaking("info", dataset.with_name(NAME + "-missing"))
+    assert process.returncode == 2
+    assert f"{SHOWN}-missing: data set: expected" in process.stderr.decode()
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_an_output_is_refused_before_anything_is_written(dataset, tmp_path, writ
 
 def test_outputs_of_commands_are_refused(dataset, tmp_path):
     for words in (["--log", tmp_path / f"{NAME}.json"], ["--plot", tmp_path / f"{NAME}.png"]):
-        done = overtaking("law", "curve", dataset, *words)
-        assert done.returncode == 2
-        assert "output: expected a name in UTF-8" in done.stderr.decode()
+        process = overtaking("law", "curve", dataset, *words)
+        assert process.returncode == 2
+        assert "output: expected a name in UTF-8" in process.stderr.decode()
     assert list(tmp_path.iterdir()) == []

@@ -52,8 +52,8 @@ def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
         simulator: Simulates omitted frames again.
 
     Raises:
-        DatasetError: There is none, or it is not complete.
-        SchemaError: It is of a newer version, or a table of its first shard lacks a column.
+        DatasetError: The folder holds no complete data set.
+        SchemaError: A newer version wrote the data set, or its first shard lacks a column.
     """
     location = location_of(where)
     manifest = read_manifest(location)

@@ -58,23 +58,23 @@ def unit_of_header(name: str, units: Iterable[str]) -> tuple[str, str] | None:
 
 def match_columns(
     names: Sequence[str],
-    wanted: Iterable[str],
+    requested: Iterable[str],
     where: str,
     *,
     units: Mapping[str, str] | None = None,
     known_units: Iterable[str] = (),
     index_names: Iterable[str] = (),
 ) -> dict[str, str]:
-    """The name in a table of each wanted column, by the wanted name.
+    """The name in a table of each requested column, by the requested name.
 
-    A header of exactly the wanted name comes first, then one that differs in capital letters,
+    A header of exactly the requested name comes first, then one that differs in capital letters,
     blanks around it or the form of its accents, then one that has a unit behind the name.
 
     Args:
         names: The columns of the table.
-        wanted: The columns to find.
+        requested: The columns to find.
         where: Name of the table in messages.
-        units: Unit of some wanted columns in the map of columns.
+        units: Unit of some requested columns in the map of columns.
         known_units: Units that a header may have.
         index_names: Names of the index of a data frame.
 
@@ -85,7 +85,7 @@ def match_columns(
     name_in_table: dict[str, str] = {}
     key_of_name = [name_key(name) for name in names]
     headers = [unit_of_header(name, known_units) for name in names]
-    for name in wanted:
+    for name in requested:
         key = name_key(name)
         matches = [column for column in names if column == name]
         matches = matches or [

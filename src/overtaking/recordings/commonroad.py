@@ -268,20 +268,20 @@ class _Document:
 
 def _recording(document: _Document, road: Stretch) -> Recording:
     """The vehicles of a document on one of its roads."""
-    obstacles = [one for _, one in sorted(document.obstacles.items())]
-    states = np.concatenate([one.states for one in obstacles])
-    time = np.concatenate([one.times for one in obstacles]).astype(np.float64)
+    obstacles = [obstacle for _, obstacle in sorted(document.obstacles.items())]
+    states = np.concatenate([obstacle.states for obstacle in obstacles])
+    time = np.concatenate([obstacle.times for obstacle in obstacles]).astype(np.float64)
     examined = examine_states(
-        np.repeat(np.arange(len(obstacles)), [len(one.states) for one in obstacles]),
+        np.repeat(np.arange(len(obstacles)), [len(obstacle.states) for obstacle in obstacles]),
         time,
         {name: states[:, k] for k, name in enumerate(QUANTITIES)},
-        names=np.array([str(one.number) for one in obstacles], np.object_),
+        names=np.array([str(obstacle.number) for obstacle in obstacles], np.object_),
         interval_ms=document.step_ms,
         file_name=document.name,
     )
     # Obstacles are in the order of the file.
     rank = {number: row for row, number in enumerate(document.obstacles)}
-    file_row = np.array([rank[one.number] for one in obstacles], np.int64)
+    file_row = np.array([rank[obstacle.number] for obstacle in obstacles], np.int64)
     start, given = examined.start, examined.values
     place = road.shape.project(given["x"], given["y"])
     derived = [name for name, values in given.items() if np.isnan(values).any()]

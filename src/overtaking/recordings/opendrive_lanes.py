@@ -711,8 +711,8 @@ def _constant_width(cross_section: _CrossSection, lane: LaneRecords) -> float:
     width = cross_section.width(lane)
     for extreme in width.extremes(cross_section.end - cross_section.start):
         if abs(extreme - width.a) > TOLERANCE:
-            what = f"of lane {lane.lane_id} varies after s = {cross_section.start:.1f} m"
-            raise unfit(width.element, what, f"a constant {width.a:.3f} m", f"{extreme:.3f} m")
+            place = f"of lane {lane.lane_id} varies after s = {cross_section.start:.1f} m"
+            raise unfit(width.element, place, f"a constant {width.a:.3f} m", f"{extreme:.3f} m")
     return width.a
 
 

@@ -183,8 +183,8 @@ def _seconds(
     elif pa.types.is_time32(kind):
         column = _cast(column, pa.time64("ns"), name, where)
     factor = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": _NANOSECONDS}[column.type.unit]
-    whole = column.cast(pa.int64())
-    return pc.multiply(whole.cast(NUMBER, safe=False), factor / request.time_unit)
+    count = column.cast(pa.int64())  # In units of the column.
+    return pc.multiply(count.cast(NUMBER, safe=False), factor / request.time_unit)
 
 
 def _check_time_unit(name: str, request: ColumnRequest, where: str) -> None:

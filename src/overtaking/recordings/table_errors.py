@@ -20,7 +20,7 @@ def refused(
         what: The part that is wrong.
         expected: A description of the right content.
         got: The content found.
-        next_step: What the user can do.
+        next_step: Advice for the user.
     """
     place = shown(where.name if isinstance(where, Path) else where, length=80)
     return messages.refused(place, what, expected, shown(got, length=150), next_step)

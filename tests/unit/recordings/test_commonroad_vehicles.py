@@ -150,12 +150,13 @@ def test_passes_are_those_of_a_plain_count(shared_data):
         (int(tracks.names[v]), int(f)): float(tracks.s[row])
         for row, (v, f) in enumerate(zip(tracks.vehicle, tracks.frame, strict=True))
     }
-    seen: dict[tuple[int, int], list[float]] = {}
-    for (one, frame), s in position.items():
-        for other in map(int, tracks.names):
-            if other != one and (other, frame) in position:
-                seen.setdefault((one, other), []).append(s - position[other, frame])
-    assert sum(gaps[0] < 0.0 < gaps[-1] for gaps in seen.values()) == 40
+    leads: dict[tuple[int, int], list[float]] = {}
+    for (vehicle, frame), s in position.items():
+        for neighbour in map(int, tracks.names):
+            if neighbour != vehicle and (neighbour, frame) in position:
+                lead = s - position[neighbour, frame]
+                leads.setdefault((vehicle, neighbour), []).append(lead)
+    assert sum(lead[0] < 0.0 < lead[-1] for lead in leads.values()) == 40
 
 
 def test_an_oncoming_lane_lies_beside_the_road(shared_data):

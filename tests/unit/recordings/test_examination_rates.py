@@ -254,7 +254,7 @@ def test_99_of_100_injected_faults_are_found(inject):
 
 
 def false_findings(profile: str, count: int, folder: Path) -> list[str]:
-    """What the examination finds in clean simulations, written in five formats."""
+    """Findings of the examination in clean simulations, written in five formats."""
     run = simulations(profile, count, SEED + 1)
     found: list[str] = []
     for simulation in range(count):

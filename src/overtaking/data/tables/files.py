@@ -194,7 +194,7 @@ def read_table(path: Path, table: str) -> pa.Table:
         SchemaError: The file is missing, damaged, of another table or of a newer version, or has a
             cell that the table cannot hold.
     """
-    return _read(path, lambda: _checked_rows(path, table, _opened(path, table).read()))
+    return _read(path, lambda: _checked_rows(path, table, _open_parquet(path, table).read()))
 
 
 def check_footer(path: Path, table: str) -> int:
@@ -222,7 +222,7 @@ def footer_rows(source: Path | BufferedIOBase, where: str, table: str) -> int:
             take far more memory than its size lets expect.
         OSError: It is no Parquet file. Arrow has errors of its own for this, too.
     """
-    file = _opened(source, table, where)
+    file = _open_parquet(source, table, where)
     is_path = isinstance(source, Path)
     file_bytes = source.stat().st_size if is_path else source.seek(0, os.SEEK_END)
     row_bytes = sum(_cell_bytes(field.type) for field in file.schema_arrow)
@@ -254,7 +254,7 @@ def read_columns(path: Path, table: str, names: Sequence[str]) -> pa.Table:
     """
 
     def read() -> pa.Table:
-        file = _opened(path, table)
+        file = _open_parquet(path, table)
         in_file = [name for name in names if name in file.schema_arrow.names]
         return _checked_rows(path, table, file.read(columns=in_file), names)
 
@@ -276,7 +276,7 @@ def read_rows(path: Path, table: str, first: int, last: int) -> pa.Table:
     """
 
     def read() -> pa.Table:
-        file = _opened(path, table)
+        file = _open_parquet(path, table)
         groups = [
             group
             for group in range(file.num_row_groups)
@@ -296,7 +296,7 @@ def read_notes(path: Path, table: str) -> dict[str, str]:
     Raises:
         SchemaError: The file is missing, damaged, of another table or of a newer version.
     """
-    metadata = _read(path, lambda: _opened(path, table).metadata.metadata)
+    metadata = _read(path, lambda: _open_parquet(path, table).metadata.metadata)
     # A damaged file may hold anything.
     texts = ((key.decode(errors="replace"), value) for key, value in metadata.items())
     return {key: value.decode(errors="replace") for key, value in texts}
@@ -341,7 +341,7 @@ def _refused(where: Path | str, what: str, expected: str, got: object) -> Schema
     )
 
 
-def _opened(source: Path | BufferedIOBase, table: str, where: str = "") -> pq.ParquetFile:
+def _open_parquet(source: Path | BufferedIOBase, table: str, where: str = "") -> pq.ParquetFile:
     """A file whose schema can be read by this version; texts are read as dictionaries."""
     where = where or str(source)
     if isinstance(source, Path):
