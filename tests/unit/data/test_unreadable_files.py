@@ -50,7 +50,7 @@ def check_message(error: OvertakingError) -> None:
 @pytest.mark.parametrize(("cause", "kind"), CAUSES)
 def test_a_table_that_cannot_be_read(dataset, monkeypatch, cause, kind):
     data = ot.load(dataset.path)
-    monkeypatch.setattr(files, "_opened", failing(cause))
+    monkeypatch.setattr(files, "_open_parquet", failing(cause))
     with pytest.raises(kind) as caught:
         data.features()
     check_message(caught.value)
@@ -68,7 +68,7 @@ def test_a_checksum_that_cannot_be_made(dataset, monkeypatch, cause, kind):
 @pytest.mark.parametrize(("cause", "kind"), CAUSES)
 def test_a_resumed_run_does_not_replace_it(dataset, monkeypatch, cause, kind):
     before = {path: path.stat().st_mtime_ns for path in dataset.path.rglob("*.parquet")}
-    monkeypatch.setattr(files, "_opened", failing(cause))
+    monkeypatch.setattr(files, "_open_parquet", failing(cause))
     with pytest.raises(kind) as caught:
         ot.resume(dataset.path)
     check_message(caught.value)
