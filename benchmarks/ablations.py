@@ -20,13 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.memory import Buffers
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Trajectories
+from overtaking.core.arrays import Buffers
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Trajectories
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
-from overtaking.world.effects import Effects
-from overtaking.world.parameters import parameters
+from overtaking.world.constants import EnabledEffects
+from overtaking.world.step_parameters import parameters
 
 Values = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ class Ablation:
     """One effect and what removing it should do.
 
     Attributes:
-        effect: Name of the switch in `Effects`.
+        effect: Name of the switch in `EnabledEffects`.
         statistic: What is compared, for people.
         measure: The statistic of each simulation; NaN where it has none.
         rises: Whether removing the effect raises it.
@@ -56,7 +57,7 @@ class Ablation:
 def departures(runs: Trajectories) -> Values:
     """Share of the vehicles that leave the lanes."""
     valid = runs.scenario.vehicles.valid
-    lane, filled = runs.states.lane, runs.frame_valid[:, None, :] & valid[:, :, None]
+    lane, filled = runs.states.lane, runs.frame_mask[:, None, :] & valid[:, :, None]
     out = ((lane == NO_VEHICLE) | (lane >= runs.road.num_lanes)) & filled
     return out.any(axis=2).sum(axis=1) / valid.sum(axis=1)
 
@@ -70,7 +71,7 @@ def contacts(runs: Trajectories) -> Values:
 def sway(runs: Trajectories) -> Values:
     """Standard deviation of the ego's lateral acceleration [m/s^2]."""
     values = runs.states.accel_lat[:, 0] / 1e3
-    valid = runs.frame_valid
+    valid = runs.frame_mask
     mean = (values * valid).sum(axis=1) / runs.num_frames
     return np.sqrt((((values - mean[:, None]) ** 2) * valid).sum(axis=1) / runs.num_frames)
 
@@ -84,7 +85,7 @@ def held_in_lee(runs: Trajectories) -> Values:
     aside = d[:, :1] - d[:, 1:]
     upwind = (aside * across[:, None] > 0.0) & (np.abs(aside) < 5.0)
     lee = (beside & upwind & bodies.valid[:, 1:, None]).any(axis=1)
-    lee &= runs.frame_valid & (runs.collided_with == NO_VEHICLE)
+    lee &= runs.frame_mask & (runs.collided_with == NO_VEHICLE)
     count = lee.sum(axis=1)
     against = -np.sign(across) * runs.states.wheel_angle[:, 0] / 10.0
     return np.where(count >= 20, (against * lee).sum(axis=1) / np.maximum(count, 1), np.nan)
@@ -92,13 +93,13 @@ def held_in_lee(runs: Trajectories) -> Values:
 
 def attempts(runs: Trajectories) -> Values:
     """Whether the ego pulls out."""
-    return ((runs.stage == 1) & runs.frame_valid).any(axis=1).astype(np.float64)
+    return ((runs.stage == 1) & runs.frame_mask).any(axis=1).astype(np.float64)
 
 
 def lane_changes(runs: Trajectories) -> Values:
     """Times that the other vehicles enter another lane."""
     lane = runs.states.lane[:, 1:].astype(np.int64)
-    both = (runs.frame_valid[:, 1:] & runs.frame_valid[:, :-1])[:, None, :]
+    both = (runs.frame_mask[:, 1:] & runs.frame_mask[:, :-1])[:, None, :]
     changed = (lane[:, :, 1:] != lane[:, :, :-1]) & both
     return changed.sum(axis=(1, 2)).astype(np.float64)
 
@@ -106,7 +107,7 @@ def lane_changes(runs: Trajectories) -> Values:
 def first_percept(runs: Trajectories, column: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Where the first decision is to pull out past a neighbour in `column`; whether it was seen."""
     p = runs.percepts
-    is_out = p.valid[:, 0] & (p.kind[:, 0] == DecisionKind.PULL_OUT)
+    is_out = p.valid[:, 0] & (p.kind[:, 0] == ManoeuvreKind.PULL_OUT)
     return is_out & (p.vehicle[:, 0, column] != NO_VEHICLE), p.detected[:, 0, column]
 
 
@@ -201,13 +202,16 @@ ABLATIONS = (
 
 def arms(ablation: Ablation, simulations: int, seed: int) -> tuple[Values, Values]:
     """The statistic of every simulation, in the full model and without the effect."""
-    given = spec("pinto2023-physical", overrides=dict(ablation.overrides))
+    given = load_specification("pinto2023-physical", overrides=dict(ablation.overrides))
     road, buffers = load_road("town06"), Buffers()
     full, without = list[Values](), list[Values]()
     for begin in range(0, simulations, PIECE):
         index = np.arange(begin, min(begin + PIECE, simulations), dtype=np.uint64)
         scenario = sample(given, road, seed, index)
-        for effects, kept in ((Effects(), full), (Effects(**{ablation.effect: False}), without)):
+        for effects, kept in (
+            (EnabledEffects(), full),
+            (EnabledEffects(**{ablation.effect: False}), without),
+        ):
             runs = engine.run(scenario, parameters(scenario, effects), buffers=buffers)
             kept.append(ablation.measure(runs))
     return np.concatenate(full), np.concatenate(without)

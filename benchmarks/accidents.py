@@ -36,13 +36,15 @@ from overtaking.analysis.validation.accidents import Accident, Severity, acciden
 from overtaking.analysis.validation.poisson import poisson_limits
 from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.cli.arguments import overrides
-from overtaking.core.memory import Buffers
+from overtaking.core.arrays import Buffers
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.road import Road
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import Spec, sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine, reference
 from overtaking.sim.reference import perception
 
@@ -76,7 +78,9 @@ class Tally:
 # --- Driving ------------------------------------------------------------------------------------
 
 
-def drive(given: Spec, road: Road, seed: int, first: int, own: local) -> tuple[float, list[Any]]:
+def drive(
+    given: Specification, road: Road, seed: int, first: int, own: local
+) -> tuple[float, list[Any]]:
     """Metres driven, and accidents, of the simulations from a number on."""
     if not hasattr(own, "buffers"):
         own.buffers = Buffers()
@@ -86,7 +90,7 @@ def drive(given: Spec, road: Road, seed: int, first: int, own: local) -> tuple[f
     return float(Batch.of(runs).metres().sum()), found
 
 
-def driven(given: Spec, road: Road, so_far: Tally, workers: int) -> Iterator[Tally]:
+def driven(given: Specification, road: Road, so_far: Tally, workers: int) -> Iterator[Tally]:
     """The tally after each batch, in the order of the simulations."""
     own, waiting = local(), collections.deque[Future[Any]]()
     first = so_far.done
@@ -105,7 +109,7 @@ def driven(given: Spec, road: Road, so_far: Tally, workers: int) -> Iterator[Tal
                 raise
 
 
-def drive_far(given: Spec, road: Road, so_far: Tally, asked: argparse.Namespace) -> None:
+def drive_far(given: Specification, road: Road, so_far: Tally, asked: argparse.Namespace) -> None:
     """Drive until the distance is reached; tell how far, and keep what was found."""
     target, begun, before = 1e3 * asked.km, time.monotonic(), so_far.metres
     if so_far.metres >= target:
@@ -163,7 +167,7 @@ class Seen:
 
 
 def replay(
-    given: Spec, road: Road, seed: int, numbers: list[int]
+    given: Specification, road: Road, seed: int, numbers: list[int]
 ) -> tuple[Trajectories, list[Seen]]:
     """The simulations of some numbers once more, with what was believed at each decision."""
     seen: list[Seen] = []
@@ -282,7 +286,7 @@ def too_late(runs: Trajectories, row: int, pair: tuple[int, ...], hit: int) -> i
 # --- Telling ------------------------------------------------------------------------------------
 
 
-def told(given: Spec, road: Road, tally: Tally) -> list[dict[str, Any]]:
+def told(given: Specification, road: Road, tally: Tally) -> list[dict[str, Any]]:
     """Every accident with its mechanism and the beliefs of the first two."""
     rows: list[dict[str, Any]] = []
     numbers = sorted({one["simulation"] for one in tally.found})
@@ -406,7 +410,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print everything as JSON")
     asked = parser.parse_args()
     changes = overrides(asked.set, None)
-    given = spec(asked.profile, changes)
+    given = load_specification(asked.profile, changes)
     road = load_road(given.road)
     tally = begun(asked, changes)
     drive_far(given, road, tally, asked)

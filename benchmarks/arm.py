@@ -30,10 +30,10 @@ import engine as peers
 import identity
 from measure import ROOT, Measure, parser, report
 from overtaking import _core
-from overtaking.model.scenario import SLOTS
+from overtaking.model.scenario import SLOT_CAPACITIES
 from overtaking.sim import engine
-from overtaking.world.compiled import constant_values
-from overtaking.world.parameters import Parameters
+from overtaking.world.constants import engine_constants
+from overtaking.world.step_parameters import Parameters
 
 FOLDER = ROOT / "target" / "arm"
 CROWDED = 8  # Simulations of each size of slots that the situations lack.
@@ -51,7 +51,7 @@ def write(path: Path, given: Parameters, later: Sequence[tuple[int, Parameters]]
         later: The step of a change and the parameters from then on; one at most.
     """
     [(switch, changed)] = later or [(0, None)]
-    road, constants = engine.road_values(given), constant_values(given.constants)
+    road, constants = engine.road_values(given), engine_constants(given.constants)
     slots, simulations = given.vehicle.shape[1:]
     room = -(-given.num_frames // _core.LANES) * _core.LANES
     header = [simulations, slots, room, given.record_every, road["num_lanes"]]
@@ -82,7 +82,7 @@ def batches(folder: Path) -> tuple[list[Path], list[str]]:
 
     for situation in identity.situations.SITUATIONS:
         situation.run(situation.scenario(situation.share), run)
-    for vehicles in SLOTS[1:]:
+    for vehicles in SLOT_CAPACITIES[1:]:
         scenario = peers.crowd(vehicles, CROWDED)
         run(scenario, peers.endless(scenario))
     return files, expected

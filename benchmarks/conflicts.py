@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from overtaking.analysis.validation.traffic import Batch, by_frame, leaders
-from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, Trajectories
 
 NEAR_TTC_S = 1.5
 NEAR_DECEL = 4000  # [mm/s^2]

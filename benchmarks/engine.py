@@ -31,12 +31,14 @@ import numpy as np
 
 from measure import ROOT, Measure, number, parser, report
 from overtaking import _core
-from overtaking.core.memory import Buffers
-from overtaking.model.scenario import SLOTS, Scenario
+from overtaking.core.arrays import Buffers
+from overtaking.model.scenario import SLOT_CAPACITIES, Scenario
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import Spec, profile_names, sample, spec
+from overtaking.scenarios.profiles import load_specification, profile_names
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.world.step_parameters import Parameters, parameters
 
 SIMULATIONS, VEHICLES, FRAMES = 1024, 5, 200
 STEP = 0.05  # Between frames [s].
@@ -113,13 +115,15 @@ class Row(Measure):
 
 def scenarios() -> Scenario:
     """Scenarios of five vehicles that last for 200 frames."""
-    five = spec("pinto2023-physical", overrides={"traffic.vehicles": [VEHICLES, VEHICLES]})
+    five = load_specification(
+        "pinto2023-physical", overrides={"traffic.vehicles": [VEHICLES, VEHICLES]}
+    )
     return lasting(five, SIMULATIONS)
 
 
 def crowd(vehicles: int, count: int = SIMULATIONS // 4) -> Scenario:
     """Scenarios with so many vehicles on the motorway that last for 200 frames."""
-    drawn = spec(
+    drawn = load_specification(
         "pinto2023-physical",
         {
             "profile.road": "motorway",
@@ -130,14 +134,14 @@ def crowd(vehicles: int, count: int = SIMULATIONS // 4) -> Scenario:
     return lasting(drawn, count)
 
 
-def lasting(drawn: Spec, count: int) -> Scenario:
+def lasting(drawn: Specification, count: int) -> Scenario:
     """Scenarios of a specification that last for 200 frames."""
     scenario = first(drawn, count)
     horizon = np.full(count, (FRAMES - 1) * STEP, np.float32)
     return scenario.replace(horizon=horizon, attempt_deadline=horizon + np.float32(NEVER))
 
 
-def first(drawn: Spec, count: int) -> Scenario:
+def first(drawn: Specification, count: int) -> Scenario:
     """The first scenarios of a specification."""
     return sample(drawn, load_road(drawn.road), 1, np.arange(count, dtype=np.uint64))
 
@@ -196,7 +200,7 @@ def crowd_batch(vehicles: int) -> Batch:
 
 def profile_batch(name: str) -> Batch:
     """Simulates a profile as it is."""
-    scenario = first(spec(name), OF_PROFILE)
+    scenario = first(load_specification(name), OF_PROFILE)
     return engine_batch(scenario, parameters(scenario))
 
 
@@ -254,7 +258,7 @@ def contenders() -> dict[str, Callable[..., Sample]]:
     ours = {
         OURS: five_batch(),
         "engine, scenarios drawn as well": whole_batch(),
-        **{_slots(slots): crowd_batch(slots) for slots in SLOTS},
+        **{_slots(slots): crowd_batch(slots) for slots in SLOT_CAPACITIES},
         **{f"engine, profile {name}": profile_batch(name) for name in profile_names()},
     }
     return {
@@ -305,7 +309,7 @@ def measures(turns: int = TURNS, seconds: float = SECONDS) -> list[Measure]:
         )
         for name, each in samples.items()
     ]
-    crowded = times(samples[_slots(SLOTS[-1])], samples[_slots(SLOTS[0])])[1]
+    crowded = times(samples[_slots(SLOT_CAPACITIES[-1])], samples[_slots(SLOT_CAPACITIES[0])])[1]
     found.append(
         Measure(name="a frame in 32 slots over one in 8", value=crowded, unit="times", at_most=2.0)
     )

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.labels.label import label
-from overtaking.model.events import NEVER
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 
 BATCH = 128
@@ -56,7 +57,7 @@ class Batch:
     @classmethod
     def of(cls, runs: Trajectories) -> "Batch":
         """Prepare a batch."""
-        seen = runs.scenario.vehicles.valid[:, :, None] & runs.frame_valid[:, None, :]
+        seen = runs.scenario.vehicles.valid[:, :, None] & runs.frame_mask[:, None, :]
         on_road = runs.states.lane < runs.road.num_lanes
         return cls(runs, seen & on_road, round(1000 / runs.scenario.frame_interval_ms))
 
@@ -179,7 +180,7 @@ def main() -> None:
     parser.add_argument("-n", "--simulations", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=5)
     asked = parser.parse_args()
-    given = spec(asked.profile)
+    given = load_specification(asked.profile)
     road, counts, chances = load_road(given.road), Counter[str](), Counter[str]()
     passes, way = 0, 0.0
     for first in range(0, asked.simulations, BATCH):

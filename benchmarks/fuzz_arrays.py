@@ -15,7 +15,7 @@ import numpy as np
 import overtaking as ot
 from overtaking.core.errors import ConfigError
 from overtaking.model.batch import AxisEnd, Batch, FieldSpec, batch_fields
-from overtaking.model.checks import check
+from overtaking.model.checks import check_batch
 
 Call = tuple[str, dict[str, Any]]
 """A function, or a method of the data set, and its arguments."""
@@ -40,7 +40,7 @@ HOSTILE = (
         (),
         {1: 2},
         object(),
-        ot.Decision.ABORT,
+        ot.ForcedDecision.ABORT,
     ),
     *(np.float32(1), np.int64(3), np.array(2), np.array([]), np.array("a"), np.zeros((2, 2, 2))),
     *("é" * 5000, Path("/dev/null"), Path("/nowhere"), range(3), iter([1, "a"]), print, int, ot),
@@ -55,7 +55,7 @@ def corpus(folder: Path) -> Sequence[Call]:
     data = ot.load(folder / "data")
     batches: list[Call] = []
     for scenario in (placed, flow):
-        changed = {"frame": 10, "decision": ot.Decision.PULL_OUT, "weather": scenario.weather}
+        changed = {"frame": 10, "decision": ot.ForcedDecision.PULL_OUT, "weather": scenario.weather}
         batches += [
             ("simulate", {"scenario": scenario}),
             ("simulate", {"scenario": scenario}),
@@ -109,7 +109,7 @@ def call(given: Call, _folder: Path) -> None:
     made = function(**arguments)
     if name in ("simulate", "branch"):
         try:
-            check(made, "fuzz", "runs")
+            check_batch(made, "fuzz", "runs")
             ot.label(made)
         except ConfigError as error:
             message = f"{name} made what no recording is: {error}"

@@ -1,6 +1,6 @@
 """Readers of recordings and maps as targets of `fuzz.py`: hand-made files, and who must bear them.
 
-Each entry of `READERS` holds the arguments of a `Target`.
+Each entry of `READERS` holds the arguments of a `FigureTarget`.
 """
 
 import importlib

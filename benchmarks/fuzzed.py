@@ -57,9 +57,9 @@ def _load(manifest: bytes, folder: Path) -> None:
 
 
 def _profiles(_folder: Path) -> list[str]:
-    from overtaking.scenarios.reading import PROFILES
+    from overtaking.scenarios.profiles import PROFILE_FOLDER
 
-    return [path.read_text(encoding="utf-8") for path in sorted(PROFILES.glob("*.toml"))]
+    return [path.read_text(encoding="utf-8") for path in sorted(PROFILE_FOLDER.glob("*.toml"))]
 
 
 def _simulate(text: bytes, folder: Path) -> None:

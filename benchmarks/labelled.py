@@ -22,7 +22,7 @@ import pyarrow as pa
 from measure import Measure, parser, report
 from memory import Watch
 from overtaking import api
-from overtaking.core.memory import Buffers
+from overtaking.core.arrays import Buffers
 from overtaking.data.load import Dataset
 from overtaking.data.location import Folder
 from overtaking.data.plan import LARGE_CHUNK_SIZE, SHARD_SIZE, shards
@@ -40,9 +40,10 @@ from overtaking.labels.features import (
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, check
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine, reference
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 from readable import readable
 
 MILLION = 1_000_000
@@ -68,7 +69,7 @@ def rate(folder: Path, simulations: int) -> tuple[list[Measure], Dataset]:
 def against_the_reference(data: Dataset, count: int) -> Measure:
     """How many of some simulations drawn at random differ from what the reference says."""
     draw = np.sort(np.random.default_rng(1).choice(len(data), count, replace=False))
-    given = spec("pinto2023-physical")
+    given = load_specification("pinto2023-physical")
     index = draw.astype(np.uint64)
     with readable():
         runs = reference.simulate(sample(given, load_road(given.road), 5, index))
@@ -102,7 +103,7 @@ def from_memory_and_from_files(folder: Path, count: int) -> Measure:
 
 def stages() -> list[Measure]:
     """Processor time of each stage for a simulation, on pieces as `rate` worked on them."""
-    given = spec("pinto2023-physical")
+    given = load_specification("pinto2023-physical")
     road, index = load_road(given.road), np.arange(PIECE, dtype=np.uint64)
     scenario = sample(given, road, 9, index)
     prepared, buffers = parameters(scenario), Buffers()

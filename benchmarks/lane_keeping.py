@@ -3,11 +3,11 @@
     python benchmarks/lane_keeping.py                                     # a minute
     python benchmarks/lane_keeping.py --recordings ../shared/data/commonroad
 
-The figures behind `[attempt.advance]` in `labels.toml`: simulations with the weather of their
-profile and others in wind of 80 to 100 %, all their vehicles, away from changes of lane and from
-indicators. A *swing* moves to the left, stays within the lane and comes back. The threshold of a
-class is the smallest multiple of 0.05 m that its swings reach at most once an hour in the strongest
-wind.
+The figures behind `[attempt.advance]` in `event_detection.toml`: simulations with the weather of
+their profile and others in wind of 80 to 100 %, all their vehicles, away from changes of lane and
+from indicators. A *swing* moves to the left, stays within the lane and comes back. The threshold of
+a class is the smallest multiple of 0.05 m that its swings reach at most once an hour in the
+strongest wind.
 """
 
 import argparse
@@ -20,14 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import OvertakingError
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import footprint, lateral_speed_at, side_of
-from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
-from overtaking.world.constants import known
 
 BATCH = 256
 BEFORE_S, AFTER_S = 6.0, 1.0
@@ -71,7 +72,7 @@ class Swings:
 def simulated() -> Iterator[Trajectories]:
     """All simulations that are looked at."""
     for profile, changes, count in SOURCES:
-        given = spec(profile, changes)
+        given = load_specification(profile, changes)
         road = load_road(given.road)
         for first in range(0, count, BATCH):
             index = np.arange(first, min(first + BATCH, count), dtype=np.uint64)
@@ -93,7 +94,7 @@ def swings(run: Trajectories, slot: int) -> Swings:
     """The movements of one vehicle of each simulation."""
     interval = run.scenario.frame_interval_ms
     bodies, states = run.scenario.vehicles, run.states
-    headings, direction = run.headings
+    headings, direction = run.headings_and_origin
     lateral, reach = footprint(
         run.road,
         states.d[:, slot],
@@ -103,13 +104,13 @@ def swings(run: Trajectories, slot: int) -> Swings:
     )
     keeps = _keeps_lane(run, slot)
     speed = _lateral_speed(run, slot)
-    found = _runs(keeps & (speed > known("labels.motion.least_speed")))
+    found = _runs(keeps & (speed > constant("event_detection.motion.least_speed")))
     row, begin, end = found
     kind = bodies.kind[:, slot]
     wind = np.digitize(run.scenario.weather.wind, WINDS)
     hours = np.zeros((len(VehicleKind), len(WINDS) + 1))
     np.add.at(hours, (kind, wind), keeps.sum(axis=1) * interval / 3.6e6)
-    wait = round(float(known("labels.attempt.back_time")) * 1000.0 / interval)
+    wait = round(float(constant("event_detection.attempt.back_time")) * 1000.0 / interval)
     border = (float(side_of(run.road)) * run.road.boundaries).tolist()
     lane = np.minimum(states.lane[row, slot, begin].astype(int) + 1, len(border) - 1)
     counts = [
@@ -178,7 +179,7 @@ def _keeps_lane(run: Trajectories, slot: int) -> NDArray[np.bool_]:
     lane, interval = run.states.lane[:, slot], run.scenario.frame_interval_ms
     shown = int(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
     moves = (run.states.lights[:, slot] & shown) != 0
-    there = run.state_valid[:, slot]
+    there = run.state_mask[:, slot]
     moves[:, 1:] |= there[:, 1:] & there[:, :-1] & (lane[:, 1:] != lane[:, :-1])
     frame, last = np.arange(lane.shape[1]), lane.shape[1]
     total = np.pad(np.cumsum(moves, axis=1), ((0, 0), (1, 0)))
@@ -192,7 +193,7 @@ def _keeps_lane(run: Trajectories, slot: int) -> NDArray[np.bool_]:
 
 def _comes_back(lateral: NDArray[Any], reach: NDArray[Any], end: int, line: float) -> bool:
     """Whether a movement stays within its lane and ends where it began, or nearly."""
-    back = lateral[end:] - lateral[0] <= known("labels.motion.settled_shift")
+    back = lateral[end:] - lateral[0] <= constant("event_detection.motion.settled_shift")
     return bool(back.any()) and bool((lateral + reach <= line)[: end + back.argmax() + 1].all())
 
 

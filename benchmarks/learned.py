@@ -26,8 +26,8 @@ from examples.rl.learn_to_overtake import HOLD, STEPS, Learned, train
 from numpy.typing import NDArray
 
 import overtaking as ot
-from overtaking.core.intervals import wilson
-from overtaking.model.events import NEVER
+from overtaking.core.intervals import wilson_interval
+from overtaking.model.overtake_events import NEVER
 
 PROFILES = ("motorway-risk", "pinto2023-physical")
 SEED = 2_319_001  # Of the scenes; those of training have other seeds and numbers.
@@ -70,7 +70,7 @@ def driven(profile: str, scenes: int, models: list[Path]) -> dict[str, Columns]:
     policies = {f"seed {k + 1}": Learned(path) for k, path in enumerate(models)}
     for first in range(0, scenes, PIECE):
         batch = ot.sample(profile, min(PIECE, scenes - first), seed=SEED, first=first)
-        stay = ot.branch(batch, 0, decision=ot.Decision.STAY)
+        stay = ot.branch(batch, 0, decision=ot.ForcedDecision.STAY)
         runs = {"human": ot.simulate(batch), "stay": stay}
         for name, policy in policies.items():
             runs[name] = ot.drive(batch, policy, observe="truth", action="decision", hold=HOLD)
@@ -129,7 +129,7 @@ def of_attempts(one: Columns) -> tuple[float, float]:
     """Share of attempts with a collision, and its upper limit by Wilson."""
     attempts = max(one["attempted"].sum(), 1.0)
     rate = one["collision"].sum() / attempts
-    return rate, wilson(rate, int(attempts))[1]
+    return rate, wilson_interval(rate, int(attempts))[1]
 
 
 def main() -> int:

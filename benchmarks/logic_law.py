@@ -27,9 +27,10 @@ from overtaking.analysis.logic.reasoning import Reasoner
 from overtaking.analysis.logic.source import Group, groups
 from overtaking.labels.events import case_of
 from overtaking.labels.law import PACKS, check
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 
 SHARES = {"pinto2023-physical": 0.94, "motorway-risk": 0.03, "motorway": 0.03}
@@ -58,7 +59,7 @@ class Tally:
 
 def drawn(profile: str, number: int, seed: int) -> Iterator[Group]:
     """Simulations of a profile, a piece at a time."""
-    chosen = spec(profile)
+    chosen = load_specification(profile)
     road = load_road(chosen.road)
     for first in range(0, number, PIECE):
         numbers = np.arange(first, min(first + PIECE, number))

@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 import overtaking as ot
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.formats import read_recording
 
 ERRORS = ((0.0, 0.0), (0.1, 0.1), (0.5, 0.5), (1.0, 1.0))

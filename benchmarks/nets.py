@@ -30,12 +30,18 @@ from scipy.stats import t as student
 
 from conflicts import Conflicts, conflicts, gamma_interval
 from measure import load_note, parser
-from overtaking.core.memory import Buffers
+from overtaking.core.arrays import Buffers
 from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
-from overtaking.world.parameters import VEHICLE_FIELDS, Parameters, VehicleParameters, parameters
+from overtaking.world.step_parameters import (
+    VEHICLE_FIELDS,
+    Parameters,
+    VehicleParameters,
+    parameters,
+)
 
 Row = Callable[[VehicleParameters], Any]
 Values = NDArray[np.float64]
@@ -122,7 +128,7 @@ def arms(
         seed: Of the simulations.
         without: What differs in all arms.
     """
-    given, buffers = spec("motorway-risk"), Buffers()
+    given, buffers = load_specification("motorway-risk"), Buffers()
     road, changes = load_road(given.road), {"": Change()} | NETS | EGOS
     found: dict[str, list[Conflicts]] = {name: [] for name in ("", *names)}
     weights: list[Values] = []

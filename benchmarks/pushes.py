@@ -12,11 +12,11 @@ import argparse
 import copy
 from typing import TYPE_CHECKING, Any
 
-from overtaking import scenarios
 from overtaking.analysis.reproduction.replicates import Replicates, members, replicates
 from overtaking.analysis.stats.columns import PAPER_CLASSES
 from overtaking.api.choices import simulator_of
 from overtaking.recordings.roads import load_road
+from overtaking.scenarios import profiles
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import Mask
@@ -27,7 +27,7 @@ HARD_RAIN = 1.0
 
 def weathers() -> dict[str, dict[str, Any] | None]:
     """The pushes of each kind of weather; None for physics."""
-    pushes = scenarios.spec("pinto2023").resolved()["weather"]["pushes"]
+    pushes = profiles.load_specification("pinto2023").to_dict()["weather"]["pushes"]
     return {
         "none": pushes | {"accel_mps2": 0.0, "sight_m": 1000.0},
         "pushes": pushes,
@@ -37,11 +37,11 @@ def weathers() -> dict[str, dict[str, Any] | None]:
 
 def run(profile: str, pushes: dict[str, Any] | None, sets: int, seed: int) -> Replicates:
     """Replicates of a profile with another kind of weather."""
-    resolved = copy.deepcopy(scenarios.spec(profile).resolved())
+    resolved = copy.deepcopy(profiles.load_specification(profile).to_dict())
     resolved["weather"].pop("pushes", None)
     if pushes is not None:
         resolved["weather"]["pushes"] = pushes
-    spec = scenarios.spec(resolved)
+    spec = profiles.load_specification(resolved)
     return replicates(spec, load_road(spec.road), seed, sets, simulator_of("engine"))
 
 

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from conflicts import Conflicts, conflicts, gamma_interval
 from measure import Measure, parser, report
-from overtaking.core.memory import Buffers
+from overtaking.core.arrays import Buffers
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 
 WORSE: dict[str, Any] = {
@@ -46,7 +47,7 @@ Values = NDArray[np.float64]
 
 def rates(profile: str, seed: int, simulations: int) -> tuple[dict[str, Any], float, Values]:
     """Rate and interval of each event, the cost of the simulations [s], and their weights."""
-    given, buffers = spec(profile, WORSE), Buffers()
+    given, buffers = load_specification(profile, WORSE), Buffers()
     road = load_road(given.road)
     parts: list[Conflicts] = []
     weights: list[Values] = []

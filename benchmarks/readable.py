@@ -20,15 +20,16 @@ from overtaking.labels import signals
 from overtaking.labels.law import alongside, frames
 from overtaking.labels.law.alongside import Alongside
 from overtaking.labels.law.frames import Span, Stretch, Stretches
-from overtaking.model.labels import Case
-from overtaking.model.safety import Encounter
-from overtaking.model.signals import Around, Signals, TargetSignals
-from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.ego_signals import EgoSignals, TargetSignals
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.trajectories import NO_VEHICLE, Trajectories
+from overtaking.model.verdicts import Case
 
 One = readable_signals.One
 
 
-def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[Signals, dict[str, Any]]:
+def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[EgoSignals, dict[str, Any]]:
     """Signals and events, one simulation after the other."""
     ones = _ones(run)
     seen = [readable_signals.signals(one) for one in ones]
@@ -37,14 +38,14 @@ def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[Signals, dict[str, A
     del events["struck"], events["under_way"], events["intended"]
     interval = run.scenario.frame_interval_ms
     arrays = _padded(run, seen)
-    return Signals(frame_interval_ms=interval, valid=run.frame_valid, **arrays), events
+    return EgoSignals(frame_interval_ms=interval, valid=run.frame_mask, **arrays), events
 
 
-def target_signals(run: Trajectories, seen: Signals, vehicle: Any) -> TargetSignals:
+def target_signals(run: Trajectories, seen: EgoSignals, vehicle: Any) -> TargetSignals:
     """Signals of each target; without a target those of the ego, marked invalid."""
     slots, own = (
         np.where(vehicle == NO_VEHICLE, 0, vehicle),
-        ("lateral", "right_reach", "left_reach"),
+        ("lateral", "right_edge", "left_edge"),
     )
     rows = [
         readable_signals.target_signals(one, _row(seen, one, own), int(slot))
@@ -54,7 +55,7 @@ def target_signals(run: Trajectories, seen: Signals, vehicle: Any) -> TargetSign
     for name in ("valid", "overlaps"):
         arrays[name] &= (vehicle != NO_VEHICLE)[:, None]
     length = run.scenario.vehicles.length[np.arange(len(slots)), slots]
-    return TargetSignals(vehicle=vehicle, length=length, **arrays)
+    return TargetSignals(slot=vehicle, length=length, **arrays)
 
 
 def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
@@ -65,7 +66,7 @@ def encounter(case: Case, place: Any, rows: Any, at: Any) -> Encounter:
     valid = np.zeros(len(rows), np.bool_)
     ones = {row: One(case.trajectories, int(row)) for row in np.unique(rows)}
     for k, (row, where, frame) in enumerate(zip(rows, places, at, strict=True)):
-        slot = ones[row].neighbour(Around(int(where)), int(frame))
+        slot = ones[row].neighbour(NeighbourRole(int(where)), int(frame))
         valid[k] = slot is not None
         measures: Mapping[str, Any] = none_there
         if slot is not None:
@@ -126,7 +127,7 @@ def bits_within(values: Any, span: Span) -> tuple[Any, Any]:
 
 def overlaps(case: Case, span: Span) -> Alongside:
     """Frames in which ego and target overlap, from the signals of the target."""
-    target = target_signals(case.trajectories, case.signals, case.target.vehicle)
+    target = target_signals(case.trajectories, case.signals, case.target.slot)
     every = np.arange(case.signals.num_simulations)
     rows, at = np.nonzero(target.overlaps & span.mask(every, case.signals.num_frames))
     said = {name: getattr(target, name)[rows, at] for name in ("lane", "lateral_gap", "accel")}
@@ -152,7 +153,7 @@ def _ones(run: Trajectories) -> list[One]:
     return [One(run, number) for number in range(len(run.num_frames))]
 
 
-def _row(seen: Signals, one: One, names: tuple[str, ...]) -> dict[str, Any]:
+def _row(seen: EgoSignals, one: One, names: tuple[str, ...]) -> dict[str, Any]:
     """Some signals of one simulation in its recorded frames."""
     return {name: getattr(seen, name)[one.number][..., : one.frames] for name in names}
 

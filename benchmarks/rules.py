@@ -15,7 +15,7 @@ from measure import Measure, number, parser, report
 from overtaking import api
 from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, Rule, check, judge
-from overtaking.model.labels import Case
+from overtaking.model.verdicts import Case
 
 BATCH, REPEATS = 512, 7
 LIMIT = 60.0

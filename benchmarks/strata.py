@@ -18,15 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from measure import parser
-from overtaking.core.intervals import wilson
+from overtaking.core.intervals import wilson_interval
 from overtaking.labels.label import label
 from overtaking.model.batch import concatenate
-from overtaking.model.events import Outcome
-from overtaking.model.labels import Labels, OvertakeClass
+from overtaking.model.overtake_events import Outcome
+from overtaking.model.verdicts import Labels, OvertakeClass
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
-from overtaking.world.film import rain_rate
+from overtaking.world.road_surface import rain_rate
 from overtaking.world.visibility import meteorological_range
 
 PIECE = 256
@@ -64,7 +65,7 @@ def weather(light: str, sight: str, rain: str) -> dict[str, Any]:
 
 def labels_of(profile: str, overrides: dict[str, Any], simulations: int) -> Labels:
     """The labels of some simulations."""
-    given = spec(profile, overrides)
+    given = load_specification(profile, overrides)
     road = load_road(given.road)
     return concatenate(
         [
@@ -87,7 +88,7 @@ def row(legal: NDArray[np.bool_]) -> tuple[str, bool]:
     count, hits = len(legal), int(legal.sum())
     if count < ENOUGH:
         return f"{count:6d} completed: too few", True
-    low, high = wilson(hits / count, count)
+    low, high = wilson_interval(hits / count, count)
     share = hits / count
     fails = not 0.01 <= share <= 0.99
     interval = f"[{100 * low:.1f}, {100 * high:.1f}]"
@@ -105,7 +106,7 @@ def classes_row(said: Labels, policy: str) -> tuple[str, bool]:
 
 def shares(hits: int, count: int) -> str:
     """The interval of a share in percent; what it is below where there is none."""
-    low, high = (100.0 * end for end in wilson(hits / count, count))
+    low, high = (100.0 * end for end in wilson_interval(hits / count, count))
     return f"{low:.2f} to {high:.2f} %" if hits else f"below {high:.2f} %"
 
 

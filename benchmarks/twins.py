@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.labels.label import label
-from overtaking.model.labels import OvertakeClass
 from overtaking.model.scenario import Scenario
+from overtaking.model.verdicts import OvertakeClass
+from overtaking.model.weather import REMOVABLE_FACTORS
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import Spec, sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine
-from overtaking.world.skies import WITHOUT
 
 POLICY = "default"
 CHUNK = 512
@@ -48,15 +50,15 @@ def classes_of(scenario: Scenario) -> NDArray[np.uint8]:
     return found.classes[:, found.policies.index(POLICY)]
 
 
-def twins(given: Spec, pairs: int, seed: int) -> dict[str, NDArray[np.uint8]]:
+def twins(given: Specification, pairs: int, seed: int) -> dict[str, NDArray[np.uint8]]:
     """Classes as they are, under "", and with each thing removed."""
     road = load_road(given.road)
-    parts: dict[str, list[NDArray[np.uint8]]] = {"": [], **{name: [] for name in WITHOUT}}
+    parts: dict[str, list[NDArray[np.uint8]]] = {"": [], **{name: [] for name in REMOVABLE_FACTORS}}
     for first in range(0, pairs, CHUNK):
         index = np.arange(first, min(first + CHUNK, pairs), dtype=np.uint64)
         scenario = sample(given, road, seed, index)
         parts[""].append(classes_of(scenario))
-        for name, take in WITHOUT.items():
+        for name, take in REMOVABLE_FACTORS.items():
             weather = take(scenario.weather)
             parts[name].append(classes_of(scenario.replace(weather=weather)))
         print(f"\r{len(index) + first:,} of {pairs:,} pairs", end="", file=sys.stderr)
@@ -82,7 +84,7 @@ def table(found: dict[str, NDArray[np.uint8]]) -> list[list[str]]:
     for one in OvertakeClass:
         if not any((codes == one).any() for codes in found.values()):
             continue
-        changes = [change(found[""], found[name], one) for name in WITHOUT]
+        changes = [change(found[""], found[name], one) for name in REMOVABLE_FACTORS]
         rows.append([one.title, f"{100 * changes[0].share:.2f}", *map(cell, changes)])
     return rows
 
@@ -99,8 +101,8 @@ def main() -> None:
     parser.add_argument("--profile", default="pinto2023-physical")
     parser.add_argument("--markdown", action="store_true", help="print a table for the docs")
     given = parser.parse_args()
-    found = twins(spec(given.profile), given.pairs, given.seed)
-    head = ["class", "share [%]", *(f"without {name}" for name in WITHOUT)]
+    found = twins(load_specification(given.profile), given.pairs, given.seed)
+    head = ["class", "share [%]", *(f"without {name}" for name in REMOVABLE_FACTORS)]
     rows = [head, *table(found)]
     if given.markdown:
         rows.insert(1, ["---"] * len(head))

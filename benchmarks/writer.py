@@ -25,7 +25,7 @@ from overtaking import api
 from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.files import TableWriter, read_table
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 
 PIECE = 512
 """Simulations in memory at a time, as in `data.plan`."""
@@ -77,7 +77,7 @@ def check(path: Path, pieces: list[Trajectories]) -> int:
 
 def rows_of(piece: Trajectories) -> np.ndarray:
     """The recorded x of a batch, row for row [mm]."""
-    valid = piece.scenario.vehicles.valid[:, :, None] & piece.frame_valid[:, None, :]
+    valid = piece.scenario.vehicles.valid[:, :, None] & piece.frame_mask[:, None, :]
     return piece.states.x[valid]
 
 

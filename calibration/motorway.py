@@ -18,13 +18,12 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from overtaking import scenarios
 from overtaking.analysis.validation.figures import Figure
 from overtaking.analysis.validation.run import Validation, validate
-from overtaking.knowledge import number
-from overtaking.knowledge.reader import load
-from overtaking.knowledge.validation import Standing, targets
+from overtaking.analysis.validation.targets import TargetRole, targets
+from overtaking.knowledge.toml_reader import load_toml, number
 from overtaking.recordings.roads import load_road
+from overtaking.scenarios import profiles
 
 PLAN = tomllib.loads(Path(__file__).with_name("plan.toml").read_text("utf-8"))
 FROZEN = Path(__file__).with_name(PLAN["frozen"])
@@ -43,7 +42,7 @@ FITTED = (
 """Parameters of drivers that were fitted by a factor; beside them the spread of `cruise_factor`,
 the spacing of the profile and the constant `lane_change.free_ahead_time`."""
 
-FITTED_ON = frozenset(name for name, one in targets().items() if one.standing is Standing.FITTED)
+FITTED_ON = frozenset(name for name, one in targets().items() if one.standing is TargetRole.FITTED)
 
 FACTORS = (0.9, 1.0, 1.1)
 
@@ -51,8 +50,8 @@ FACTORS = (0.9, 1.0, 1.1)
 def parameters() -> dict[str, Any]:
     """Everything that decides how the traffic behaves, as JSON types."""
     return {
-        "population": load("drivers.toml")[PROFILE],
-        "profile": scenarios.spec(PROFILE).resolved(),
+        "population": load_toml("drivers.toml")[PROFILE],
+        "profile": profiles.load_specification(PROFILE).to_dict(),
         "free_ahead_time": number("model.toml", "lane_change.free_ahead_time"),
     }
 
@@ -65,7 +64,7 @@ def parameter_hash() -> str:
 
 def run(simulations: int, seed: int, scale: dict[str, float] | None = None) -> Validation:
     """The figures of the profile, with factors on what is drawn for everyone."""
-    spec = scenarios.spec(PROFILE, {"drivers.scale": scale} if scale else None)
+    spec = profiles.load_specification(PROFILE, {"drivers.scale": scale} if scale else None)
     return validate(spec, load_road(spec.road), simulations, seed)
 
 
@@ -96,7 +95,7 @@ def search(simulations: int) -> None:
 
 def show(figures: tuple[Figure, ...]) -> None:
     """Print the figures that have limits, by standing."""
-    for standing in Standing:
+    for standing in TargetRole:
         print(f"{standing}: {standing.meaning}")
         for figure in figures:
             if figure.standing is standing and figure.met is not None:

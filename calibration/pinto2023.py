@@ -17,18 +17,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from overtaking import knowledge, scenarios
+from overtaking import knowledge
 from overtaking.analysis.reproduction.measures import measured
 from overtaking.analysis.reproduction.replicates import replicates
 from overtaking.analysis.reproduction.run import parameter_hash
+from overtaking.analysis.reproduction.statements import (
+    Statement,
+    StatementRole,
+    Statistic,
+    calibration,
+    statements,
+)
 from overtaking.api.choices import simulator_of
-from overtaking.knowledge.paper import Measure, Standing, Statement, calibration, statements
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios.reading import PROFILES
+from overtaking.scenarios import profiles
+from overtaking.scenarios.profiles import PROFILE_FOLDER
 
 FROZEN = Path(__file__).with_name("pinto2023.json")
 PROFILE = "pinto2023"
-TARGET = PROFILES / f"{PROFILE}.toml"
+TARGET = PROFILE_FOLDER / f"{PROFILE}.toml"
 STATED = Path(knowledge.__file__).parent / "data" / "paper.toml"
 SEARCH_SEED, CHECK_SEED = (int(seed) for seed in calibration().seeds[-2:])
 
@@ -71,7 +78,7 @@ Point = tuple[float, ...]
 def fitted() -> dict[str, Statement]:
     """The numbers that parameters may be chosen by."""
     every = statements().items()
-    return {name: one for name, one in every if one.standing == Standing.CALIBRATED}
+    return {name: one for name, one in every if one.standing == StatementRole.CALIBRATED}
 
 
 def now() -> Point:
@@ -80,7 +87,7 @@ def now() -> Point:
 
 
 def _value(one: Searched) -> float:
-    found: Any = scenarios.spec(PROFILE).resolved()
+    found: Any = profiles.load_specification(PROFILE).to_dict()
     for part in one.name.split("."):
         found = found[part]
     return float(found)
@@ -95,7 +102,7 @@ def run(sets: int, seed: int, point: Point | None = None) -> dict[str, float]:
         point: Other values for what is searched.
     """
     changes = {one.name: value for one, value in zip(SEARCHED, point or (), strict=False)}
-    spec = scenarios.spec(PROFILE, changes or None)
+    spec = profiles.load_specification(PROFILE, changes or None)
     found = replicates(spec, load_road(spec.road), seed, sets, simulator_of("engine"))
     return {name: float(measured(found, one).mean() / one.factor) for name, one in fitted().items()}
 
@@ -104,7 +111,7 @@ def distance(found: dict[str, float]) -> float:
     """Sum of the squares of the distances from the study's numbers, in tolerances."""
     total = 0.0
     for name, one in fitted().items():
-        kind = "count" if one.measure == Measure.COUNT else one.of
+        kind = "count" if one.measure == Statistic.COUNT else one.feature
         total += ((found[name] - one.quoted) / TOLERANCE[kind]) ** 2
     return total
 
@@ -167,7 +174,7 @@ def main() -> int:
     given = parser.parse_args()
     if given.search:
         search(given.sets, given.rounds)
-    digest = parameter_hash(scenarios.spec(PROFILE))
+    digest = parameter_hash(profiles.load_specification(PROFILE))
     found = run(given.sets, CHECK_SEED)
     show(found)
     if given.freeze:

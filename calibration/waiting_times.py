@@ -1,4 +1,4 @@
-"""Prints how long attempts had waited: `matched.waiting_time_quantiles` of `labels.toml`.
+"""Prints how long attempts had waited: `matched.waiting_time_quantiles` of `event_detection.toml`.
 
     python calibration/waiting_times.py          # 20,000 simulations of each profile, seed 1
 
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import overtaking
-from overtaking.scenarios.reading import profile_names
+from overtaking.scenarios.profiles import profile_names
 
 
 def main() -> None:

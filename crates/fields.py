@@ -10,17 +10,17 @@ import sys
 import textwrap
 from pathlib import Path
 
-from overtaking.core.units import STEPS
+from overtaking.core.units import INTEGER_UNITS
 from overtaking.model.batch import batch_fields
-from overtaking.model.trajectory import States
-from overtaking.world.constants import CONSTANT_FIELDS
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
+from overtaking.model.trajectories import States
+from overtaking.world.constants import CONSTANT_NAMES
+from overtaking.world.step_parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
 
 TARGET = Path(__file__).parent / "overtaking-core" / "src" / "names.rs"
 
 CONTENT = """\
-// Made by crates/fields.py from world/parameters.py, world/conditions.py, world/constants.py and
-// model/trajectory.py; do not edit.
+// Made by crates/fields.py from world/step_parameters.py, world/weather_parameters.py,
+// world/constants.py and model/trajectories.py; do not edit.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -68,7 +68,7 @@ def content() -> str:
     return CONTENT.format(
         vehicle=_listed(VEHICLE_FIELDS),
         simulation=_listed(SIMULATION_FIELDS),
-        constants=_listed(CONSTANT_FIELDS),
+        constants=_listed(CONSTANT_NAMES),
         states=_states(),
     )
 
@@ -82,7 +82,7 @@ def _listed(names: tuple[str, ...]) -> str:
 def _states() -> str:
     lines: list[str] = []
     for name, field in batch_fields(States).items():
-        unit = f" [{field.spec.unit}]" if field.spec.unit in STEPS else ""
+        unit = f" [{field.spec.unit}]" if field.spec.unit in INTEGER_UNITS else ""
         lines += [f"/// {field.spec.meaning}{unit}.", f"{name}: {TYPES[str(field.dtype)]},"]
     return textwrap.indent("\n".join(lines), " " * 12)
 

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 import overtaking as ot
-from overtaking.knowledge import presets
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
 
 LEADER, FRONT, REAR = range(3)  # The last axis of percepts.
 
@@ -19,12 +19,12 @@ LEADER, FRONT, REAR = range(3)  # The last axis of percepts.
 def pull_outs(runs: ot.Trajectories) -> pd.DataFrame:
     """One row for each decision to pull out; lengths in metres."""
     percepts = runs.percepts
-    simulation, row = np.nonzero(percepts.valid & (percepts.kind == DecisionKind.PULL_OUT))
+    simulation, row = np.nonzero(percepts.valid & (percepts.kind == ManoeuvreKind.PULL_OUT))
     weather = runs.scenario.weather.preset[simulation]
     followed = percepts.vehicle[simulation, row, REAR] != NO_VEHICLE
     return pd.DataFrame(
         {
-            "weather": np.array(list(presets()))[weather],
+            "weather": np.array(list(weather_presets()))[weather],
             "gap_m": percepts.true_gap[simulation, row, LEADER] * 1e-3,
             "believed_gap_m": percepts.gap[simulation, row, LEADER] * 1e-3,
             "followed": followed,

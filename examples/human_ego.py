@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 import overtaking as ot
 from overtaking.core.arrays import Mask
-from overtaking.core.elementary import exp, maximum, minimum
-from overtaking.model.observation import ROLES
-from overtaking.model.trajectory import Stage
+from overtaking.core.float32_math import exp, maximum, minimum
+from overtaking.model.driver_interface import NEIGHBOUR_ROLES
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.gaps import (
     View,
@@ -27,7 +27,7 @@ from overtaking.sim.reference.gaps import (
 )
 from overtaking.sim.reference.passing import Outlook, may_meet, seen_ahead
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.world.step_parameters import Parameters, parameters
 
 FITTING = 0.5  # Above it there is room behind the leader; below it a driver brakes for that [1].
 PRESSED = 0.5  # Above it a small gap is taken; below it a driver only wants to be back soon [1].
@@ -61,7 +61,7 @@ class HumanEgo:
         c, driver = self.given.constants, seen.driver
         impatience = maximum(exp(-(seen.of("waited") * driver.inverse_patience)), c.patience_floor)
         demand = driver.gap_acceptance * impatience
-        around = np.moveaxis(seen.around, 0, -1)[: len(ROLES) - 2]
+        around = np.moveaxis(seen.around, 0, -1)[: len(NEIGHBOUR_ROLES) - 2]
         told = driver.gap_acceptance <= 0  # Told to change lanes, as in the study: looks at no gap.
         return View(
             who=Role.EGO,
@@ -147,7 +147,7 @@ def main() -> None:
     print(f"  same trace as the built-in ego: {same.sum()}")
     print(f"  overtakes begun: {(runs.stage == Stage.PULL_OUT).any(axis=1).sum()}")
     assert runs.actions is not None
-    print(f"  changes of what it does: {runs.actions.changes.sum()}")
+    print(f"  changes of what it does: {runs.actions.is_change.sum()}")
 
 
 if __name__ == "__main__":

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 import overtaking as ot
 from overtaking.core.arrays import F32
-from overtaking.model.events import Outcome
+from overtaking.model.overtake_events import Outcome
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.mobil import incentives, is_safe
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, SLOW_LEAD, SLOW_REAR
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.world.step_parameters import Parameters, parameters
 
 
 class MobilDriver:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import overtaking as ot
-from overtaking.model.events import Outcome
+from overtaking.model.overtake_events import Outcome
 
 CRUISE = 33.0  # [m/s]
 

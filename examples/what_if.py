@@ -10,7 +10,7 @@ it was, to the last bit.
 import numpy as np
 
 import overtaking as ot
-from overtaking.model.trajectory import NO_VEHICLE, Stage
+from overtaking.model.trajectories import NO_VEHICLE, Stage
 
 FOG_LEAD = 40  # Frames between the fog and the decision, 2 s.
 
@@ -48,7 +48,7 @@ def main() -> None:
         only = slice(number, number + 1)
         scene, run = scenarios.select(only), runs.select(only)
         pull_out = int(np.flatnonzero(run.stage[0] == Stage.PULL_OUT)[0])
-        stayed = ot.branch(scene, pull_out, decision=ot.Decision.STAY)
+        stayed = ot.branch(scene, pull_out, decision=ot.ForcedDecision.STAY)
         assert (stayed.states.s[:, :, :pull_out] == run.states.s[:, :, :pull_out]).all()
 
         fog = scene.weather.replace(fog=np.full_like(scene.weather.fog, 100.0))

@@ -12,10 +12,10 @@ import numpy as np
 from figures.scene import AHEAD, BEHIND, SEED, Scene, chosen
 from figures.svg import Point, box, curve, document, element, group, label, line
 
-from overtaking.knowledge import presets
-from overtaking.model.trajectory import DecisionKind, Lights, Stage
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.model.trajectories import Lights, ManoeuvreKind, Stage
 from overtaking.model.vehicles import Role
-from overtaking.world import film
+from overtaking.world import road_surface
 
 WIDTH, LEFT, RIGHT = 960.0, 128.0, 16.0
 PIXELS = (WIDTH - LEFT - RIGHT) / (BEHIND + AHEAD)  # A metre, along and across.
@@ -252,7 +252,7 @@ def gaps(scene: Scene, theme: Theme, top: float) -> list[str]:
     shown = gap <= ceiling
     parts.append(over.follow(np.where((offset < 0) & (gap >= 0) & shown, gap, np.nan), theme.ink))
     parts.append(over.follow(np.where((offset > 0) & (gap >= 0) & shown, gap, np.nan), theme.ink))
-    for kind, column in ((DecisionKind.PULL_OUT, 0), (DecisionKind.RETURN, 2)):
+    for kind, column in ((ManoeuvreKind.PULL_OUT, 0), (ManoeuvreKind.RETURN, 2)):
         parts += _belief(over, scene.belief(kind, column), theme)
     return parts
 
@@ -292,8 +292,8 @@ def clock(scene: Scene, theme: Theme, top: float, bottom: float) -> list[str]:
 def heading(scene: Scene, theme: Theme) -> list[str]:
     """Who is who, and the weather."""
     weather = scene.run.scenario.weather
-    preset = list(presets())[int(weather.preset[0])]
-    rate = float(film.rain_rate(weather.rain)[0])
+    preset = list(weather_presets())[int(weather.preset[0])]
+    rate = float(road_surface.rain_rate(weather.rain)[0])
     ego, other = KINDS[scene.kinds[Role.EGO]], KINDS[scene.kinds[scene.target]]
     words = (
         f'<tspan fill="{theme.ego}" font-weight="600">{ego} (ego)</tspan> overtakes '

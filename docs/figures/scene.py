@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import overtaking as ot
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Stage
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Stage
 from overtaking.model.vehicles import Role, VehicleKind
 
 PROFILE, SEED = "pinto2023-physical", 1
@@ -61,7 +61,7 @@ class Scene:
         d = self.d[Role.EGO]
         return d[start:stop] - 0.5 * (d[start] + d[stop])
 
-    def belief(self, kind: DecisionKind, column: int) -> tuple[float, float] | None:
+    def belief(self, kind: ManoeuvreKind, column: int) -> tuple[float, float] | None:
         """Time of a decision and the gap that the ego then believed in, None if it saw nobody."""
         percepts = self.run.percepts
         rows = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == kind))

@@ -17,10 +17,10 @@ from figures.svg import box, curve, document, element, label, line
 import overtaking as ot
 from overtaking.core.arrays import F64
 from overtaking.labels.instants import borders_of
-from overtaking.model.events import NEVER
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import Stage
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

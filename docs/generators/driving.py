@@ -6,9 +6,14 @@ from typing import TYPE_CHECKING
 
 from generators.markdown import page, section, table, unit
 
-from overtaking.model.actions import Move
-from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import (
+    EGO_COLUMNS,
+    NEIGHBOUR_COLUMNS,
+    NEIGHBOUR_ROLES,
+    PASSING_COLUMNS,
+    Move,
+)
+from overtaking.model.trajectories import Stage
 from overtaking.sim.controls import CONTROLS
 
 if TYPE_CHECKING:
@@ -36,14 +41,14 @@ CODES = "A `{name}` is one of: {codes}."
 
 def content() -> str:
     """The page `reference/driving.md`."""
-    roles = ", ".join(f"`{one}`" for one in ROLES)
+    roles = ", ".join(f"`{one}`" for one in NEIGHBOUR_ROLES)
     answers = (
         (
             f"`{name}`" if place == 0 else "",
             f"`{part.name}`",
             unit(part.unit),
-            f"{part.least:g} to {part.most:g}",
-            f"{part.step:g}",
+            f"{part.low:g} to {part.high:g}",
+            f"{part.resolution:g}",
         )
         for name, control in CONTROLS.items()
         for place, part in enumerate(control.parts)
@@ -51,9 +56,13 @@ def content() -> str:
     return page(
         "What a driver observes and answers",
         INTRODUCTION,
-        section("Numbers of the ego", _numbers(OWN), _codes(Stage)),
-        section("Numbers of a neighbour", AROUND_NOTE.format(roles=roles), _numbers(AROUND)),
-        section("Numbers of a pass against oncoming traffic", MEETING_NOTE, _numbers(MEETING)),
+        section("Numbers of the ego", _numbers(EGO_COLUMNS), _codes(Stage)),
+        section(
+            "Numbers of a neighbour", AROUND_NOTE.format(roles=roles), _numbers(NEIGHBOUR_COLUMNS)
+        ),
+        section(
+            "Numbers of a pass against oncoming traffic", MEETING_NOTE, _numbers(PASSING_COLUMNS)
+        ),
         section(
             "Answers",
             ANSWER,

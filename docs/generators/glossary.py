@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from generators.markdown import page, section, table, unit
 
-from overtaking.knowledge.terms import GROUPS, Term, terms
+from overtaking.knowledge.glossary import TERM_GROUPS, Term, terms
 
 INTRODUCTION = """\
 Every word that tables, reports, `overtaking show` and these pages use in a sense of its own. The
@@ -24,19 +24,21 @@ NOTES = {
 
 def content() -> str:
     """The page `reference/glossary.md`."""
-    return page("Glossary", INTRODUCTION, *map(_section, GROUPS))
+    return page("Glossary", INTRODUCTION, *map(_section, TERM_GROUPS))
 
 
 def _section(group: str) -> str:
     of_group = terms(group)
-    columns = [name for name in ("title", "shown_in", "meaning", "avoid") if _has(group, name)]
-    heads = {"title": "in words", "shown_in": "unit", "meaning": "meaning", "avoid": "not"}
+    columns = [name for name in ("title", "display_unit", "meaning", "avoid") if _has(group, name)]
+    heads = {"title": "in words", "display_unit": "unit", "meaning": "meaning", "avoid": "not"}
     header = ("name", "in the code", *(heads[name] for name in columns))
     rows = [
-        (_name(name, group), f"`{term.home}`", *(_cell(term, column) for column in columns))
+        (_name(name, group), f"`{term.defined_in}`", *(_cell(term, column) for column in columns))
         for name, term in of_group.items()
     ]
-    return section(GROUPS[group], *([NOTES[group]] if group in NOTES else []), table(header, rows))
+    return section(
+        TERM_GROUPS[group], *([NOTES[group]] if group in NOTES else []), table(header, rows)
+    )
 
 
 def _has(group: str, column: str) -> bool:
@@ -51,4 +53,4 @@ def _name(name: str, group: str) -> str:
 
 def _cell(term: Term, column: str) -> str:
     value = getattr(term, column)
-    return unit(value) if column == "shown_in" else value
+    return unit(value) if column == "display_unit" else value

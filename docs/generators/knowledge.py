@@ -6,15 +6,17 @@ from typing import TYPE_CHECKING
 
 from generators.markdown import page, section, table, unit
 
-from overtaking.knowledge import VEHICLE_CLASS_ORDER, Distribution, Quantity, quantities, sources
-from overtaking.knowledge.validation import Standing, targets
-from overtaking.scenarios.populations import CLASS_FACTORS, TRAITS, population_names
-from overtaking.scenarios.reading import profile_names, spec
+from overtaking.analysis.validation.targets import TargetRole, targets
+from overtaking.knowledge.quantities import Distribution, Quantity
+from overtaking.knowledge.toml_reader import all_quantities, sources
+from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
+from overtaking.scenarios.driver_sampling import ALL_TRAITS, CLASS_FACTORS, population_names
+from overtaking.scenarios.profiles import load_specification, profile_names
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from overtaking.knowledge.validation import Target
+    from overtaking.analysis.validation.targets import FigureTarget
 
     Entry = Quantity | Distribution
 
@@ -22,7 +24,7 @@ FILES = {
     "model.toml": "Drivers, steering, perception, collisions",
     "weather.toml": "Weather, sight and wind",
     "friction.toml": "Tyres and road",
-    "starts.toml": "Starts, traffic around the ego, weather that goes together",
+    "sampling.toml": "Starts, traffic around the ego, weather that goes together",
 }
 
 
@@ -34,7 +36,7 @@ live in `src/overtaking/knowledge/data/`.
 VEHICLES = """\
 The seven vehicle classes of the study: small, medium and large car, van, rigid truck, motorcycle,
 and bicycle with rider. `±` is one standard deviation; what varies is drawn for each vehicle,
-within two standard deviations or the limits that `vehicles.toml` states. Trucks that pull a
+within two standard deviations or the limits that `vehicle_classes.toml` states. Trucks that pull a
 semitrailer have the numbers of `semitrailer` in [constants](constants.md).
 """
 DRIVERS = """\
@@ -83,11 +85,11 @@ def constants() -> str:
 
 def vehicles() -> str:
     """The page `reference/vehicles.md`."""
-    entries = quantities("vehicles.toml")
-    first = f"{VEHICLE_CLASS_ORDER[0]}."
+    entries = all_quantities("vehicle_classes.toml")
+    first = f"{VEHICLE_CLASS_NAMES[0]}."
     names = [name.removeprefix(first) for name in entries if name.startswith(first)]
     values = table(
-        ("quantity", "unit", *VEHICLE_CLASS_ORDER), [_of_classes(entries, name) for name in names]
+        ("quantity", "unit", *VEHICLE_CLASS_NAMES), [_of_classes(entries, name) for name in names]
     )
     reasons = table(("quantity", "source", "why"), [_reason(entries, name) for name in names])
     return page("Vehicle classes", VEHICLES, values, section("Where they come from", reasons))
@@ -95,8 +97,8 @@ def vehicles() -> str:
 
 def drivers() -> str:
     """The page `reference/drivers.md`."""
-    parameters = [(f"`{name}`", one.meaning, unit(one.unit)) for name, one in TRAITS.items()]
-    profiles = {name: spec(name).drivers.population for name in profile_names()}
+    parameters = [(f"`{name}`", one.meaning, unit(one.unit)) for name, one in ALL_TRAITS.items()]
+    profiles = {name: load_specification(name).drivers.population for name in profile_names()}
     used = sorted(population_names(), key=lambda name: name not in profiles.values())
     return page(
         "Drivers",
@@ -118,14 +120,14 @@ def _population(name: str, profiles: list[str]) -> str:
     return section(
         f"Population {name}",
         f"Profiles: {users}." if profiles else UNUSED.format(name=name),
-        table(header, [_of_temper(name, trait) for trait in TRAITS]),
+        table(header, [_of_temper(name, trait) for trait in ALL_TRAITS]),
         table(*_factors(name)),
     )
 
 
 def figures() -> str:
     """The page `reference/figures.md`."""
-    standings = "\n".join(f"* *{one}*: {one.meaning}" for one in Standing)
+    standings = "\n".join(f"* *{one}*: {one.meaning}" for one in TargetRole)
     header = ("figure", "what", "from", "to", "unit", "standing", "sources", "why")
     return page(
         "Figures of a profile",
@@ -139,11 +141,11 @@ def figures() -> str:
     )
 
 
-def _figure(name: str, one: Target) -> tuple[str, ...]:
+def _figure(name: str, one: FigureTarget) -> tuple[str, ...]:
     reasons = (limit.rationale or "" for limit in one.limits)
     return (
         f"`{name}`",
-        one.what,
+        one.description,
         "" if one.low is None else shown(one.low),
         "" if one.high is None else shown(one.high),
         unit(one.unit),
@@ -187,7 +189,7 @@ def numbers_of(name: str) -> str:
             source_link(entry.source),
             entry.rationale or "",
         )
-        for key, entry in quantities(name).items()
+        for key, entry in all_quantities(name).items()
     ]
     return table(("entry", "value", "unit", "source", "why"), rows)
 
@@ -197,19 +199,19 @@ def _file(name: str, title: str) -> str:
 
 
 def _of_classes(entries: Mapping[str, Entry], name: str) -> tuple[str, ...]:
-    of_class = [entries[f"{kind}.{name}"] for kind in VEHICLE_CLASS_ORDER]
+    of_class = [entries[f"{kind}.{name}"] for kind in VEHICLE_CLASS_NAMES]
     return f"`{name}`", unit(of_class[0].quoted_unit), *map(shown, of_class)
 
 
 def _reason(entries: Mapping[str, Entry], name: str) -> tuple[str, ...]:
-    of_class = [entries[f"{kind}.{name}"] for kind in VEHICLE_CLASS_ORDER]
+    of_class = [entries[f"{kind}.{name}"] for kind in VEHICLE_CLASS_NAMES]
     origins = dict.fromkeys(source_link(entry.source) for entry in of_class)
     reasons = dict.fromkeys(entry.rationale for entry in of_class if entry.rationale)
     return f"`{name}`", ", ".join(origins), " · ".join(reasons)
 
 
 def _of_temper(population: str, name: str) -> tuple[str, ...]:
-    entries = quantities("drivers.toml")
+    entries = all_quantities("drivers.toml")
     careful, reckless = (entries[f"{population}.{end}.{name}"] for end in ("careful", "reckless"))
     origins = dict.fromkeys(source_link(entry.source) for entry in (careful, reckless))
     reasons = dict.fromkeys(
@@ -227,7 +229,7 @@ def _of_temper(population: str, name: str) -> tuple[str, ...]:
 
 
 def _factors(population: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    entries = quantities("drivers.toml")
+    entries = all_quantities("drivers.toml")
     prefix = f"{population}.classes."
     rows = [
         (
@@ -262,11 +264,11 @@ def _spread(entry: Distribution) -> str:
 
 def _unscaled(entry: Quantity) -> Callable[[float], float]:
     """From the unit in which a value is kept back to that in which it is written."""
-    from overtaking.knowledge.conversion import converter
+    from overtaking.core.units import unit_converter
 
     if entry.unit == entry.quoted_unit:
         return float
-    factor = converter(entry.quoted_unit, where="documentation")(1.0)
+    factor = unit_converter(entry.quoted_unit, where="documentation")(1.0)
     return lambda number: number / factor
 
 

@@ -15,7 +15,7 @@ import re
 from generators.knowledge import shown, source_link
 from generators.markdown import table, unit
 
-from overtaking.knowledge import quantities
+from overtaking.knowledge.toml_reader import all_quantities
 
 _BLOCK = re.compile(r"(<!-- numbers: (\S+)\n(.*?)\n-->\n\n).*?(<!-- end -->)", re.DOTALL)
 _HEADER = ("symbol", "value", "unit", "entry", "source")
@@ -35,6 +35,6 @@ def _block(found: re.Match[str]) -> str:
 
 def _row(file: str, line: str) -> tuple[str, ...]:
     symbol, _, key = line.rpartition(" ")
-    entry = quantities(file)[key]
+    entry = all_quantities(file)[key]
     link = source_link(entry.source).replace("(sources", "(../reference/sources")
     return symbol, shown(entry), unit(entry.quoted_unit), f"`{key}`", link

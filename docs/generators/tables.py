@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from generators.markdown import page, section, table, unit
 
-from overtaking.core.units import STEPS
+from overtaking.core.units import INTEGER_UNITS
 from overtaking.data.tables.columns import flags_of, names_of, si_name, unit_of
 from overtaking.data.tables.schemas import KEYS, SCHEMAS, VERSION
 
@@ -57,6 +57,6 @@ def _row(field: pa.Field) -> tuple[str, ...]:
 
 
 def _unit(name: str) -> str:
-    if name in STEPS and name.startswith("0.1"):
-        return f"{unit(STEPS[name][0])} / {STEPS[name][1]}"
+    if name in INTEGER_UNITS and name.startswith("0.1"):
+        return f"{unit(INTEGER_UNITS[name][0])} / {INTEGER_UNITS[name][1]}"
     return unit(name)

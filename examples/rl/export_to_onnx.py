@@ -19,7 +19,7 @@ from examples.rl.learn_to_overtake import guarded
 from stable_baselines3 import PPO
 from torch import Tensor, nn
 
-from overtaking.gym import COLUMNS
+from overtaking.gym import OBSERVATION_COLUMNS
 
 
 class Driver(nn.Module):
@@ -33,7 +33,9 @@ class Driver(nn.Module):
             policy.features_extractor, policy.mlp_extractor.policy_net, policy.action_net
         )
         for name in ("least", "most", "scale"):
-            self.register_buffer(name, torch.tensor([getattr(one, name) for one in COLUMNS]))
+            self.register_buffer(
+                name, torch.tensor([getattr(one, name) for one in OBSERVATION_COLUMNS])
+            )
 
     def forward(self, numbers: Tensor) -> Tensor:
         """A move for each simulation, shape (simulation, 1)."""
@@ -49,7 +51,7 @@ def export(model: PPO, path: Path) -> None:
         model: What `train` returns.
         path: The file.
     """
-    some = torch.zeros(2, len(COLUMNS))
+    some = torch.zeros(2, len(OBSERVATION_COLUMNS))
     rows = {"numbers": {0: torch.export.Dim("simulation")}}
     torch.onnx.export(
         Driver(model).eval(), (some,), str(path), dynamic_shapes=rows, external_data=False

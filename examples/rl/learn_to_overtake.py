@@ -27,9 +27,9 @@ from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor, VecNorma
 
 import overtaking as ot
 from overtaking.core.arrays import F32
-from overtaking.gym import COLUMNS, Events, flat, progress
+from overtaking.gym import OBSERVATION_COLUMNS, StepOutcome, flatten_observation, progress
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.sim.observation import Seen
 
 HOLD = 20  # Decisions for which an answer holds, 1 s.
@@ -48,7 +48,7 @@ KEEP, SHOW_OUT, PULL_OUT, SHOW_BACK, RETURN = map(int, list(ot.Move)[:5])
 
 UNSEEN = ("position", "lateral", "lane")  # What tells roads apart, and means nothing on another.
 
-_PLACES = {column.name: (place, column.scale) for place, column in enumerate(COLUMNS)}
+_PLACES = {column.name: (place, column.scale) for place, column in enumerate(OBSERVATION_COLUMNS)}
 
 
 def guarded(move: Any, seen: Any, where: Callable[..., Any] = np.where) -> Any:
@@ -112,7 +112,7 @@ class AnyRoad(FlattenExtractor):
     def __init__(self, observation_space: Space[Any]) -> None:
         """Keep what is seen."""
         super().__init__(observation_space)
-        known = [column.name not in UNSEEN for column in COLUMNS]
+        known = [column.name not in UNSEEN for column in OBSERVATION_COLUMNS]
         self.register_buffer("known", torch.tensor(known, dtype=torch.float32))
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
@@ -133,11 +133,11 @@ class Learned:
 
     def __call__(self, observed: ot.Observation) -> NDArray[Any]:
         """A move for each simulation."""
-        seen = flat(observed, scaled=True)
+        seen = flatten_observation(observed, scaled=True)
         return guarded(self.model.predict(seen, deterministic=True)[0], seen)
 
 
-def soon_back(before: Seen, action: NDArray[Any], after: Seen, events: Events) -> NDArray[Any]:
+def soon_back(before: Seen, action: NDArray[Any], after: Seen, events: StepOutcome) -> NDArray[Any]:
     """The reward `progress`, less what it costs to stay out once the target is passed.
 
     Args:

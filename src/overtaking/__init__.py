@@ -44,13 +44,13 @@ Data sets on disk, each in a folder:
 Objects:
 
     Scenario            what is decided before the first frame: Road with Lane, VehicleSpecs,
-                        Drivers, Weather
+                        DriverTraits, Weather
     Trajectories        recorded simulations
     Labelled            the same with labels
     Dataset             a data set on disk
     Balance             equal shares of classes, for generate
-    Change              what is different from a frame on, for branch
-    Decision            a decision to force, for branch
+    Intervention        what is different from a frame on, for branch
+    ForcedDecision      a decision to force, for branch
     Driver              a policy and what it observes and answers, for generate
     Observation         what a policy is given
     Sensor              the numbers of a sensor, for a policy that does not see like a human
@@ -68,21 +68,21 @@ from importlib import import_module as _import_module
 
 _HOMES = {
     "Balance": "overtaking.data.balance",
-    "Change": "overtaking.model.changes",
+    "Intervention": "overtaking.model.scenario",
     "Dataset": "overtaking.data.load",
-    "Decision": "overtaking.model.decision",
+    "ForcedDecision": "overtaking.model.scenario",
     "Driver": "overtaking.sim.driving",
-    "Drivers": "overtaking.model.drivers",
+    "DriverTraits": "overtaking.model.vehicles",
     "Labelled": "overtaking.labels.label",
     "Lane": "overtaking.model.road",
-    "Move": "overtaking.model.actions",
+    "Move": "overtaking.model.driver_interface",
     "Observation": "overtaking.sim.observation",
     "OvertakingError": "overtaking.core.errors",
     "RecordingWarning": "overtaking.core.errors",
     "Road": "overtaking.model.road",
     "Scenario": "overtaking.model.scenario",
     "Sensor": "overtaking.sim.sensor",
-    "Trajectories": "overtaking.model.trajectory",
+    "Trajectories": "overtaking.model.trajectories",
     "VehicleSpecs": "overtaking.model.vehicles",
     "Weather": "overtaking.model.weather",
     "ask": "overtaking.api.logic",

@@ -303,31 +303,31 @@ def words(
     draw: int,
     level: str | None = None,
 ) -> list[NDArray[np.uint32]]:
-    """The four words of a block of draws, `core.philox.words` of flat arrays.
+    """The four words of a block of draws, `core.random_numbers.philox_words` of flat arrays.
 
     Raises:
         ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
     """
 
 def exponentials(values: NDArray[np.floating[Any]], *, level: str | None = None) -> None:
-    """Put `core.elementary.exp` of each number of a flat array in its place.
+    """Put `core.float32_math.exp` of each number of a flat array in its place.
 
     Raises:
         ValueError: The SIMD level is unknown or not available.
     """
 
 def logarithms(values: NDArray[np.floating[Any]], *, level: str | None = None) -> None:
-    """Put `core.elementary.log` of each number of a flat array in its place.
+    """Put `core.float32_math.log` of each number of a flat array in its place.
 
     Raises:
         ValueError: The SIMD level is unknown or not available.
     """
 
 def uniforms(words: NDArray[np.uint32]) -> NDArray[np.float32]:
-    """The numbers in (0, 1) that words stand for, `core.philox.uniform` of a flat array."""
+    """Numbers in (0, 1) of random words, as `core.random_numbers.uniform_from_word` has them."""
 
 def larger(values: NDArray[np.floating[Any]], others: Any) -> None:
-    """Put `core.elementary.maximum` of each number and another in its place.
+    """Put `core.float32_math.maximum` of each number and another in its place.
 
     Args:
         values: Flat array.
@@ -338,12 +338,12 @@ def larger(values: NDArray[np.floating[Any]], others: Any) -> None:
     """
 
 def smaller(values: NDArray[np.floating[Any]], others: Any) -> None:
-    """Put `core.elementary.minimum` of each number and another in its place, as `larger`."""
+    """Put `core.float32_math.minimum` of each number and another in its place, as `larger`."""
 
 def normal_pairs(
     u: NDArray[np.floating[Any]], v: NDArray[np.floating[Any]], *, level: str | None = None
 ) -> None:
-    """Put `core.philox.normal_pair` of two flat arrays in their places.
+    """Put `core.random_numbers.box_muller` of two flat arrays in their places.
 
     Raises:
         ValueError: As for `words`.

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from overtaking import scenarios
 from overtaking.analysis.reproduction.run import parameter_hash
+from overtaking.analysis.reproduction.statements import calibration as fitted_to_the_study
+from overtaking.analysis.reproduction.statements import statements
 from overtaking.analysis.validation.figures import DEFINITIONS, HEAD_ON, PASSES, RATE
-from overtaking.knowledge.paper import calibration as fitted_to_the_study
-from overtaking.knowledge.paper import statements
-from overtaking.knowledge.validation import targets
+from overtaking.analysis.validation.targets import targets
+from overtaking.scenarios import profiles
 
 FOLDER = Path(__file__).resolve().parents[2] / "calibration"
 PLAN = tomllib.loads((FOLDER / "plan.toml").read_text(encoding="utf-8"))
@@ -74,7 +74,7 @@ def test_the_drivers_are_searched_on_the_fitted_figures_and_judged_with_another_
 
 
 def test_the_drivers_of_the_study_are_those_that_were_frozen():
-    now = parameter_hash(scenarios.spec("pinto2023"))
+    now = parameter_hash(profiles.load_specification("pinto2023"))
     frozen = json.loads((FOLDER / "pinto2023.json").read_text(encoding="utf-8"))
     advice = "after a change on purpose: calibration/README.md says how to freeze, and review"
     assert fitted_to_the_study().parameters_sha256 == now, advice

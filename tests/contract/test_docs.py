@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from overtaking.knowledge import Distribution, quantities, terms
+from overtaking.knowledge.glossary import terms
+from overtaking.knowledge.quantities import Distribution
+from overtaking.knowledge.toml_reader import all_quantities
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -37,21 +39,21 @@ FENCE = re.compile(r"^( *)```(\w+)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\[[^]]*\]\(([^)\s]+)\)|(?:src|srcset)=\"([^\"]+)\"")
 PACKAGES = {path.stem for path in (ROOT / "src" / "overtaking").glob("[a-z]*")}
 CLASSES = {
-    "Contacts": "model.trajectory",
+    "Contacts": "model.trajectories",
     "Dataset": "data.load",
-    "Drivers": "model.drivers",
+    "DriverTraits": "model.vehicles",
     "Lane": "model.road",
-    "Percepts": "model.trajectory",
+    "Percepts": "model.trajectories",
     "Road": "model.road",
     "Scenario": "model.scenario",
-    "Stage": "model.trajectory",
+    "Stage": "model.trajectories",
     "State": "sim.reference.state",
-    "Trajectories": "model.trajectory",
+    "Trajectories": "model.trajectories",
     "VehicleSpecs": "model.vehicles",
     "Weather": "model.weather",
 }
 ENTRIES = {
-    entry for file in ("model", "weather", "friction") for entry in quantities(f"{file}.toml")
+    entry for file in ("model", "weather", "friction") for entry in all_quantities(f"{file}.toml")
 }
 NOT_NAMES = (".py", ".rs", ".md", ".toml", ".json", ".txt", ".xml")
 
@@ -315,11 +317,11 @@ def test_every_name_exists():
     [
         ("sim.reference.following.iidm", True),
         ("sim.reference.following.idm", False),
-        ("Drivers.time_gap", True),
-        ("Drivers.time_gaps", False),
+        ("DriverTraits.time_gap", True),
+        ("DriverTraits.time_gaps", False),
         ("overtaking.branch", True),
         ("overtaking.labels.events_of", False),
-        ("model.drivers.Drivers.patience.more", False),
+        ("model.vehicles.DriverTraits.patience.more", False),
     ],
 )
 def test_names_are_told_apart(name: str, is_there: bool):
@@ -335,7 +337,9 @@ def test_every_word_of_the_glossary_has_a_home():
 
 
 def test_what_is_no_name_is_not_taken_for_one():
-    assert not any(map(is_name, ["a.b", "vehicles.toml", "steering.rate", "overtaking.stay_time"]))
+    assert not any(
+        map(is_name, ["a.b", "vehicle_classes.toml", "steering.rate", "overtaking.stay_time"])
+    )
 
 
 def test_the_readme_explains_all_classes_as_the_terms_do():
@@ -389,13 +393,13 @@ def test_generated_pages_and_pictures_are_current_and_one_that_is_not_is_named(t
 
 
 def test_the_page_of_drivers_has_the_population_of_each_profile():
-    from overtaking.scenarios.reading import profile_names, spec
+    from overtaking.scenarios.profiles import load_specification, profile_names
 
     page = read("docs/reference/drivers.md")
     for name in profile_names():
-        population = spec(name).drivers.population
+        population = load_specification(name).drivers.population
         assert f"| `{name}` | [`{population}`](#population-{population}) |" in page
         section = page.partition(f"\n## Population {population}\n")[2].partition("\n## ")[0]
-        careful = quantities("drivers.toml")[f"{population}.careful.min_gap"]
+        careful = all_quantities("drivers.toml")[f"{population}.careful.min_gap"]
         assert isinstance(careful, Distribution)
         assert f"| `min_gap` | {careful.parameter('value'):g} |" in section

@@ -6,8 +6,8 @@ import runpy
 from pathlib import Path
 
 from overtaking import _core
-from overtaking.world.constants import CONSTANT_FIELDS
-from overtaking.world.parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
+from overtaking.world.constants import CONSTANT_NAMES
+from overtaking.world.step_parameters import SIMULATION_FIELDS, VEHICLE_FIELDS
 
 CRATES = Path(__file__).parents[2] / "crates"
 
@@ -20,4 +20,4 @@ def test_the_names_of_the_engine_are_generated():
 def test_the_engine_was_built_with_these_names():
     assert tuple(_core.vehicle_fields()) == VEHICLE_FIELDS
     assert tuple(_core.simulation_fields()) == SIMULATION_FIELDS
-    assert set(_core.constant_fields()) == set(CONSTANT_FIELDS)
+    assert set(_core.constant_fields()) == set(CONSTANT_NAMES)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 COMPILED = "overtaking._core"
 BINDINGS = (
-    "overtaking.core.compiled",
+    "overtaking.core.native",
     "overtaking.data.tables.digest",
     "overtaking.labels.law.frames",
     "overtaking.labels.signals",
@@ -30,7 +30,7 @@ BINDINGS = (
     "overtaking.show.video.encode",
     "overtaking.sim",
     "overtaking.simulators.carla_server.camera",
-    "overtaking.world.compiled",
+    "overtaking.core.native",
 )
 REFERENCE = "overtaking.sim.reference"
 

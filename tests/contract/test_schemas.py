@@ -9,12 +9,11 @@ import re
 import pyarrow as pa
 import pytest
 
-from overtaking.core.units import STEPS, SUFFIXES
+from overtaking.core.units import INTEGER_UNITS, NAME_SUFFIXES
 from overtaking.data.tables.columns import names_of, si_name, unit_of
 from overtaking.data.tables.schemas import COLUMNS, KEYS, SCHEMAS, VERSION
-from overtaking.model.drivers import Drivers
-from overtaking.model.trajectory import Contacts, Percepts, States
-from overtaking.model.vehicles import VehicleSpecs
+from overtaking.model.trajectories import Contacts, Percepts, States
+from overtaking.model.vehicles import DriverTraits, VehicleSpecs
 from overtaking.model.weather import Weather
 
 
@@ -33,10 +32,10 @@ def test_a_schema_says_its_name_and_version():
 
 
 def test_a_column_has_a_unit_its_ending_and_a_description():
-    endings = tuple(ending for unit, ending in SUFFIXES.items() if unit != "1")
+    endings = tuple(ending for unit, ending in NAME_SUFFIXES.items() if unit != "1")
     for where, field in every_column():
-        assert unit_of(field) in SUFFIXES, where
-        assert field.name.endswith(SUFFIXES[unit_of(field)]), where
+        assert unit_of(field) in NAME_SUFFIXES, where
+        assert field.name.endswith(NAME_SUFFIXES[unit_of(field)]), where
         # A column without a unit does not look as if it had one.
         assert unit_of(field) != "1" or not field.name.endswith(endings), where
         description = field.metadata[b"description"].decode()
@@ -47,7 +46,7 @@ def test_a_column_has_a_unit_its_ending_and_a_description():
 def test_an_integer_with_a_unit_counts_steps_and_a_float_does_not():
     for where, field in every_column():
         if unit_of(field) not in ("1", "N s"):
-            assert pa.types.is_integer(field.type) == (unit_of(field) in STEPS), where
+            assert pa.types.is_integer(field.type) == (unit_of(field) in INTEGER_UNITS), where
 
 
 def test_the_keys_come_first_and_are_never_null():
@@ -82,7 +81,7 @@ def test_a_column_of_the_same_name_means_the_same_in_every_table():
     ("cls", "table", "path", "elsewhere"),
     [
         (VehicleSpecs, "vehicles", "scenario.vehicles", {"valid"}),
-        (Drivers, "vehicles", "scenario.drivers", set()),
+        (DriverTraits, "vehicles", "scenario.drivers", set()),
         (Contacts, "vehicles", "contacts", set()),
         (Weather, "weather", "scenario.weather", {"preset"}),
         (States, "states", "states", {"lane", "lights"}),

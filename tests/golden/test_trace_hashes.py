@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 
 from .trace_scenes import PINNED, SCENES, hexadecimal
@@ -22,7 +23,7 @@ def simulated(entry):
     road = road.mirrored() if entry["mirrored"] else road
     index = np.array([entry["index"]], np.uint64)
     return engine.simulate(
-        sample(spec(entry["profile"], entry["overrides"]), road, entry["seed"], index)
+        sample(load_specification(entry["profile"], entry["overrides"]), road, entry["seed"], index)
     )
 
 

@@ -22,13 +22,14 @@ from overtaking.analysis.validation.passes import (
     meeting,
     passes,
 )
-from overtaking.model.course import PlaceKind
-from overtaking.model.trajectory import NO_VEHICLE, Lights, Stage, Trajectories
+from overtaking.model.road_course import ZoneKind
+from overtaking.model.trajectories import NO_VEHICLE, Lights, Stage, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
-from overtaking.world.lanes import road_parameters
+from overtaking.world.road_parameters import road_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -48,7 +49,7 @@ def done(run: Trajectories) -> NDArray[np.bool_]:
 
 def visits(run: Trajectories, stage: Stage) -> NDArray[np.bool_]:
     """The ego is in a stage at some frame."""
-    return ((run.stage == stage) & run.frame_valid).any(axis=1)
+    return ((run.stage == stage) & run.frame_mask).any(axis=1)
 
 
 def ego_hit(run: Trajectories) -> NDArray[np.bool_]:
@@ -99,7 +100,9 @@ class Scene:
         """The simulations of these numbers."""
         road = load_road(self.road)
         road = road.mirrored() if self.mirrored else road
-        return engine.simulate(sample(spec(self.profile, self.overrides), road, self.seed, index))
+        return engine.simulate(
+            sample(load_specification(self.profile, self.overrides), road, self.seed, index)
+        )
 
     def find(self) -> int:
         """Number of the first simulation in which it happens.
@@ -155,7 +158,7 @@ def head_on(run: Trajectories) -> NDArray[np.bool_]:
 
 def beyond(run: Trajectories) -> NDArray[np.bool_]:
     """Whether the middle of the ego is in the other lane, (simulation, time)."""
-    return (run.states.lane[:, Role.EGO] == run.road.num_lanes) & run.frame_valid
+    return (run.states.lane[:, Role.EGO] == run.road.num_lanes) & run.frame_mask
 
 
 def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
@@ -175,7 +178,7 @@ def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
 def over_a_crest(run: Trajectories) -> NDArray[np.bool_]:
     """The ego is on the other side where a crest hides who comes."""
     s, course = 1e-3 * run.states.s[:, Role.EGO], run.road.course
-    crests = [one for one in course.places if one.kind is PlaceKind.CREST] if course else []
+    crests = [one for one in course.places if one.kind is ZoneKind.CREST] if course else []
     over = [(s > one.start) & (s < one.stop) for one in crests]
     return done(run) & (beyond(run) & np.any(over, axis=0)).any(axis=1)
 

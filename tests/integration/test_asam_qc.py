@@ -13,9 +13,8 @@ from tests.support.two_way import pair
 from tests.support.worlds import scenario
 
 import overtaking as ot
-from overtaking.knowledge.roads import ROAD_NAMES
-from overtaking.model.course import Course, Limit
-from overtaking.model.known_roads import known_road
+from overtaking.model.known_roads import ROAD_NAMES, known_road
+from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.recordings.openscenario_write import write_openscenario
 
@@ -45,10 +44,10 @@ def test_scenarios_have_no_issue(profile: str, tmp_path: Path):
 
 def test_a_scenario_with_vehicles_that_come_and_go_has_no_issue(tmp_path: Path):
     run = ot.simulate(ot.sample("pinto2023-physical", 1, seed=2))
-    present = run.state_valid.copy()
+    present = run.state_mask.copy()
     present[0, 1:, ::7] = False
     unknown = frozenset(["weather", "kinds", "bodies", "indicators"])
-    write_openscenario(run.replace(present=present, unknown=unknown), np.array([0]), tmp_path)
+    write_openscenario(run.replace(is_recorded=present, unknown=unknown), np.array([0]), tmp_path)
     said = issues(tmp_path)
     assert said.returncode == 0, said.stdout + said.stderr
 
@@ -71,10 +70,13 @@ def test_every_road_has_no_issue(tmp_path: Path):
 
 
 def test_roads_with_several_limits_have_no_issue(tmp_path: Path):
-    lower = (Limit(start=100.0, stop=300.0, speed=20.0), Limit(start=300.0, stop=400.0, speed=9.0))
-    against = Limit(start=400.0, stop=5000.0, speed=15.0, direction=-1)
+    lower = (
+        SpeedLimitSpan(start=100.0, stop=300.0, speed=20.0),
+        SpeedLimitSpan(start=300.0, stop=400.0, speed=9.0),
+    )
+    against = SpeedLimitSpan(start=400.0, stop=5000.0, speed=15.0, direction=-1)
     for name, limits in (("town06", lower), ("rural", lower[:1]), ("rural", (*lower[1:], against))):
-        road = dataclasses.replace(known_road(name), course=Course(limits=limits))
+        road = dataclasses.replace(known_road(name), course=RoadCourse(limits=limits))
         for kind, one in (("", road), ("-left", road.mirrored())):
             text = write_opendrive(one)
             (tmp_path / f"{name}{len(limits)}{kind}.xodr").write_text(text, encoding="utf-8")

@@ -27,7 +27,7 @@ from overtaking.data.manifest import FILE_NAME as MANIFEST
 from overtaking.data.manifest import BalanceRecord
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.model.known_roads import known_road
-from overtaking.scenarios import spec
+from overtaking.scenarios.profiles import load_specification
 
 NUM_SIMULATIONS = 22
 QUOTAS = (5, 5, 4, 4, 4)
@@ -160,7 +160,7 @@ def test_candidates_without_a_quota_are_counted_and_not_kept(tmp_path):
 @pytest.mark.parametrize(("chunk_size", "threads"), [(7, 1), (64, 3), (512, 2)])
 def test_batches_and_threads_change_nothing(chunk_size, threads, data, tmp_path):
     engine = dataclasses.replace(api.simulator_of("engine"), chunk_size=chunk_size, threads=threads)
-    profile = spec("pinto2023-physical")
+    profile = load_specification("pinto2023-physical")
     recipe = Recipe(
         spec=profile,
         road=known_road(profile.road),

@@ -20,7 +20,7 @@ from tests.support.worlds import Vehicle, scenario
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.simulators.carla import processes, traffic
 from overtaking.simulators.carla import run as carla
 from overtaking.simulators.carla.jobs import LOADING
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 pytestmark = [pytest.mark.ci, needs_wheel]
 
@@ -175,7 +175,7 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
 
 STARTS_A_SERVER = """
 import sys
-from overtaking.core.worker import Worker
+from overtaking.core.worker_process import Worker
 server = Worker("overtaking.simulators.carla_server.running")
 assert server.receive(60.0) > 0
 print(server.pid, flush=True)

@@ -10,7 +10,7 @@ from tests.support.carla import needs_wheel
 
 from overtaking import api
 from overtaking.cli import main
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.simulators.carla.library import SERVER_VARIABLE
 
 if TYPE_CHECKING:

@@ -35,10 +35,10 @@ def test_vehicles_of_both_directions_drive_as_on_the_engine(
         )
         np.testing.assert_allclose(there["s"], here["s"], atol=2.0)
         np.testing.assert_allclose(there["d"], here["d"], atol=0.5)
-        x, y = run.road.world(there["s"], there["d"])
+        x, y = run.road.to_world(there["s"], there["d"])
         np.testing.assert_allclose(there["x"], x, atol=2e-3)
         np.testing.assert_allclose(there["y"], y, atol=2e-3)
-        turned = run.headings[0][0, slot, :frames] * 1e-4
+        turned = run.headings_and_origin[0][0, slot, :frames] * 1e-4
         way = np.pi if slot == 2 else 0.0
         assert np.abs(np.remainder(turned - way + np.pi, 2 * np.pi) - np.pi).max() < 0.12
     assert run.states.s[0, 2, -1] < run.states.s[0, 2, 0]

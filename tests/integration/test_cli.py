@@ -16,7 +16,7 @@ import pytest
 from tests.support.commands import run
 
 from overtaking import api
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
 from overtaking.recordings.pinto2023 import COLUMNS, read_table
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ import overtaking as ot
 from overtaking import api
 from overtaking.cli import main, options
 from overtaking.data.balance import Balance
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.law import POLICIES, choose_policy, default_policy
-from overtaking.scenarios import profile_names
+from overtaking.scenarios.profiles import profile_names
 from overtaking.show.video import jobs
 from overtaking.show.video.film import Film
 
@@ -59,7 +59,7 @@ def test_only_profiles_of_the_study_are_read_under_paper():
 
 
 def test_default_policies_exist_and_the_help_states_them():
-    file = load("policies.toml")
+    file = load_toml("policies.toml")
     names = {file["default"], *file["default_of_profile"].values()}
     assert names <= {policy.name for policy in POLICIES}
     profiles = " and ".join(file["default_of_profile"])

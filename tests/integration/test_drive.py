@@ -10,7 +10,7 @@ import pytest
 
 import overtaking as ot
 from overtaking.cli import main
-from overtaking.core.errors import DatasetError, PolicyError
+from overtaking.core.errors import DatasetError, DriverError
 from overtaking.sim.controls import CONTROLS
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
     parts = CONTROLS[action].parts
 
     def draws(seen: ot.Observation) -> np.ndarray:
-        least, most = np.array([(max(one.least, -3.0), min(one.most, 3.0)) for one in parts]).T
+        least, most = np.array([(max(one.low, -3.0), min(one.high, 3.0)) for one in parts]).T
         return least + (most - least) * seen.random()[:, [k % 4 for k in range(len(parts))]]
 
     one = ot.Driver(policy=draws, observe="truth", action=action, hold=5)
@@ -112,15 +112,15 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
 
     one = ot.Driver(policy=brutal, observe="truth", hold=10)
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8, "driver": one}
-    with pytest.raises(PolicyError):
+    with pytest.raises(DriverError):
         ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", **given)
     calls["left"] = 9
     data = ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", resume=True, **given)
     scenario = ot.sample("pinto2023-physical", 20, seed=3, overrides=SHORT)
     run = ot.drive(scenario, brutal, observe="truth", hold=10)
     assert run.actions
-    assert run.actions.clipped is not None
-    parts = [run.actions.clipped[first : first + 8].sum() for first in (0, 8, 16)]
+    assert run.actions.num_clipped is not None
+    parts = [run.actions.num_clipped[first : first + 8].sum() for first in (0, 8, 16)]
     assert [shard.clipped for shard in data.manifest.shards] == parts
     assert min(parts) > 0
     assert ot.relabel(data.path).manifest.clipped == sum(parts)
@@ -147,7 +147,7 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
 
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
     tiring = ot.Driver(policy=tired, observe="human")
-    with pytest.raises(PolicyError, match=r"simulation 16 .*at 0.00 s.*RuntimeError in .*: tired"):
+    with pytest.raises(DriverError, match=r"simulation 16 .*at 0.00 s.*RuntimeError in .*: tired"):
         ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, **given)
     written = sorted(path.name for path in (tmp_path / "data" / "simulations").iterdir())
     assert len(written) == 2

@@ -16,8 +16,8 @@ from overtaking import api
 from overtaking.analysis.evaluation.endpoints import EVERY, PRIMARY
 from overtaking.analysis.evaluation.words import warnings
 from overtaking.cli import main
-from overtaking.core.errors import ConfigError, PolicyError
-from overtaking.model.observation import MEETING, WIDTH
+from overtaking.core.errors import ConfigError, DriverError
+from overtaking.model.driver_interface import OBSERVATION_SIZE, PASSING_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -149,11 +149,11 @@ def test_a_policy_that_fails_is_told_with_scene_and_time():
     def breaks(seen: ot.Observation) -> np.ndarray:
         raise RuntimeError("no idea" * (seen.decision > 10))
 
-    with pytest.raises(PolicyError, match="simulation 0"):
+    with pytest.raises(DriverError, match="simulation 0"):
         ot.evaluate(ot.Driver(policy=breaks, observe="human"), "pinto2023-physical", 4, 1)
 
 
-def network(path: Path, width: int = WIDTH) -> Callable[[ot.Observation], np.ndarray]:
+def network(path: Path, width: int = OBSERVATION_SIZE) -> Callable[[ot.Observation], np.ndarray]:
     """Write a network of one layer, and return the same as a function."""
     onnx = pytest.importorskip("onnx")
     helper, numeric = onnx.helper, onnx.TensorProto.FLOAT
@@ -177,7 +177,7 @@ def network(path: Path, width: int = WIDTH) -> Callable[[ot.Observation], np.nda
     return same
 
 
-@pytest.mark.parametrize("width", [WIDTH, WIDTH - len(MEETING)])
+@pytest.mark.parametrize("width", [OBSERVATION_SIZE, OBSERVATION_SIZE - len(PASSING_COLUMNS)])
 def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
     pytest.importorskip("onnxruntime")
     path = tmp_path / "linear.onnx"
@@ -223,7 +223,7 @@ def test_the_table_of_the_benchmark_names_the_network_that_is_shipped(repository
 def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
     pytest.importorskip("onnxruntime")
     wide, text = tmp_path / "wide.onnx", tmp_path / "text.onnx"
-    network(wide, WIDTH + 1)
+    network(wide, OBSERVATION_SIZE + 1)
     text.write_bytes(b"no network")
     for path, said in (
         (wide, "one input of shape"),

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.model.actions import MOST_PARTS
+from overtaking.model.driver_interface import MAX_ACTION_PARTS
 from overtaking.sim.stepping import stepper
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -91,7 +91,7 @@ def test_a_child_is_refused_simulations_that_its_parent_began():
     scenarios = ot.sample("pinto2023-physical", 2, seed=1)
     simulations = stepper(parameters(scenarios), None, is_true=True)
     simulations.begin()
-    orders = np.zeros((2, MOST_PARTS), np.int32)
+    orders = np.zeros((2, MAX_ACTION_PARTS), np.int32)
     answers = multiprocessing.get_context("fork").SimpleQueue()
 
     def go_on() -> None:

@@ -55,7 +55,7 @@ def test_an_overtake_in_a_recording_is_labelled_like_one_of_ours(scene, tmp_path
     assert ids.startswith("ZAM_Hand-1_1_T-1 frames 0 to ")
     assert ids.split("vehicles ")[1].split()[:2] == ["7", "3"]
     # Vehicle 5 comes later and goes earlier: it has no rows where it was not.
-    assert run.present is not None
+    assert run.is_recorded is not None
     slot = ids.split("vehicles ")[1].split().index("5")
     states = data.states(0)
     assert len(states[states["vehicle"] == slot]) == 101
@@ -74,7 +74,7 @@ def test_what_is_read_back_is_what_was_read(scene, tmp_path):
         memory = found.trajectories(range(int(numbers[0]), int(numbers[-1]) + 1))
         assert np.array_equal(again.trace_hash, memory.trace_hash)
         slots = memory.states.x.shape[1]
-        assert np.array_equal(again.state_valid[:, :slots], memory.state_valid)
+        assert np.array_equal(again.state_mask[:, :slots], memory.state_mask)
         assert np.array_equal(
             again.scenario.vehicles.mass[:, :slots][memory.scenario.vehicles.valid],
             memory.scenario.vehicles.mass[memory.scenario.vehicles.valid],

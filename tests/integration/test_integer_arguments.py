@@ -82,9 +82,9 @@ def test_numbers_of_simulations_are_integers_of_any_library(kind: str, data: ot.
     assert data.verdict(convert(3)) == data.verdict(3)
     assert data[convert(3)].equals(data[3])
     assert data.scenario(convert(3)).equals(data.scenario(3))
-    change = ot.Change(frame=convert(5), vehicle=convert(1), faster=1.0)
-    assert json.dumps(change.as_json())
-    changes = [ot.Change(frame=5, vehicle=1, faster=1.0)]
+    change = ot.Intervention(frame=convert(5), vehicle=convert(1), faster=1.0)
+    assert json.dumps(change.to_dict())
+    changes = [ot.Intervention(frame=5, vehicle=1, faster=1.0)]
     assert ot.twin(data, convert(0), changes=[change]) == ot.twin(data, 0, changes=changes)
 
 

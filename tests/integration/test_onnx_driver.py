@@ -14,8 +14,8 @@ from tests.support.processes import eventually, is_running
 
 import overtaking as ot
 from overtaking import api
-from overtaking.core.errors import ConfigError, PolicyError
-from overtaking.model.observation import WIDTH
+from overtaking.core.errors import ConfigError, DriverError
+from overtaking.model.driver_interface import OBSERVATION_SIZE
 from overtaking.sim import networks
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def write_network(
     constants: list[Any],
     *,
     action: tuple[int, list[str | int]] = (FLOAT, ["n", 2]),
-    observation: tuple[int, list[str | int]] = (FLOAT, ["n", WIDTH]),
+    observation: tuple[int, list[str | int]] = (FLOAT, ["n", OBSERVATION_SIZE]),
 ) -> Path:
     """Write a network from `observation` to `action`, with their types and shapes."""
     inputs, outputs = (
@@ -60,7 +60,7 @@ def write_network(
 
 def linear(path: Path, *, num_parts: int = 2, factor: float = 0.0) -> Path:
     """A network of one layer, which answers `factor` times the sum of its inputs."""
-    weights = constant("weights", np.full((WIDTH, num_parts), factor), np.float32)
+    weights = constant("weights", np.full((OBSERVATION_SIZE, num_parts), factor), np.float32)
     layer = helper.make_node("MatMul", ["seen", "weights"], ["action"])
     return write_network(path, [layer], [weights], action=(FLOAT, ["n", num_parts]))
 
@@ -76,7 +76,7 @@ def allocating(path: Path, num_bytes: int) -> Path:
     ]
     constants = [
         constant("shape", [num_bytes // 4]),
-        constant("weights", np.zeros((WIDTH, 2)), np.float32),
+        constant("weights", np.zeros((OBSERVATION_SIZE, 2)), np.float32),
     ]
     return write_network(path, nodes, constants)
 
@@ -114,7 +114,7 @@ def looping(path: Path, *, if_nonzero: bool = False) -> Path:
         ),
     ]
     constants = [
-        constant("weights", np.zeros((WIDTH, 2)), np.float32),
+        constant("weights", np.zeros((OBSERVATION_SIZE, 2)), np.float32),
         constant("zero", 0.0, np.float32),
         constant("many", 1 << 62),
     ]
@@ -141,7 +141,7 @@ def drive_error(path: Path) -> str:
     """The message with which a drive ends."""
     driver = api.driver_of(str(path), "truth", action="accel_lane", hold=1)
     scenes = ot.sample("pinto2023-physical", 2, 1, overrides=SHORT)
-    with pytest.raises(PolicyError) as caught:
+    with pytest.raises(DriverError) as caught:
         ot.drive(scenes, driver.policy, observe="truth")
     message = str(caught.value)
     assert "\n" not in message
@@ -185,7 +185,7 @@ def test_a_network_that_ends_for_zeros_only_is_stopped_in_the_drive(
     driver = api.driver_of(str(path), "truth", action="accel_lane", hold=1)
     monkeypatch.setattr(networks, "TIMEOUT_S", 1.0)
     scenes = ot.sample("pinto2023-physical", 2, 1, overrides=SHORT)
-    with pytest.raises(PolicyError, match=r"loop\.onnx.*within 1 s"):
+    with pytest.raises(DriverError, match=r"loop\.onnx.*within 1 s"):
         ot.drive(scenes, driver.policy, observe="truth")
 
 
@@ -206,7 +206,7 @@ def test_a_fixed_number_of_rows_that_fits_the_check_is_refused_in_the_drive(tmp_
 
 def test_an_output_that_is_not_finite_is_refused(tmp_path: Path):
     node = helper.make_node("MatMul", ["seen", "weights"], ["action"])
-    weights = constant("weights", np.full((WIDTH, 2), np.nan), np.float32)
+    weights = constant("weights", np.full((OBSERVATION_SIZE, 2), np.nan), np.float32)
     path = write_network(tmp_path / "nan.onnx", [node], [weights])
     assert "expected finite numbers" in load_error(path)
 
@@ -214,14 +214,17 @@ def test_an_output_that_is_not_finite_is_refused(tmp_path: Path):
 def test_text_as_output_is_refused(tmp_path: Path):
     node = helper.make_node("Cast", ["seen"], ["action"], to=onnx.TensorProto.STRING)
     path = write_network(
-        tmp_path / "text.onnx", [node], [], action=(onnx.TensorProto.STRING, ["n", WIDTH])
+        tmp_path / "text.onnx",
+        [node],
+        [],
+        action=(onnx.TensorProto.STRING, ["n", OBSERVATION_SIZE]),
     )
     assert "values of type object" in load_error(path)
 
 
 def test_an_input_of_float64_is_refused(tmp_path: Path):
     node = helper.make_node("Identity", ["seen"], ["action"])
-    spec = (onnx.TensorProto.DOUBLE, ["n", WIDTH])
+    spec = (onnx.TensorProto.DOUBLE, ["n", OBSERVATION_SIZE])
     path = write_network(tmp_path / "double.onnx", [node], [], action=spec, observation=spec)
     assert "expected an input of float32 numbers" in load_error(path)
 
@@ -249,7 +252,7 @@ def test_a_process_that_is_killed_ends_one_drive_and_starts_again_for_the_next(t
     scenes = ot.sample("pinto2023-physical", 2, 1, overrides=SHORT)
     actions = ot.drive(scenes, driver, observe="truth").actions
     os.kill(process_id(driver), signal.SIGKILL)
-    with pytest.raises(PolicyError, match=r"linear\.onnx.*SIGKILL"):
+    with pytest.raises(DriverError, match=r"linear\.onnx.*SIGKILL"):
         ot.drive(scenes, driver, observe="truth")
     again = ot.drive(scenes, driver, observe="truth").actions
     assert actions is not None
@@ -268,10 +271,10 @@ def test_an_interrupted_decision_leaves_no_answer_for_the_next(
 
     monkeypatch.setattr(networks, "_receive", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        driver._request(np.ones((2, WIDTH), np.float32), PolicyError)
+        driver._request(np.ones((2, OBSERVATION_SIZE), np.float32), DriverError)
     monkeypatch.setattr(networks, "_receive", receive)
-    driver._start(PolicyError)
-    answer = driver._request(np.zeros((2, WIDTH), np.float32), PolicyError)
+    driver._start(DriverError)
+    answer = driver._request(np.zeros((2, OBSERVATION_SIZE), np.float32), DriverError)
     assert np.array_equal(answer, np.zeros((2, 2)))
 
 

@@ -17,7 +17,7 @@ from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.known_roads import known_road
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -114,7 +114,7 @@ def test_two_rules_of_one_code_are_no_pack():
 def test_a_speed_limit_of_another_country_counts_where_less_is_posted():
     general = np.full((len(ot.rules.ROAD_KINDS), len(ot.rules.CLASSES)), 130 / 3.6, np.float32)
 
-    def below(case: ot.rules.Case) -> ot.rules.Check:
+    def below(case: ot.rules.Case) -> ot.rules.Finding:
         return ot.rules.keeps_limit(case, ot.rules.limits_of(case, general))
 
     limit = dataclasses.replace(PORTUGAL.rule("L12"), code="G1", check=below, spread=None)

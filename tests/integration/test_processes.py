@@ -27,7 +27,7 @@ from overtaking.data.location import PARTIAL, Folder
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import spec
+from overtaking.scenarios.profiles import load_specification
 
 pytestmark = pytest.mark.ci
 
@@ -234,7 +234,9 @@ def test_a_place_that_workers_do_not_see_is_refused():
 
 
 def troubled_data(trouble: str, out: Path) -> api.Dataset:
-    given = spec("pinto2023-physical", {"time.horizon_s": 0.2, "time.attempt_deadline_s": 0.2})
+    given = load_specification(
+        "pinto2023-physical", {"time.horizon_s": 0.2, "time.attempt_deadline_s": 0.2}
+    )
     recipe = Recipe(
         spec=given,
         road=load_road(given.road),

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import OvertakingError
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.label import label
-from overtaking.model.events import NEVER
+from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
-from overtaking.world.constants import known
 
 pytestmark = pytest.mark.ci
 
@@ -56,17 +56,21 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
         stop = len(across) if back == NEVER else back + 1
         assert lane < lanes, number
         assert (cosine > 0).all(), number
-        line = road.side * road.boundaries[lane + 1] + float(known("labels.attempt.over_line"))
+        line = road.side * road.boundaries[lane + 1] + float(
+            constant("event_detection.attempt.over_line")
+        )
         assert begin == 0 or corner[begin - 1] <= line + ROUNDING, number
         way = across[begin:stop]
         kind = VehicleKind(found.recording.tracks.kind[found.windows[int(number)].ego])
-        least = float(known(f"labels.attempt.advance.{kind.name}"))
+        least = float(constant(f"event_detection.attempt.advance.{kind.name}"))
         if corner[begin:stop].max() > line - ROUNDING:
             kinds["crossing"] += 1
             continue
         kinds["return"] += 1
         assert (way[second:] - way[:-second]).max() >= least - ROUNDING, number
-        assert way[-1] - way[0] <= known("labels.motion.settled_shift") + ROUNDING, number
+        assert way[-1] - way[0] <= constant("event_detection.motion.settled_shift") + ROUNDING, (
+            number
+        )
     drifts = int((events.drift != NEVER).sum())
     under_way = int((events.under_way != NEVER).sum())
     print(f"\n{path.stem}: {len(found)} simulations, {kinds}, {drifts=}, {under_way=}")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.knowledge.validation import targets
+from overtaking.analysis.validation.targets import targets
 
 pytestmark = pytest.mark.ci
 
@@ -34,7 +34,7 @@ def test_every_figure_has_a_value_an_interval_and_most_a_verdict(found):
     limited = {name for name, one in targets().items() if one.limits}
     assert judged == limited - waiting - unmeasured
     assert {figure.name for figure in found.figures if figure.has_target} == limited
-    assert waiting == {name for name, one in targets().items() if one.least_distance}
+    assert waiting == {name for name, one in targets().items() if one.min_distance}
     assert len({figure.name for figure in found.figures}) == len(found.figures)
     assert sum(sum(one.counts.values()) for one in found.strata) >= 4
 

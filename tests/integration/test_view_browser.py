@@ -12,7 +12,7 @@ from tests.support.browser import PATIENCE_MS, axe_finds, expect, opened, settle
 
 import overtaking as ot
 from overtaking.cli import main
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
 from overtaking.show import wording
 from overtaking.show.report.page import Section, view_block
 from overtaking.show.report.page import page as page_of_report
@@ -316,10 +316,10 @@ def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
 def test_a_recording_that_knows_little_is_shown_too(browser: Browser, tmp_path: Path):
     runs = ot.simulate(ot.sample("pinto2023-physical", 1, 1))
     unknown = {"stage", "percepts", "weather", "drivers", "bodies", "indicators", "lamps", "marks"}
-    present = runs.state_valid.copy()
+    present = runs.state_mask.copy()
     present[0, 1:, : runs.num_frames[0] // 2] = False
     present[0, 1, -5:] = False
-    runs = runs.replace(unknown=frozenset(unknown), present=present)
+    runs = runs.replace(unknown=frozenset(unknown), is_recorded=present)
     made = ot.write_view(runs, tmp_path / "page.html", simulations="all")
     with opened(browser, made.path) as page:
         assert "not recorded" in page.inner_text("#board")

@@ -17,7 +17,7 @@ from tests.support.viewing import ROWS, at, enter
 
 import overtaking as ot
 from overtaking.cli import main
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

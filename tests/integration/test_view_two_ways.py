@@ -12,13 +12,13 @@ from tests.support.cases import two_way_road
 from tests.support.overtakes import meeting, rural
 
 import overtaking as ot
-from overtaking.model.course import Course, Line, RoadMark
+from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadMark
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 SOLID = (200.0, 400.0)
-COURSE = Course(lines=(Line(start=SOLID[0], stop=SOLID[1], mark=RoadMark.SOLID),))
+COURSE = RoadCourse(lines=(CentreLineSpan(start=SOLID[0], stop=SOLID[1], mark=RoadMark.SOLID),))
 BRIGHT = """() => {
   const road = document.getElementById("road");
   const copy = Object.assign(document.createElement("canvas"), { width: road.width, height: 1 });

@@ -16,8 +16,8 @@ from tests.support.viewing import ROWS, at, enter
 import overtaking as ot
 from overtaking.cli import main
 from overtaking.labels.law import POLICIES
-from overtaking.model.labels import OvertakeClass, Verdict
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
+from overtaking.model.verdicts import OvertakeClass, Verdict
 from overtaking.show.wording import symbol
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def test_beliefs_of_decisions_stand_beside_the_recorded_vehicle(
 ):
     num_compared = 0
     with at(browser, url, key, "#sim=0") as page:
-        for number in with_decisions(dataset, DecisionKind.PULL_OUT.name):
+        for number in with_decisions(dataset, ManoeuvreKind.PULL_OUT.name):
             page.evaluate(f"location.hash = 'sim={number}'")
             expect(page).to_have_title(re.compile(f"^Simulation {number},"))
             expect(page.locator(".key.belief")).to_have_count(1)
@@ -166,7 +166,7 @@ def test_a_belief_in_words_and_legend_is_about_the_named_vehicle(
     """Also after the decision, when another vehicle is the leader in the driver's mind."""
     num_beliefs = num_changed = 0
     with at(browser, url, key, "#sim=0") as page:
-        for number in with_decisions(dataset, DecisionKind.PULL_OUT.name):
+        for number in with_decisions(dataset, ManoeuvreKind.PULL_OUT.name):
             page.evaluate(f"location.hash = 'sim={number}'")
             expect(page).to_have_title(re.compile(f"^Simulation {number},"))
             expect(page.locator(".key.belief")).to_have_count(1)
@@ -174,7 +174,7 @@ def test_a_belief_in_words_and_legend_is_about_the_named_vehicle(
             trajectories = dataset.trajectory(number)
             signals = ot.label(trajectories).signals
             percepts, interval = trajectories.percepts, trajectories.scenario.frame_interval_ms
-            is_pull_out = percepts.valid[0] & (percepts.kind[0] == DecisionKind.PULL_OUT)
+            is_pull_out = percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT)
             decision = int(percepts.time[0, is_pull_out][0]) // interval
             for frame in range(decision, min(decision + 80, int(trajectories.num_frames[0])), 8):
                 text = seek(page, frame)
@@ -186,7 +186,7 @@ def test_a_belief_in_words_and_legend_is_about_the_named_vehicle(
                     # Drivers misjudge gaps by some per cent; the next vehicle is much farther away.
                     assert abs(float(belief) - float(gap)) < 3.0 + 0.35 * float(gap), (name, text)
                     num_beliefs += 1
-                leader = int(signals.vehicle[0, 0, frame])
+                leader = int(signals.neighbour_slot[0, 0, frame])
                 legend = page.inner_text(".key.belief")
                 if leader == NO_VEHICLE:
                     assert re.fullmatch(r"\s*believed –", legend), legend
@@ -196,7 +196,7 @@ def test_a_belief_in_words_and_legend_is_about_the_named_vehicle(
                     name, gap = next_ahead.inner_text().replace("−", "-").split()[-2:]
                     assert name == symbol(leader)
                     assert float(gap) == pytest.approx(float(signals.gap[0, 0, frame]), abs=0.051)
-                num_changed += leader != int(signals.vehicle[0, 0, decision])
+                num_changed += leader != int(signals.neighbour_slot[0, 0, decision])
     assert num_changed > 0
     assert num_beliefs > 5
 
@@ -209,7 +209,7 @@ def test_the_chart_of_gaps_holds_every_gap(browser: Browser, url: str, key: Any,
             settle(page)
             trajectories = dataset.trajectory(number)
             signals, num_frames = ot.label(trajectories).signals, int(trajectories.num_frames[0])
-            has_leader = signals.vehicle[0, 0, :num_frames] != NO_VEHICLE
+            has_leader = signals.neighbour_slot[0, 0, :num_frames] != NO_VEHICLE
             chart = page.locator(".row.chart", has_text="Gap")
             curve = str(chart.locator("path.curve.ego").get_attribute("d"))
             assert curve.count("L") == has_leader.sum()

@@ -48,7 +48,7 @@ def test_a_twin_is_told_saved_and_read_again(
 
 
 def test_a_saved_branch_is_exported(data: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    gone = ot.branch(ot.load(data)[0], changes=[ot.Change(frame=20, vehicle=1, removed=True)])
+    gone = ot.branch(ot.load(data)[0], changes=[ot.Intervention(frame=20, vehicle=1, removed=True)])
     saved = ot.save_branches(data, {"alone": gone}, tmp_path / "gone")
     for file_format in ("pinto2023", "commonroad", "highd"):
         out = tmp_path / (file_format + (".csv" if file_format == "pinto2023" else ""))

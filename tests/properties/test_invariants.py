@@ -17,14 +17,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tests.support.forces import SPEED_ERROR, bounds
 
-from overtaking import scenarios
 from overtaking.model.batch import concatenate
 from overtaking.model.known_roads import known_road
-from overtaking.model.trajectory import NO_VEHICLE, Stage, States, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, Stage, States, Trajectories
 from overtaking.recordings.roads import load_road
+from overtaking.scenarios import profiles, sampler
 from overtaking.sim import branch, engine, reference
-from overtaking.world.constants import constants
-from overtaking.world.parameters import VEHICLE_FIELDS, Effects, Parameters, parameters
+from overtaking.world.constants import EnabledEffects, model_constants
+from overtaking.world.step_parameters import VEHICLE_FIELDS, Parameters, parameters
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
@@ -37,8 +37,8 @@ indices = st.lists(st.integers(0, 2**40), min_size=12, max_size=12, unique=True)
 
 
 def drawn(seed: int, index: list[int]) -> Scenario:
-    return scenarios.sample(
-        scenarios.spec("pinto2023-physical"), ROAD, seed, np.array(index, np.uint64)
+    return sampler.sample(
+        profiles.load_specification("pinto2023-physical"), ROAD, seed, np.array(index, np.uint64)
     )
 
 
@@ -48,7 +48,7 @@ def simulated(seed: int, index: list[int]) -> Trajectories:
 
 def present(ran: Trajectories) -> np.ndarray:
     """Frames that were recorded of vehicles that exist, (simulation, vehicle, time)."""
-    return ran.frame_valid[:, None, :] & ran.scenario.vehicles.valid[:, :, None]
+    return ran.frame_mask[:, None, :] & ran.scenario.vehicles.valid[:, :, None]
 
 
 def sound(ran: Trajectories) -> np.ndarray:
@@ -66,7 +66,7 @@ def sound(ran: Trajectories) -> np.ndarray:
 def assert_equal(one: Trajectories, other: Trajectories) -> None:
     np.testing.assert_array_equal(one.trace_hash, other.trace_hash)
     np.testing.assert_array_equal(one.num_frames, other.num_frames)
-    both = one.frame_valid
+    both = one.frame_mask
     for name in STATE_NAMES:
         left, right = getattr(one.states, name), getattr(other.states, name)
         np.testing.assert_array_equal(
@@ -171,7 +171,9 @@ def test_a_shift_along_the_road_changes_nothing_else(seed: int, index: list[int]
     grid = np.rint(world.start_s * np.float32(16.0)) / np.float32(16.0)
     shift = np.float32(steps * 0.0625)
     placed = [world.replace(start_s=start) for start in (grid, grid + shift)]
-    one, other = (engine.run(each, parameters(each, Effects(gusts=False))) for each in placed)
+    one, other = (
+        engine.run(each, parameters(each, EnabledEffects(gusts=False))) for each in placed
+    )
     away = shifted_by(one, other, float(shift))
     # A last bit may tip a decision whose threshold it sits on: of 6,000 simulations 0.5 % differ by
     # more than 10 mm, so four of twelve have a probability of 4e-7.
@@ -250,7 +252,7 @@ def permuted(batch, order: np.ndarray):
 
 
 def without_errors(world: Scenario):
-    given_ = parameters(world, Effects(gusts=False, distance_error=False))
+    given_ = parameters(world, EnabledEffects(gusts=False, distance_error=False))
     quiet = given_.constants.replace(lane_deviation=0.0, glance_stagger=0.0)
     vehicle = given_.vehicle.copy()
     vehicle[VEHICLE_FIELDS.index("checks_blind_spot")] = 1.0
@@ -301,7 +303,7 @@ def acceleration_shares(ran: Trajectories, given_: Parameters) -> tuple[float, f
 def test_the_world_position_is_that_of_the_road_to_the_rounding(seed: int, index: list[int]):
     ran = simulated(seed, index)
     valid = present(ran)
-    x, y = ran.road.world(ran.states.s[valid] / 1000.0, ran.states.d[valid] / 1000.0)
+    x, y = ran.road.to_world(ran.states.s[valid] / 1000.0, ran.states.d[valid] / 1000.0)
     # Both are rounded to a millimetre, and float32 at up to 1.2 km to another 0.1 mm.
     np.testing.assert_allclose(ran.states.x[valid] / 1000.0, x, atol=1.2e-3)
     np.testing.assert_allclose(ran.states.y[valid] / 1000.0, y, atol=1.2e-3)
@@ -346,7 +348,7 @@ def test_speed_changes_as_fast_as_the_acceleration_says(seed: int, index: list[i
     most = np.maximum(size[:, :, 1:], size[:, :, :-1])
     # What is recorded is the last of five steps; within a frame the emergency jerk adds
     # 0.5 m/s^2 on average. A vehicle that creeps stands at once.
-    stops = float(constants().standstill) * 1000.0 / 0.05 * (speed[:, :, 1:] == 0)
+    stops = float(model_constants().standstill) * 1000.0 / 0.05 * (speed[:, :, 1:] == 0)
     assert (change - most - stops)[valid].max() <= 500.0
 
 
@@ -439,7 +441,7 @@ def test_a_branch_with_nothing_changed_has_the_same_trace(seed: int, index: list
 def test_a_branch_changes_nothing_before_its_frame(seed: int, index: list[int], frame: int):
     world = drawn(seed, index)
     one = engine.simulate(world)
-    two = branch.branch(world, frame, decision=branch.Decision.STAY)
+    two = branch.branch(world, frame, decision=branch.ForcedDecision.STAY)
     for name in STATE_NAMES:
         left, right = (getattr(ran.states, name)[:, :, :frame] for ran in (one, two))
         valid = present(one)[:, :, :frame]
@@ -487,8 +489,11 @@ def test_stages_follow_each_other_as_the_state_machine_allows(seed: int, index: 
 
 
 def test_a_real_map_gives_the_same_simulations_as_the_road_known_by_name():
-    world = scenarios.sample(
-        scenarios.spec("pinto2023-physical"), load_road("town06"), 3, np.arange(8, dtype=np.uint64)
+    world = sampler.sample(
+        profiles.load_specification("pinto2023-physical"),
+        load_road("town06"),
+        3,
+        np.arange(8, dtype=np.uint64),
     )
     again = world.replace(road=known_road("town06"))
     np.testing.assert_array_equal(

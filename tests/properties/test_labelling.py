@@ -11,11 +11,12 @@ import pytest
 
 from overtaking.labels.instants import at
 from overtaking.labels.label import Labelled, label
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Verdict
-from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 
 SIZE = 400
@@ -34,7 +35,7 @@ TIMES = [
 
 @cache
 def recorded(interval_ms: int = 50, size: int = SIZE) -> Trajectories:
-    given = spec("pinto2023-physical", {"profile.frame_interval_ms": interval_ms})
+    given = load_specification("pinto2023-physical", {"profile.frame_interval_ms": interval_ms})
     index = np.arange(size, dtype=np.uint64)
     return engine.simulate(sample(given, load_road(given.road), 11, index))
 

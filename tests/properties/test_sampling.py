@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from overtaking.core.errors import ConfigError
 from overtaking.model.batch import Batch
 from overtaking.model.known_roads import known_road
-from overtaking.model.scenario import SLOTS
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.sampling import BLOCK
+from overtaking.model.scenario import SLOT_CAPACITIES
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import BLOCK_SIZE, sample
 
 TOWN06 = known_road("town06")
-PINTO = spec("pinto2023-physical")
+PINTO = load_specification("pinto2023-physical")
 SEEDS = st.integers(0, 2**64 - 1)
 
 
@@ -38,11 +38,11 @@ def assert_same(one, other):
 
 @st.composite
 def specifications(draw):
-    fewest = draw(st.integers(2, SLOTS[0]))
+    fewest = draw(st.integers(2, SLOT_CAPACITIES[0]))
     low = draw(st.floats(30.0, 80.0))
     zone = draw(st.floats(20.0, 200.0)), draw(st.floats(200.0, 400.0))
     overrides = {
-        "traffic.vehicles": [fewest, draw(st.integers(fewest, SLOTS[0]))],
+        "traffic.vehicles": [fewest, draw(st.integers(fewest, SLOT_CAPACITIES[0]))],
         "traffic.speed_kmh": [low, draw(st.floats(low, 150.0))],
         "traffic.lead_speed_kmh": [low, draw(st.floats(low, 150.0))],
         "traffic.lead_speed_exponent": draw(st.floats(0.5, 4.0)),
@@ -52,8 +52,8 @@ def specifications(draw):
         "weather.mode": draw(st.sampled_from(["presets", "independent"])),
     }
     if overrides["weather.mode"] == "presets":
-        overrides["weather.presets"] = PINTO.resolved()["weather"]["presets"]
-    return spec("pinto2023-physical", overrides)
+        overrides["weather.presets"] = PINTO.to_dict()["weather"]["presets"]
+    return load_specification("pinto2023-physical", overrides)
 
 
 @pytest.mark.ci
@@ -69,16 +69,21 @@ def test_a_scenario_is_the_same_in_any_batch(seed, numbers):
 
 
 def test_a_scenario_is_the_same_whatever_block_it_falls_into():
-    together = sample(PINTO, TOWN06, 1, np.arange(BLOCK + 100))
-    later = sample(PINTO, TOWN06, 1, np.arange(BLOCK - 50, BLOCK + 50))
-    assert_same(together.select(slice(BLOCK - 50, BLOCK + 50)), later)
+    together = sample(PINTO, TOWN06, 1, np.arange(BLOCK_SIZE + 100))
+    later = sample(PINTO, TOWN06, 1, np.arange(BLOCK_SIZE - 50, BLOCK_SIZE + 50))
+    assert_same(together.select(slice(BLOCK_SIZE - 50, BLOCK_SIZE + 50)), later)
 
 
 def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
     # Each slot has streams of its own, so more slots only add vehicles.
     fixed = {"starts.allow_doomed": True, "starts.min_gap_m": 3.0}
     few, many = (
-        sample(spec("pinto2023-physical", fixed | {"traffic.vehicles": [n, n]}), TOWN06, 1, [57])
+        sample(
+            load_specification("pinto2023-physical", fixed | {"traffic.vehicles": [n, n]}),
+            TOWN06,
+            1,
+            [57],
+        )
         for n in (3, 6)
     )
     for name in ("kind", "colour", "length", "mass", "tyre_wear"):

@@ -14,20 +14,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.model.actions import MOST_PARTS, Actions, Move
-from overtaking.model.course import Course, Limit, Line
+from overtaking.model.driver_interface import MAX_ACTION_PARTS, Actions, Move
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import RoadMark
-from overtaking.world.clock import DECISIONS_PER_SECOND
-from overtaking.world.effects import Effects
-from overtaking.world.parameters import VEHICLE_FIELDS, Parameters, parameters, with_ring
+from overtaking.model.road_course import CentreLineSpan, RoadCourse, SpeedLimitSpan
+from overtaking.world.constants import DECISIONS_PER_SECOND, EnabledEffects
+from overtaking.world.step_parameters import VEHICLE_FIELDS, Parameters, parameters, with_ring
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
     Run = Callable[..., Trajectories]
 
@@ -67,7 +66,7 @@ class Written:
     road: Road
     scenes: tuple[Scene, ...]
     horizon: float
-    effects: Effects | None = None
+    effects: EnabledEffects | None = None
     kind: str = "decision"
     ring: float | None = None
     switch: None = None
@@ -98,7 +97,7 @@ class Written:
     def _actions(self, scenario: Scenario) -> Actions:
         """What another driver does with the egos."""
         decisions = round(DECISIONS_PER_SECOND * self.horizon)
-        values = np.zeros((scenario.num_simulations, decisions, MOST_PARTS), np.int32)
+        values = np.zeros((scenario.num_simulations, decisions, MAX_ACTION_PARTS), np.int32)
         for row, index in zip(values, scenario.index, strict=True):
             for time, *steps in self.scenes[int(index) % self.share].moves:
                 row[round(DECISIONS_PER_SECOND * time) :, : len(steps)] = steps
@@ -117,7 +116,7 @@ class Written:
         return dataclasses.replace(given, vehicle=vehicle)
 
 
-SHARP_EYED = Effects(distance_error=False, looming=False)
+SHARP_EYED = EnabledEffects(distance_error=False, looming=False)
 """Distances and their changes are known, so that a row of numbers is in order."""
 
 
@@ -289,13 +288,13 @@ BOLD = KEEN | {"gap_acceptance": 0.1}
 def two_way() -> Road:
     """A straight road; lines and sight differ by place and direction, and d begins at an edge."""
     lines = (
-        Line(start=2100.0, stop=2250.0, mark=RoadMark.SOLID),
-        Line(start=2250.0, stop=2400.0, mark=RoadMark.SOLID_BROKEN),
-        Line(start=2400.0, stop=2550.0, mark=RoadMark.BROKEN_SOLID),
+        CentreLineSpan(start=2100.0, stop=2250.0, mark=RoadMark.SOLID),
+        CentreLineSpan(start=2250.0, stop=2400.0, mark=RoadMark.SOLID_BROKEN),
+        CentreLineSpan(start=2400.0, stop=2550.0, mark=RoadMark.BROKEN_SOLID),
     )
     sight = ((3000.0, 1500.0), (3100.0, 260.0), (3600.0, 240.0), (3700.0, 1500.0))
     against = ((3500.0, 1500.0), (3600.0, 280.0), (4000.0, 220.0), (4100.0, 1500.0))
-    course = Course(lines=lines, sight=sight, sight_against=against)
+    course = RoadCourse(lines=lines, sight=sight, sight_against=against)
     return dataclasses.replace(known_road("rural"), edge_d=0.4, length=6000.0, course=course)
 
 
@@ -544,12 +543,12 @@ def steered() -> Iterable[Scene]:
 
 # --- Limits that change along the road: from 25 to 15 m/s between 2000 and 2200 m ---------------
 
-LOWER = Limit(start=2000.0, stop=2200.0, speed=15.0)
+LOWER = SpeedLimitSpan(start=2000.0, stop=2200.0, speed=15.0)
 
 
-def limited(road: Road, *limits: Limit) -> Road:
+def limited(road: Road, *limits: SpeedLimitSpan) -> Road:
     """A road with other limits on the way."""
-    course = dataclasses.replace(road.course or Course(), limits=limits)
+    course = dataclasses.replace(road.course or RoadCourse(), limits=limits)
     return dataclasses.replace(road, speed_limit=25.0, course=course)
 
 
@@ -685,8 +684,8 @@ WRITTEN = (
         name="limits of each way by hand",
         road=limited(
             two_way(),
-            Limit(start=2000.0, stop=2200.0, speed=15.0, direction=-1),
-            Limit(start=4300.0, stop=4500.0, speed=18.0, direction=1),
+            SpeedLimitSpan(start=2000.0, stop=2200.0, speed=15.0, direction=-1),
+            SpeedLimitSpan(start=4300.0, stop=4500.0, speed=18.0, direction=1),
         ),
         scenes=tuple(limits_of_each_way()),
         horizon=12.0,

@@ -18,11 +18,11 @@ from tests.support.bends import BENDS, HILLS, on
 
 from overtaking.model.batch import Batch
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.sampling import long_enough
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import extend_road, sample
 from overtaking.sim import engine
-from overtaking.sim.branch import Decision
-from overtaking.world.parameters import SIMULATION_FIELDS, parameters
+from overtaking.sim.branch import ForcedDecision
+from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
     from overtaking.model.weather import Weather
-    from overtaking.world.parameters import Parameters
+    from overtaking.world.step_parameters import Parameters
 
     Run = Callable[..., Trajectories]
 
@@ -93,9 +93,9 @@ class Situation:
     def scenario(self, count: int) -> Scenario:
         """The first `count` scenarios."""
         road = load_road(self.road)
-        plan = spec(self.profile, self.overrides)
+        plan = load_specification(self.profile, self.overrides)
         if self.winds:
-            road = on(long_enough(plan, road), *BENDS, grade=HILLS)
+            road = on(extend_road(plan, road), *BENDS, grade=HILLS)
             # Not even the line between two directions is the reference line.
             road = dataclasses.replace(road, edge_d=road.edge_d + 0.7)
         road = road.mirrored() if self.mirrored else road
@@ -302,7 +302,7 @@ def disturbed(scenario: Scenario) -> Parameters:
     """Parameters with the weather turned round and a decision forced that the number chooses."""
     later = parameters(scenario.replace(weather=turned_round(scenario.weather)))
     simulation = later.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("command")] = scenario.index % len(Decision)
+    simulation[SIMULATION_FIELDS.index("command")] = scenario.index % len(ForcedDecision)
     return dataclasses.replace(later, simulation=simulation)
 
 

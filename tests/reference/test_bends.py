@@ -16,19 +16,19 @@ from tests.support.bends import BENDS, HILLS, on
 from tests.support.worlds import Vehicle, body_of, scenario
 
 from overtaking import _core
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.label import label
 from overtaking.model.known_roads import known_road
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.sampling import long_enough
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import extend_road, sample
 from overtaking.sim import engine, reference
-from overtaking.world.constants import known
 
 from .situations import difference
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 pytestmark = pytest.mark.ci
 
@@ -58,8 +58,8 @@ def of(run: Trajectories, name: str) -> np.ndarray:
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
 def test_both_engines_have_the_same_bits(profile: str):
     # 20 s are some 600 m: through bends of either side, over a rise or a fall.
-    plan = spec(profile, {"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0})
-    straight = long_enough(plan, known_road(plan.road))
+    plan = load_specification(profile, {"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0})
+    straight = extend_road(plan, known_road(plan.road))
     batch = sample(plan, on(straight, *BENDS, grade=HILLS), 5, np.arange(4))
     read = reference.simulate(batch)
     for level in LEVELS:
@@ -67,7 +67,7 @@ def test_both_engines_have_the_same_bits(profile: str):
 
 
 def test_a_line_without_bends_is_a_straight_road():
-    batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(16))
+    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(16))
     road = batch.road
     placed = dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0)
     straight = engine.simulate(dataclasses.replace(batch, road=placed))
@@ -76,7 +76,7 @@ def test_a_line_without_bends_is_a_straight_road():
 
 
 def test_left_and_right_are_the_same():
-    batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(8))
+    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(8))
     batch = batch.replace(road=on(batch.road, *BENDS, grade=HILLS))
     weather = batch.weather.replace(
         wind_direction=-batch.weather.wind_direction, sun_azimuth=-batch.weather.sun_azimuth
@@ -171,7 +171,7 @@ RADIUS, STRAIGHT, ARC = 100.0, 200.0, 150.0
 @cache
 def crooked() -> Road:
     """The rural road, laid out along straights and tight bends to either side in turn."""
-    rural = long_enough(spec("rural"), known_road("rural"))
+    rural = extend_road(load_specification("rural"), known_road("rural"))
     parts: list[tuple[float, float, float]] = []
     for k in range(int(rural.length // (STRAIGHT + ARC)) + 1):
         bend = (-1) ** k / RADIUS
@@ -180,7 +180,7 @@ def crooked() -> Road:
 
 
 def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
-    batch = sample(spec("rural"), crooked(), 5, np.arange(48))
+    batch = sample(load_specification("rural"), crooked(), 5, np.arange(48))
     run = engine.simulate(batch)
     there, comes = batch.vehicles.valid.copy(), batch.start_lane == 1
     # Once with the road, once against it: a bend is `ARC` long, and one way from the next.
@@ -188,7 +188,7 @@ def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
     along = np.maximum(STRAIGHT - place, 0.0)
     against = np.where(place < STRAIGHT, place, 0.0)
     way = np.where(comes, against, along)
-    accel, braking = (known(f"model.steering.bend_{name}") for name in ("accel", "decel"))
+    accel, braking = (constant(f"model.steering.bend_{name}") for name in ("accel", "decel"))
     allowed = np.sqrt(accel * RADIUS + 2.0 * braking * way)
     # The road is known by stations 2 m apart, as a mean around each: at the end of a bend as half.
     leaves = np.where(comes, (place >= STRAIGHT) & (place < STRAIGHT + 4.0), place > 346.0)
@@ -239,7 +239,7 @@ def test_height_is_the_integral_of_the_slope():
 
 def test_overtakes_in_bends_are_labelled_as_on_straight_roads():
     """The same traffic on a road that bends hardly at all gets the same labels."""
-    batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(64))
+    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(64))
     hardly = on(batch.road, (batch.road.length, 1e-9, 1e-9))
     straight, bent = (
         label(engine.simulate(dataclasses.replace(batch, road=road)))

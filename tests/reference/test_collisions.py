@@ -18,7 +18,8 @@ from overtaking.sim import engine
 from overtaking.sim.reference import collisions
 from overtaking.sim.reference.collisions import Box, first_contact
 from overtaking.sim.reference.state import Fields, State, initial_state
-from overtaking.world.parameters import VEHICLE_FIELDS, Effects, parameters
+from overtaking.world.constants import EnabledEffects
+from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
 
 RESTITUTION = 0.1
 STEP = 0.01
@@ -341,7 +342,7 @@ def test_the_time_of_a_collision_is_that_of_the_kinematics():
         Vehicle(s=100.0 + body_of("M")["length"], speed=0.0, driver={"desired_speed": 0.01}),
     ]
     world = scenario(cars, road=wide_road(lanes=1), weather={"fog": 100.0}, horizon=10.0)
-    given_ = parameters(world, Effects(gusts=False, distance_error=False))
+    given_ = parameters(world, EnabledEffects(gusts=False, distance_error=False))
     # Nobody can be seen farther than a millimetre.
     given_.vehicle[VEHICLE_FIELDS.index("attention")] = 1e-3
     ran = engine.run(world, given_)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis.extra import numpy as arrays
 
 from overtaking import _core
-from overtaking.core import compiled, elementary, philox
+from overtaking.core import float32_math, native, random_numbers
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 
@@ -24,7 +24,7 @@ def test_words_are_those_of_the_readable_generator(level, seed, first, stream, d
     step = np.arange(length, dtype=np.uint64)
     with np.errstate(over="ignore"):
         index, streams = np.uint64(first) + step, np.uint32(stream) + step.astype(np.uint32)
-    expected = philox.words(seed, index, streams, draw)
+    expected = random_numbers.philox_words(seed, index, streams, draw)
     found = _core.words(seed=seed, index=index, stream=streams, draw=draw, level=level)
     assert [one.tolist() for one in found] == [one.tolist() for one in expected]
 
@@ -35,7 +35,7 @@ def test_words_are_those_of_the_readable_generator(level, seed, first, stream, d
 def test_exponentials_are_those_of_the_readable_function(level, values):
     found = values.copy()
     _core.exponentials(found, level=level)
-    assert found.tobytes() == elementary.exp(values).astype(np.float32).tobytes()
+    assert found.tobytes() == float32_math.exp(values).astype(np.float32).tobytes()
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -44,13 +44,16 @@ def test_exponentials_are_those_of_the_readable_function(level, values):
 def test_logarithms_are_those_of_the_readable_function(level, values):
     found = values.copy()
     _core.logarithms(found, level=level)
-    assert found.tobytes() == elementary.log(values).astype(np.float32).tobytes()
+    assert found.tobytes() == float32_math.log(values).astype(np.float32).tobytes()
 
 
 @settings(max_examples=60, deadline=None)
 @given(arrays.arrays(np.uint32, LENGTH, elements=WORD))
 def test_uniform_numbers_are_those_of_the_readable_function(words):
-    assert _core.uniforms(words).tobytes() == philox.uniform(words).astype(np.float32).tobytes()
+    assert (
+        _core.uniforms(words).tobytes()
+        == random_numbers.uniform_from_word(words).astype(np.float32).tobytes()
+    )
 
 
 NUMBER = st.sampled_from([0.0, -0.0, 1.0, np.inf, -np.inf]) | st.floats(-2.0, 2.0, width=32)
@@ -64,7 +67,7 @@ def test_two_numbers_give_what_they_give_in_the_readable_function(name, values, 
     """The sign of a zero counts, as do arrays that are spread over others and single numbers."""
     others = others[:, None] if others.shape == (3,) else others
     values = np.abs(values) if name == "power" else values
-    ours, theirs = getattr(compiled, name), getattr(elementary, name)
+    ours, theirs = getattr(native, name), getattr(float32_math, name)
     for one, other in ((values, others), (others, values), (values.T, np.transpose(others))):
         with np.errstate(invalid="ignore"):
             found, expected = ours(one, other), theirs(one, other).astype(np.float32)
@@ -76,7 +79,7 @@ def test_two_numbers_give_what_they_give_in_the_readable_function(name, values, 
 @settings(max_examples=60, deadline=None)
 @given(NUMBERS, NUMBERS | NUMBER.map(np.float32), NUMBERS | NUMBER.map(np.float32))
 def test_limits_are_those_of_the_readable_function(values, low, high):
-    found, expected = compiled.clamp(values, low, high), elementary.clamp(values, low, high)
+    found, expected = native.clamp(values, low, high), float32_math.clamp(values, low, high)
     assert found.tobytes() == expected.astype(np.float32).tobytes()
 
 
@@ -91,17 +94,22 @@ def test_others_of_another_length_are_refused(name):
 @given(seed=LONG, length=LENGTH)
 def test_normal_numbers_are_those_of_the_readable_function(level, seed, length):
     index = np.arange(length, dtype=np.uint64)
-    u, v = (philox.uniform(word) for word in philox.words(seed, index, 7, 0)[:2])
-    expected = philox.normal_pair(u, v)
+    u, v = (
+        random_numbers.uniform_from_word(word)
+        for word in random_numbers.philox_words(seed, index, 7, 0)[:2]
+    )
+    expected = random_numbers.box_muller(u, v)
     _core.normal_pairs(u, v, level=level)
     assert [u.tobytes(), v.tobytes()] == [one.tobytes() for one in expected]
 
 
 def test_draws_follow_each_other_and_have_the_shape_of_what_was_asked():
     index, slots = np.arange(5, dtype=np.uint64)[:, None], np.arange(3, dtype=np.uint32) + 0x200
-    draws, expected = (one(2**64 - 1, index, slots) for one in (compiled.Draws, philox.Draws))
+    draws, expected = (
+        one(2**64 - 1, index, slots) for one in (native.PhiloxStream, random_numbers.PhiloxStream)
+    )
     for _ in range(3):
-        for asked in ("word", "normal", "uniform"):
+        for asked in ("next_word", "normal", "uniform"):
             one, other = getattr(draws, asked)(), getattr(expected, asked)()
             assert one.shape == (5, 3)
             assert one.dtype == other.dtype
@@ -110,17 +118,17 @@ def test_draws_follow_each_other_and_have_the_shape_of_what_was_asked():
 
 def test_what_is_given_stays_as_it_is():
     u, v = np.full(3, 0.25, np.float32), np.full(3, 0.75, np.float32)
-    compiled.normal_pair(u, v)
-    for changed in (compiled.exp, compiled.log):
+    native.box_muller(u, v)
+    for changed in (native.exp, native.log):
         changed(u)
-    compiled.clamp(u, np.float32(0.5), v)
+    native.clamp(u, np.float32(0.5), v)
     assert (u.tolist(), v.tolist()) == ([0.25] * 3, [0.75] * 3)
 
 
 def test_numbers_in_any_order_in_memory_are_taken_as_they_stand():
     values = np.arange(12, dtype=np.float32).reshape(3, 4).T
-    np.testing.assert_array_equal(compiled.exp(values), elementary.exp(values))
-    np.testing.assert_array_equal(compiled.exp(np.float32(1.0)), elementary.exp(np.float32(1.0)))
+    np.testing.assert_array_equal(native.exp(values), float32_math.exp(values))
+    np.testing.assert_array_equal(native.exp(np.float32(1.0)), float32_math.exp(np.float32(1.0)))
 
 
 @pytest.mark.parametrize("level", ["none", "neon" if "neon" not in LEVELS else "avx2"])

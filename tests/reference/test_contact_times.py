@@ -7,15 +7,17 @@ import copy
 import numpy as np
 import pytest
 
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 from overtaking.sim.reference import collisions, dynamics, steering
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.run import advance, decide
 from overtaking.sim.reference.state import State, initial_state
-from overtaking.world.parameters import SUBSTEPS, parameters
+from overtaking.world.constants import SUBSTEPS
+from overtaking.world.step_parameters import parameters
 
 from .situations import ROUGH
 
@@ -31,7 +33,10 @@ CENTISECOND = 0.0105
 
 def scenarios(index: np.ndarray):
     return sample(
-        spec("pinto2023-physical", ROUGH), load_road("town06"), 5, index.astype(np.uint64)
+        load_specification("pinto2023-physical", ROUGH),
+        load_road("town06"),
+        5,
+        index.astype(np.uint64),
     )
 
 

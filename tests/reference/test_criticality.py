@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from overtaking.world.measures import (
+from overtaking.world.surrogate_safety import (
     drac,
-    is_critical,
-    shortfall,
+    is_ttc_critical,
+    mttc,
     time_gap,
     ttc,
-    ttc_accel,
+    ttc_shortfall,
 )
 
 TABLE = Path(__file__).parents[1] / "data" / "commonroad_crime.csv"
@@ -50,7 +50,7 @@ def course(scene: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def times_to_collision(scene: dict[str, float]) -> np.ndarray:
     """Those at constant accelerations, in each of these frames."""
-    return ttc_accel(*course(scene))
+    return mttc(*course(scene))
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -88,13 +88,13 @@ def test_the_time_gap_is_that_of_crime_to_the_frame(scene):
 def test_the_exposed_time_is_that_of_crime(scene):
     # CriMe compares what it has rounded to 0.01 s.
     rounded = np.round(times_to_collision(scene), 2)
-    exposed = is_critical(rounded, THRESHOLD).sum() * STEP
+    exposed = is_ttc_critical(rounded, THRESHOLD).sum() * STEP
     assert exposed == pytest.approx(scene["time_exposed"], abs=1e-6)
 
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_integrated_time_is_that_of_crime(scene):
-    integrated = shortfall(times_to_collision(scene), THRESHOLD).sum() * STEP
+    integrated = ttc_shortfall(times_to_collision(scene), THRESHOLD).sum() * STEP
     assert integrated == pytest.approx(scene["time_integrated"], abs=0.005 * STEPS * STEP)
 
 

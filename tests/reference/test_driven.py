@@ -9,14 +9,13 @@ import pytest
 
 from overtaking import _core
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge import presets
-from overtaking.knowledge.blueprints import blueprints
+from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.model.known_roads import known_road
 from overtaking.sim.driven import EngineMover, ReferenceMover, mover
 from overtaking.sim.reference.driven import MOVING, Controls
 from overtaking.sim.reference.state import State, initial_state
 from overtaking.simulators.carla_server.bodies import Nature, body_of, scenario_of
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.world.step_parameters import Parameters, parameters
 
 TICK, STEPS = 0.05, 5
 LEVELS = [name for name, is_available in _core.simd_levels() if is_available]
@@ -24,9 +23,9 @@ LEVELS = [name for name, is_available in _core.simd_levels() if is_available]
 
 def given_for(count: int, weather: str) -> Parameters:
     """Parameters of vehicles of every class on the road of the study."""
-    names = sorted(blueprints())
+    names = sorted(carla_vehicles())
     bodies = [body_of(names[7 * k % len(names)]) for k in range(count)]
-    fields = tuple(presets()[weather].carla_fields().values())
+    fields = tuple(weather_presets()[weather].carla_fields().values())
     road = known_road("town06").extended(3000.0)
     scene = scenario_of(road, bodies, fields, Nature(5, simulation=3, wind_direction=1.1))
     given = parameters(scene)

@@ -10,18 +10,28 @@ from examples.human_ego import HumanEgo
 from examples.mobil_driver import MobilDriver
 
 from overtaking import _core
-from overtaking.model.actions import KINDS, MOST_PARTS, Actions
-from overtaking.model.decision import Decision
-from overtaking.model.observation import AROUND, MEETING, OWN, ROLES, WIDTH, parted
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import (
+    ACTION_KINDS,
+    EGO_COLUMNS,
+    MAX_ACTION_PARTS,
+    NEIGHBOUR_COLUMNS,
+    NEIGHBOUR_ROLES,
+    OBSERVATION_SIZE,
+    PASSING_COLUMNS,
+    Actions,
+    split_observation,
+)
+from overtaking.model.scenario import ForcedDecision
+from overtaking.model.trajectories import Stage
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import profile_names, sample, spec
-from overtaking.scenarios.schema_ways import TwoWay
+from overtaking.scenarios.profiles import load_specification, profile_names
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.traffic_specification import TwoWayTraffic
 from overtaking.sim import engine, reference
 from overtaking.sim.branch import branch
 from overtaking.sim.driving import Driver, drive
 from overtaking.sim.stepping import stepper
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 from .situations import difference
 
@@ -35,7 +45,7 @@ SHORTER = {
 
 
 def scenes(count: int, profile: str = "pinto2023-physical", **changes: object):
-    given = spec(profile, SHORT | changes)
+    given = load_specification(profile, SHORT | changes)
     return sample(given, load_road(given.road), 4, np.arange(count, dtype=np.uint64))
 
 
@@ -48,14 +58,14 @@ def random_actions(kind: str, shape: tuple[int, int], seed: int = 1) -> Actions:
         "wheel_angle": (-40, 40),
     }
     draw = np.random.default_rng(seed)
-    values = np.zeros((*shape, MOST_PARTS), np.int32)
-    for place, part in enumerate(KINDS[kind]):
+    values = np.zeros((*shape, MAX_ACTION_PARTS), np.int32)
+    for place, part in enumerate(ACTION_KINDS[kind]):
         few = draw.integers(*limits[part.name], (shape[0], -(-shape[1] // 10)))
         values[:, :, place] = np.repeat(few, 10, axis=1)[:, : shape[1]]
     return Actions(values=values, kind=kind)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ACTION_KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     scenario = scenes(12, **SHORTER)
     given = parameters(scenario)
@@ -74,7 +84,7 @@ VIEWS = [("pinto2023-physical", False), ("pinto2023-physical", True), ("pinto202
 
 @pytest.mark.parametrize(
     ("kind", "profile", "is_true"),
-    [(kind, *view) for kind, view in zip(KINDS, cycle(VIEWS), strict=False)],
+    [(kind, *view) for kind, view in zip(ACTION_KINDS, cycle(VIEWS), strict=False)],
 )
 def test_both_engines_observe_the_same_bits(kind, profile, is_true):
     given = parameters(scenes(10, profile, **SHORTER))
@@ -83,7 +93,7 @@ def test_both_engines_observe_the_same_bits(kind, profile, is_true):
         stepper(given, kind, is_true=is_true, simulator=name) for name in ("engine", "reference")
     ]
     (table, runs, _), (expected, still, _) = (one.begin() for one in pair)
-    at, now = 0, np.zeros((10, MOST_PARTS), np.int32)
+    at, now = 0, np.zeros((10, MAX_ACTION_PARTS), np.int32)
     while still.any():
         np.testing.assert_array_equal(runs, still)
         np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
@@ -103,23 +113,30 @@ def test_both_engines_observe_the_same_bits(kind, profile, is_true):
 
 
 def test_the_numbers_of_an_observation_have_their_names():
-    assert _core.own_fields() == list(OWN)
-    assert _core.around_fields() == list(AROUND)
-    assert _core.meeting_fields() == list(MEETING)
+    assert _core.own_fields() == list(EGO_COLUMNS)
+    assert _core.around_fields() == list(NEIGHBOUR_COLUMNS)
+    assert _core.meeting_fields() == list(PASSING_COLUMNS)
     given = parameters(scenes(3))
     table, runs, _ = stepper(given, "accel_lane", is_true=True).begin()
-    assert table.shape == (3, WIDTH)
-    assert len(OWN) + len(ROLES) * len(AROUND) + len(MEETING) == WIDTH
+    assert table.shape == (3, OBSERVATION_SIZE)
+    assert (
+        len(EGO_COLUMNS) + len(NEIGHBOUR_ROLES) * len(NEIGHBOUR_COLUMNS) + len(PASSING_COLUMNS)
+        == OBSERVATION_SIZE
+    )
     assert runs.all()
-    _, around, meeting = parted(table)
+    _, around, meeting = split_observation(table)
     for role in ("oncoming", "behind_oncoming"):
-        empty = dict(zip(AROUND, around[0, ROLES.index(role)], strict=True))
+        empty = dict(zip(NEIGHBOUR_COLUMNS, around[0, NEIGHBOUR_ROLES.index(role)], strict=True))
         assert empty.pop("gap") == given.constants.unseen_gap
         assert not any(empty.values())
     assert not meeting.any()
 
 
-ONE_WAY = [name for name in profile_names() if not isinstance(spec(name).traffic, TwoWay)]
+ONE_WAY = [
+    name
+    for name in profile_names()
+    if not isinstance(load_specification(name).traffic, TwoWayTraffic)
+]
 """Policies do not drive among oncoming traffic."""
 
 HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
@@ -127,7 +144,7 @@ HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
 
 @pytest.mark.parametrize("profile", ONE_WAY)
 def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
-    given = spec(profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0})
+    given = load_specification(profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0})
     scenario = sample(given, load_road(given.road), 7, np.arange(48, dtype=np.uint64))
     expected = engine.run(scenario, parameters(scenario))
     found = drive(scenario, HUMAN, engine.run)
@@ -138,7 +155,7 @@ def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
 @pytest.mark.soak
 @pytest.mark.parametrize("profile", ONE_WAY)
 def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
-    given = spec(profile)
+    given = load_specification(profile)
     road, same = load_road(given.road), 0
     for first in range(0, 1000, 100):
         scenario = sample(given, road, 7, np.arange(first, first + 100, dtype=np.uint64))
@@ -149,7 +166,7 @@ def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
 
 @pytest.mark.soak
 def test_what_a_policy_does_does_not_depend_on_a_large_batch():
-    given = spec("pinto2023-physical")
+    given = load_specification("pinto2023-physical")
     scenario = sample(given, load_road(given.road), 9, np.arange(4096, dtype=np.uint64))
     whole = drive(scenario, HUMAN, engine.run)
     order = np.random.default_rng(5).permutation(4096)
@@ -163,10 +180,10 @@ def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does(
     """Its pedals are those of the model's own driver who stays, but for the rounding of answers."""
     scenario, mobil = scenes(24, "motorway"), MobilDriver()
     mobil.reset(scenario)
-    expected = branch(scenario, 0, decision=Decision.STAY)
+    expected = branch(scenario, 0, decision=ForcedDecision.STAY)
     stays = Driver(policy=lambda seen: mobil(seen) * np.float32([1.0, 0.0]), observe="human")
     found = drive(scenario, stays, engine.run)
-    both = expected.frame_valid & found.frame_valid
+    both = expected.frame_mask & found.frame_mask
     apart = np.abs(found.states.s[:, 0] - expected.states.s[:, 0])
     assert apart[both].max() < 100  # 0.1 m, after 15 s.
     assert np.ptp(expected.states.speed[:, 0], axis=1).max() > 2000  # Some have to brake.

@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 
 from overtaking import _core
-from overtaking.core.memory import Buffers
-from overtaking.model.scenario import SLOTS
-from overtaking.model.trajectory import DecisionKind, Lights, Stage
+from overtaking.core.arrays import Buffers
+from overtaking.model.scenario import SLOT_CAPACITIES
+from overtaking.model.trajectories import Lights, ManoeuvreKind, Stage
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import branch, engine, reference
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 from .scenes import WRITTEN
 from .situations import FURTHER, SITUATIONS, SMALL, Situation, arrays, difference, turned_round
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 pytestmark = pytest.mark.ci
 
@@ -66,7 +67,7 @@ CROWDED = {
 
 @pytest.mark.parametrize("vehicles", [[9, 16], [17, 32]])
 def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
-    crowded = spec("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
+    crowded = load_specification("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
     scenario = sample(crowded, load_road("motorway"), 4, np.arange(18, dtype=np.uint64))
     assert scenario.num_slots == vehicles[1]
     given = parameters(scenario)
@@ -96,7 +97,7 @@ def test_further_situations_are_what_they_are_called():
     assert (run.states.lights & int(Lights.HIGH_BEAM)).any()  # Somebody flashes at the ego.
 
 
-@pytest.mark.parametrize("slots", SLOTS)
+@pytest.mark.parametrize("slots", SLOT_CAPACITIES)
 def test_slots_that_hold_nobody_change_nothing(slots):
     whole = simulated(SITUATIONS[0])
     scenario = with_slots(whole.scenario, slots)
@@ -152,12 +153,12 @@ def test_memory_that_is_used_again_leaves_no_trace():
 
 
 def test_behind_the_end_of_a_simulation_there_is_nothing_whatever_was_in_the_memory():
-    given, buffers = spec("pinto2023-physical"), Buffers()
+    given, buffers = load_specification("pinto2023-physical"), Buffers()
     road, lengths = load_road(given.road), []
     for first in range(0, 192, 48):
         index = np.arange(first, first + 48, dtype=np.uint64)
         run = engine.simulate(sample(given, road, 3, index), buffers=buffers)
-        there = run.frame_valid[:, None] & run.scenario.vehicles.valid[:, :, None]
+        there = run.frame_mask[:, None] & run.scenario.vehicles.valid[:, :, None]
         for field in dataclasses.fields(run.states):
             assert not getattr(run.states, field.name)[~there].any(), field.name
         lengths.append(run.num_frames.copy())
@@ -173,10 +174,10 @@ def test_what_was_recorded_cannot_be_overwritten():
 def test_the_situations_show_everything_that_the_model_does():
     runs = [simulated(situation) for situation in SITUATIONS]
     assert sum(len(run.num_frames) for run in runs) == SMALL
-    stages = set(np.concatenate([run.stage[run.frame_valid] for run in runs]))
+    stages = set(np.concatenate([run.stage[run.frame_mask] for run in runs]))
     assert stages == {int(stage) for stage in Stage}
     kinds = set(np.concatenate([run.percepts.kind[run.percepts.valid] for run in runs]))
-    assert kinds == {int(kind) for kind in DecisionKind}
+    assert kinds == {int(kind) for kind in ManoeuvreKind}
     ends = [run.stage[np.arange(len(run.num_frames)), run.num_frames - 1] for run in runs]
     assert Stage.DONE in np.concatenate(ends)
     bodies = [run.scenario.vehicles for run in runs]
@@ -252,13 +253,13 @@ def test_a_branch_without_a_change_is_the_undisturbed_simulation(situation):
         assert not difference(branch.branch(scenario, frame), undisturbed)
 
 
-@pytest.mark.parametrize("decision", branch.Decision)
+@pytest.mark.parametrize("decision", branch.ForcedDecision)
 def test_a_branch_is_the_run_with_other_parameters_from_its_frame_on(decision):
     situation = next(one for one in SITUATIONS if one.switch is not None)
     assert situation.switch is not None
     mixed = simulated(situation)
     scenario = mixed.scenario
-    chosen = scenario.index % len(branch.Decision) == int(decision)
+    chosen = scenario.index % len(branch.ForcedDecision) == int(decision)
     frame = situation.switch * 10 // scenario.frame_interval_ms
     weather = turned_round(scenario.weather)
     alone = branch.branch(scenario, frame, decision=decision, weather=weather)

@@ -12,10 +12,10 @@ from scipy.interpolate import RegularGridInterpolator
 from tests.support.bench import bench
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.knowledge import friction_table
-from overtaking.world import film, friction
-from overtaking.world.constants import constants
-from overtaking.world.parameters import parameters
+from overtaking.knowledge.friction import friction_table
+from overtaking.world import road_surface
+from overtaking.world.constants import model_constants
+from overtaking.world.step_parameters import parameters
 
 KMH = 1.0 / 3.6
 
@@ -43,7 +43,7 @@ def handbook(speed: float, film_mm: float, wear: float) -> float:
 
 def model(speed: float, film_mm: float, wear: float, truck: float = 0.0) -> float:
     numbers = [np.float32(x) for x in (speed, film_mm, wear, truck)]
-    return float(friction.peak_friction(constants(), *numbers))
+    return float(road_surface.peak_friction(model_constants(), *numbers))
 
 
 @given(speed=st.floats(0.0, 60.0), film_mm=st.floats(0.0, 4.0), wear=st.floats(0.0, 1.0))
@@ -91,10 +91,10 @@ WORKED_OUT = [
 def test_grip_in_rain_is_the_one_worked_out_by_hand(
     rain: float, path: float, wear: float, expected: tuple[float, ...]
 ):
-    water = film.lane_film(
+    water = road_surface.lane_film(
         np.float32(0.2),
-        film.film_per_rain(film.rain_rate(np.float32(rain))),
-        film.film_per_path(np.float32(path)),
+        road_surface.film_rain_factor(road_surface.rain_rate(np.float32(rain))),
+        road_surface.film_path_factor(np.float32(path)),
         np.float32(0.8),
     )
     grip = [model(v * KMH, float(water), wear) for v in (50.0, 90.0, 120.0)]
@@ -107,7 +107,7 @@ def braking_distance(speed: float, film_mm: float, wear: float) -> float:
     steps = np.linspace(0.0, speed, 2001, dtype=np.float32)
     v, dv = 0.5 * (steps[1:] + steps[:-1]), float(steps[1])
     others = [np.full_like(v, one) for one in (film_mm, wear, 0.0)]
-    grip = friction.peak_friction(constants(), v, *others).astype(np.float64)
+    grip = road_surface.peak_friction(model_constants(), v, *others).astype(np.float64)
     return float((v * dv / (0.95 * 9.81 * grip)).sum())
 
 
@@ -134,17 +134,20 @@ def test_wet_roads_are_more_slippery_than_measured_by_what_the_page_says(film_mm
 def test_the_film_is_gallaways_in_float64(rain: float, path: float):
     rate = 50.0 * (rain / 100.0) ** 2.5
     expected = 0.01485 * 0.8**0.11 * path**0.43 * rate**0.59 / 0.025**0.42 - 0.8
-    rate32 = film.rain_rate(np.float32(rain))
+    rate32 = road_surface.rain_rate(np.float32(rain))
     assert float(rate32) == pytest.approx(rate, rel=1e-5)
-    per_path, per_rain = film.film_per_path(np.float32(path)), film.film_per_rain(rate32)
-    value = film.lane_film(np.float32(-1.0), per_rain, per_path, np.float32(0.8))
+    per_path, per_rain = (
+        road_surface.film_path_factor(np.float32(path)),
+        road_surface.film_rain_factor(rate32),
+    )
+    value = road_surface.lane_film(np.float32(-1.0), per_rain, per_path, np.float32(0.8))
     # The film is a small difference: 1e-5 of the sum, up to 3 mm.
     assert float(value) == pytest.approx(max(expected, -1.0), abs=3e-5)
 
 
 def test_without_rain_there_is_no_film_and_no_rate():
-    assert float(film.rain_rate(np.float32(0.0))) == 0.0
-    assert float(film.film_per_rain(np.float32(0.0))) == 0.0
+    assert float(road_surface.rain_rate(np.float32(0.0))) == 0.0
+    assert float(road_surface.film_rain_factor(np.float32(0.0))) == 0.0
 
 
 @pytest.mark.parametrize("cover", [0.02, 0.1, 0.25, 0.5])
@@ -155,7 +158,9 @@ def test_puddles_cover_half_of_the_square_of_their_reach(cover: float):
     shares = [
         float(
             np.mean(
-                film.puddle(constants(), s, np.float32(path), np.float32(u), np.float32(w), reach)
+                road_surface.puddle_depth_share(
+                    model_constants(), s, np.float32(path), np.float32(u), np.float32(w), reach
+                )
                 > 0.0
             )
         )
@@ -168,8 +173,10 @@ def test_puddles_cover_half_of_the_square_of_their_reach(cover: float):
 def test_puddles_lie_still_and_are_metres_long():
     s = np.linspace(0.0, 5_000.0, 50_001, dtype=np.float32)
     args = (np.float32(0.3), np.float32(0.6), np.float32(0.8))
-    water = film.puddle(constants(), s, np.float32(2.0), *args)
-    np.testing.assert_array_equal(water, film.puddle(constants(), s, np.float32(2.0), *args))
+    water = road_surface.puddle_depth_share(model_constants(), s, np.float32(2.0), *args)
+    np.testing.assert_array_equal(
+        water, road_surface.puddle_depth_share(model_constants(), s, np.float32(2.0), *args)
+    )
     assert ((water >= 0.0) & (water <= 1.0)).all()
     edges = np.flatnonzero(np.diff((water > 0.0).astype(int)))
     lengths = np.diff(s[edges])[int(water[edges[0]] > 0.0) :: 2]
@@ -182,7 +189,8 @@ def test_neighbouring_wheel_paths_have_puddles_of_their_own():
     s = np.linspace(0.0, 2_000.0, 20_001, dtype=np.float32)
     args = (np.float32(0.3), np.float32(0.6), np.float32(0.8))
     left, right = (
-        film.puddle(constants(), s, np.float32(path), *args) > 0.0 for path in (4.0, 5.0)
+        road_surface.puddle_depth_share(model_constants(), s, np.float32(path), *args) > 0.0
+        for path in (4.0, 5.0)
     )
     both = float(np.mean(left & right))
     # Were they the same, it would be the share itself, 0.32.
@@ -192,14 +200,14 @@ def test_neighbouring_wheel_paths_have_puddles_of_their_own():
 @given(st.floats(-(2.0**21), 2.0**21))
 def test_our_floor_is_numpys(x: float):
     value = np.float32(x)
-    assert film.floor(value) == np.floor(value)
+    assert road_surface.floor(value) == np.floor(value)
 
 
 def test_outer_lanes_are_wetter():
     world = scenario([Vehicle()], road=wide_road(lanes=5), weather={"rain": 100.0})
     given_ = parameters(world)
     q = given_.of_simulations
-    water = film.lane_film(q.least_film, q.film_rain, given_.road.film_path[:5], q.texture)
+    water = road_surface.lane_film(q.least_film, q.film_rain, given_.road.film_path[:5], q.texture)
     assert (np.diff(water) <= 0.0).all()  # Lane 0 is the outermost, farthest from the crown.
     assert water[0] > 2.0 * water[4]
 
@@ -215,7 +223,7 @@ def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
     for side, grip in ((0.5, b.state.mu_fast[0]), (-0.5, b.state.mu_slow[0])):
         path = math.floor((d + side * 1.55 + 48.0) / width)
         phases = number("puddle_phase_1"), number("puddle_phase_2"), number("puddle_reach")
-        depth = film.puddle(constants(), s, np.float32(path), *phases)
+        depth = road_surface.puddle_depth_share(model_constants(), s, np.float32(path), *phases)
         # 2 mm at 100 % of deposits, none at 50 %; the rest of the road has the film of any wet one.
         water = 0.2 + 2.0 * 0.8 * depth
         expected = [handbook(30.0, float(h), 0.3) for h in water]

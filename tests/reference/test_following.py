@@ -20,13 +20,13 @@ from overtaking.sim.reference.following import (
     needed_braking,
 )
 from overtaking.sim.reference.state import Fields
-from overtaking.world.constants import constants
-from overtaking.world.parameters import Effects, parameters
+from overtaking.world.constants import EnabledEffects, model_constants
+from overtaking.world.step_parameters import parameters
 
 EXPONENT = 4.0
 
 # What drivers see without delay, error or limits, so that only the following itself is tested.
-PERFECT = Effects(
+PERFECT = EnabledEffects(
     gusts=False, wake=False, range=False, delay=False, distance_error=False, looming=False,
     occlusion=False, mobil=False,
 )  # fmt: skip
@@ -59,7 +59,7 @@ def model(
     arrays = np.broadcast_arrays(
         *(np.asarray(x, np.float32) for x in (speed, desired, gap, closing))
     )
-    return iidm(constants(), as_fields(driver, arrays[0].shape), *arrays).astype(np.float64)
+    return iidm(model_constants(), as_fields(driver, arrays[0].shape), *arrays).astype(np.float64)
 
 
 def textbook(driver: dict[str, float], v: float, v0: float, s: float, dv: float) -> float:
@@ -140,7 +140,7 @@ def test_a_standing_vehicle_is_no_less_of_a_danger_when_its_approach_is_overesti
     # Believed to approach at 24 m/s by one who drives 20: it stands, it does not come closer.
     judged = [np.float32(x) for x in (20.0, 50.0, 24.0, 0.0)]
     expected = -(24.0**2) / (2.0 * 50.0)
-    assert float(needed_braking(constants(), *judged)) == pytest.approx(expected, rel=1e-5)
+    assert float(needed_braking(model_constants(), *judged)) == pytest.approx(expected, rel=1e-5)
 
 
 def needed(v: float, s: float, dv: float, leader: float) -> float:
@@ -176,7 +176,7 @@ def test_drivers_are_as_cool_as_the_acc_model_and_heed_stop_lamps(
     # divides by 2 s a, which the model keeps from vanishing.
     dv = v - ahead
     arrays = [np.float32(x) for x in (v, v0, s, dv, driver["time_gap"], leader)]
-    value = float(follow(constants(), as_fields(driver, ()), *arrays))
+    value = float(follow(model_constants(), as_fields(driver, ()), *arrays))
     least = needed(v, s, dv, leader)
     expected = cool(driver, textbook(driver, v, v0, s, dv), least)
     if leader < -0.5:  # Our addition: stop lamps are heeded, wholly below 1 s and not beyond 3 s.
@@ -193,7 +193,7 @@ def test_braking_as_hard_as_needed_stops_exactly_at_the_bumper(
     v: float, ahead: float, s: float, leader: float
 ):
     arrays = [np.float32(x) for x in (v, s, v - ahead, leader)]
-    decel = -float(needed_braking(constants(), *arrays))
+    decel = -float(needed_braking(model_constants(), *arrays))
     if ahead * (v - ahead) >= -2.0 * s * leader:
         return  # They would meet while both move: another branch, another formula.
     # The leader stops after v^2 / (2 b); the follower has that way and the gap.
@@ -205,8 +205,8 @@ def test_a_cut_in_by_a_faster_vehicle_frightens_nobody():
     driver = person()
     arrays = [np.float32(x) for x in (30.0, 35.0, 5.0, -1.0, driver["time_gap"])]
     p = as_fields(driver, ())
-    assert float(iidm(constants(), p, *arrays)) < -20.0
-    assert float(follow(constants(), p, *arrays)) > -1.1 * driver["decel"]
+    assert float(iidm(model_constants(), p, *arrays)) < -20.0
+    assert float(follow(model_constants(), p, *arrays)) > -1.1 * driver["decel"]
 
 
 @given(driver=drivers, v=st.floats(1.0, 40.0), s=st.floats(2.0, 100.0), ahead=st.floats(0.0, 50.0))
@@ -215,7 +215,7 @@ def test_who_follows_at_the_desired_speed_is_braked_but_never_pushed(
 ):
     dv = v - ahead
     args = [np.float32(x) for x in (v, s, dv, driver["time_gap"])]
-    forced = float(forced_braking(constants(), as_fields(driver, ()), *args))
+    forced = float(forced_braking(model_constants(), as_fields(driver, ()), *args))
     root = 2.0 * math.sqrt(driver["accel"] * driver["decel"])
     wanted = driver["min_gap"] + max(0.0, v * driver["time_gap"] + v * dv / root)
     expected = driver["accel"] * (1.0 - (wanted / s) ** 2)
@@ -229,7 +229,7 @@ def test_inside_the_comfortable_stopping_distance_nobody_is_asked_for_less_than_
     # s* >= v dv / (2 sqrt(a b)), so a (s* / s)^2 >= dv^2 / (2 s) wherever s <= v^2 / (2 b).
     s, closing = share * v**2 / (2.0 * driver["decel"]), min(dv, v)
     args = [np.float32(x) for x in (v, s, closing, driver["time_gap"])]
-    forced = float(forced_braking(constants(), as_fields(driver, ()), *args))
+    forced = float(forced_braking(model_constants(), as_fields(driver, ()), *args))
     assert forced <= driver["accel"] - closing**2 / (2.0 * max(s, 0.5)) + 1e-3
 
 
@@ -292,6 +292,6 @@ def test_from_a_safe_start_nobody_ever_touches(rows: list[list[Vehicle]]):
     for ahead, behind in pairwise(order):
         reach = 0.5 * (lengths[:, ahead] + lengths[:, behind])
         gap = s[:, ahead] - s[:, behind] - reach[:, None]
-        assert gap[ran.frame_valid].min() > 0.3
+        assert gap[ran.frame_mask].min() > 0.3
     ends = ran.states.speed[np.arange(8), :3, ran.num_frames[:, None] - 1]
     assert (ends < 500).all()

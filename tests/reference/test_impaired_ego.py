@@ -7,16 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 from overtaking.sim.reference.run import run
-from overtaking.world.parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
 
 DRAWN = sample(
-    spec("pinto2023", {"traffic.vehicles": "3..4"}), load_road("town06"), 4, np.arange(4)
+    load_specification("pinto2023", {"traffic.vehicles": "3..4"}),
+    load_road("town06"),
+    4,
+    np.arange(4),
 )
 
 

@@ -12,33 +12,35 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking import _core
 from overtaking.core.errors import ConfigError
-from overtaking.model.actions import MOST_PARTS
-from overtaking.model.course import Limit, PlaceKind
+from overtaking.knowledge.toml_reader import constant
+from overtaking.model.driver_interface import MAX_ACTION_PARTS
 from overtaking.model.known_roads import known_road
-from overtaking.scenarios import sample, spec
+from overtaking.model.road_course import SpeedLimitSpan, ZoneKind
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine, reference
 from overtaking.sim.stepping import stepper
 from overtaking.simulators.carla import traffic
-from overtaking.world.constants import constants, known
-from overtaking.world.lanes import allowed_speed, road_parameters
-from overtaking.world.parameters import parameters
-from overtaking.world.sight import places_for
+from overtaking.world.constants import model_constants
+from overtaking.world.road_parameters import allowed_speed, road_parameters
+from overtaking.world.sight_distance import all_zones_for
+from overtaking.world.step_parameters import parameters
 
 from .situations import difference
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 HIGH, LOW = 90.0 / 3.6, 50.0 / 3.6
-TOWN = Limit(start=800.0, stop=1200.0, speed=LOW)
-BRAKING = float(known("model.steering.bend_decel"))
-STATION = float(known("model.steering.station"))
+TOWN = SpeedLimitSpan(start=800.0, stop=1200.0, speed=LOW)
+BRAKING = float(constant("model.steering.bend_decel"))
+STATION = float(constant("model.steering.station"))
 
 
-def village(*limits: Limit) -> Road:
+def village(*limits: SpeedLimitSpan) -> Road:
     """A straight road of three lanes through a place with a lower limit."""
     return limited(wide_road(), *(limits or (TOWN,)))
 
@@ -80,7 +82,7 @@ def test_who_obeys_has_slowed_down_where_the_stretch_begins_and_needs_no_more_th
 
 
 def test_nobody_is_let_go_before_the_stretch_ends():
-    run = lone(village(TOWN, Limit(start=1200.0, stop=1500.0, speed=20.0)))
+    run = lone(village(TOWN, SpeedLimitSpan(start=1200.0, stop=1500.0, speed=20.0)))
     s, speed = of(run, "s"), of(run, "speed")
     assert speed[(s >= TOWN.start) & (s < TOWN.stop)].max() <= LOW + 0.002
     assert speed[(s >= 1200.0) & (s < 1500.0)].max() == pytest.approx(20.0, abs=0.5)
@@ -102,8 +104,8 @@ def test_a_stretch_is_driven_as_a_road_that_has_its_limit(respect: float, sky: d
 
 @pytest.mark.ci
 def test_limits_beyond_where_anybody_drives_change_nothing():
-    batch = sample(spec("motorway"), known_road("motorway"), 5, np.arange(16))
-    far = Limit(start=batch.road.length - 10.0, stop=batch.road.length, speed=3.0)
+    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(16))
+    far = SpeedLimitSpan(start=batch.road.length - 10.0, stop=batch.road.length, speed=3.0)
     posted = dataclasses.replace(batch.road, course=limited(batch.road, far).course)
     runs = [engine.simulate(batch.replace(road=road)) for road in (batch.road, posted)]
     assert 1e-3 * runs[0].states.s.max() < far.start - 700.0
@@ -113,12 +115,12 @@ def test_limits_beyond_where_anybody_drives_change_nothing():
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize(("start", "stop"), [(800.0, 1200.0), (800.7, 803.1), (801.9, 801.95)])
 def test_what_is_allowed_follows_the_formula_within_two_stations(direction, start, stop):
-    road = village(Limit(start=start, stop=stop, speed=LOW))
+    road = village(SpeedLimitSpan(start=start, stop=stop, speed=LOW))
     s = np.arange(0.0, 3000.0, 0.05)
     own = s if direction > 0 else road.length - s
     given, turned = road_parameters(road), np.bool_(direction < 0)
-    allowed = allowed_speed(constants(), given, own.astype(np.float32), turned)
-    posted = road.limit_at(s, direction)
+    allowed = allowed_speed(model_constants(), given, own.astype(np.float32), turned)
+    posted = road.speed_limit_at(s, direction)
     assert (allowed <= posted + 1e-5).all()
     begins, ends = (start, stop) if direction > 0 else (stop, start)
     ahead, behind = direction * (begins - s), direction * (s - ends)
@@ -141,11 +143,14 @@ def test_both_engines_have_the_same_bits(profile: str):
 
 def on_limits(profile: str, count: int, **changes: Any) -> Scenario:
     """Traffic of a profile on its road, with a lower limit on 300 m of each sixteenth of it."""
-    plan = spec(profile, changes)
+    plan = load_specification(profile, changes)
     length = sample(plan, known_road(plan.road), 5, np.arange(1)).road.length
     starts = np.linspace(0.0, length - 300.0, 16)
     road = dataclasses.replace(known_road(plan.road).extended(length))
-    both = (Limit(start=float(s), stop=float(s) + 300.0, speed=LOW, direction=0) for s in starts)
+    both = (
+        SpeedLimitSpan(start=float(s), stop=float(s) + 300.0, speed=LOW, direction=0)
+        for s in starts
+    )
     return sample(plan, limited(road, *both), 5, np.arange(count))
 
 
@@ -198,7 +203,7 @@ def test_another_driver_sees_the_same_bits_on_both_engines():
     for simulator in ("engine", "reference"):
         stands = stepper(given, "decision", is_true=False, simulator=simulator)
         rows = [stands.begin()[0]]
-        rows += [stands.step(np.zeros((4, MOST_PARTS), np.int32), 3)[0] for _ in range(30)]
+        rows += [stands.step(np.zeros((4, MAX_ACTION_PARTS), np.int32), 3)[0] for _ in range(30)]
         told.append(np.array(rows))
     np.testing.assert_array_equal(*told)
 
@@ -211,11 +216,13 @@ def test_nobody_starts_faster_than_the_limits_at_and_ahead_of_the_start_let_it(p
     free, start = batch.drivers.desired_speed, batch.start_speed
     for turned in (False, True):
         here = batch.start_s if not turned else np.float32(batch.road.length) - batch.start_s
-        limit = allowed_speed(constants(), road_parameters(batch.road), here, np.bool_(turned))
+        limit = allowed_speed(
+            model_constants(), road_parameters(batch.road), here, np.bool_(turned)
+        )
         wanted = free - respects * np.maximum(free - limit, 0.0)
         there = valid & (comes == turned)
         assert (start <= wanted + 1e-3)[there].all()
-    posted = np.where(comes, *(batch.road.limit_at(batch.start_s, k) for k in (-1, 1)))
+    posted = np.where(comes, *(batch.road.speed_limit_at(batch.start_s, k) for k in (-1, 1)))
     assert (valid & (posted == LOW)).mean() > 0.1 * valid.mean()
 
 
@@ -223,7 +230,7 @@ def test_crests_forbid_to_pass_by_the_limit_there():
     rural = known_road("rural")
     hill = ((0.0, 0.02), (1400.0, 0.02), (1500.0, -0.02), (5000.0, -0.02))
     course = dataclasses.replace(
-        limited(rural, Limit(start=1000.0, stop=2000.0, speed=LOW)).course,
+        limited(rural, SpeedLimitSpan(start=1000.0, stop=2000.0, speed=LOW)).course,
         grade=hill,
         sight=(),
         sight_against=(),
@@ -231,8 +238,8 @@ def test_crests_forbid_to_pass_by_the_limit_there():
     slow, fast = (
         [
             place.stop - place.start
-            for place in places_for(dataclasses.replace(rural, speed_limit=HIGH, course=one), 1)
-            if place.kind is PlaceKind.CREST
+            for place in all_zones_for(dataclasses.replace(rural, speed_limit=HIGH, course=one), 1)
+            if place.kind is ZoneKind.CREST
         ]
         for one in (course, dataclasses.replace(course, limits=()))
     )

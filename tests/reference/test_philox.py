@@ -7,7 +7,14 @@ from hypothesis import given, settings
 from randomgen import Philox
 from scipy import stats
 
-from overtaking.core.philox import Draws, Stream, normal_pair, philox4x32, uniform, words
+from overtaking.core.random_numbers import (
+    PhiloxStream,
+    Stream,
+    box_muller,
+    philox4x32,
+    philox_words,
+    uniform_from_word,
+)
 
 # Random123, file tests/kat_vectors, the rows "philox4x32 10": counter, key, result.
 KNOWN_ANSWERS = [
@@ -65,7 +72,7 @@ def test_any_block_is_that_of_another_implementation(counter, key):
 
 def test_a_block_of_a_stream_is_the_block_of_its_counter():
     index = np.array([5, 2**40 + 7], dtype=np.uint64)
-    got = words(0x0123_4567_89AB_CDEF, index, Stream.DRIVER + 3, 11)
+    got = philox_words(0x0123_4567_89AB_CDEF, index, Stream.DRIVER + 3, 11)
     for row, simulation in enumerate(int(number) for number in index):
         counter = (11, Stream.DRIVER + 3, simulation & 0xFFFF_FFFF, simulation >> 32)
         expected = one_block(counter, (0x89AB_CDEF, 0x0123_4567))
@@ -76,31 +83,31 @@ def test_a_block_of_a_stream_is_the_block_of_its_counter():
 @settings(max_examples=25, deadline=None)
 def test_a_draw_does_not_depend_on_the_batch(seed, first, count):
     index = np.arange(first, first + count, dtype=np.uint64)
-    together = Draws(seed, index[:, None], np.arange(4, dtype=np.uint32))
-    alone = Draws(seed, index[-1:, None], np.array([3], dtype=np.uint32))
+    together = PhiloxStream(seed, index[:, None], np.arange(4, dtype=np.uint32))
+    alone = PhiloxStream(seed, index[-1:, None], np.array([3], dtype=np.uint32))
     for _ in range(6):
-        np.testing.assert_array_equal(together.word()[-1, 3], alone.word()[0, 0])
+        np.testing.assert_array_equal(together.next_word()[-1, 3], alone.next_word()[0, 0])
 
 
 @pytest.mark.ci
 def test_streams_simulations_and_seeds_do_not_repeat_each_other():
     index = np.arange(500, dtype=np.uint64)
     streams = np.arange(500, dtype=np.uint32)
-    taken = [Draws(seed, index[:, None], streams).word() for seed in (1, 2)]
+    taken = [PhiloxStream(seed, index[:, None], streams).next_word() for seed in (1, 2)]
     both = np.stack([np.ravel(block) for block in taken])
     assert np.unique(both).size > both.size * (1 - 2 * both.size / 2**32)
 
 
 @pytest.mark.parametrize("word", [0, 1, 511, 512, 2**31, 2**32 - 1])
 def test_a_uniform_number_is_never_zero_or_one(word):
-    number = uniform(np.array([word], dtype=np.uint32))[0]
+    number = uniform_from_word(np.array([word], dtype=np.uint32))[0]
     assert 0.0 < number < 1.0
     assert number == ((word >> 9) + 0.5) / 2**23
 
 
 @pytest.fixture
 def draws():
-    return Draws(20, np.arange(SIMULATIONS, dtype=np.uint64), Stream.VEHICLE)
+    return PhiloxStream(20, np.arange(SIMULATIONS, dtype=np.uint64), Stream.VEHICLE)
 
 
 def test_uniform_numbers_are_uniform(draws):
@@ -123,7 +130,7 @@ def test_normal_numbers_are_normal(draws):
 
 
 def test_a_normal_pair_is_two_independent_normal_numbers(draws):
-    first, second = normal_pair(draws.uniform(), draws.uniform())
+    first, second = box_muller(draws.uniform(), draws.uniform())
     for numbers in (first, second):
         assert stats.kstest(numbers, "norm").pvalue > SMALLEST_P
     for one, other in ((first, second), (first**2, second**2)):
@@ -166,6 +173,6 @@ def test_successive_draws_are_uncorrelated(draws):
 def test_streams_are_uncorrelated():
     index = np.arange(SIMULATIONS, dtype=np.uint64)[:, None]
     streams = np.uint32(Stream.DRIVER) + np.arange(8, dtype=np.uint32)
-    sample = Draws(3, index, streams).uniform()
+    sample = PhiloxStream(3, index, streams).uniform()
     correlation = np.corrcoef(sample.T) - np.eye(8)
     assert np.abs(correlation).max() < 5.0 / np.sqrt(SIMULATIONS)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -16,7 +17,10 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import initial_state
-from overtaking.world.parameters import Parameters, SimulationParameters, parameters
+from overtaking.world.step_parameters import Parameters, parameters
+
+if TYPE_CHECKING:
+    from overtaking.world.weather_parameters import SimulationParameters
 
 DECISION = 0.05
 NAMES = ("gust", "distance_error", "speed_error", "wander")

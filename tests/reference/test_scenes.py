@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.model.trajectories import Lights, Stage
 from overtaking.sim import engine
 
 from .scenes import WRITTEN, Written

@@ -12,12 +12,12 @@ import pytest
 from tests.support.two_way import pair
 from tests.support.worlds import scenario
 
-from overtaking.model.course import Course, Place, PlaceKind
 from overtaking.model.known_roads import known_road
-from overtaking.model.line import Piece, ReferenceLine
-from overtaking.model.trajectory import Stage
+from overtaking.model.reference_line import CurveSegment, ReferenceLine
+from overtaking.model.road_course import RoadCourse, RoadZone, ZoneKind
+from overtaking.model.trajectories import Stage
 from overtaking.sim import engine, reference
-from overtaking.world.sight import places_for, shown, sight_at
+from overtaking.world.sight_distance import all_zones_for, sight_at, visible_distance
 
 from .situations import difference
 
@@ -38,17 +38,17 @@ def bent(*parts: tuple[float, float, float], **course) -> Road:
     """The road along pieces of a length and a curvature at both ends."""
     pieces, x, y, heading = [], 0.0, 0.0, 0.0
     for length, begin, end in parts:
-        pieces.append(Piece(x, y, heading, length, begin, end))
-        there = ReferenceLine.of(pieces[-1:]).at(length)
+        pieces.append(CurveSegment(x, y, heading, length, begin, end))
+        there = ReferenceLine.from_segments(pieces[-1:]).pose_at(length)
         x, y, heading = float(there.x), float(there.y), float(there.heading)
-    return dataclasses.replace(two_way(), course=Course(line=tuple(pieces), **course))
+    return dataclasses.replace(two_way(), course=RoadCourse(line=tuple(pieces), **course))
 
 
 def over(radius: float) -> Road:
     """The road over a crest from a rise to a fall of 0.06, its top in the middle."""
     half = 0.06 * radius
     grade = ((0.5 * LENGTH - half, 0.06), (0.5 * LENGTH + half, -0.06))
-    return dataclasses.replace(two_way(), course=Course(grade=grade))
+    return dataclasses.replace(two_way(), course=RoadCourse(grade=grade))
 
 
 @pytest.mark.parametrize(("radius", "sight"), [(200, 90), (400, 127), (700, 167), (1500, 245)])
@@ -74,9 +74,9 @@ def test_a_bend_shows_what_a_chord_past_its_inside_shows(
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_crest_shows_what_is_above_its_tangent(radius: float, sight: float, direction: int):
     """S = sqrt(2 R) (sqrt(a) + sqrt(b)), from a truck a quarter farther."""
-    found, closed = shown(over(radius), direction), []
+    found, closed = visible_distance(over(radius), direction), []
     assert found is not None
-    for eye, seen in ((CAR, found.by_crests), (TRUCK, found.from_trucks)):
+    for eye, seen in ((CAR, found.over_crests), (TRUCK, found.over_crests_from_truck)):
         closed.append(math.sqrt(2.0 * radius) * (math.sqrt(eye) + math.sqrt(CAR)))
         # Before the top, so that the way seen is on the crest.
         s = 0.5 * LENGTH - direction * 0.5 * closed[-1]
@@ -124,31 +124,31 @@ def test_who_is_seen_sees():
 
 def test_straight_level_and_stated_roads_are_left_as_they_are():
     assert np.isinf(sight_at(two_way(), [0.0, 500.0])).all()
-    slope = dataclasses.replace(two_way(), course=Course(grade=((0.0, 0.05),)))
+    slope = dataclasses.replace(two_way(), course=RoadCourse(grade=((0.0, 0.05),)))
     assert np.isinf(sight_at(slope, [0.0, 500.0])).all()
     stated = bent((LENGTH, 0.01, 0.01), sight=((0.0, 333.0),))
     assert sight_at(stated, 100.0) == 333.0
-    assert not places_for(stated, 1)
+    assert not all_zones_for(stated, 1)
 
 
 def test_places_are_where_one_sees_too_little():
     """Bends below the 50 m of Article 19, crests below the 280 m that are needed at 90 km/h."""
-    assert not places_for(bent((LENGTH, 1 / 100, 1 / 100)), 1)
+    assert not all_zones_for(bent((LENGTH, 1 / 100, 1 / 100)), 1)
     sharp = bent((1000.0, 0.0, 0.0), (60.0, 1 / 40, 1 / 40), (LENGTH, 0.0, 0.0))
-    (bend,) = places_for(sharp, 1)
-    assert bend.kind is PlaceKind.BEND
+    (bend,) = all_zones_for(sharp, 1)
+    assert bend.kind is ZoneKind.BEND
     assert 950.0 < bend.start < 1000.0 < bend.stop < 1060.0
-    (crest,) = places_for(over(4_000.0), 1)
-    assert crest.kind is PlaceKind.CREST
+    (crest,) = all_zones_for(over(4_000.0), 1)
+    assert crest.kind is ZoneKind.CREST
     assert crest.start < 0.5 * LENGTH < crest.stop
-    (back,) = places_for(over(4_000.0), -1)
+    (back,) = all_zones_for(over(4_000.0), -1)
     assert (back.start, back.stop) == pytest.approx(
         (LENGTH - crest.stop, LENGTH - crest.start), abs=2.0
     )
-    assert not places_for(over(10_000.0), 1)
-    own = Place(kind=PlaceKind.JUNCTION, start=5.0, stop=6.0)
-    course = dataclasses.replace(over(10_000.0).course or Course(), places=(own,))
-    assert places_for(dataclasses.replace(two_way(), course=course), 1) == (own,)
+    assert not all_zones_for(over(10_000.0), 1)
+    own = RoadZone(kind=ZoneKind.JUNCTION, start=5.0, stop=6.0)
+    course = dataclasses.replace(over(10_000.0).course or RoadCourse(), places=(own,))
+    assert all_zones_for(dataclasses.replace(two_way(), course=course), 1) == (own,)
 
 
 @pytest.mark.ci

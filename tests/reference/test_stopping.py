@@ -11,8 +11,8 @@ from scipy.interpolate import RegularGridInterpolator
 from tests.support.bench import Bench, bench
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of
 
-from overtaking.knowledge import friction_table
-from overtaking.world.friction import stoppable_speed, stopping_distance
+from overtaking.knowledge.friction import friction_table
+from overtaking.world.road_surface import stoppable_speed, stopping_distance
 
 GRAVITY = 9.81
 ANTI_LOCK = 0.95

@@ -43,7 +43,7 @@ def test_town06_is_the_road_of_the_papers_frame_70():
     """
     road = load_road("town06")
     carla = np.array([(351.35, 251.58), (355.82, 251.68), (318.8, 251.61)])
-    s, d = road.road_coordinates(carla[:, 0], -carla[:, 1])
+    s, d = road.to_road(carla[:, 0], -carla[:, 1])
     assert [road.lanes[index].lane_id for index in road.lane_index(d)] == [-7, -7, -7]
     assert s[1] > s[0] > s[2]  # Travel is towards growing x.
     lane, left, right = road.lanes[0], road.lanes[1], road.slow_side_neighbour
@@ -60,9 +60,9 @@ def test_town06_covers_the_stretch_on_which_the_paper_starts_its_vehicles():
     paper, where the ego never starts, lies on the shoulder.
     """
     road = load_road("town06")
-    s, _ = road.road_coordinates(np.array([320.0, 450.0]), np.full(2, -245.0))
+    s, _ = road.to_road(np.array([320.0, 450.0]), np.full(2, -245.0))
     assert np.all((s > 0.0) & (s < road.length))
-    _, y = road.world(s[:, None], road.centres)
+    _, y = road.to_world(s[:, None], road.centres)
     bins = (-y - 238.0) // 4.0
     assert bins.tolist() == [[3.0, 2.0, 1.0, 0.0, -1.0]] * 2
 
@@ -89,7 +89,7 @@ WAYPOINTS = {  # Station: x and y of the lanes -7 to -3, from carla.Map.get_wayp
 def test_town06_lies_where_carla_puts_it(station: float):
     """Waypoints of the Python package carla 0.9.16 on its map Town06; CARLA's y is negated."""
     road = load_road("town06")
-    x, y = road.world(station, road.centres)
+    x, y = road.to_world(station, road.centres)
     carla_x, carla_y = WAYPOINTS[station]
     np.testing.assert_allclose(x, carla_x, rtol=0.0, atol=CENTIMETRE / 10.0)
     np.testing.assert_allclose(-y, carla_y, rtol=0.0, atol=CENTIMETRE / 10.0)
@@ -110,7 +110,7 @@ def test_roads_against_the_reference_line_lie_where_carla_puts_them(
     """Lanes with positive ids, at the file's station 2 m: waypoints of carla 0.9.16 as above."""
     road = load_road(maps / "Town06.xodr", road_id)
     index = [lane.lane_id for lane in road.lanes].index(lane_id)
-    found = road.world(road.length - 2.0, road.centres[index])
+    found = road.to_world(road.length - 2.0, road.centres[index])
     np.testing.assert_allclose(found, (x, -y), rtol=0.0, atol=CENTIMETRE / 10.0)
     turn = math.remainder(road.heading + math.radians(yaw_deg), math.tau)
     assert turn == pytest.approx(0.0, abs=1e-6)
@@ -137,8 +137,8 @@ def test_the_map_file_agrees_with_town06(maps: Path):
         assert (mine.lane_id, mine.kind, mine.width) == (theirs.lane_id, "shoulder", theirs.width)
         assert (mine.left_mark, mine.right_mark) == (theirs.left_mark, theirs.right_mark)
     stations = np.linspace(0.0, facts.length, 10)[:, None]
-    x, y = facts.world(stations, facts.centres)
-    read_x, read_y = read.world(stations, read.centres)
+    x, y = facts.to_world(stations, facts.centres)
+    read_x, read_y = read.to_world(stations, read.centres)
     assert y.shape == (10, 5)
     np.testing.assert_allclose(read_y, y, rtol=0.0, atol=CENTIMETRE)
     np.testing.assert_allclose(read_x, x, rtol=0.0, atol=CENTIMETRE)
@@ -150,8 +150,8 @@ def test_the_map_file_agrees_with_town06(maps: Path):
 def test_left_is_left_in_the_map_file_too(maps: Path):
     """A step to the left of travel has a larger y in OpenDRIVE where travel is towards +x."""
     for road in (load_road("town06"), load_road(maps / "Town06.xodr", "40")):
-        (x0, x1), (y0, y1) = road.world(np.array([0.0, 100.0]), np.array([0.0, 0.0]))
-        _, left = road.world(0.0, 1.0)
+        (x0, x1), (y0, y1) = road.to_world(np.array([0.0, 100.0]), np.array([0.0, 0.0]))
+        _, left = road.to_world(0.0, 1.0)
         assert x1 > x0
         assert abs(y1 - y0) < 0.1
         assert left > y0
@@ -381,11 +381,11 @@ def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
             for lane, (_, t, width, _) in zip(found.lanes, lanes, strict=True):
                 assert lane.width == pytest.approx(width, abs=0.006)
                 points.append(placed(text, float(station), t))
-        s, d = found.road_coordinates(*np.transpose(points))
+        s, d = found.to_road(*np.transpose(points))
         where = np.tile(found.centres, len(stations))
         np.testing.assert_allclose(d, where, rtol=0.0, atol=CENTIMETRE, err_msg=road.road_id)
         assert ((s >= 0.0) & (s <= found.length)).all()
-        passed, _ = found.road_coordinates(*np.transpose(middles))
+        passed, _ = found.to_road(*np.transpose(middles))
         ahead = np.diff(passed) * -sign * found.side
         assert (ahead > 0.0).all()
 
@@ -408,9 +408,9 @@ def test_a_route_is_as_long_as_its_roads_and_lies_on_them(maps: Path, name: str,
         for station in stations:
             lanes = [one for one in across(text, station, sign) if one[0] == "driving"]
             for centre, (_, t, _, _) in zip(road.centres, reversed(lanes), strict=True):
-                _, d = road.road_coordinates(*placed(text, float(station), t))
+                _, d = road.to_road(*placed(text, float(station), t))
                 assert d == pytest.approx(centre, abs=CENTIMETRE)
-            found.append(float(road.road_coordinates(*placed(text, float(station), 0.0))[0]))
+            found.append(float(road.to_road(*placed(text, float(station), 0.0))[0]))
         expected = done + (stations if sign < 0 else length - stations)
         np.testing.assert_allclose(found, expected, atol=0.1)
         done += length
@@ -449,7 +449,7 @@ def test_every_limit_is_that_of_the_text_at_every_half_metre(maps: Path, name: s
         ahead = stations - road.part.start if along else road.part.end - stations
         for way in (1, -1) if found.is_two_way else (1,):
             limits = [stated(text, float(station), way * sign) for station in stations]
-            here = found.limit_at(ahead * found.length / span, way)
+            here = found.speed_limit_at(ahead * found.length / span, way)
             np.testing.assert_allclose(here, limits, rtol=1e-12, err_msg=road.road_id)
 
 
@@ -468,7 +468,7 @@ def test_a_route_over_roads_with_other_limits_has_those_of_the_text(
     ]
     lanes = [[one[1] for one in across(*each) if one[0] == "driving"] for each in asked]
     points = [placed(*each[:2], t) for each, found in zip(asked, lanes, strict=True) for t in found]
-    s, d = road.road_coordinates(*np.array(points).T)
+    s, d = road.to_road(*np.array(points).T)
     near = np.abs(road.centres - d[:, None]).min(axis=1) < CENTIMETRE
     inside = (s >= 0.0) & (s <= road.length) & near
     compared = []
@@ -477,7 +477,7 @@ def test_a_route_over_roads_with_other_limits_has_those_of_the_text(
         here = slice(place, place := place + len(found))
         if found and inside[here].all():
             limit = stated(*each)
-            assert road.limit_at(s[here][0]) == pytest.approx(limit, rel=1e-12)
+            assert road.speed_limit_at(s[here][0]) == pytest.approx(limit, rel=1e-12)
             compared.append(round(limit / 0.44704))
     assert set(compared) == set(mph)
     assert len(compared) > 0.9 * road.length / STEP

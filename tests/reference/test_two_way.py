@@ -13,16 +13,17 @@ from tests.support.worlds import Vehicle, scenario
 from overtaking import _core
 from overtaking.core.errors import ConfigError
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine, reference
-from overtaking.world.parameters import SIMULATION_FIELDS, parameters
-from overtaking.world.sight import sight_at
+from overtaking.world.sight_distance import sight_at
+from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters
 
 from .situations import difference
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 
@@ -153,7 +154,7 @@ def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
 
 @pytest.mark.ci
 def test_no_arrival_is_missing_within_sight():
-    world = sample(spec("rural"), load_road("rural"), 5, np.arange(300))
+    world = sample(load_specification("rural"), load_road("rural"), 5, np.arange(300))
     run = engine.run(world, parameters(world))
     comes = (world.start_lane == 1) & world.vehicles.valid
     place = np.where(comes[:, :, None], run.states.s, -1)
@@ -163,7 +164,7 @@ def test_no_arrival_is_missing_within_sight():
     full = comes.sum(axis=1) == world.num_slots - 10
     assert 20 < full.sum() < 300
     sight = np.minimum(sight_at(world.road, ego), 1000.0)
-    missing = (last - ego < sight) & run.frame_valid & full[:, None]
+    missing = (last - ego < sight) & run.frame_mask & full[:, None]
     assert not missing.any()
 
 

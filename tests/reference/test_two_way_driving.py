@@ -11,16 +11,24 @@ from tests.support.two_way import SCENES, pair, road
 from tests.support.worlds import scenario
 
 from overtaking import _core
-from overtaking.model.actions import KINDS, MOST_PARTS, Move
-from overtaking.model.observation import AROUND, MEETING, ROLES, parted
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import (
+    ACTION_KINDS,
+    MAX_ACTION_PARTS,
+    NEIGHBOUR_COLUMNS,
+    NEIGHBOUR_ROLES,
+    PASSING_COLUMNS,
+    Move,
+    split_observation,
+)
+from overtaking.model.trajectories import Stage
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine, policies, reference
 from overtaking.sim.driving import Driver, drive
 from overtaking.sim.sensor import Sensor
 from overtaking.sim.stepping import stepper
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 from .situations import difference
 from .test_driving import random_actions
@@ -30,12 +38,14 @@ HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
 
 
 def rural(numbers, seed: int = 7, **changes: object):
-    given = spec("rural", {"traffic.held_up": 1.0} | changes)
+    given = load_specification("rural", {"traffic.held_up": 1.0} | changes)
     return sample(given, load_road("rural"), seed, np.asarray(numbers, np.uint64))
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("kind", "is_true"), list(zip(KINDS, cycle([False, True]), strict=False)))
+@pytest.mark.parametrize(
+    ("kind", "is_true"), list(zip(ACTION_KINDS, cycle([False, True]), strict=False))
+)
 def test_both_engines_observe_the_same_bits(kind, is_true):
     given = parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
     values = random_actions(kind, (len(SCENES), 181), seed=2).values
@@ -47,7 +57,9 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
     while still.any():
         np.testing.assert_array_equal(runs, still)
         np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
-        met += int(parted(table)[1][:, ROLES.index("behind_oncoming"), 0].sum())
+        met += int(
+            split_observation(table)[1][:, NEIGHBOUR_ROLES.index("behind_oncoming"), 0].sum()
+        )
         now = np.ascontiguousarray(values[:, at])
         (table, runs, _), (expected, still, _) = (one.step(now, 1) for one in pair_of)
         at += 1
@@ -56,7 +68,7 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ACTION_KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     world = scenario(*SCENES, road=road(), horizon=9.0, num_slots=5)
     given = parameters(world)
@@ -98,7 +110,7 @@ def test_the_reference_lets_it_do_the_same():
 def test_a_thousand_of_the_rural_profile_leave_the_same_trace():
     same = 0
     for first in range(0, 1000, 100):
-        given = spec("rural")
+        given = load_specification("rural")
         world = sample(given, load_road("rural"), 7, np.arange(first, first + 100, dtype=np.uint64))
         expected = engine.run(world, parameters(world)).trace_hash
         same += int((drive(world, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
@@ -128,7 +140,7 @@ def observed(observe, *scenes, on=None, horizon: float = 8.0):
 
 
 def of(around, name: str, role: str):
-    return around[:, :, ROLES.index(role), list(AROUND).index(name)]
+    return around[:, :, NEIGHBOUR_ROLES.index(role), list(NEIGHBOUR_COLUMNS).index(name)]
 
 
 def test_the_truth_tells_where_those_who_come_are():
@@ -160,7 +172,7 @@ def test_who_is_met_makes_room_for_the_next_one():
 def test_a_human_sees_those_who_come_as_far_as_the_road_shows_them():
     hidden = road(is_open=False)
     run, around, meeting = observed("human", pair(900.0), on=hidden, horizon=12.0)
-    sight = meeting[:, 0, list(MEETING).index("sight")]
+    sight = meeting[:, 0, list(PASSING_COLUMNS).index("sight")]
     seen = of(around, "detected", "oncoming")[:, 0] > 0
     frames = np.arange(len(around))
     gap = (run.states.s[0, 2, frames] - run.states.s[0, 0, frames]) / 1e3
@@ -177,7 +189,7 @@ def test_a_sensor_sees_those_who_come_within_its_range(repository):
         seen = of(around, "detected", role)[:, 0] > 0
         assert seen.any()
         assert of(around, "gap", role)[seen, 0].max() < radar.range_ahead + 1.0
-    assert not meeting[:, :, list(MEETING).index("room")].any()
+    assert not meeting[:, :, list(PASSING_COLUMNS).index("room")].any()
 
 
 def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
@@ -187,11 +199,11 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     table, runs, _ = steps.begin()
     moves = []
     while runs.any():
-        of_meeting = dict(zip(MEETING, parted(table)[2][0], strict=True))
+        of_meeting = dict(zip(PASSING_COLUMNS, split_observation(table)[2][0], strict=True))
         out = bool(table[0, 8] == Stage.PASS)
         move = Move.ABORT if out and of_meeting["can_fall_in"] else Move.PULL_OUT
         moves.append(int(move))
-        values = np.zeros((1, MOST_PARTS), np.int32)
+        values = np.zeros((1, MAX_ACTION_PARTS), np.int32)
         values[0, 0] = move
         table, runs, _ = steps.step(values, 1)
         if move is Move.ABORT:

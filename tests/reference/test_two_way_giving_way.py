@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from tests.support.two_way import pair, simulated, with_an_oncomer_that_overtakes
 
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.model.trajectories import Lights, Stage
 
 
 def test_who_meets_an_overtaker_flashes_brakes_and_moves_aside():

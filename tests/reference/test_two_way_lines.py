@@ -9,20 +9,20 @@ import numpy as np
 from tests.support.two_way import in_the_other_lane, pair, road
 from tests.support.worlds import scenario
 
-from overtaking.model.course import Course, Line, RoadMark
-from overtaking.model.trajectory import Stage
+from overtaking.knowledge.toml_reader import constant
+from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadMark
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim import engine
-from overtaking.world.constants import known
-from overtaking.world.parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
 
 if TYPE_CHECKING:
-    from overtaking.world.parameters import Parameters
+    from overtaking.world.step_parameters import Parameters
 
 
 def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
-    begins, announced = 1500.0, float(known("model.oncoming.line_ahead"))
-    course = Course(lines=(Line(start=begins, stop=6000.0, mark=RoadMark.SOLID),))
+    begins, announced = 1500.0, float(constant("model.oncoming.line_ahead"))
+    course = RoadCourse(lines=(CentreLineSpan(start=begins, stop=6000.0, mark=RoadMark.SOLID),))
     on = dataclasses.replace(road(), course=course)
     heeds = np.array([True, False])
     scenes = [pair(patience=1e6, gap_acceptance=0.3, heeds_lines=one) for one in heeds]
@@ -43,7 +43,7 @@ def with_ego(given: Parameters, **changed: float) -> Parameters:
 
 
 def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
-    course = Course(lines=(Line(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),))
+    course = RoadCourse(lines=(CentreLineSpan(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),))
     on = dataclasses.replace(road(), course=course)
     scenes = [pair(gap_acceptance=0.3, heeds_lines=one) for one in (True, False)]
     runs = [engine.simulate(scenario(scene, road=on, horizon=25.0)) for scene in scenes]
@@ -51,19 +51,19 @@ def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
     assert out[0][0] == out[1][0]
     assert out[0][-1] < out[1][-1] - 10
     s, body = runs[0].states.s[0, :2, out[0][-1]], runs[0].scenario.vehicles.length[0, :2].mean()
-    assert 1e-3 * (s[0] - s[1]) - body > 2.0 * float(known("model.oncoming.squeeze_gap"))
+    assert 1e-3 * (s[0] - s[1]) - body > 2.0 * float(constant("model.oncoming.squeeze_gap"))
 
 
 def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():
     scenes = [pair(gap_acceptance=asked) for asked in (0.4, 0.9, 1.6)]
     world = scenario(*scenes, road=road())
     trust = parameters(world).vehicle[VEHICLE_FIELDS.index("unseen_trust"), Role.EGO]
-    expected = float(known("model.oncoming.unseen_trust")) / np.sqrt([0.4, 0.9, 1.6])
+    expected = float(constant("model.oncoming.assumed_sight_factor")) / np.sqrt([0.4, 0.9, 1.6])
     np.testing.assert_allclose(trust, expected, rtol=1e-6)
 
 
 def test_trust_decides_where_the_road_is_not_seen_and_nowhere_else():
-    course = Course(sight=((0.0, 400.0),))
+    course = RoadCourse(sight=((0.0, 400.0),))
     for on, limited in ((dataclasses.replace(road(), course=course), True), (road(), False)):
         world = scenario(pair(600.0, gap_acceptance=0.4), road=on, horizon=3.0)
         given = parameters(world)

@@ -16,11 +16,11 @@ from tests.support.two_way import (
 from tests.support.worlds import CALM_DRIVER, Vehicle, scenario
 
 from overtaking.analysis.validation.passes import meeting
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.knowledge.toml_reader import constant
+from overtaking.model.trajectories import Lights, Stage
 from overtaking.sim import engine
-from overtaking.world.constants import known
-from overtaking.world.effects import Effects
-from overtaking.world.parameters import VEHICLE_FIELDS, parameters
+from overtaking.world.constants import EnabledEffects
+from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
 
 
 def test_the_ego_waits_for_who_comes_and_goes_behind_it():
@@ -59,7 +59,7 @@ def test_who_follows_one_that_overtakes_waits():
         for back in (30.0, 55.0)
     ]
     run = simulated([ego, leader, *keen], horizon=60.0)
-    away = (run.states.lane[0] == 1) & run.frame_valid[0]
+    away = (run.states.lane[0] == 1) & run.frame_mask[0]
     assert away[2:].any(axis=1).sum() >= 2
     assert away.sum(axis=0).max() == 1
 
@@ -104,11 +104,13 @@ def test_who_follows_a_truck_leaves_more_room_than_behind_a_car():
         leader = Vehicle(kind=kind, s=1060.0, speed=18.0, driver={"desired_speed": 18.0})
         scenes.append([Vehicle(s=1000.0, speed=18.0, driver={"desired_speed": 40.0}), leader])
     world = scenario(*scenes, road=road(), horizon=60.0)
-    sure = Effects(delay=False, distance_error=False, looming=False)
+    sure = EnabledEffects(delay=False, distance_error=False, looming=False)
     run = engine.run(world, parameters(world, sure))
     body = run.scenario.vehicles.length[:, :2].mean(axis=1)
     gap = 1e-3 * (run.states.s[:, 1, -1] - run.states.s[:, 0, -1]) - body
     kept = (
-        CALM_DRIVER["time_gap"] * 18.0 * np.array([1.0, float(known("model.oncoming.tall_room"))])
+        CALM_DRIVER["time_gap"]
+        * 18.0
+        * np.array([1.0, float(constant("model.oncoming.tall_room"))])
     )
     np.testing.assert_allclose(gap, CALM_DRIVER["min_gap"] + kept, rtol=0.01)

@@ -10,14 +10,15 @@ from tests.support.two_way import beyond, in_the_other_lane, pair, platoon, simu
 from tests.support.worlds import Vehicle
 
 from overtaking.analysis.validation.passes import meeting
-from overtaking.model.trajectory import NO_VEHICLE, Stage
+from overtaking.model.trajectories import NO_VEHICLE, Stage
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 if TYPE_CHECKING:
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 
 def test_an_ego_that_meets_an_unusually_fast_one_falls_back():
@@ -79,7 +80,7 @@ def longest_beside(run: Trajectories, row: int) -> float:
     frames = np.arange(states.s.shape[2])
     time, _, _ = meeting(run, np.full_like(frames, row), frames)
     stays = ((apart < 3.0) & level & along).any(axis=0) & (run.stage[row] == Stage.PASS)
-    stays = stays & (time < 15.0) & run.frame_valid[row]
+    stays = stays & (time < 15.0) & run.frame_mask[row]
     edges = np.flatnonzero(np.diff(stays, prepend=False, append=False))
     return 0.05 * float(max(edges[1::2] - edges[::2], default=0))
 
@@ -93,7 +94,7 @@ def test_nobody_stays_beside_another_with_neither_time_nor_room():
         "traffic.slow_share": 0.2,
         "drivers.temper": [0.7, 1.0],
     }
-    world = sample(spec("rural", pressed), load_road("rural"), 5, np.arange(192, 448))
+    world = sample(load_specification("rural", pressed), load_road("rural"), 5, np.arange(192, 448))
     run = engine.run(world, parameters(world))
     tried = np.flatnonzero((run.stage == Stage.PASS).any(axis=1))
     assert len(tried) > 20
@@ -114,11 +115,11 @@ def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
 def test_who_falls_back_touches_nobody_and_stays_on_the_road():
     """Without the mends the first left the road at a walking pace, the others touched somebody."""
     numbers = [11703, 199, 4685, 7020, 25921, 27697, 29696]
-    slow = spec("rural-risk", {"traffic.slow_share": 0.6, "traffic.held_up": 1.0})
+    slow = load_specification("rural-risk", {"traffic.slow_share": 0.6, "traffic.held_up": 1.0})
     world = sample(slow, load_road("rural"), 58, np.array(numbers))
     run = engine.run(world, parameters(world))
     assert (run.stage == Stage.ABORT).any(axis=1).all()
     assert (run.contacts.partner[:, 0] == NO_VEHICLE).all()
     assert (run.stage != Stage.CRASHED).all()
-    edge = 1e-3 * run.states.d[:, 0][run.frame_valid].min()
+    edge = 1e-3 * run.states.d[:, 0][run.frame_mask].min()
     assert edge > float(run.road.boundaries[0]) + 0.5

@@ -13,7 +13,8 @@ from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of, scenario, wide
 from overtaking.sim import engine, reference
 from overtaking.sim.reference import environment
 from overtaking.sim.reference.state import initial_state
-from overtaking.world.parameters import Effects, parameters
+from overtaking.world.constants import EnabledEffects
+from overtaking.world.step_parameters import parameters
 
 ACROSS = math.pi / 2.0
 KMH = 1.0 / 3.6
@@ -73,7 +74,7 @@ def test_a_head_wind_lifts_no_wheel_that_pulls_the_rider_back(simulator):
     rider = Vehicle(kind="B", speed=30.0, driver={"desired_speed": 40.0})
     against = {"wind": 100.0, "wind_direction": math.pi}
     given = scenario([rider], weather=against, horizon=1.0)
-    ran = simulator.run(given, parameters(given, Effects(gusts=False)))
+    ran = simulator.run(given, parameters(given, EnabledEffects(gusts=False)))
     body = body_of("B")
     # Newton's second law with the force of the pedals at zero or more.
     # A frame tells the acceleration of the step to it, and the speed was highest when that began.
@@ -174,7 +175,7 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
     world = scenario(
         [car, lorry], road=wide_road(), weather={"wind": 60.0, "wind_direction": wind_direction}
     )
-    given = parameters(world, Effects(gusts=False))
+    given = parameters(world, EnabledEffects(gusts=False))
     state = initial_state(given)
     fields = given.of_vehicles, given.of_simulations
     environment.wind(state, given, *fields)

@@ -10,17 +10,14 @@ import numpy as np
 
 from overtaking.sim.reference import dynamics, environment, steering
 from overtaking.sim.reference.state import Fields, State, initial_state
-from overtaking.world.parameters import (
-    Effects,
-    Parameters,
-    SimulationParameters,
-    parameters,
-)
+from overtaking.world.constants import EnabledEffects
+from overtaking.world.step_parameters import Parameters, parameters
 
 from .worlds import Vehicle, scenario, wide_road
 
 if TYPE_CHECKING:
-    from overtaking.world.constants import Constants
+    from overtaking.world.constants import ModelConstants
+    from overtaking.world.weather_parameters import SimulationParameters
 
 F64 = np.ndarray
 
@@ -51,7 +48,7 @@ class Bench:
 
     given: Parameters
     state: State
-    c: Constants
+    c: ModelConstants
     p: Fields
     q: SimulationParameters
     grips: bool
@@ -131,7 +128,7 @@ def bench(
         weather=sky,
         num_slots=1,
     )
-    given = parameters(world, Effects(gusts=False, wake=False))
+    given = parameters(world, EnabledEffects(gusts=False, wake=False))
     # Stability control has a test of its own.
     constants = given.constants.replace(step=step, stability_threshold=1e9)
     state = initial_state(given)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
-from overtaking.model.course import Course
-from overtaking.model.line import Piece, ReferenceLine
+from overtaking.model.reference_line import CurveSegment, ReferenceLine
+from overtaking.model.road_course import RoadCourse
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
@@ -18,17 +18,17 @@ BENDS = ((300.0, 0.0, 0.0), (100.0, 0.0, 1 / 400), (400.0, 1 / 400, 1 / 400),
 HILLS = ((0.0, 0.0), (300.0, 0.03), (700.0, -0.04), (1200.0, 0.0))
 
 
-def line(*parts: tuple[float, float, float]) -> tuple[Piece, ...]:
+def line(*parts: tuple[float, float, float]) -> tuple[CurveSegment, ...]:
     """Pieces, each where the one before it ends."""
     pieces, x, y, heading = [], 0.0, 0.0, 0.0
     for length, begin, end in parts:
-        pieces.append(Piece(x, y, heading, length, begin, end))
-        there = ReferenceLine.of(pieces[-1:]).at(length)
+        pieces.append(CurveSegment(x, y, heading, length, begin, end))
+        there = ReferenceLine.from_segments(pieces[-1:]).pose_at(length)
         x, y, heading = float(there.x), float(there.y), float(there.heading)
     return tuple(pieces)
 
 
 def on(road: Road, *parts: tuple[float, float, float], grade=()) -> Road:
     """A road laid out along other pieces."""
-    course = dataclasses.replace(road.course or Course(), line=line(*parts), grade=grade)
+    course = dataclasses.replace(road.course or RoadCourse(), line=line(*parts), grade=grade)
     return dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0, course=course)

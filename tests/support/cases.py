@@ -11,23 +11,23 @@ from tests.support.worlds import CLEAR, Vehicle, scenario
 
 from overtaking.labels.events import case_of
 from overtaking.labels.signals import target_signals
-from overtaking.model.events import NEVER, Events
 from overtaking.model.known_roads import known_road
+from overtaking.model.overtake_events import NEVER, OvertakeEvents
 from overtaking.model.road import Lane, Road, RoadMark
-from overtaking.model.trajectory import (
+from overtaking.model.trajectories import (
     NO_VEHICLE,
-    STATE_TYPES,
+    STATE_DTYPES,
     Contacts,
-    DecisionKind,
     Lights,
+    ManoeuvreKind,
     Percepts,
     States,
     Trajectories,
 )
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
-    from overtaking.model.signals import Signals
+    from overtaking.model.ego_signals import EgoSignals
+    from overtaking.model.verdicts import Case
 
 INTERVAL_MS = 50
 LEFT, RIGHT = int(Lights.INDICATOR_LEFT), int(Lights.INDICATOR_RIGHT)
@@ -64,7 +64,7 @@ class Track:
 class Belief:
     """What the ego believed of one vehicle at a decision, and what was so; SI."""
 
-    kind: DecisionKind = DecisionKind.PULL_OUT
+    kind: ManoeuvreKind = ManoeuvreKind.PULL_OUT
     frame: int = 0
     whom: int = 0
     vehicle: int = 1
@@ -127,7 +127,7 @@ def seen_case(recorded: Trajectories, events: dict[str, int] | None = None) -> C
     return with_events(found, _events(recorded, found.signals, events))
 
 
-def with_events(one: Case, events: Events) -> Case:
+def with_events(one: Case, events: OvertakeEvents) -> Case:
     """The case as if these were its events."""
     target = target_signals(one.trajectories, one.signals, events.target)
     return one.replace(events=events, target=target)
@@ -173,7 +173,7 @@ def _states(tracks: tuple[Track, ...], road: Road, frames: int, interval_ms: int
     s = np.array([each.s for each in tracks])[None, :, None] * 1000.0 + way * interval_ms / 1000.0
     d = rows("lane", np.float64) * road.side * road.lanes[0].width + road.centres[0]
     index = road.lane_index(d)
-    x, y = road.world(s / 1000.0, d)
+    x, y = road.to_world(s / 1000.0, d)
     heading = np.where(step < 0, np.round(np.pi * 1e4), 0.0) + np.zeros(s.shape)
     known = {
         "x": _int32(x * 1000.0),
@@ -186,7 +186,7 @@ def _states(tracks: tuple[Track, ...], road: Road, frames: int, interval_ms: int
         "lane": np.where(index < 0, 255, index).astype(np.uint8),
         "lights": rows("lights", np.uint8),
     }
-    zeros = {name: np.zeros(s.shape, kind) for name, kind in STATE_TYPES.items()}
+    zeros = {name: np.zeros(s.shape, kind) for name, kind in STATE_DTYPES.items()}
     return States(**zeros | known)
 
 
@@ -227,8 +227,8 @@ def _percepts(beliefs: tuple[Belief, ...], interval_ms: int) -> Percepts:
     )
 
 
-def _events(recorded: Trajectories, seen: Signals, named: dict[str, int]) -> Events:
-    values = {each.name: int(NEVER) for each in dataclasses.fields(Events)}
+def _events(recorded: Trajectories, seen: EgoSignals, named: dict[str, int]) -> OvertakeEvents:
+    values = {each.name: int(NEVER) for each in dataclasses.fields(OvertakeEvents)}
     values |= {
         "first": 0,
         "last": int(recorded.num_frames[0]) - 1,
@@ -240,12 +240,12 @@ def _events(recorded: Trajectories, seen: Signals, named: dict[str, int]) -> Eve
         "partner": int(NO_VEHICLE),
         "struck": 0,
     }
-    types = {each.name: str(each.type) for each in dataclasses.fields(Events)}
+    types = {each.name: str(each.type) for each in dataclasses.fields(OvertakeEvents)}
     columns = {
         name: np.array([value], _TYPES.get(types[name], np.int32))
         for name, value in (values | named).items()
     }
-    return Events(**columns)
+    return OvertakeEvents(**columns)
 
 
 _TYPES = {"U8": np.uint8, "Mask": np.bool_}

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from overtaking.world import friction
-from overtaking.world.parameters import VehicleParameters
+from overtaking.world import road_surface
+from overtaking.world.step_parameters import VehicleParameters
 
 if TYPE_CHECKING:
-    from overtaking.model.trajectory import Trajectories
-    from overtaking.world.parameters import Parameters
+    from overtaking.model.trajectories import Trajectories
+    from overtaking.world.step_parameters import Parameters
 
 SIGMAS = 6.0
 """Turbulence beyond so many standard deviations does not occur: 2e-9 of a normal distribution."""
@@ -45,7 +45,9 @@ def bounds(ran: Trajectories, given: Parameters, driven: np.ndarray) -> Bounds:
     q = given.of_simulations
     c = given.constants
     speed = ran.states.speed / 1000.0
-    grip = c.gravity * friction.peak_friction(c, np.float32(0.0), np.float32(0.0), p.wear, p.truck)
+    grip = c.gravity * road_surface.peak_friction(
+        c, np.float32(0.0), np.float32(0.0), p.wear, p.truck
+    )
     aside = grip * np.sin(np.abs(ran.states.wheel_angle) / 1e4)
     strength = 1.0 + SIGMAS * c.turbulence_intensity + q.gust_gain
     tail = np.array([np.zeros_like(strength), q.wind_along * strength])

@@ -33,9 +33,9 @@ from tests.support.overtakes import (
 )
 from tests.support.worlds import wide_road
 
-from overtaking.model.course import Course, PlaceKind
-from overtaking.model.labels import Verdict
 from overtaking.model.road import RoadMark
+from overtaking.model.road_course import RoadCourse, ZoneKind
+from overtaking.model.verdicts import Verdict
 
 LEGAL, BREACH = Verdict.LEGAL, Verdict.ILLEGAL
 APART, UNKNOWN = Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE
@@ -129,20 +129,20 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("O8", BREACH, "no indicator", lambda: overtake(ego={"lights": 0})),
     ("O8", APART, "no attempt", alone),
     ("O8", UNKNOWN, "no indicators", lambda: overtake(unknown=("indicators",))),
-    ("O9", LEGAL, "back before sign 276", lambda: place(PlaceKind.NO_OVERTAKING, 600.0, 700.0)),
-    ("O9", BREACH, "behind sign 276", lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0)),
+    ("O9", LEGAL, "back before sign 276", lambda: place(ZoneKind.NO_OVERTAKING, 600.0, 700.0)),
+    ("O9", BREACH, "behind sign 276", lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0)),
     (
         "O9",
         BREACH,
         "a truck behind sign 277",
-        lambda: place(PlaceKind.NO_OVERTAKING_HEAVY, 300.0, 350.0, ego={"kind": "T"}),
+        lambda: place(ZoneKind.NO_OVERTAKING_HEAVY, 300.0, 350.0, ego={"kind": "T"}),
     ),
     (
         "O9",
         APART,
         "a truck past a motorcycle behind sign 277",
         lambda: place(
-            PlaceKind.NO_OVERTAKING_HEAVY,
+            ZoneKind.NO_OVERTAKING_HEAVY,
             300.0,
             350.0,
             ego={"kind": "T"},
@@ -153,7 +153,7 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
         "O9",
         APART,
         "past a motorcycle",
-        lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0, target={"kind": "MC"}),
+        lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0, target={"kind": "MC"}),
     ),
     ("O9", APART, "no line is crossed", lambda: crossing(events={"attempt": 60}, road=SIGNED)),
     ("O9", APART, "a road whose signs are known", overtake),
@@ -162,7 +162,7 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
         "O9",
         UNKNOWN,
         "no kinds",
-        lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0, unknown=("kinds",)),
+        lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0, unknown=("kinds",)),
     ),
     ("O10", LEGAL, "2.5 m beside a bicycle", lambda: passing(1, target={"kind": "B"})),
     ("O10", BREACH, "1.8 m beside it", lambda: passing(3.0 / 3.75, target={"kind": "B"})),
@@ -200,13 +200,13 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
     ("O15", BREACH, "who comes brakes hard", lambda: coming(accel=braking(250, 260))),
     ("O15", BREACH, "who comes leaves the lane", lambda: coming(lane=EVADES)),
     ("O15", APART, "no oncoming vehicle", rural),
-    ("O16", LEGAL, "800 m in sight", lambda: along_course(Course(sight=((0.0, 800.0),)))),
-    ("O16", BREACH, "700 m in sight", lambda: along_course(Course(sight=((0.0, 700.0),)))),
+    ("O16", LEGAL, "800 m in sight", lambda: along_course(RoadCourse(sight=((0.0, 800.0),)))),
+    ("O16", BREACH, "700 m in sight", lambda: along_course(RoadCourse(sight=((0.0, 700.0),)))),
     (
         "O16",
         LEGAL,
         "700 m in sight, where those who come may drive 54 km/h",
-        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
+        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
     ),
     ("O16", APART, "lanes of one direction", overtake),
     ("O16", UNKNOWN, "no weather", lambda: rural(unknown=("weather",))),
@@ -214,44 +214,44 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
         "O17",
         LEGAL,
         "60 m before a crossing of pedestrians",
-        lambda: place(PlaceKind.PEDESTRIAN_CROSSING, 566.0, 570.0),
+        lambda: place(ZoneKind.PEDESTRIAN_CROSSING, 566.0, 570.0),
     ),
     (
         "O17",
         BREACH,
         "at a crossing of pedestrians",
-        lambda: place(PlaceKind.PEDESTRIAN_CROSSING, 300.0, 304.0),
+        lambda: place(ZoneKind.PEDESTRIAN_CROSSING, 300.0, 304.0),
     ),
     (
         "O17",
         BREACH,
         "a bicycle at a crossing of pedestrians",
-        lambda: place(PlaceKind.PEDESTRIAN_CROSSING, 300.0, 304.0, target={"kind": "B"}),
+        lambda: place(ZoneKind.PEDESTRIAN_CROSSING, 300.0, 304.0, target={"kind": "B"}),
     ),
     (
         "O17",
         LEGAL,
         "250 m before a level crossing",
-        lambda: place(PlaceKind.LEVEL_CROSSING, 760.0, 770.0),
+        lambda: place(ZoneKind.LEVEL_CROSSING, 760.0, 770.0),
     ),
     (
         "O17",
         BREACH,
         "200 m before a level crossing",
-        lambda: place(PlaceKind.LEVEL_CROSSING, 700.0, 710.0),
+        lambda: place(ZoneKind.LEVEL_CROSSING, 700.0, 710.0),
     ),
     (
         "O17",
         APART,
         "a bicycle before a level crossing",
-        lambda: place(PlaceKind.LEVEL_CROSSING, 700.0, 710.0, target={"kind": "B"}),
+        lambda: place(ZoneKind.LEVEL_CROSSING, 700.0, 710.0, target={"kind": "B"}),
     ),
     ("O17", APART, "no crossing", overtake),
     (
         "O17",
         UNKNOWN,
         "no kinds",
-        lambda: place(PlaceKind.LEVEL_CROSSING, 700.0, 710.0, unknown=("kinds",)),
+        lambda: place(ZoneKind.LEVEL_CROSSING, 700.0, 710.0, unknown=("kinds",)),
     ),
     ("V1", LEGAL, "in clear air", overtake),
     ("V1", BREACH, "at 108 km/h in dense fog", lambda: overtake(weather=DENSE)),

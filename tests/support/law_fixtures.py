@@ -20,8 +20,8 @@ from tests.support.overtakes import (
 )
 from tests.support.worlds import wide_road
 
-from overtaking.model.labels import Verdict
 from overtaking.model.road import RoadMark
+from overtaking.model.verdicts import Verdict
 
 LEGAL, BREACH = Verdict.LEGAL, Verdict.ILLEGAL
 APART, UNKNOWN = Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE

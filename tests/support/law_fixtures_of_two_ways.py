@@ -17,14 +17,20 @@ from tests.support.overtakes import (
     rural,
 )
 
-from overtaking.model.course import Course, Limit, Line, Place, PlaceKind
 from overtaking.model.known_roads import known_road
-from overtaking.model.labels import Verdict
 from overtaking.model.road import RoadMark
+from overtaking.model.road_course import (
+    CentreLineSpan,
+    RoadCourse,
+    RoadZone,
+    SpeedLimitSpan,
+    ZoneKind,
+)
+from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
     from overtaking.model.road import Road
+    from overtaking.model.verdicts import Case
 
 LEGAL, BREACH = Verdict.LEGAL, Verdict.ILLEGAL
 APART, UNKNOWN = Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE
@@ -32,24 +38,26 @@ APART, UNKNOWN = Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE
 
 def lined(*stretches: tuple[float, float, RoadMark]) -> Case:
     """The overtake from 114 to 502 m, along a broken line with other stretches."""
-    lines = tuple(Line(start=start, stop=stop, mark=mark) for start, stop, mark in stretches)
-    return along_course(Course(lines=lines))
+    lines = tuple(
+        CentreLineSpan(start=start, stop=stop, mark=mark) for start, stop, mark in stretches
+    )
+    return along_course(RoadCourse(lines=lines))
 
 
-def place(kind: PlaceKind, start: float, stop: float, direction: int = 0, **given: Any) -> Case:
+def place(kind: ZoneKind, start: float, stop: float, direction: int = 0, **given: Any) -> Case:
     """The overtake along a road with a place."""
-    one = Place(kind=kind, start=start, stop=stop, direction=direction)
-    return along_course(Course(places=(one,)), **given)
+    one = RoadZone(kind=kind, start=start, stop=stop, direction=direction)
+    return along_course(RoadCourse(places=(one,)), **given)
 
 
-def lower(start: float, stop: float, direction: int) -> Limit:
+def lower(start: float, stop: float, direction: int) -> SpeedLimitSpan:
     """A stretch with a limit of 54 km/h for one direction."""
-    return Limit(start=start, stop=stop, speed=15.0, direction=direction)
+    return SpeedLimitSpan(start=start, stop=stop, speed=15.0, direction=direction)
 
 
-def on_motorway(kind: PlaceKind) -> Road:
+def on_motorway(kind: ZoneKind) -> Road:
     """Three lanes in one direction with a place from 300 to 350 m."""
-    course = Course(places=(Place(kind=kind, start=300.0, stop=350.0),))
+    course = RoadCourse(places=(RoadZone(kind=kind, start=300.0, stop=350.0),))
     return dataclasses.replace(known_road("motorway"), course=course)
 
 
@@ -93,69 +101,69 @@ OF_TWO_WAYS: list[tuple[str, Verdict, str, Any]] = [
         "L15",
         LEGAL,
         "two ways, a straight road",
-        lambda: along_course(Course(sight=((0.0, 800.0),))),
+        lambda: along_course(RoadCourse(sight=((0.0, 800.0),))),
     ),
     (
         "L15",
         BREACH,
         "two ways, too long on the left",
-        lambda: along_course(Course(sight=((0.0, 700.0),))),
+        lambda: along_course(RoadCourse(sight=((0.0, 700.0),))),
     ),
     (
         "L15",
         BREACH,
         "less than 50 m of the road in sight",
         lambda: along_course(
-            Course(sight=((0.0, 1000.0), (300.0, 1000.0), (320.0, 40.0))),
+            RoadCourse(sight=((0.0, 1000.0), (300.0, 1000.0), (320.0, 40.0))),
         ),
     ),
     (
         "L15",
         LEGAL,
         "two ways, as long, where those who come may drive 54 km/h",
-        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
+        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
     ),
     (
         "L15",
         LEGAL,
         "two ways, as long, where they may drive 54 km/h as far as one sees",
-        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 820.0, -1),))),
+        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 820.0, -1),))),
     ),
     (
         "L15",
         BREACH,
         "two ways, as long, and they may drive 90 km/h where the sight ends",
-        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 805.0, -1),))),
+        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 805.0, -1),))),
     ),
     (
         "L15",
         BREACH,
         "two ways, as long, where 54 km/h are posted for the ego alone",
-        lambda: along_course(Course(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, 1),))),
+        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, 1),))),
     ),
-    ("L17", LEGAL, "back before a crest", lambda: place(PlaceKind.CREST, 600.0, 700.0)),
-    ("L17", BREACH, "over a crest", lambda: place(PlaceKind.CREST, 300.0, 350.0)),
-    ("L17", BREACH, "into a bend", lambda: place(PlaceKind.BEND, 450.0, 700.0)),
-    ("L17", BREACH, "over a narrow bridge", lambda: place(PlaceKind.NARROW, 300.0, 350.0)),
-    ("L17", LEGAL, "60 m before a junction", lambda: place(PlaceKind.JUNCTION, 566.0, 580.0)),
-    ("L17", BREACH, "40 m before a junction", lambda: place(PlaceKind.JUNCTION, 544.0, 580.0)),
+    ("L17", LEGAL, "back before a crest", lambda: place(ZoneKind.CREST, 600.0, 700.0)),
+    ("L17", BREACH, "over a crest", lambda: place(ZoneKind.CREST, 300.0, 350.0)),
+    ("L17", BREACH, "into a bend", lambda: place(ZoneKind.BEND, 450.0, 700.0)),
+    ("L17", BREACH, "over a narrow bridge", lambda: place(ZoneKind.NARROW, 300.0, 350.0)),
+    ("L17", LEGAL, "60 m before a junction", lambda: place(ZoneKind.JUNCTION, 566.0, 580.0)),
+    ("L17", BREACH, "40 m before a junction", lambda: place(ZoneKind.JUNCTION, 544.0, 580.0)),
     (
         "L17",
         LEGAL,
         "over a crest that is one for the others",
-        lambda: place(PlaceKind.CREST, 300.0, 350.0, -1),
+        lambda: place(ZoneKind.CREST, 300.0, 350.0, -1),
     ),
     (
         "L17",
         LEGAL,
         "over a crest on lanes of one direction",
-        lambda: overtake(road=two_lanes_each_way(PlaceKind.CREST)),
+        lambda: overtake(road=two_lanes_each_way(ZoneKind.CREST)),
     ),
     (
         "L17",
         BREACH,
         "over a crossing for pedestrians on lanes of one direction",
-        lambda: overtake(road=on_motorway(PlaceKind.PEDESTRIAN_CROSSING)),
+        lambda: overtake(road=on_motorway(ZoneKind.PEDESTRIAN_CROSSING)),
     ),
     ("L25", LEGAL, "oncoming traffic far off", coming),
     ("L25", BREACH, "oncoming traffic near", lambda: rural(meeting(35.0))),
@@ -195,25 +203,25 @@ OF_TWO_WAYS: list[tuple[str, Verdict, str, Any]] = [
         "nothing is known of the kinds",
         lambda: slow_truck(40.0, unknown=("kinds",)),
     ),
-    ("L29", LEGAL, "back before the sign", lambda: place(PlaceKind.NO_OVERTAKING, 600.0, 700.0)),
-    ("L29", BREACH, "behind a sign", lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0)),
+    ("L29", LEGAL, "back before the sign", lambda: place(ZoneKind.NO_OVERTAKING, 600.0, 700.0)),
+    ("L29", BREACH, "behind a sign", lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0)),
     (
         "L29",
         BREACH,
         "a truck behind a sign for trucks",
-        lambda: place(PlaceKind.NO_OVERTAKING_HEAVY, 300.0, 350.0, ego={"kind": "T"}),
+        lambda: place(ZoneKind.NO_OVERTAKING_HEAVY, 300.0, 350.0, ego={"kind": "T"}),
     ),
     (
         "L29",
         APART,
         "a car behind a sign for trucks",
-        lambda: place(PlaceKind.NO_OVERTAKING_HEAVY, 300.0, 350.0),
+        lambda: place(ZoneKind.NO_OVERTAKING_HEAVY, 300.0, 350.0),
     ),
     (
         "L29",
         APART,
         "past a motorcycle",
-        lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0, target={"kind": "MC"}),
+        lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0, target={"kind": "MC"}),
     ),
     ("L29", APART, "no line is crossed", lambda: crossing(events={"attempt": 60}, road=SIGNED)),
     ("L29", APART, "no sign", rural),
@@ -221,13 +229,13 @@ OF_TWO_WAYS: list[tuple[str, Verdict, str, Any]] = [
         "L29",
         UNKNOWN,
         "nothing is known of signs",
-        lambda: place(PlaceKind.NO_OVERTAKING, 300.0, 350.0, unknown=("speed_limit",)),
+        lambda: place(ZoneKind.NO_OVERTAKING, 300.0, 350.0, unknown=("speed_limit",)),
     ),
 ]
 """Rule, verdict, what happens, and what makes the case."""
 
 
-def two_lanes_each_way(kind: PlaceKind) -> Road:
+def two_lanes_each_way(kind: ZoneKind) -> Road:
     """Three lanes in this direction, oncoming traffic beyond, and a place from 300 to 350 m."""
     road = on_motorway(kind)
     return dataclasses.replace(road, fast_side_neighbour=two_way_road().fast_side_neighbour)
@@ -235,5 +243,5 @@ def two_lanes_each_way(kind: PlaceKind) -> Road:
 
 SIGNED = dataclasses.replace(
     two_way_road(),
-    course=Course(places=(Place(kind=PlaceKind.NO_OVERTAKING, start=0.0, stop=900.0),)),
+    course=RoadCourse(places=(RoadZone(kind=ZoneKind.NO_OVERTAKING, start=0.0, stop=900.0),)),
 )

@@ -10,7 +10,7 @@ from overtaking.analysis.logic import facts as writing
 from overtaking.analysis.logic.source import Group
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 Row = tuple[Any, ...]
 ALL = writing.everything(with_law=True)

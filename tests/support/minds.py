@@ -10,20 +10,17 @@ import numpy as np
 from overtaking.sim.reference import perception
 from overtaking.sim.reference.neighbours import Neighbours, find_neighbours
 from overtaking.sim.reference.state import Fields, State, initial_state
-from overtaking.world.parameters import (
-    Effects,
-    Parameters,
-    SimulationParameters,
-    parameters,
-)
+from overtaking.world.constants import EnabledEffects
+from overtaking.world.step_parameters import Parameters, parameters
 
 from .worlds import Vehicle, scenario, wide_road
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
     from overtaking.sim.reference.perception import Beliefs
+    from overtaking.world.weather_parameters import SimulationParameters
 
-CLEAR_MINDED = Effects(
+CLEAR_MINDED = EnabledEffects(
     gusts=False, wake=False, range=False, delay=False, distance_error=False, looming=False,
     occlusion=False,
 )  # fmt: skip
@@ -70,7 +67,7 @@ class Moment:
 
 def moment(
     *simulations: list[Vehicle],
-    effects: Effects = CLEAR_MINDED,
+    effects: EnabledEffects = CLEAR_MINDED,
     road: Road | None = None,
     weather: dict[str, float] | None = None,
     num_slots: int = 8,

@@ -8,10 +8,10 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from overtaking.core.parent import Parent
+    from overtaking.core.worker_process import ParentConnection
 
 
-def main(parent: Parent, *arguments: str) -> None:
+def main(parent: ParentConnection, *arguments: str) -> None:
     parent.send(arguments)
     for message in parent:
         match message:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.support.cases import LEFT, RIGHT, Track, case, ramp, two_way_road
 
-from overtaking.model.course import Course, Limit
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Road, RoadMark
+from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 FRAMES = 420
 OUT_AND_BACK = ramp((3, 0), (6, 1), (14.5, 1), (17.5, 0), frames=FRAMES)
@@ -70,17 +70,17 @@ def limited(*stretches: tuple[float, float, float], road: Road | None = None) ->
         road: Another road.
     """
     lower = tuple(
-        Limit(start=start, stop=stop, speed=kmh / 3.6, direction=1)
+        SpeedLimitSpan(start=start, stop=stop, speed=kmh / 3.6, direction=1)
         for start, stop, kmh in stretches
     )
-    return dataclasses.replace(road or known_road("motorway"), course=Course(limits=lower))
+    return dataclasses.replace(road or known_road("motorway"), course=RoadCourse(limits=lower))
 
 
 def lower_for_oncoming(speed: float) -> Road:
     """A two-way road for 90 km/h with a lower limit for those who come against it [m/s]."""
     road = two_way_road()
-    lower = Limit(start=0.0, stop=road.length, speed=speed, direction=-1)
-    return dataclasses.replace(road, course=Course(limits=(lower,)))
+    lower = SpeedLimitSpan(start=0.0, stop=road.length, speed=speed, direction=-1)
+    return dataclasses.replace(road, course=RoadCourse(limits=(lower,)))
 
 
 def mixed_road(near: RoadMark) -> Road:
@@ -117,7 +117,7 @@ def meeting(gap: float, **given: Any) -> Track:
     return Track(**({"s": s, "lane": 1, "speed": 20.0, "oncoming": True} | given))
 
 
-def along_course(course: Course, **given: Any) -> Case:
+def along_course(course: RoadCourse, **given: Any) -> Case:
     """The overtake on a two-way road along which something changes."""
     road = dataclasses.replace(two_way_road(), course=course)
     return rural(road=road, **given)

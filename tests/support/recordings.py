@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
     from overtaking.recordings.recording import Recording
 
 WIDTH = 3.5
@@ -46,7 +46,7 @@ WIDTH = 3.5
 def with_gaps(run: Trajectories) -> Trajectories:
     """The recording as if some vehicles had not been there in some frames."""
     draw = np.random.default_rng(1)
-    return dataclasses.replace(run, present=draw.random(run.states.s.shape) > 0.3)
+    return dataclasses.replace(run, is_recorded=draw.random(run.states.s.shape) > 0.3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +114,9 @@ class Bend:
     length: float = 1000.0
     cuts: Sequence[float] = field(default_factory=tuple)
 
-    def world(self, s: np.ndarray, left: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def to_world(
+        self, s: np.ndarray, left: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """World x, y and direction at a way along the right edge and an offset to its left."""
         s, left = np.broadcast_arrays(np.asarray(s, float), np.asarray(left, float))
         angle = self.curvature * s
@@ -126,7 +128,7 @@ class Bend:
     def points(self, begin: float, end: float, left: float) -> str:
         """A border as points."""
         s = np.linspace(begin, end, 2 + int((end - begin) / 5.0))
-        x, y, _ = self.world(s, np.full(len(s), left))
+        x, y, _ = self.to_world(s, np.full(len(s), left))
         pairs = zip(x, y, strict=True)
         return "".join(f"<point><x>{a:.6f}</x><y>{b:.6f}</y></point>" for a, b in pairs)
 
@@ -176,7 +178,7 @@ def commonroad(
 
 def _obstacle(one: Mover, road: Bend, version: str, interval: int, yaws: bool = False) -> str:
     frame, s, place = one.path(interval)
-    x, y, angle = road.world(s, (place + 0.5) * WIDTH)
+    x, y, angle = road.to_world(s, (place + 0.5) * WIDTH)
     angle = angle + np.pi * (one.speed < 0.0)
     speed = np.full(len(frame), abs(one.speed))
     if yaws:

@@ -12,7 +12,7 @@ from overtaking.sim import engine
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 
 def prints(scenario: Scenario) -> Trajectories:

@@ -10,13 +10,13 @@ import numpy as np
 
 from overtaking.model.known_roads import known_road
 from overtaking.sim import engine
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 from .worlds import Vehicle, body_of, scenario
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 KEEN = {
     "desired_speed": 27.0, "passing_gain": 1.0, "patience": 10.0, "lane_change_duration": 4.5,
@@ -90,8 +90,8 @@ def platoon(room: float, *gaps: float, **ego: float) -> list[Vehicle]:
 def beyond(run: Trajectories, slot: int) -> list[np.ndarray]:
     """Frames in which the middle of a vehicle is in the lane of others, by simulation."""
     away = run.states.lane[:, slot] != run.scenario.start_lane[:, [slot]]
-    return [np.flatnonzero(row) for row in away & run.frame_valid]
+    return [np.flatnonzero(row) for row in away & run.frame_mask]
 
 
 def in_the_other_lane(run: Trajectories, row: int) -> np.ndarray:
-    return np.flatnonzero((run.states.lane[row, 0] == 1) & run.frame_valid[row])
+    return np.flatnonzero((run.states.lane[row, 0] == 1) & run.frame_mask[row])

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.knowledge import VEHICLE_CLASS_ORDER, vehicle_classes
+from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES, vehicle_classes
 from overtaking.model.batch import batch_fields
-from overtaking.model.drivers import Drivers
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
-from overtaking.model.scenario import SLOTS, Scenario
-from overtaking.model.vehicles import Colour, VehicleSpecs
+from overtaking.model.scenario import SLOT_CAPACITIES, Scenario
+from overtaking.model.vehicles import Colour, DriverTraits, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 
 FOUR_WHEELERS = ("S", "M", "L", "V", "T")
@@ -26,7 +25,7 @@ SAME_NAME = (
     "spray_factor", "lamp_separation",
 )  # fmt: skip
 
-CALM_DRIVER: dict[str, float] = dict.fromkeys(batch_fields(Drivers), 1.0) | {
+CALM_DRIVER: dict[str, float] = dict.fromkeys(batch_fields(DriverTraits), 1.0) | {
     "desired_speed": 30.0, "time_gap": 1.2, "min_gap": 2.0, "accel": 1.5, "decel": 2.0,
     "reaction_time": 0.0, "caution": 0.0, "politeness": 0.2, "lane_change_threshold": 1e9,
     "right_bias": 0.2, "safe_decel": 4.0, "lane_change_duration": 5.0, "passing_gain": 1e6,
@@ -63,7 +62,7 @@ def body_of(kind: str, **changes: float) -> dict[str, float]:
     front = one.cg_to_front_ratio.number * one.wheelbase.number
     body |= {
         "valid": 1.0,
-        "kind": float(VEHICLE_CLASS_ORDER.index(kind)),
+        "kind": float(VEHICLE_CLASS_NAMES.index(kind)),
         "colour": float(Colour.GREY),
         "cg_to_front": front,
         "yaw_inertia": one.inertia_factor.number
@@ -89,7 +88,7 @@ def scenario(
     frame_interval_ms: int = 50,
     seed: int = 1,
     index: list[int] | None = None,
-    num_slots: int = SLOTS[0],
+    num_slots: int = SLOT_CAPACITIES[0],
 ) -> Scenario:
     """A batch, one list of vehicles a simulation, the ego first.
 
@@ -125,7 +124,7 @@ def scenario(
         attempt_deadline=np.full(batch, attempt_deadline, np.float32),
         weight=np.ones(batch),
         vehicles=_filled(VehicleSpecs, bodies),
-        drivers=_filled(Drivers, people),
+        drivers=_filled(DriverTraits, people),
         weather=_filled(Weather, [CLEAR | sky for sky in skies]),
         start_s=start["s"].astype(np.float32),
         start_lane=start["lane"].astype(np.uint8),

@@ -1,4 +1,4 @@
-//! Draws and elementary functions of many numbers; see `overtaking.core.philox` and `.elementary`.
+//! Draws and elementary functions of many numbers; see `overtaking.core.random_numbers` and `.elementary`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

@@ -1,4 +1,4 @@
-//! Elementary functions with the same bits on every machine; see `overtaking.core.elementary`.
+//! Elementary functions with the same bits on every machine; see `overtaking.core.float32_math`.
 
 // The coefficients are written as in Python, so that both can be compared digit by digit.
 #![allow(clippy::excessive_precision, clippy::approx_constant)]

@@ -1,5 +1,5 @@
-// Made by crates/fields.py from world/parameters.py, world/conditions.py, world/constants.py and
-// model/trajectory.py; do not edit.
+// Made by crates/fields.py from world/step_parameters.py, world/weather_parameters.py,
+// world/constants.py and model/trajectories.py; do not edit.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

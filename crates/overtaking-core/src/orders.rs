@@ -12,7 +12,7 @@ use crate::world::World;
 /// Numbers of an action.
 pub const PARTS: usize = 3;
 
-/// What the numbers of an action mean, as in `overtaking.model.actions.KINDS`.
+/// What the numbers of an action mean, as in `overtaking.model.driver_interface.KINDS`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A `Move`.

@@ -1,4 +1,4 @@
-//! Counter-based random numbers, Philox 4x32-10; see `overtaking.core.philox`.
+//! Counter-based random numbers, Philox 4x32-10; see `overtaking.core.random_numbers`.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, u32x16};

@@ -92,17 +92,17 @@ impl Recording<'_> {
 }
 
 /// Signals that were worked out, of a batch or of one simulation: arrays (simulation, frame), and neighbours
-/// (simulation, place, frame). See `Signals`.
+/// (simulation, place, frame). See `EgoSignals`.
 #[derive(Clone, Copy)]
 #[allow(missing_docs)]
 pub struct Seen<'a> {
     pub lane: &'a [u8],
-    pub lateral: &'a [f32],
+    pub lateral_position: &'a [f32],
     pub lateral_speed: &'a [f32],
     pub speed: &'a [f32],
-    pub right_reach: &'a [f32],
-    pub left_reach: &'a [f32],
-    pub vehicle: &'a [u8],
+    pub right_edge: &'a [f32],
+    pub left_edge: &'a [f32],
+    pub neighbour_slot: &'a [u8],
     pub friction: &'a [f32],
     pub sight_lit: &'a [f32],
     pub sight_unlit: &'a [f32],
@@ -114,12 +114,12 @@ impl<'a> Seen<'a> {
         let own = simulation * frames..(simulation + 1) * frames;
         Self {
             lane: &self.lane[own.clone()],
-            lateral: &self.lateral[own.clone()],
+            lateral_position: &self.lateral_position[own.clone()],
             lateral_speed: &self.lateral_speed[own.clone()],
             speed: &self.speed[own.clone()],
-            right_reach: &self.right_reach[own.clone()],
-            left_reach: &self.left_reach[own.clone()],
-            vehicle: &self.vehicle[own.start * PLACES..own.end * PLACES],
+            right_edge: &self.right_edge[own.clone()],
+            left_edge: &self.left_edge[own.clone()],
+            neighbour_slot: &self.neighbour_slot[own.start * PLACES..own.end * PLACES],
             friction: &self.friction[own.clone()],
             sight_lit: &self.sight_lit[own.clone()],
             sight_unlit: &self.sight_unlit[own],
@@ -129,7 +129,7 @@ impl<'a> Seen<'a> {
     /// A neighbour of one simulation, frame by frame.
     pub(crate) fn neighbour(&self, place: usize) -> &'a [u8] {
         let frames = self.lane.len();
-        &self.vehicle[place * frames..(place + 1) * frames]
+        &self.neighbour_slot[place * frames..(place + 1) * frames]
     }
 }
 
@@ -218,7 +218,7 @@ signal_outputs! {
     /// Lane of the ego.
     lane: u8, 1;
     /// Position across it, to the left [m].
-    lateral: f32, 1;
+    lateral_position: f32, 1;
     /// Speed to the left [m/s].
     lateral_speed: f32, 1;
     /// Speed [m/s].
@@ -226,11 +226,11 @@ signal_outputs! {
     /// Acceleration [m/s^2].
     accel: f32, 1;
     /// Right-most corner [m].
-    right_reach: f32, 1;
+    right_edge: f32, 1;
     /// Left-most corner [m].
-    left_reach: f32, 1;
+    left_edge: f32, 1;
     /// Neighbours.
-    vehicle: u8, PLACES;
+    neighbour_slot: u8, PLACES;
     /// Friction.
     friction: f32, 1;
     /// Sight of something lit [m].
@@ -245,12 +245,12 @@ impl Signals<'_> {
     pub fn seen(&self) -> Seen<'_> {
         Seen {
             lane: self.lane,
-            lateral: self.lateral,
+            lateral_position: self.lateral_position,
             lateral_speed: self.lateral_speed,
             speed: self.speed,
-            right_reach: self.right_reach,
-            left_reach: self.left_reach,
-            vehicle: self.vehicle,
+            right_edge: self.right_edge,
+            left_edge: self.left_edge,
+            neighbour_slot: self.neighbour_slot,
             friction: self.friction,
             sight_lit: self.sight_lit,
             sight_unlit: self.sight_unlit,

@@ -44,7 +44,7 @@ pub const EGO: usize = 0;
 /// A number of every vehicle of every simulation of a block.
 pub type Each<S, const N: usize> = [V<S>; N];
 
-/// Stages of an overtake, as `overtaking.model.trajectory.Stage`.
+/// Stages of an overtake, as `overtaking.model.trajectories.Stage`.
 pub mod stage {
     pub const FOLLOW: f32 = 0.0;
     pub const PULL_OUT: f32 = 1.0;

@@ -1,4 +1,4 @@
-//! What does not change during a block, as `overtaking.world.parameters` gives it.
+//! What does not change during a block, as `overtaking.world.step_parameters` gives it.
 
 use fearless_simd::Simd;
 

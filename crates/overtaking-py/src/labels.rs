@@ -168,8 +168,8 @@ pub fn watch(
             core::signals(&recording, &given, level, &mut out, filled);
             core_events::events(&recording, &out.seen(), &limits, events);
         })?,
-        lane: u8, lateral: f32, lateral_speed: f32, speed: f32, accel: f32, right_reach: f32, left_reach: f32,
-        vehicle: u8, friction: f32, sight_lit: f32, sight_unlit: f32,
+        lane: u8, lateral_position: f32, lateral_speed: f32, speed: f32, accel: f32, right_edge: f32, left_edge: f32,
+        neighbour_slot: u8, friction: f32, sight_lit: f32, sight_unlit: f32,
     );
     Ok(())
 }
@@ -226,7 +226,7 @@ pub fn target(
     with_outputs!(
         Target, outputs, target.len() * recording.frames,
         |out| spread(py, target.len() * SIMULATION_BYTES, || core::target(&recording, &seen, target, level, &mut out))?,
-        valid: bool, lead: f32, overlaps: bool, gap: f32, lateral: f32, lateral_gap: f32, lane: u8,
+        valid: bool, ego_lead: f32, overlaps: bool, gap: f32, lateral_position: f32, lateral_gap: f32, lane: u8,
         speed: f32, accel: f32, lateral_speed: f32,
     );
     Ok(())

@@ -94,12 +94,12 @@ impl Recorded<'_> {
 #[pyo3(from_item_all)]
 pub struct Signals<'py> {
     lane: Octets<'py>,
-    lateral: Floats<'py>,
+    lateral_position: Floats<'py>,
     lateral_speed: Floats<'py>,
     speed: Floats<'py>,
-    right_reach: Floats<'py>,
-    left_reach: Floats<'py>,
-    vehicle: Octets<'py>,
+    right_edge: Floats<'py>,
+    left_edge: Floats<'py>,
+    neighbour_slot: Octets<'py>,
     friction: Floats<'py>,
     sight_lit: Floats<'py>,
     sight_unlit: Floats<'py>,
@@ -109,7 +109,7 @@ impl Signals<'_> {
     /// The same, if they are of a recording and its neighbours are vehicles of it.
     pub fn seen(&self, recording: &Recording<'_>) -> PyResult<Seen<'_>> {
         let seen = self.seen_alone(recording)?;
-        expect_slots("vehicle", seen.vehicle, recording.slots)?;
+        expect_slots("neighbour_slot", seen.neighbour_slot, recording.slots)?;
         Ok(seen)
     }
 
@@ -118,23 +118,23 @@ impl Signals<'_> {
         let cells = recording.num_frames.len() * recording.frames;
         let seen = Seen {
             lane: self.lane.as_slice()?,
-            lateral: self.lateral.as_slice()?,
+            lateral_position: self.lateral_position.as_slice()?,
             lateral_speed: self.lateral_speed.as_slice()?,
             speed: self.speed.as_slice()?,
-            right_reach: self.right_reach.as_slice()?,
-            left_reach: self.left_reach.as_slice()?,
-            vehicle: self.vehicle.as_slice()?,
+            right_edge: self.right_edge.as_slice()?,
+            left_edge: self.left_edge.as_slice()?,
+            neighbour_slot: self.neighbour_slot.as_slice()?,
             friction: self.friction.as_slice()?,
             sight_lit: self.sight_lit.as_slice()?,
             sight_unlit: self.sight_unlit.as_slice()?,
         };
         expect_length("lane", seen.lane.len(), cells)?;
         let floats = [
-            seen.lateral,
+            seen.lateral_position,
             seen.lateral_speed,
             seen.speed,
-            seen.right_reach,
-            seen.left_reach,
+            seen.right_edge,
+            seen.left_edge,
             seen.friction,
             seen.sight_lit,
             seen.sight_unlit,
@@ -142,7 +142,7 @@ impl Signals<'_> {
         for each in floats {
             expect_length("signals", each.len(), cells)?;
         }
-        expect_length("vehicle", seen.vehicle.len(), PLACES * cells)?;
+        expect_length("neighbour_slot", seen.neighbour_slot.len(), PLACES * cells)?;
         Ok(seen)
     }
 }

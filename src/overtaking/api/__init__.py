@@ -14,7 +14,7 @@ from overtaking.api.evaluating import (
 from overtaking.api.formats import (
     EXPORTS,
     export,
-    from_frame,
+    from_table,
     import_recording,
     label_recordings,
     write_column_map,
@@ -70,7 +70,7 @@ __all__ = [
     "fan",
     "film",
     "film_twin",
-    "from_frame",
+    "from_table",
     "generate",
     "import_recording",
     "judged",

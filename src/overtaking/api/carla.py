@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
-from overtaking.model.checks import checked
+from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
     from overtaking.simulators.carla.limits import Limits
@@ -27,14 +27,14 @@ def carla_limits() -> "Limits":
     return processes.limits()
 
 
-@checked
+@check_arguments
 def replay_in_carla(
     data: Dataset | str | Path,
     out: str | Path,
     *,
     simulations: Iterable[int],
     size: tuple[int, int] = (800, 450),
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "list[Replayed]":
     """Play recorded simulations in CARLA pose by pose, and film them from behind and from above.
 
@@ -77,7 +77,7 @@ def replay_in_carla(
     return films
 
 
-@checked
+@check_arguments
 def serve_carla(
     *,
     port: int = 2000,

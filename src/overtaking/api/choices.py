@@ -10,17 +10,17 @@ from typing import Annotated, Any
 
 from overtaking.core.errors import ConfigError
 from overtaking.data.recipe import Simulator
-from overtaking.model.actions import Actions
 from overtaking.model.batch import FieldSpec
+from overtaking.model.driver_interface import Actions
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import Spec
+from overtaking.scenarios.specification import Specification
 from overtaking.sim.version import MODEL_VERSION
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
-Profile = str | Path | Mapping[str, Any] | Spec
+Profile = str | Path | Mapping[str, Any] | Specification
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
 
 Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
@@ -80,7 +80,7 @@ def replay(scenario: Scenario, actions: Actions, *, simulator: str = "engine") -
 def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
     """The module of a simulator."""
     if name not in among:
-        raise ConfigError.not_among("simulator", "simulate", among, name)
+        raise ConfigError.unknown_choice("simulator", "simulate", among, name)
     return importlib.import_module(_HOMES[name])
 
 

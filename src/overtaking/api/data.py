@@ -7,13 +7,12 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking import scenarios
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
 from overtaking.api.driving import driven_by, record_of
 from overtaking.api.rules import load_pack
 from overtaking.api.simulating import MOST_ERROR, errors_of, label
 from overtaking.core.errors import ConfigError, DatasetError
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 from overtaking.data import generate as writing
 from overtaking.data import load as reading
 from overtaking.data.balance import Balance
@@ -27,12 +26,13 @@ from overtaking.data.verdicts import written
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import Pack
 from overtaking.model.batch import FieldSpec
-from overtaking.model.checks import checked
+from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road
+from overtaking.scenarios import profiles, sampler
 from overtaking.sim.driving import Driver
 
 
-@checked
+@check_arguments
 def generate(
     profile: Profile,
     simulations: int,
@@ -51,8 +51,8 @@ def generate(
     address: str | None = None,
     workers: int | None = None,
     allow_large: Allowed = False,
-    progress: Progress | None = None,
-    on_candidates: Progress | None = None,
+    progress: ProgressCallback | None = None,
+    on_candidates: ProgressCallback | None = None,
 ) -> Dataset:
     """Make a data set.
 
@@ -65,7 +65,7 @@ def generate(
         keep: `frames` writes everything; `features` leaves out what has a row per frame, which is
             simulated again when it is asked for.
         resume: Whether to complete what an earlier call has begun in this folder.
-        overrides: Dotted keys of the specification with other values, as in `scenarios.spec`.
+        overrides: Dotted keys of the specification with other values, as in `reading.spec`.
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
         driver: A policy that replaces every ego's driver, with one of `BRANCHING`; asked by this
@@ -97,11 +97,11 @@ def generate(
             kept, and `resume` goes on.
         KeyboardInterrupt: Ctrl-C; the same holds.
     """
-    spec = scenarios.spec(profile, overrides)
+    spec = profiles.load_specification(profile, overrides)
     chosen = simulator_of(simulator) if driver is None else driven_by(driver, simulator)
     recipe = Recipe(
         spec=spec,
-        road=scenarios.long_enough(spec, road_of(road or spec.road)),
+        road=sampler.extend_road(spec, road_of(road or spec.road)),
         seed=seed,
         num_simulations=simulations,
         keep=_keep(keep),
@@ -122,15 +122,15 @@ def generate(
     )
 
 
-@checked
+@check_arguments
 def resume(
     out: str | Path,
     *,
     engine: str = ENGINES[0],
     address: str | None = None,
     workers: int | None = None,
-    progress: Progress | None = None,
-    on_candidates: Progress | None = None,
+    progress: ProgressCallback | None = None,
+    on_candidates: ProgressCallback | None = None,
 ) -> Dataset:
     """Complete a data set from what its manifest says, or check that it is complete.
 
@@ -193,7 +193,7 @@ def resume(
     )
 
 
-@checked
+@check_arguments
 def load(path: str | Path | Dataset) -> Dataset:
     """Load a complete data set.
 
@@ -214,13 +214,13 @@ def load(path: str | Path | Dataset) -> Dataset:
     return reading.load(location, simulator_of(by if is_foreign else "engine"))
 
 
-@checked
+@check_arguments
 def relabel(
     data: str | Path,
     *,
     position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Dataset:
     """Write the labels of a data set again, by the rules of this version.
 
@@ -241,7 +241,7 @@ def relabel(
     return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress, errors)
 
 
-@checked
+@check_arguments
 def judged(
     data: Dataset | str | Path,
     law: str | Pack,
@@ -250,7 +250,7 @@ def judged(
     out: str | Path | None = None,
     position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
     """Judge a data set by another law or other policies; nothing in it changes.
 
@@ -288,4 +288,4 @@ def _keep(name: str) -> Keep:
     try:
         return Keep(name)
     except ValueError:
-        raise ConfigError.not_among("keep", "generate", Keep, name) from None
+        raise ConfigError.unknown_choice("keep", "generate", Keep, name) from None

@@ -11,19 +11,18 @@ from typing import Any
 
 from overtaking.api.choices import BRANCHING, module_of, simulator_of
 from overtaking.api.simulating import check_runnable
-from overtaking.core.checks import nearest_first
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, nearest_first
 from overtaking.data.recipe import PolicyRecord, Simulator
-from overtaking.model.checks import checked
+from overtaking.model.checks import check_arguments
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.sim import driving
 from overtaking.sim.driving import Driver
 from overtaking.sim.observation import Policy
 from overtaking.sim.sensor import Sensor
 
 
-@checked
+@check_arguments
 def drive(
     scenario: Scenario,
     policy: Any,

@@ -6,16 +6,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, module_of, road_of
-from overtaking.core.checks import nearest_first
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, nearest_first
 from overtaking.core.notebook import show_progress
-from overtaking.core.steps import Progress
-from overtaking.model.checks import argument, checked
+from overtaking.core.progress import ProgressCallback
+from overtaking.model.checks import check_argument, check_arguments
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
+from overtaking.scenarios import profiles
 from overtaking.sim import driving, policies
 from overtaking.sim.driving import Driver
 from overtaking.sim.sensor import Sensor
@@ -41,7 +40,7 @@ RISK = "-risk"
 """What the name of a profile ends with that draws more of where something goes wrong."""
 
 
-@checked
+@check_arguments
 def evaluate(
     policy: str | Driver,
     profile: Profile = "motorway-risk",
@@ -52,7 +51,7 @@ def evaluate(
     as_met: bool = False,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     say: Callable[[str], None] | None = None,
 ) -> "Evaluation":
     """Compare a driver with others in the same scenes.
@@ -82,7 +81,7 @@ def evaluate(
 
     here, *others = _contestants([policy, *against])
     risk_profile = None if as_met else _risk_profile(profile)
-    spec = scenarios.spec(risk_profile or profile, overrides)
+    spec = profiles.load_specification(risk_profile or profile, overrides)
     if risk_profile is not None and say is not None:
         say(risk_note(str(profile), risk_profile))
     (stay,) = _contestants([STAY])
@@ -101,13 +100,13 @@ def evaluate(
     return replace(evaluation, asked_profile=str(profile))
 
 
-@checked
+@check_arguments
 def evaluate_benchmark(
     policy: str | Driver,
     benchmark: str | Path,
     *,
     against: Sequence[str | Driver] = AGAINST,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "BenchmarkResult":
     """Compare a driver with others in the scenes of a benchmark, whose numbers are fixed.
 
@@ -135,7 +134,7 @@ def write_evaluation(
     out: str | Path,
     *,
     films: int = 10,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "list[Evaluated]":
     """Write an evaluation as a page with figures, and films of the worst scenes.
 
@@ -157,8 +156,8 @@ def write_evaluation(
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.show.report.evaluation import write
 
-    argument(found, Evaluation | BenchmarkResult, "write_evaluation", "found")
-    folder = Path(argument(out, str | Path, "write_evaluation", "out"))
+    check_argument(found, Evaluation | BenchmarkResult, "write_evaluation", "found")
+    folder = Path(check_argument(out, str | Path, "write_evaluation", "out"))
     if isinstance(found, Evaluation):
         return [write(found, folder, films=films, progress=progress)]
     return [
@@ -203,7 +202,7 @@ def policy_of(
 def _risk_profile(profile: Profile) -> str | None:
     """The profile of the package that draws dangerous scenes more often, if there is one."""
     name = f"{profile}{RISK}" if isinstance(profile, str) else ""
-    return name if name in scenarios.profile_names() else None
+    return name if name in profiles.profile_names() else None
 
 
 def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
@@ -236,7 +235,7 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
         name = driver
         if name not in SHIPPED:
             names = nearest_first(name, SHIPPED)
-            raise ConfigError.not_among(argument_name, "evaluate", names, name)
+            raise ConfigError.unknown_choice(argument_name, "evaluate", names, name)
         shipped = SHIPPED[name]
         if shipped is None:  # The driver of the engine itself.
             return Contestant(name=name, simulate=engine.simulate)

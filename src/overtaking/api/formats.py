@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from overtaking.api.choices import road_of
 from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.data.location import folder_of
-from overtaking.model.checks import argument, checked
+from overtaking.model.checks import check_argument, check_arguments
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.road import Road
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.recordings import export as recording_export
 
 EXPORTS = ("pinto2023", "commonroad", "highd", "openscenario", "asp", "prolog", "popper")
@@ -43,7 +43,7 @@ _READER_OPTIONS: dict[str, Any] = {
 """Types of the options of the readers of recordings."""
 
 
-@checked
+@check_arguments
 def export(
     data: Dataset | str | Path,
     out: str | Path,
@@ -52,7 +52,7 @@ def export(
     simulations: Iterable[int] | None = None,
     label: str | None = None,
     policy: str | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     **options: Any,
 ) -> int:
     """Write simulations of a data set in the format of another program or paper.
@@ -148,7 +148,7 @@ def _chosen(
 def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
     """Refuse an unknown format, and an option that the format does not have."""
     if file_format not in EXPORTS:
-        raise ConfigError.not_among("format", "export", EXPORTS, file_format)
+        raise ConfigError.unknown_choice("format", "export", EXPORTS, file_format)
     known = _EXPORT_OPTIONS.get(file_format, ())
     for name in sorted(set(options) - set(known)):
         raise ConfigError.of(
@@ -160,13 +160,13 @@ def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
         )
 
 
-@checked
+@check_arguments
 def _export_facts(
     data: Dataset,
     out: Path,
     language: str,
     numbers: Any,
-    progress: Progress | None,
+    progress: ProgressCallback | None,
     *,
     every: int = 10,
     with_law: bool = False,
@@ -185,7 +185,7 @@ def _export_facts(
     )
 
 
-@checked
+@check_arguments
 def _export_popper(
     data: Dataset,
     out: Path,
@@ -205,15 +205,15 @@ def _export_popper(
     return write_popper(examples, target, out)
 
 
-@checked
+@check_arguments
 def import_recording(
     file_format: str,
     path: str | Path,
     out: str | Path,
     *,
     strict: bool = False,
-    progress: Progress | None = None,
-    on_read: Progress | None = None,
+    progress: ProgressCallback | None = None,
+    on_read: ProgressCallback | None = None,
     **options: Any,
 ) -> Dataset:
     """Make a data set of a recording of others: every overtake in it becomes a simulation.
@@ -254,7 +254,7 @@ def import_recording(
     from overtaking.recordings.reading_progress import report_reading
 
     for name, value in options.items():
-        argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
+        check_argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
     with report_reading(on_read or progress):
         read = read_recording(file_format, path, _with_road(options))
@@ -266,7 +266,7 @@ def import_recording(
     return data
 
 
-@checked
+@check_arguments
 def label_recordings(
     file_format: str,
     folder: str | Path,
@@ -277,8 +277,8 @@ def label_recordings(
     address: str | None = None,
     resume: bool = False,
     strict: bool = False,
-    progress: Progress | None = None,
-    on_read: Progress | None = None,
+    progress: ProgressCallback | None = None,
+    on_read: ProgressCallback | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Label every recording of a folder, however many, each on its own road.
@@ -324,7 +324,7 @@ def label_recordings(
     from overtaking.recordings.reading_progress import report_reading
 
     for name, value in options.items():
-        argument(value, _READER_OPTIONS.get(name, Any), "label_recordings", name)
+        check_argument(value, _READER_OPTIONS.get(name, Any), "label_recordings", name)
     with report_reading(on_read):
         result = label_folder(
             file_format,
@@ -346,8 +346,8 @@ def _with_road(options: Mapping[str, Any]) -> dict[str, Any]:
     return {**options} if road is None else {**options, "road": road_of(road)}
 
 
-@checked
-def from_frame(
+@check_arguments
+def from_table(
     table: Any,
     *,
     columns: str | Path | Mapping[str, Any],
@@ -358,7 +358,7 @@ def from_frame(
     vehicles: int = 16,
     strict: bool = False,
 ) -> Trajectories:
-    """The overtakes in a table of states; called as `Trajectories.from_frame`.
+    """The overtakes in a table of states; called as `Trajectories.from_table`.
 
     Args:
         table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
@@ -405,7 +405,7 @@ def from_frame(
     return trajectories
 
 
-@checked
+@check_arguments
 def write_column_map(table: str | Path, out: str | Path) -> None:
     """Write a map of columns to fill in.
 
@@ -418,7 +418,7 @@ def write_column_map(table: str | Path, out: str | Path) -> None:
         ImportFormatError: The table cannot be read.
         OSError: The file cannot be written.
     """
-    from overtaking.core.folders import put_file
+    from overtaking.core.files import write_new_file
     from overtaking.recordings.column_map import template
     from overtaking.recordings.table_files import column_names
 
@@ -431,4 +431,4 @@ def write_column_map(table: str | Path, out: str | Path) -> None:
             got="one that exists",
             next_step="choose another name",
         )
-    put_file(target, template(column_names(Path(table))))
+    write_new_file(target, template(column_names(Path(table))))

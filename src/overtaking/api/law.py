@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 from overtaking.api.data import load
 from overtaking.api.rules import load_pack, policies_of
 from overtaking.api.simulating import MOST_ERROR, errors_of
-from overtaking.core.checks import check_name
-from overtaking.core.steps import Progress
+from overtaking.core.errors import check_choice
+from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
 from overtaking.labels.law import Errors, Pack, Policy, choose_policy
 from overtaking.model.batch import FieldSpec
-from overtaking.model.checks import checked
+from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
     from overtaking.analysis.law.curve import Curve
@@ -24,7 +24,7 @@ LAWS = ("pt", "de")
 """What `law_compare` compares by itself."""
 
 
-@checked
+@check_arguments
 def law_curve(
     data: str | Path,
     *,
@@ -32,7 +32,7 @@ def law_curve(
     policy: str | None = None,
     position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "Curve":
     """Count the completed overtakes that are legal as tolerances grow; nothing is written.
 
@@ -57,7 +57,7 @@ def law_curve(
     return curve(((verdicts[0], case) for _, case, verdicts in judged), pack, law_policy)
 
 
-@checked
+@check_arguments
 def law_compare(
     data: str | Path,
     laws: Sequence[str] = LAWS,
@@ -65,7 +65,7 @@ def law_compare(
     policies: Sequence[str] = ("paper", "default", "strict", "serious", "enforced"),
     position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Judge the same overtakes by several laws and find where they differ; nothing is written.
 
@@ -94,7 +94,7 @@ def _judged(
     packs: Sequence[Pack],
     policies: Sequence[Sequence[Policy]],
     errors: Errors | None,
-    progress: Progress | None,
+    progress: ProgressCallback | None,
 ) -> "Iterator[Judged]":
     """A data set under each law, batch by batch."""
     done = 0
@@ -109,7 +109,7 @@ def _judged(
             progress(done, len(data))
 
 
-@checked
+@check_arguments
 def law_explain(
     data: str | Path,
     simulation: int,
@@ -142,7 +142,7 @@ def law_explain(
 
     pack = load_pack(law)
     for code in rules or ():
-        check_name(code, pack.codes, what="rule", where=pack.name)
+        check_choice(code, pack.codes, what="rule", where=pack.name)
     chosen = policies_of(pack, policies)
     errors = errors_of(position_error, speed_error)
     run = load(data).trajectory(simulation)

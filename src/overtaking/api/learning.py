@@ -5,17 +5,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.core.checks import check_least
-from overtaking.core.steps import Progress
+from overtaking.core.errors import check_in_range
+from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
-from overtaking.model.checks import checked
+from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
     from overtaking.analysis.learning.factors import FactorsFound
     from overtaking.analysis.learning.rules import RulesFound
 
 
-@checked
+@check_arguments
 def learn_rules(
     data: Dataset | str | Path,
     about: str = "legal",
@@ -24,7 +24,7 @@ def learn_rules(
     seed: int = 1,
     max_rules: int = 12,
     max_conditions: int = 3,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "RulesFound":
     """Learn a few short rules from the state when an overtake begins.
 
@@ -54,8 +54,8 @@ def learn_rules(
 
     require_models()
     target = target_of(about)
-    check_least(max_rules, 1, what="--max-rules", where="learn")
-    check_least(max_conditions, 1, what="--max-conditions", where="learn")
+    check_in_range(max_rules, 1, what="--max-rules", where="learn")
+    check_in_range(max_conditions, 1, what="--max-conditions", where="learn")
     return learned(
         examples_of(load(data), policy),
         target,
@@ -66,7 +66,7 @@ def learn_rules(
     )
 
 
-@checked
+@check_arguments
 def learn_factors(
     data: Dataset | str | Path,
     about: str = "outcome",
@@ -76,7 +76,7 @@ def learn_factors(
     seed: int = 1,
     repeats: int = 1,
     show_leakage: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "FactorsFound":
     """Rank the factors that decide, from the state when an overtake begins.
 
@@ -109,7 +109,7 @@ def learn_factors(
 
     require_models()
     factors = leakage.chosen_factors(tuple(features))
-    check_least(repeats, 1, what="--repeats", where="learn")
+    check_in_range(repeats, 1, what="--repeats", where="learn")
     target = None if about == "outcome" else target_of(about, others=("outcome",))
     source = load(data)
     return learned(

@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from overtaking.api.data import load
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
-from overtaking.model.checks import checked
+from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
     from overtaking.analysis.logic.ask import Answers
     from overtaking.analysis.logic.proof import Proof
 
 
-@checked
+@check_arguments
 def ask(
     data: str | Path | Dataset,
     query: str,
@@ -26,7 +26,7 @@ def ask(
     max_rows: int = 10_000,
     timeout_s: float = 600.0,
     memory_mib: int = 2048,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "Answers":
     """Ask a data set which simulations, vehicles and frames make a condition true.
 
@@ -69,7 +69,7 @@ def ask(
     )
 
 
-@checked
+@check_arguments
 def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
     """Prove why a simulation breaks the law: facts and instances of rules, as clingo derived them.
 

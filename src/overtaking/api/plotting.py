@@ -4,13 +4,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from overtaking.api.data import load
-from overtaking.model.checks import checked
+from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@checked
+@check_arguments
 def plot(
     source: Any,
     figure: str | None = None,

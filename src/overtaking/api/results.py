@@ -5,18 +5,18 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from overtaking import scenarios
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load
 from overtaking.core.errors import ConfigError, MissingExtraError
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import choose_policy
 from overtaking.model.batch import FieldSpec
-from overtaking.model.checks import argument, checked
+from overtaking.model.checks import check_argument, check_arguments
 from overtaking.model.road import Road
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
+from overtaking.scenarios import profiles
 
 if TYPE_CHECKING:
     from overtaking.analysis.database.query import Answer
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from overtaking.show.view.write import ViewPage
 
 
-@checked
+@check_arguments
 def statistics(
     data: Dataset | str | Path,
     *,
@@ -60,7 +60,7 @@ def statistics(
     return computed(frame, policy=policy_name, reading=reading, weighted=weighted)
 
 
-@checked
+@check_arguments
 def write_report(
     data: Dataset | str | Path,
     out: str | Path | None = None,
@@ -69,7 +69,7 @@ def write_report(
     reading: str | None = None,
     weighted: bool = False,
     learn: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "Report":
     """Write figures, tables and associations of a data set as one page that needs no network.
 
@@ -107,7 +107,7 @@ def write_report(
     )
 
 
-@checked
+@check_arguments
 def film(
     source: Dataset | str | Path | Trajectories | Labelled,
     out: str | Path | None = None,
@@ -115,7 +115,7 @@ def film(
     simulations: Iterable[int] | str = "one-per-class",
     policy: str | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "list[Video]":
     """Film simulations from above, as mp4 files; each appears when it is complete.
 
@@ -148,14 +148,14 @@ def film(
     return produce.produce(films, folder, total=total, threads=threads, progress=progress)
 
 
-@checked
+@check_arguments
 def write_view(
     source: Dataset | str | Path | Trajectories | Labelled,
     out: str | Path,
     *,
     simulations: Iterable[int] | str = "one-per-class",
     policy: str | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     say: Callable[[int], None] | None = None,
 ) -> "ViewPage":
     """Write simulations as one page to look at in a browser, from disk and without a network.
@@ -186,7 +186,7 @@ def write_view(
     return write(runs, Path(out), chosen=chosen, policy=policy, progress=progress, say=say)
 
 
-@checked
+@check_arguments
 def serve_view(
     data: str | Path | Dataset,
     *,
@@ -227,7 +227,7 @@ def serve_view(
     return serve(load(data), policy=policy, port=port, ready=ready)
 
 
-@checked
+@check_arguments
 def validate(
     profile: Profile,
     simulations: Count = 1000,
@@ -235,7 +235,7 @@ def validate(
     *,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     recordings: str | Path | None = None,
 ) -> "Validation":
     """Compare the traffic of a profile with published measurements.
@@ -261,7 +261,7 @@ def validate(
     from overtaking.analysis.validation.run import validate as run
     from overtaking.data.import_report import warn_about
 
-    spec = scenarios.spec(profile, overrides)
+    spec = profiles.load_specification(profile, overrides)
     where = None if recordings is None else Path(recordings)
     validation = run(spec, road_of(road or spec.road), simulations, seed, progress, where)
     if validation.recordings is not None:
@@ -269,14 +269,14 @@ def validate(
     return validation
 
 
-@checked
+@check_arguments
 def reproduce(
     study: str,
     replicates: Count = 1000,
     seed: Seed = 2023,
     *,
     overrides: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "Reproduction":
     """Compare every number that a paper states with replicates of its data set.
 
@@ -299,8 +299,8 @@ def reproduce(
     from overtaking.analysis.reproduction.run import reproduce as run
 
     if study not in STUDIES:
-        raise ConfigError.not_among("study", "reproduce", STUDIES, study)
-    spec = scenarios.spec(study, overrides)
+        raise ConfigError.unknown_choice("study", "reproduce", STUDIES, study)
+    spec = profiles.load_specification(study, overrides)
     return run(spec, road_of(spec.road), replicates, seed, simulator_of("engine"), progress)
 
 
@@ -320,11 +320,11 @@ def write_reproduction(found: "Reproduction", out: str | Path) -> "Written":
     from overtaking.analysis.reproduction.run import Reproduction
     from overtaking.show.report.reproduction import write_reproduction as write
 
-    argument(found, Reproduction, "write_reproduction", "found")
-    return write(found, Path(argument(out, str | Path, "write_reproduction", "out")))
+    check_argument(found, Reproduction, "write_reproduction", "found")
+    return write(found, Path(check_argument(out, str | Path, "write_reproduction", "out")))
 
 
-@checked
+@check_arguments
 def literature(
     table: str,
     *,
@@ -353,7 +353,7 @@ def literature(
     return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
 
 
-@checked
+@check_arguments
 def query(
     data: str | Path | Dataset,
     sql: str,
@@ -386,7 +386,7 @@ def query(
     return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
 
 
-@checked
+@check_arguments
 def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None) -> str:
     """The diagram of the tables of a data set, drawn from their schemas.
 
@@ -405,7 +405,7 @@ def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None
 
     text = diagram(form)
     if out is not None:
-        from overtaking.core.files import put
+        from overtaking.core.files import write_atomically
 
-        put(Path(out), text.encode())
+        write_atomically(Path(out), text.encode())
     return text

@@ -5,7 +5,7 @@ A rule is a function of a case, with its description; a pack is a list of rules:
     import numpy as np
     from overtaking import rules
 
-    def slow(case: rules.Case) -> rules.Check:
+    def slow(case: rules.Case) -> rules.Finding:
         return rules.always(np.float32(25.0) - case.signals.speed, rules.manoeuvre(case))
 
     SLOW = rules.Rule(
@@ -29,8 +29,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from overtaking.core.checks import check_name
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, check_choice
 from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law import GERMANY, PACKS, PORTUGAL, Policy, Text, Tolerance, policies_for
 from overtaking.labels.law.alongside import alongside
@@ -50,8 +49,8 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.policies import POLICIES, STORED
 from overtaking.labels.law.rule import (
-    Check,
     Errors,
+    Finding,
     Grade,
     Pack,
     Rule,
@@ -62,9 +61,9 @@ from overtaking.labels.law.rule import (
 )
 from overtaking.labels.law.speeds import CLASSES, ROAD_KINDS, keeps_limit, limits_of
 from overtaking.labels.signals import encounter
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case, Severity, Verdict
-from overtaking.model.signals import Around
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.verdicts import Case, Severity, Verdict
 
 __all__ = [
     "CLASSES",
@@ -73,11 +72,11 @@ __all__ = [
     "NEVER",
     "PORTUGAL",
     "ROAD_KINDS",
-    "Around",
     "Case",
-    "Check",
     "Errors",
+    "Finding",
     "Grade",
+    "NeighbourRole",
     "Pack",
     "Policy",
     "Rule",
@@ -162,7 +161,7 @@ def policies_of(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy,
     if names is None:
         return tuple(one for one in known.values() if one.name in STORED or not own)
     for name in names:
-        check_name(name, known, what="policy", where=pack.name)
+        check_choice(name, known, what="policy", where=pack.name)
     return tuple(known[name] for name in names)
 
 

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from overtaking import scenarios
 from overtaking.api.choices import (
     BRANCHING,
     Count,
@@ -20,23 +19,22 @@ from overtaking.api.choices import (
 from overtaking.api.rules import load_pack, policies_of
 from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import check_memory
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 from overtaking.labels.label import Labelled
 from overtaking.labels.label import label as labelled
 from overtaking.labels.law import PORTUGAL, Errors, Pack, default_policy
 from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import FieldSpec, concatenate
-from overtaking.model.changes import Change
-from overtaking.model.checks import check, checked
-from overtaking.model.decision import Decision
+from overtaking.model.checks import check_arguments, check_batch
 from overtaking.model.road import Road
-from overtaking.model.scenario import MAX_VEHICLES, Scenario
-from overtaking.model.trajectory import BYTES_PER_STATE, Trajectories
+from overtaking.model.scenario import MAX_VEHICLES, ForcedDecision, Intervention, Scenario
+from overtaking.model.trajectories import BYTES_PER_STATE, Trajectories
 from overtaking.model.weather import Weather
+from overtaking.scenarios import profiles, sampler
 from overtaking.sim.branch import branch as branched
 from overtaking.sim.branch import changed
 from overtaking.simulators.comparison import Comparison
-from overtaking.world.clock import STEP_MS
+from overtaking.world.constants import STEP_MS
 
 MOST_ERROR = 100.0
 """Largest standard deviation of what was measured [m] and [m/s]."""
@@ -48,7 +46,7 @@ MAX_SAMPLED = 100_000_000
 """Most scenarios of a batch; data sets may be larger."""
 
 
-@checked
+@check_arguments
 def sample(
     profile: Profile,
     simulations: Annotated[int, FieldSpec(low=0, high=MAX_SAMPLED)],
@@ -73,18 +71,18 @@ def sample(
         InfeasibleError: No such scenario fits on the road.
         SystemLimitError: They need more memory than the system grants.
     """
-    spec = scenarios.spec(profile, overrides)
+    spec = profiles.load_specification(profile, overrides)
     place = road_of(road or spec.road)
     index = np.uint64(first) + np.arange(simulations, dtype=np.uint64)
-    one = scenarios.sample(spec, place, seed, index[:1])
-    check(one, "sample", "scenario")
+    one = sampler.sample(spec, place, seed, index[:1])
+    check_batch(one, "sample", "scenario")
     # Twice, as parts are joined in the end.
     next_step = "draw fewer at a time, or call generate"
     check_memory(2 * one.nbytes * simulations, "sample", next_step)
-    return scenarios.sample(spec, place, seed, index)
+    return sampler.sample(spec, place, seed, index)
 
 
-@checked
+@check_arguments
 def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
     """Simulate a batch.
 
@@ -104,14 +102,14 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
     return chosen.simulate(scenario)
 
 
-@checked
+@check_arguments
 def branch(
     source: Scenario | Trajectories,
     frame: int = 0,
     *,
-    decision: Decision | None = None,
+    decision: ForcedDecision | None = None,
     weather: Weather | None = None,
-    changes: Iterable[Change] = (),
+    changes: Iterable[Intervention] = (),
     simulator: str = "engine",
 ) -> Trajectories:
     """Simulate again, with something changed from a frame on.
@@ -139,13 +137,13 @@ def branch(
     scenario = source if isinstance(source, Scenario) else source.scenario
     check_runnable(scenario, "branch")
     made = tuple(changes)
-    for one in (Change(weather=weather), *made):
-        check(one, "branch")
-        check(changed(scenario, one), "branch")
+    for one in (Intervention(weather=weather), *made):
+        check_batch(one, "branch")
+        check_batch(changed(scenario, one), "branch")
     return branched(source, frame, decision=decision, weather=weather, changes=made, run=run)
 
 
-@checked
+@check_arguments
 def label(
     runs: Trajectories,
     *,
@@ -197,7 +195,7 @@ def lacking(unknown: Iterable[str]) -> dict[str, list[str]]:
     return rules_lacking(PORTUGAL, unknown)
 
 
-@checked
+@check_arguments
 def compare(
     profile: Profile,
     simulations: Count,
@@ -206,7 +204,7 @@ def compare(
     simulators: Sequence[str] = ("engine", "sumo"),
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Comparison:
     """Simulate the same scenarios on several simulators: how they end, and where they differ.
 
@@ -224,7 +222,7 @@ def compare(
             or it is compared with itself.
         MissingExtraError: A simulator is not installed.
     """
-    spec = scenarios.spec(profile, overrides)
+    spec = profiles.load_specification(profile, overrides)
     place = road_of(road or spec.road)
     chosen = [simulator_of(name) for name in several(simulators)]
     step = min(one.chunk_size for one in chosen)

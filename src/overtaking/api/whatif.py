@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.api.data import load
 from overtaking.core.errors import ConfigError
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.labels.law import choose_policy
 from overtaking.model.batch import FieldSpec
-from overtaking.model.changes import Change
-from overtaking.model.checks import argument, checked
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.checks import check_argument, check_arguments
+from overtaking.model.scenario import Intervention
+from overtaking.model.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from overtaking.analysis.whatif.enough import Enough
@@ -24,7 +24,7 @@ Futures = Annotated[int, FieldSpec(low=1, high=100_000)]
 """Futures at each instant of a fan."""
 
 
-@checked
+@check_arguments
 def twin(
     data: Dataset | str | Path,
     simulation: int,
@@ -33,7 +33,7 @@ def twin(
     driver: str | None = None,
     stay: bool = False,
     delay: float | None = None,
-    changes: Iterable[Change] = (),
+    changes: Iterable[Intervention] = (),
     at: float = 0.0,
     from_start: bool = False,
 ) -> "Twin":
@@ -42,8 +42,8 @@ def twin(
     Args:
         data: The data set, or its folder; of simulations, or of branches.
         simulation: Its number.
-        without: What is taken away from the weather: names in `weather.WITHOUT`. Rain goes with
-            film, spray, puddles and clouds.
+        without: What is taken away from the weather: names in `weather.REMOVABLE_FACTORS`. Rain
+            goes with film, spray, puddles and clouds.
         driver: Another temper of the ego's driver: `careful`, `average` or `reckless`.
         stay: Whether the ego never begins an overtake.
         delay: By how much later it begins, whatever the gaps are then [s].
@@ -66,7 +66,7 @@ def twin(
     return twin_of(_scene(data, simulation), wish, at=at, from_start=from_start)
 
 
-@checked
+@check_arguments
 def fan(
     data: Dataset | str | Path,
     simulation: int,
@@ -75,7 +75,7 @@ def fan(
     futures: Futures = 25,
     every: Annotated[float, FieldSpec(low=0.05, high=100.0)] = 0.5,
     policy: str | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "Fan":
     """Outcomes of an overtake that begins at each instant of a simulation.
 
@@ -106,14 +106,14 @@ def fan(
     )
 
 
-@checked
+@check_arguments
 def enough(
     data: Dataset | str | Path,
     simulation: int,
     *,
     goal: str = "lawful",
     policy: str | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> "Enough":
     """Changes of one quantity that would have made a simulation lawful or safe, each simulated.
 
@@ -136,7 +136,7 @@ def enough(
     return enough_of(_scene(data, simulation), goal=goal, policy=policy, progress=progress)
 
 
-@checked
+@check_arguments
 def branch_again(data: Dataset | str | Path, simulation: int) -> Trajectories:
     """Simulate a saved branch again, from the list of changes in the manifest.
 
@@ -153,7 +153,7 @@ def branch_again(data: Dataset | str | Path, simulation: int) -> Trajectories:
     return again(load(data), simulation)
 
 
-@checked
+@check_arguments
 def save_branches(data: Dataset | str | Path, runs: Mapping[str, Any], out: str | Path) -> Dataset:
     """Write simulations and branches of a data set as a data set of their own.
 
@@ -182,7 +182,7 @@ def save_branches(data: Dataset | str | Path, runs: Mapping[str, Any], out: str 
     return load(out)
 
 
-@checked
+@check_arguments
 def save_twin(data: Dataset | str | Path, found: Any, out: str | Path) -> Dataset:
     """Write a simulation and its twin as a data set: number 0 as it was, number 1 changed.
 
@@ -207,7 +207,7 @@ def _scene(data: Dataset | str | Path, simulation: int) -> "Scene":
     return scene_of(load(data), simulation)
 
 
-@checked
+@check_arguments
 def film_twin(found: Any, out: str | Path, *, policy: str | None = None) -> Path:
     """Film a simulation above its twin, as an mp4 file.
 
@@ -228,7 +228,7 @@ def film_twin(found: Any, out: str | Path, *, policy: str | None = None) -> Path
     from overtaking.show.video.twin import TwinFilm
 
     require()
-    twins, path = argument(found, Twin, "film_twin", "found"), Path(out)
+    twins, path = check_argument(found, Twin, "film_twin", "found"), Path(out)
     policy_name = choose_policy(policy, twins.profile)
     title = f"Simulation {twins.number} and its twin, policy {policy_name}"
     write_film(TwinFilm(twins, policy), path, title=title)

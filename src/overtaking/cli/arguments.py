@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import check_output_path
-from overtaking.core.processors import THREADS_VARIABLE
+from overtaking.core.process_limits import THREADS_VARIABLE
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def carla_simulator(driver: str) -> str:
     """
     names = {"own": "carla", "traffic-manager": "carla-traffic-manager"}
     if driver not in names:
-        raise ConfigError.not_among("driver", "--driver", names, driver)
+        raise ConfigError.unknown_choice("driver", "--driver", names, driver)
     return names[driver]
 
 
@@ -157,7 +157,7 @@ def speed_limit(text: str | None) -> float | None:
     """
     if text is None:
         return None
-    from overtaking.model.course import MAX_SPEED_LIMIT
+    from overtaking.model.road_course import MAX_SPEED_LIMIT
 
     if text.strip().lower() == "none":
         return MAX_SPEED_LIMIT

@@ -9,9 +9,9 @@ from rich.console import Group
 from rich.text import Text
 
 from overtaking.cli.tables import open_table
-from overtaking.model.events import Outcome
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.overtake_events import Outcome
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.simulators.comparison import PARTING_DISTANCE, TOGETHER
 
 if TYPE_CHECKING:

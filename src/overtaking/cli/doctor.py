@@ -8,8 +8,14 @@ import shutil
 from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
-from overtaking.core import processors
-from overtaking.core.extras import PACKAGE, extra_groups, install_command, pip_command, requirements
+from overtaking.core import process_limits
+from overtaking.core.errors import (
+    DISTRIBUTION,
+    extra_groups,
+    install_command,
+    pip_command,
+    requirements,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,7 +39,7 @@ def diagnose(folder: Path) -> Values:
         Values of plain Python types; "findings" lists what keeps something from working.
     """
     values: Values = {
-        "overtaking": metadata.version(PACKAGE),
+        "overtaking": metadata.version(DISTRIBUTION),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
         "libraries": _versions(""),
@@ -70,7 +76,7 @@ def _version(distribution: str) -> str | None:
 def _engine() -> Values:
     """Whether the compiled engine loads, and how wide it computes."""
     try:
-        core = import_module(f"{PACKAGE}._core")
+        core = import_module(f"{DISTRIBUTION}._core")
     except ImportError as error:
         return {"loaded": False, "error": " ".join(str(error).split())}
     return {
@@ -85,8 +91,8 @@ def _threads() -> Values:
     """Processors of the machine, of this process, and the limit in the environment."""
     return {
         "processors": os.cpu_count(),
-        "usable": processors.usable(),
-        "rayon_num_threads": os.environ.get(processors.THREADS_VARIABLE),
+        "usable": process_limits.available_processors(),
+        "rayon_num_threads": os.environ.get(process_limits.THREADS_VARIABLE),
     }
 
 

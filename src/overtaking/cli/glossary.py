@@ -27,30 +27,30 @@ def values_of(word: str | None) -> dict[str, Any]:
     Raises:
         ConfigError: There is no such word.
     """
-    from overtaking.knowledge.terms import GROUPS, terms
+    from overtaking.knowledge.glossary import TERM_GROUPS, terms
 
     found = [
         {
             "group": title,
             "name": name,
             "title": term.title or None,
-            "unit": term.shown_in or None,
+            "unit": term.display_unit or None,
             "meaning": term.meaning,
         }
-        for group, title in GROUPS.items()
+        for group, title in TERM_GROUPS.items()
         for name, term in terms(group).items()
         if word is None or word.lower() in (name.lower(), *name.lower().split(", "))
     ]
     if not found:
-        from overtaking.scenarios.complaints import advice
+        from overtaking.scenarios.specification_values import suggestion
 
-        names = [name for group in GROUPS for name in terms(group)]
+        names = [name for group in TERM_GROUPS for name in terms(group)]
         raise ConfigError.of(
             what="word",
             where="glossary",
             expected="a word of the glossary",
             got=repr(word),
-            next_step=advice(str(word), names),
+            next_step=suggestion(str(word), names),
         )
     return {"terms": found}
 

@@ -75,7 +75,7 @@ def of_labels(data: "Dataset") -> dict[str, Any]:
 
 def of_batches(data: str, batches: "Iterable[tuple[Any, Labelled]]") -> dict[str, Any]:
     """The same, from labels that are not written."""
-    from overtaking.model.labels import OvertakeClass, Verdict
+    from overtaking.model.verdicts import OvertakeClass, Verdict
 
     classes: dict[str, Counter[str]] = {}
     rules: dict[str, Counter[str]] = {}

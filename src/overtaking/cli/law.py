@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
 from overtaking.show.wording import breach_words, doubt_words
 
 if TYPE_CHECKING:

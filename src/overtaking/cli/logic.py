@@ -8,7 +8,7 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
-from overtaking.core.words import counted
+from overtaking.core.representation import format_count
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -107,8 +107,8 @@ def render(values: dict[str, Any]) -> "Group":
         [_cell(one, of["type"], interval_ms) for one, of in zip(row, columns, strict=True)]
         for row in values["rows"]
     ]
-    asked = counted(values["simulations_asked"], "simulation")
-    line = Text(f"{counted(len(rows), 'answer')} of {asked}")
+    asked = format_count(values["simulations_asked"], "simulation")
+    line = Text(f"{format_count(len(rows), 'answer')} of {asked}")
     header = [one["name"] + (f" ({one['type']})" if one["type"] else "") for one in columns]
     return Group(drawn_rows(header, rows), line) if columns and rows else Group(line)
 

@@ -127,7 +127,7 @@ def render(values: dict[str, Any]) -> "Group":
 
 def _limit_text(limit_kmh: float) -> str:
     """A speed limit in words; the highest limit of the model means that there is no limit."""
-    from overtaking.model.course import MAX_SPEED_LIMIT  # Loads NumPy, which help does not need.
+    from overtaking.model.road_course import MAX_SPEED_LIMIT
 
     return "none" if limit_kmh >= kmh_from_mps(MAX_SPEED_LIMIT) else f"{limit_kmh:.0f}"
 

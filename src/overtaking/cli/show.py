@@ -18,8 +18,8 @@ from overtaking.cli.law import law_lines
 from overtaking.cli.tables import FittingTable, open_table
 from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time_line
 from overtaking.core.units import kmh_from_mps
-from overtaking.knowledge import terms
-from overtaking.model.trajectory import METRES_PER_SECOND_PER_STEP, METRES_PER_STEP, Stage
+from overtaking.knowledge.glossary import terms
+from overtaking.model.trajectories import POSITION_RESOLUTION, SPEED_RESOLUTION, Stage
 from overtaking.model.vehicles import Role
 from overtaking.show.description import lane_name
 from overtaking.show.wording import (
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console, RenderableType
 
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
     from overtaking.show.judgement import Values
 
 MAX_WIDTH = 110
@@ -121,7 +121,7 @@ def _nearest(run: Trajectories) -> np.ndarray:
     """Slots of the ego and of those that came closest to it, the ego first."""
     slots = np.flatnonzero(run.scenario.vehicles.valid[0])
     s = run.states.s[0, :, : run.num_frames[0]]
-    away = np.where(run.state_valid[0, slots, : run.num_frames[0]], s[slots] - s[Role.EGO], _FAR)
+    away = np.where(run.state_mask[0, slots, : run.num_frames[0]], s[slots] - s[Role.EGO], _FAR)
     closest = np.abs(away).min(axis=1)
     return np.sort(slots[np.argsort(closest, kind="stable")][:MAX_VEHICLES])
 
@@ -186,14 +186,14 @@ def _instants(run: Trajectories) -> np.ndarray:
 
 def _strip(run: Trajectories, shown: np.ndarray, frames: np.ndarray) -> Strip:
     """Positions and lanes relative to the ego at the frames to draw."""
-    s = run.states.s[0][:, frames] * METRES_PER_STEP
+    s = run.states.s[0][:, frames] * POSITION_RESOLUTION
     position = s[shown] - s[Role.EGO]
     code = run.states.lane[0][:, frames].astype(int)
     lane = np.where(code == _BEYOND_SLOW_EDGE, -1, code)
-    there = run.state_valid[0, shown][:, frames]
+    there = run.state_mask[0, shown][:, frames]
     others = shown != Role.EGO
     return Strip(
-        position=np.where(there, position, _FAR * METRES_PER_STEP),
+        position=np.where(there, position, _FAR * POSITION_RESOLUTION),
         lane=(lane[shown] - lane[Role.EGO]) * int(run.road.side),
         slots=shown,
         reach=nice_reach(_filled(np.abs(position[others]), there[others])),
@@ -204,7 +204,7 @@ def _filled(distance: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Distances (vehicle, instant), each vehicle's mean where it was not recorded [m]."""
     count = there.sum(axis=1)
     mean = np.where(there, distance, 0.0).sum(axis=1) / np.maximum(count, 1)
-    mean[count == 0] = _FAR * METRES_PER_STEP
+    mean[count == 0] = _FAR * POSITION_RESOLUTION
     return np.where(there, distance, mean[:, None])
 
 
@@ -222,7 +222,7 @@ def _strip_lines(
     yield Text(header, style="underline")
     for frame, line in zip(frames.tolist(), strip.lines(inner, glyphs), strict=True):
         lane = lane_name(run.road, int(run.states.lane[0, Role.EGO, frame]))
-        speed = run.states.speed[0, Role.EGO, frame] * METRES_PER_SECOND_PER_STEP
+        speed = run.states.speed[0, Role.EGO, frame] * SPEED_RESOLUTION
         stage = Stage(int(run.stage[0, frame])).name
         edge = Text(glyphs.edge, style=STAGE_STYLES[stage] if recorded else "")
         yield Text.assemble(
@@ -240,8 +240,8 @@ def _speed_lines(
 ) -> Iterator[Text]:
     """One sparkline for each vehicle, all of the same scale."""
     frames = slice(run.num_frames[0])
-    there = run.state_valid[0, shown, frames]
-    recorded = run.states.speed[0, shown, frames] * METRES_PER_SECOND_PER_STEP
+    there = run.state_mask[0, shown, frames]
+    recorded = run.states.speed[0, shown, frames] * SPEED_RESOLUTION
     speeds = np.asarray(kmh_from_mps(recorded))
     low, high = float(speeds[there].min()), float(speeds[there].max())
     inner = width - len(f"E  123 {glyphs.arrow} 123 km/h, 123{glyphs.dash}123") - 1

@@ -7,8 +7,8 @@ import typer
 
 from overtaking.cli import options
 from overtaking.cli.output import Output, json_of
-from overtaking.core.checks import check_name
-from overtaking.core.words import counted
+from overtaking.core.errors import check_choice
+from overtaking.core.representation import format_count
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -40,7 +40,7 @@ def sql(
     """Query the tables of a data set in SQL."""
     from overtaking import api
 
-    check_name(written, FORMATS, what="--format", where="sql")
+    check_choice(written, FORMATS, what="--format", where="sql")
     answer = api.query(data, question, max_rows=rows, timeout_s=timeout_s, memory_mib=memory_mib)
     values = answer.values()
     if answer.is_cut:
@@ -74,7 +74,7 @@ def render(values: dict[str, Any]) -> "Group":
 
     rows = [[shown(cell) for cell in row] for row in values["rows"]]
     table = drawn_rows([shown(name) for name in values["columns"]], rows)
-    return Group(table, Text(counted(len(rows), "row")))
+    return Group(table, Text(format_count(len(rows), "row")))
 
 
 def shown(cell: object) -> str:

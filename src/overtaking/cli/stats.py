@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
-from overtaking.core.checks import check_name
-from overtaking.core.words import counted
+from overtaking.core.errors import check_choice
+from overtaking.core.representation import format_count
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -43,7 +43,7 @@ def stats(
     from overtaking import api
     from overtaking.analysis.stats import formats
 
-    check_name(written, formats.FORMATS, what="--format", where="stats")
+    check_choice(written, formats.FORMATS, what="--format", where="stats")
     found = api.statistics(data, policy=policy, reading=reading, weighted=weighted)
     if written == "text":
         output.page(found.values(), formats.page_parts(found))
@@ -95,10 +95,14 @@ def render(values: dict[str, Any]) -> "Text":
 
     warnings = len(values["warnings"])
     lines = [
-        f"{values['page']}: {counted(len(values['figures']), 'figure')} and "
-        f"{counted(len(values['tables']), 'table')} of "
-        f"{counted(values['simulations'], 'simulation')}, {values['duration_s']:.1f} s",
-        *([f"{counted(warnings, 'warning')} about its classes, see the page"] if warnings else []),
+        f"{values['page']}: {format_count(len(values['figures']), 'figure')} and "
+        f"{format_count(len(values['tables']), 'table')} of "
+        f"{format_count(values['simulations'], 'simulation')}, {values['duration_s']:.1f} s",
+        *(
+            [f"{format_count(warnings, 'warning')} about its classes, see the page"]
+            if warnings
+            else []
+        ),
         *values["missing"],
     ]
     return Text("\n".join(lines))

@@ -11,7 +11,7 @@ import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from overtaking.core.words import as_utf8
+from overtaking.core.representation import as_utf8
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group
 from rich.text import Text
 
+from overtaking.analysis.validation.targets import TargetRole
 from overtaking.cli.tables import open_table
-from overtaking.knowledge.quantity import CHOICE
-from overtaking.knowledge.validation import Standing
+from overtaking.knowledge.quantities import ENGINEERING_CHOICE
 from overtaking.model.import_report import ImportFinding, check_lines
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def render(values: Values) -> Group:
     head = f"{values['profile']}: {values['simulations']:,} simulations, {verdict}"
     if not values["met"]:
         head += " (exit status 1)"
-    meanings = "\n".join(f"{one}: {one.meaning}" for one in Standing)
+    meanings = "\n".join(f"{one}: {one.meaning}" for one in TargetRole)
     parts = [Text(head), Text(), _figures(values["figures"]), Text(), Text(meanings, "dim")]
     parts += [Text(), _strata(values["strata"])]
     if values["comparison"]:
@@ -85,7 +85,7 @@ def _verdict(figure: Values) -> Text:
         return Text(f"needs {figure['needs_km']:,.0f} km", "dim")
     if figure["met"] is None:
         return Text("not measured" if _target(figure) else "", "dim")
-    is_ours = CHOICE in (figure["standing"], figure["source"])
+    is_ours = ENGINEERING_CHOICE in (figure["standing"], figure["source"])
     if is_ours:
         said = "within our limits" if figure["met"] else "outside our limits"
     else:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
 from overtaking.core.errors import ConfigError
-from overtaking.core.words import counted
+from overtaking.core.representation import format_count
 
 if TYPE_CHECKING:
     from overtaking.cli.tables import FittingTable
@@ -98,6 +98,6 @@ def render(values: dict[str, Any]) -> "FittingTable":
         table.add_row(f"and {len(films) - _MOST_LISTED} more in the same folder")
     seconds = values["duration_s"]
     rate = len(films) / max(seconds, 1e-3)
-    made = f"{counted(len(films), 'film')} in {seconds:.1f} s, {rate:.1f}/s"
+    made = f"{format_count(len(films), 'film')} in {seconds:.1f} s, {rate:.1f}/s"
     table.add_row(made)
     return table

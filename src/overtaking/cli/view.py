@@ -7,7 +7,7 @@ from overtaking.cli import options
 from overtaking.cli.output import Output
 from overtaking.cli.video import choice
 from overtaking.core.errors import ConfigError
-from overtaking.core.words import counted
+from overtaking.core.representation import format_count
 
 if TYPE_CHECKING:
     from overtaking.show.view.write import ViewPage
@@ -93,7 +93,7 @@ def values_of(page: "ViewPage") -> dict[str, Any]:
 
 def _line(page: "ViewPage") -> str:
     """The written file, for people."""
-    what = counted(len(page.simulations), "simulation")
+    what = format_count(len(page.simulations), "simulation")
     return f"{page.path}  {what}, {_amount(page.size_bytes)}"
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
-from overtaking.core.checks import check_name
+from overtaking.core.errors import check_choice
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -91,7 +91,7 @@ def twin(
     """
     from overtaking import api
 
-    check_name(start, ("state", "start"), what="--from", where="twin")
+    check_choice(start, ("state", "start"), what="--from", where="twin")
     figure = arguments.figure_file(plot)
     found = api.twin(
         data,

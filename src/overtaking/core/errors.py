@@ -1,31 +1,39 @@
-"""Every error of the package, in one tree, with one shape of message.
-
-Each class is also a built-in kind, so that a caller without knowledge of this package can still
-catch a `ValueError` or an `ImportError`.
-"""
+"""Error classes, their one message format, checks of names and numbers, extras."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import operator
+import re
+import shlex
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from functools import cache
+from importlib import metadata
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from overtaking.core.words import as_utf8
+from overtaking.core.representation import as_utf8
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from typing import Self
 
-MAX_SHOWN_CHARACTERS = 160
+
+MAX_MESSAGE_PART = 160
 
 
-def _one_line(part: object) -> str:
+def printable(part: object) -> str:
     """A part of a message on one line, without what a terminal would obey, and not too long."""
     text = as_utf8(part) if isinstance(part, str) else repr(part)
     text = " ".join(text.split())
-    text = text[: MAX_SHOWN_CHARACTERS + 1]
+    text = text[: MAX_MESSAGE_PART + 1]
     text = "".join(one if one.isprintable() else "�" for one in text)
-    if len(text) <= MAX_SHOWN_CHARACTERS:
+    if len(text) <= MAX_MESSAGE_PART:
         return text
-    return text[: MAX_SHOWN_CHARACTERS - 3] + "..."
+    return text[: MAX_MESSAGE_PART - 3] + "..."
 
 
 class OvertakingError(Exception):
@@ -47,12 +55,12 @@ class OvertakingError(Exception):
         Returns:
             The error, with the one-line message `where: what: expected ..., got ...; next_step`.
         """
-        head = f"{_one_line(where)}: {_one_line(what)}"
-        body = f"expected {_one_line(expected)}, got {_one_line(got)}"
-        return cls(f"{head}: {body}; {_one_line(next_step)}")
+        head = f"{printable(where)}: {printable(what)}"
+        body = f"expected {printable(expected)}, got {printable(got)}"
+        return cls(f"{head}: {body}; {printable(next_step)}")
 
     @classmethod
-    def not_among(cls, what: str, where: str, known: Iterable[str], got: object) -> Self:
+    def unknown_choice(cls, what: str, where: str, known: Iterable[str], got: object) -> Self:
         """An error for a name that is none of those that are known.
 
         Args:
@@ -95,7 +103,7 @@ class SchemaError(OvertakingError, ValueError):
     """A table or array whose columns, types, units or version are not those agreed on."""
 
     @classmethod
-    def newer(cls, what: str, where: str, known: int, got: int) -> Self:
+    def newer_version(cls, what: str, where: str, known: int, got: int) -> Self:
         """The error for a version that is newer than this package knows.
 
         Args:
@@ -108,7 +116,7 @@ class SchemaError(OvertakingError, ValueError):
         return cls.of(what=what, where=where, expected=f"at most {known}", got=got, next_step=step)
 
 
-class PolicyError(OvertakingError, RuntimeError):
+class DriverError(OvertakingError, RuntimeError):
     """A policy that raises, or answers what is no action."""
 
 
@@ -151,9 +159,7 @@ class MissingExtraError(OvertakingError, ImportError):
             got: The value found.
             otherwise: What else the reader can do, as an imperative.
         """
-        from overtaking.core.extras import install_command
-
-        head = f"{where}: {what}: expected the extra [{extra}], got {_one_line(got)}"
+        head = f"{where}: {what}: expected the extra [{extra}], got {printable(got)}"
         instead = f"; or {otherwise}" if otherwise else ""
         return cls(f"{head}; run: {install_command(extra)}{instead}")
 
@@ -164,3 +170,189 @@ class KnowledgeError(OvertakingError, ValueError):
 
 class InfeasibleError(OvertakingError, ValueError):
     """A scenario or request that no vehicle on no road could meet."""
+
+
+def check_choice(got: str, known: Iterable[str], *, what: str, where: str) -> None:
+    """Refuse a name that is not one of those that are known.
+
+    Args:
+        got: The name.
+        known: All names that can be used.
+        what: The option or argument.
+        where: The command or function.
+
+    Raises:
+        ConfigError: It is none of them.
+    """
+    names = list(known)
+    if got not in names:
+        raise ConfigError.unknown_choice(what, where, names, got)
+
+
+def nearest_first(name: str, names: Iterable[str]) -> list[str]:
+    """Names in order of their similarity to a name, the most similar one first."""
+
+    def similarity(candidate: str) -> float:
+        return SequenceMatcher(a=name.lower(), b=candidate.lower()).ratio()
+
+    return sorted(names, key=similarity, reverse=True)
+
+
+def check_in_range(
+    got: float, low: float, high: float = inf, *, what: str, where: str, unit: str = ""
+) -> None:
+    """Refuse a number that is too small, or too large.
+
+    Args:
+        got: The number.
+        low: The smallest that can be used.
+        high: The largest.
+        what: The option or argument.
+        where: The command or function.
+        unit: What it counts, for the message.
+
+    Raises:
+        ConfigError: It is smaller or larger, or NaN.
+    """
+    if not low <= got <= high:
+        bounds = f"{low:g} {unit}".strip() + " or more"
+        raise ConfigError.of(
+            what=what,
+            where=where,
+            expected=bounds if high == inf else f"{low:,} to {high:,} {unit}".strip(),
+            got=got,
+            next_step="choose a number in that range",
+        )
+
+
+def whole_number(value: Any) -> int | None:
+    """The integer that a value stands for, as for `operator.index`; None for any other value.
+
+    Integers of NumPy overflow where Python's do not, and JSON cannot write them.
+
+    Args:
+        value: An integer of Python, NumPy or another library; flags are no integers.
+    """
+    is_flag = isinstance(value, bool) or str(getattr(value, "dtype", "")).endswith("bool")
+    try:
+        return None if is_flag else operator.index(value)
+    except TypeError:
+        return None
+
+
+def check_whole_number(value: Any, low: int, high: int, *, what: str, where: str) -> int:
+    """Refuse a value that is no integer of a range.
+
+    Args:
+        value: The value.
+        low: The smallest integer.
+        high: The largest one.
+        what: The option or argument.
+        where: The command or function.
+
+    Returns:
+        The integer.
+
+    Raises:
+        ConfigError: The value is something else.
+    """
+    number = whole_number(value)
+    if number is None or not low <= number <= high:
+        raise ConfigError.out_of_range(what, where, low, high, value)
+    return number
+
+
+def convert_integers(record: Any, *names: str) -> None:
+    """Replace integers of other libraries in a frozen dataclass by Python's.
+
+    Args:
+        record: The dataclass, in its `__post_init__`.
+        names: The fields; those that hold something else stay as they are.
+    """
+    for name in names:
+        if (number := whole_number(getattr(record, name))) is not None:
+            object.__setattr__(record, name, number)
+
+
+DISTRIBUTION = "overtaking"
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A package that `overtaking` requires.
+
+    Attributes:
+        package: Name of the package.
+        specifier: Name and supported versions, such as `duckdb>=1.1`.
+        extra: The extra that requires it; empty if it is always required.
+    """
+
+    package: str
+    specifier: str
+    extra: str
+
+    def is_newer_than(self, version: str) -> bool:
+        """Whether the lowest supported version is newer than a version, such as the installed."""
+        bound = re.search(r"[>=]=\s*([\w.]+)", self.specifier)
+        return bound is not None and _release(version) < _release(bound[1])
+
+
+def _release(version: str) -> tuple[int, ...]:
+    """The numbers of a release for comparison, without zeros at the end: 3.10 equals 3.10.0."""
+    numbers = re.match(r"[\d.]*", version)
+    parts = [int(part) for part in (numbers[0] if numbers else "").split(".") if part]
+    while parts and parts[-1] == 0:
+        parts.pop()
+    return tuple(parts)
+
+
+@cache
+def requirements() -> tuple[Requirement, ...]:
+    """The requirements in the metadata of the installed package."""
+    packages: list[Requirement] = []
+    for line in metadata.requires(DISTRIBUTION) or []:
+        specifier, _, marker = line.partition(";")
+        extra = re.search(r"\bextra\s*==\s*['\"]([\w-]+)['\"]", marker)
+        package = re.split(r"[^\w.-]", specifier.strip(), maxsplit=1)[0]
+        if package != DISTRIBUTION:  # Groups such as `all` require extras of the package.
+            name = extra[1] if extra else ""
+            packages.append(Requirement(package, specifier.strip(), name))
+    return tuple(packages)
+
+
+@cache
+def extra_requirements() -> dict[str, tuple[str, ...]]:
+    """The requirements of each extra, such as `duckdb>=1.1` of `sql`."""
+    by_extra: dict[str, tuple[str, ...]] = {}
+    for requirement in requirements():
+        if extra := requirement.extra:
+            by_extra[extra] = (*by_extra.get(extra, ()), requirement.specifier)
+    return by_extra
+
+
+@cache
+def extra_groups() -> dict[str, tuple[str, ...]]:
+    """The extras in each group, such as `all` or `common`, in alphabetical order."""
+    groups: dict[str, tuple[str, ...]] = {}
+    for line in metadata.requires(DISTRIBUTION) or []:
+        match = re.match(rf"{DISTRIBUTION}\[([\w,\s-]+)\].*\bextra\s*==\s*['\"]([\w-]+)['\"]", line)
+        if match is not None:
+            groups[match[2]] = tuple(sorted(name.strip() for name in match[1].split(",")))
+    return groups
+
+
+def install_command(extra: str) -> str:
+    """The command that installs an extra, or a group of extras, for the running interpreter.
+
+    It names the packages of the extra, not `overtaking[extra]`: an index does not know a clone.
+    """
+    names = extra_groups().get(extra, (extra,))
+    return pip_command(*(specifier for name in names for specifier in extra_requirements()[name]))
+
+
+def pip_command(*specifiers: str) -> str:
+    """The command that installs packages for the running interpreter."""
+    here, running = Path.cwd(), Path(sys.executable)
+    is_below = here in running.parent.parents  # A shell looks for a bare name elsewhere.
+    interpreter = running.relative_to(here) if is_below else running
+    return shlex.join([str(interpreter), "-m", "pip", "install", *specifiers])

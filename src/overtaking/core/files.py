@@ -1,23 +1,29 @@
-"""Files that are read whole: only those that end, no more than is wanted; and written whole."""
+"""Bounded reading; atomic writing of files and folders."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import shutil
 import stat
 import tomllib
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import asks_beyond_machine, refusal_of
-from overtaking.core.words import as_utf8
+from overtaking.core.representation import as_utf8
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
     from io import BufferedIOBase, BufferedReader
     from pathlib import Path
 
     from overtaking.core.errors import OvertakingError
+
 
 MISSING_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 """Errors of paths at which there is no file."""
@@ -79,7 +85,7 @@ def check_output_path(path: str | Path) -> None:
         )
 
 
-def ending(path: Path) -> Path:
+def check_regular_file(path: Path) -> Path:
     """A path, refused if reading there might never end.
 
     Raises:
@@ -92,28 +98,28 @@ def ending(path: Path) -> Path:
     return path
 
 
-def opened(path: Path) -> BufferedReader:
+def open_regular_file(path: Path) -> BufferedReader:
     """A file, open for reading.
 
     Raises:
         OSError: It cannot be opened, or is a pipe or a device.
     """
-    return ending(path).open("rb")
+    return check_regular_file(path).open("rb")
 
 
-def whole(file: BufferedIOBase, most_bytes: int) -> bytes:
+def read_bounded(file: BufferedIOBase, max_bytes: int) -> bytes:
     """The content of an open file.
 
     Args:
         file: The file.
-        most_bytes: How much is read at most [bytes].
+        max_bytes: How much is read at most [bytes].
 
     Raises:
         OSError: It holds more, or cannot be read.
     """
-    data = file.read(most_bytes + 1)
-    if len(data) > most_bytes:
-        raise OSError(errno.EFBIG, f"a file of more than {most_bytes} bytes")
+    data = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise OSError(errno.EFBIG, f"a file of more than {max_bytes} bytes")
     return data
 
 
@@ -131,11 +137,11 @@ def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
         ValueError: The content is not TOML in UTF-8.
         RecursionError: Its values are nested too deeply.
     """
-    with opened(path) as file:
-        return tomllib.loads(whole(file, max_bytes).decode("utf-8-sig"))
+    with open_regular_file(path) as file:
+        return tomllib.loads(read_bounded(file, max_bytes).decode("utf-8-sig"))
 
 
-def put(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes) -> None:
     """Put a file into its place, whole or not at all.
 
     Raises:
@@ -152,3 +158,76 @@ def put(path: Path, content: bytes) -> None:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def atomic_folder(out: Path) -> Generator[Path]:
+    """A folder beside `out` that takes its name if the block succeeds, and goes away if not.
+
+    Args:
+        out: The name; it must be free, or that of an empty folder.
+
+    Raises:
+        ConfigError: Something is there.
+        OSError: The folder cannot be made or renamed.
+    """
+    check_folder_is_free(out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    folder = out.with_name(f".{out.name}.{uuid4().hex}.partial")
+    folder.mkdir()
+    try:
+        yield folder
+        if out.is_dir():
+            out.rmdir()  # An empty one; Windows does not replace it.
+        folder.rename(out)
+        fsync_folder(out.parent)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def check_folder_is_free(out: Path) -> None:
+    """Refuse a place where something is.
+
+    Raises:
+        ConfigError: It is not free.
+    """
+    if out.is_dir() and not any(out.iterdir()):
+        return
+    if out.exists() or out.is_symlink():
+        raise ConfigError.of(
+            what="folder",
+            where=str(out),
+            expected="a name that is free, or an empty folder",
+            got=describe_place(out),
+            next_step="choose another folder",
+        )
+
+
+def describe_place(path: Path) -> str:
+    """A description of a path that exists but is not an empty folder, for a message."""
+    if path.is_dir():
+        return "a folder with something in it"
+    return "a file" if path.exists() else "a symbolic link to nothing"
+
+
+def write_new_file(path: Path, text: str) -> None:
+    """Write a text and force it to the disk.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    with path.open("x", encoding="utf-8", newline="\n") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def fsync_folder(folder: Path) -> None:
+    """Force the names in a folder to the disk, where the system knows how to."""
+    if os.name == "nt":  # Windows cannot open folders.
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

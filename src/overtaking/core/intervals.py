@@ -5,7 +5,7 @@ import math
 Z95 = 1.959963984540054  # The 97.5 % point of the normal distribution.
 
 
-def wilson(share: float, size: float) -> tuple[float, float]:
+def wilson_interval(share: float, size: float) -> tuple[float, float]:
     """95 % confidence interval of a share.
 
     Args:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
-from overtaking.core.steps import Progress
+from overtaking.core.progress import ProgressCallback
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -36,7 +36,7 @@ def show_progress(function: Callable[P, T]) -> Callable[P, T]:
     return call_with_progress
 
 
-def notebook_progress(title: str) -> Progress | None:
+def notebook_progress(title: str) -> ProgressCallback | None:
     """A function that shows progress below the running cell.
 
     Args:

@@ -1,23 +1,49 @@
-"""Memory, threads and files that the operating system grants to this process.
-
-This module imports neither NumPy nor Arrow, because `check_address_space` must run before both.
-"""
+"""Processors, threads, memory and time that this process or a query may use."""
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import re
 import sys
+from collections import deque
+from collections.abc import Generator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from overtaking.core.errors import OvertakingError, SystemLimitError
+from overtaking.core.errors import ConfigError, OvertakingError, SystemLimitError
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator
-    from pathlib import Path
+    from collections.abc import Callable, Generator, Iterable, Iterator
+
+
+THREADS_VARIABLE = "RAYON_NUM_THREADS"
+"""Environment variable that says how many the engine may use."""
+
+CGROUP_QUOTA_FILE = Path("/sys/fs/cgroup/cpu.max")
+"""Linux's file with the CPU quota of a container: microseconds of quota and of its period."""
+
+
+def available_processors() -> int:
+    """Processors that the system lets this process use."""
+    known = os.cpu_count() or 1
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else known
+    with suppress(OSError, ValueError):  # No container, or one without a limit.
+        time, period = CGROUP_QUOTA_FILE.read_text(encoding="ascii").split()
+        return max(1, min(allowed, int(time) // int(period)))
+    return allowed
+
+
+def processors_to_use() -> int:
+    """Processors to use: those that it may use, or fewer if the environment asks for fewer."""
+    asked = os.environ.get(THREADS_VARIABLE, "")
+    limit = int(asked) if asked.isascii() and asked.isdigit() else 0
+    return min(available_processors(), limit) if limit else available_processors()
+
 
 _MIB = 1 << 20
 
@@ -35,9 +61,7 @@ _STACK_BYTES = 8 * _MIB
 _OTHER_THREADS = 9
 """Threads that do not depend on the number of processors: 8 that read files for Arrow, 1 that
 cleans up for its allocator."""
-
 _M_ARENA_MAX = -8  # Value of M_ARENA_MAX in glibc's malloc.h.
-
 _MEMORY_ERRORS = (errno.ENOMEM,)
 _THREAD_ERRORS = (errno.EAGAIN,)
 _FILE_ERRORS = (errno.EMFILE, errno.ENFILE)
@@ -48,6 +72,7 @@ _THREAD_TEXTS = (
     "Failed to launch worker thread",  # Arrow
     "Resource temporarily unavailable",
 )
+
 _MEMORY_TEXTS = (
     "failed to map segment",  # The dynamic loader, in an ImportError
     "annot allocate memory",  # The system, with "C" or "c"
@@ -59,6 +84,7 @@ MORE_MEMORY = (
     "take fewer simulations at a time or fewer threads (RAYON_NUM_THREADS), or raise the limit "
     "(ulimit -v, memory of the container)"
 )
+
 MORE_THREADS = (
     "raise the limit of processes (ulimit -u, pids of the container) or of memory (ulimit -v), or "
     "take fewer threads (--threads, RAYON_NUM_THREADS)"
@@ -284,12 +310,10 @@ def _missing_threads() -> int:
     """Number of threads that libraries have yet to start."""
     from pathlib import Path
 
-    from overtaking.core import processors
-
     setting = os.environ.get("OMP_NUM_THREADS", "")
     is_number = setting.isascii() and setting.isdigit()
-    arrow_threads = int(setting) if is_number else processors.usable()
-    expected = processors.wanted() + arrow_threads + _OTHER_THREADS
+    arrow_threads = int(setting) if is_number else available_processors()
+    expected = processors_to_use() + arrow_threads + _OTHER_THREADS
     with suppress(OSError):
         return max(0, expected - len(list(Path("/proc/self/task").iterdir())))
     return expected
@@ -346,3 +370,172 @@ def _group_memory(group: Path, limit_file: str, use_key: str) -> Iterator[tuple[
 def _size(size: int) -> str:
     """A number of bytes for messages."""
     return f"{size / 1e9:.1f} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
+
+
+BYTES_PER_MIB = 1024 * 1024
+
+
+def limit_process(
+    memory_mib: int, *, open_files: int | None = None, processor_s: int | None = None
+) -> None:
+    """Forbid this process to write files, and bound its memory.
+
+    Linux knows all of these bounds. macOS does not bound memory, Windows knows none.
+
+    Args:
+        memory_mib: Memory beyond what it uses now [MiB].
+        open_files: Number of files that may be open, None for no bound.
+        processor_s: Time of a processor after which SIGXCPU ends it [s], None for no bound.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows.
+        return
+    statm = Path("/proc/self/statm")
+    pages = int(statm.read_text(encoding="ascii").split()[5]) if statm.exists() else 0
+    in_use = pages * resource.getpagesize()
+    # Private memory that can be written. RLIMIT_AS would count what threads only reserve.
+    memory = in_use + memory_mib * BYTES_PER_MIB
+    bounds = {
+        resource.RLIMIT_DATA: (memory, memory),
+        resource.RLIMIT_FSIZE: (0, 0),
+        resource.RLIMIT_CORE: (0, 0),
+    }
+    if open_files is not None:
+        bounds[resource.RLIMIT_NOFILE] = (open_files, open_files)
+    if processor_s is not None:
+        # At the second of them the signal would be SIGKILL, which may come from anywhere.
+        bounds[resource.RLIMIT_CPU] = (processor_s, processor_s + 1)
+    for bound, value in bounds.items():
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(bound, value)
+
+
+def check_query_limits(where: str, *, max_rows: int, timeout_s: float, memory_mib: int) -> None:
+    """Refuse bounds that no question can be answered in.
+
+    Args:
+        where: The command that asks.
+        max_rows: Most rows of an answer, 1 to 1e9.
+        timeout_s: Most time [s], 0.001 to 1e9.
+        memory_mib: Most memory [MiB], 16 to 1e9.
+
+    Raises:
+        ConfigError: One of them is out of its range.
+    """
+    for what, value, low in (
+        ("rows", max_rows, 1),
+        ("time in seconds", timeout_s, 0.001),
+        ("memory in MiB", memory_mib, 16),
+    ):
+        if not low <= value <= 1e9:
+            raise ConfigError.out_of_range(what, where, low, None, value)
+
+
+ANSWER_MEMORY_SHARE = 8
+"""The answer may take an eighth of the memory: the process that asks holds it, and makes a text of
+it."""
+
+
+def remaining_answer_bytes(room: int | None, rows: object, where: str, memory_mib: int) -> int:
+    """Memory left for an answer after further rows [bytes].
+
+    Args:
+        room: The remaining room; None at the beginning.
+        rows: The rows.
+        where: The command that asks.
+        memory_mib: Most memory of the question [MiB].
+
+    Raises:
+        ConfigError: The answer is too large.
+    """
+    most_mib = memory_mib / ANSWER_MEMORY_SHARE
+    left = (int(most_mib * BYTES_PER_MIB) if room is None else room) - deep_size(rows)
+    if left < 0:
+        most = f"an answer of at most {most_mib:g} MiB, 1/{ANSWER_MEMORY_SHARE} of the memory"
+        raise query_limit_error(where, most, "a larger one")
+    return left
+
+
+def query_limit_error(where: str, expected: str, got: str) -> ConfigError:
+    """The error of a question that needs more than it may."""
+    return ConfigError.of(
+        what="query",
+        where=where,
+        expected=expected,
+        got=got,
+        next_step="ask for less, or allow more (--memory, --timeout)",
+    )
+
+
+def deep_size(value: Any) -> int:
+    """Memory that a value of an answer takes, with all that it holds [bytes]."""
+    parts = value.values() if isinstance(value, dict) else value
+    held = sum(map(deep_size, parts)) if isinstance(value, dict | list | tuple) else 0
+    return sys.getsizeof(value) + held
+
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+def thread_pool(name: str, threads: int) -> ThreadPoolExecutor:
+    """The threads of a name, the same ones as long as the process lives.
+
+    Allocators keep memory for each thread that they have met: with new threads for every shard it
+    would grow with the number of shards.
+    """
+    return _process_pool(os.getpid(), name, threads)
+
+
+@cache
+def _process_pool(process: int, name: str, threads: int) -> ThreadPoolExecutor:
+    """The threads of a name in one process: a forked child has none of its parent's threads."""
+    del process  # Only part of the key of the cache.
+    return ThreadPoolExecutor(max_workers=threads, thread_name_prefix=f"overtaking-{name}")
+
+
+def submit(pool: ThreadPoolExecutor, work: Callable[[A], B], item: A) -> Future[B]:
+    """Submit work to a pool of `pool_of`.
+
+    Raises:
+        SystemLimitError: The system starts no more threads. The pool has then carried out or
+            dropped all its work, and the next call of `pool_of` returns a new one.
+    """
+    try:
+        return pool.submit(work, item)
+    except RuntimeError as error:
+        if (refusal := refusal_of(error, "overtaking")) is None:
+            raise
+        _process_pool.cache_clear()
+        pool.shutdown()  # The pool has kept the work whose thread did not start.
+        raise refusal from error
+
+
+def ordered_map(work: Callable[[A], B], items: Iterable[A], threads: int) -> Generator[B]:
+    """`work` of each item, in order, with as many under way as there are threads.
+
+    NumPy and the engine leave the interpreter to others while they compute, so threads are enough;
+    and no more results wait than there are threads, so memory stays flat.
+
+    Args:
+        work: The work of one piece; it must not depend on earlier pieces.
+        items: With what.
+        threads: How many at a time; 1 works without a thread of its own.
+    """
+    if threads == 1:
+        yield from map(work, items)
+        return
+    pool = thread_pool("work", threads)
+    underway: deque[Future[B]] = deque()
+    try:
+        for item in items:
+            underway.append(submit(pool, work, item))
+            if len(underway) > threads:
+                yield underway.popleft().result()
+        while underway:
+            yield underway.popleft().result()
+    finally:
+        for future in underway:
+            future.cancel()
+        wait(underway)

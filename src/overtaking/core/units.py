@@ -1,21 +1,23 @@
-"""Conversions at the edges, and how units are written in names.
-
-Inside the package every name without a suffix is SI. Kilometres per hour and degrees appear only
-where a file, a person or another program uses them, in names that end in `_kmh` and `_deg`.
-"""
+"""Units: suffixes of names, integer units, conversion to SI."""
 
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from overtaking.core.errors import KnowledgeError
+
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy as np
     from numpy.typing import NDArray
 
-Number = TypeVar("Number", float, "NDArray[np.floating[Any]]")
 
-SUFFIXES = {
+FloatOrArray = TypeVar("FloatOrArray", float, "NDArray[np.floating[Any]]")
+
+NAME_SUFFIXES = {
     "1": "",
     "%": "_percent",
     "m": "_m",
@@ -41,7 +43,7 @@ SUFFIXES = {
 }
 """The ending of a name for each unit, wherever numbers leave memory: columns, keys of files."""
 
-STEPS = {
+INTEGER_UNITS = {
     "mm": ("m", 1000),
     "ms": ("s", 1000),
     "mm/s": ("m/s", 1000),
@@ -50,27 +52,128 @@ STEPS = {
     "0.1 mrad/s": ("rad/s", 10_000),
 }
 """The SI unit and the number of steps in it, for each unit of recorded integers."""
-
 _KMH_PER_MPS = 3.6
 _RAD_PER_DEG = math.pi / 180.0
 _DEG_PER_RAD = 180.0 / math.pi
 
 
-def mps_from_kmh(speed_kmh: Number) -> Number:
+def mps_from_kmh(speed_kmh: FloatOrArray) -> FloatOrArray:
     """Speed [m/s] from kilometres per hour; a float32 array stays float32."""
     return speed_kmh / _KMH_PER_MPS
 
 
-def kmh_from_mps(speed: Number) -> Number:
+def kmh_from_mps(speed: FloatOrArray) -> FloatOrArray:
     """Speed [km/h] from metres per second; a float32 array stays float32."""
     return speed * _KMH_PER_MPS
 
 
-def rad_from_deg(angle_deg: Number) -> Number:
+def rad_from_deg(angle_deg: FloatOrArray) -> FloatOrArray:
     """Angle [rad] from degrees; a float32 array stays float32."""
     return angle_deg * _RAD_PER_DEG
 
 
-def deg_from_rad(angle: Number) -> Number:
+def deg_from_rad(angle: FloatOrArray) -> FloatOrArray:
     """Angle [degrees] from radians; a float32 array stays float32."""
     return angle * _DEG_PER_RAD
+
+
+# Symbols that stand for themselves, the counting units of traffic among them.
+_SI_SYMBOLS = frozenset(
+    ["1", "m", "s", "kg", "rad", "N", "W", "J", "Pa", "Hz", "K", "cd", "lx", "vehicle"]
+)
+
+# Symbol: (SI symbol, numerator, denominator); a fraction keeps 50 mm/h or 0.2 mm as exact as
+# floating point allows.
+_OTHER_SYMBOLS = {
+    "km": ("m", 1000.0, 1.0),
+    "Mm": ("m", 1e6, 1.0),
+    "Mkm": ("m", 1e9, 1.0),  # As accident rates are written: per million vehicle-km.
+    "mm": ("m", 1.0, 1000.0),
+    "inch": ("m", 254.0, 10000.0),
+    "h": ("s", 3600.0, 1.0),
+    "min": ("s", 60.0, 1.0),
+    "ms": ("s", 1.0, 1000.0),
+    "kPa": ("Pa", 1000.0, 1.0),
+    "kW": ("W", 1000.0, 1.0),
+    "klx": ("lx", 1000.0, 1.0),
+    "deg": ("rad", math.pi, 180.0),
+    "percent": ("1", 1.0, 100.0),
+}
+
+# The two conversions that people also do at the edges: one formula each, so that 120 km/h in a
+# file and 120 km/h on the command line are the same bits.
+_SHARED: dict[str, Callable[[float], float]] = {"km/h": mps_from_kmh, "deg": rad_from_deg}
+
+# What a name may end in to say that its value stays in the unit as written.
+SUFFIXES = {
+    "_mm": "mm",
+    "_inch": "inch",
+    "_kpa": "kPa",
+    "_mmph": "mm/h",
+    "_percent": "percent",
+    "_deg": "deg",
+    "_kmh": "km/h",
+}
+_FACTOR = r"(?:[A-Za-z]+|1)(?:\^[0-9]+)?"
+_PRODUCT = rf"{_FACTOR}(?: {_FACTOR})*"
+_UNIT = re.compile(rf"({_PRODUCT})(?:/(?:({_FACTOR})|\(({_PRODUCT})\)))?")
+
+
+def _powers(unit: str) -> list[tuple[str, int]] | None:
+    """Symbols of a unit text with their powers, or None where the text is no unit."""
+    found = _UNIT.fullmatch(unit)
+    if found is None:
+        return None
+    powers: list[tuple[str, int]] = []
+    for product, sign in ((found[1], 1), (found[2] or found[3] or "", -1)):
+        for factor in product.split():
+            symbol, _, power = factor.partition("^")
+            powers.append((symbol, sign * int(power or 1)))
+    known = all(symbol in _SI_SYMBOLS or symbol in _OTHER_SYMBOLS for symbol, _ in powers)
+    return powers if known else None
+
+
+def si_unit(unit: str) -> str:
+    """The SI unit of the same dimension, spelt the same way: `m/s` for `km/h`."""
+    return re.sub(r"[A-Za-z]+", lambda found: _OTHER_SYMBOLS.get(found[0], (found[0],))[0], unit)
+
+
+def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
+    """A function that takes a number in `unit` to SI.
+
+    Args:
+        unit: Symbols joined by spaces, `/` and `^`, such as `m/s^2` or `1/(m s)`.
+        where: File and entry, for the message.
+
+    Returns:
+        The conversion; the identity for SI units.
+
+    Raises:
+        KnowledgeError: The text holds a symbol that is no known unit.
+    """
+    powers = _powers(unit)
+    if powers is None:
+        known = ", ".join(sorted(_SI_SYMBOLS | _OTHER_SYMBOLS.keys()))
+        raise KnowledgeError.of(
+            what="unit",
+            where=where,
+            expected="a product of known symbols",
+            got=repr(unit),
+            next_step=f"write one with {known}",
+        )
+    if unit in _SHARED:
+        return _SHARED[unit]
+    numerator = denominator = 1.0
+    for symbol, power in powers:
+        _, over, under = _OTHER_SYMBOLS.get(symbol, (symbol, 1.0, 1.0))
+        numerator *= (over if power > 0 else under) ** abs(power)
+        denominator *= (under if power > 0 else over) ** abs(power)
+    return lambda number: number * numerator / denominator
+
+
+def unit_of_suffix(name: str) -> str | None:
+    """The unit that an entry's name carries as a suffix, or None where it carries none."""
+    for suffix, unit in SUFFIXES.items():
+        if name.endswith(suffix):
+            return unit
+    return None

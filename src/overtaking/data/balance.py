@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, I64, Mask
-from overtaking.core.checks import convert_integers
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, convert_integers
 from overtaking.labels.law import policy as known_policy
-from overtaking.model.checks import check
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.values import within
+from overtaking.model.batch import within
+from overtaking.model.checks import check_batch
+from overtaking.model.verdicts import OvertakeClass
 
 BY = (("class",), ("class", "day-night"))
 """The variables that can define the cells."""
@@ -62,13 +61,13 @@ class Balance:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be carried out, before anything is made."""
-        check(self, "balance")
+        check_batch(self, "balance")
         convert_integers(self, "candidates")
         if self.policy is not None:
             known_policy(self.policy)
         if self.by not in BY:
             choices = [",".join(names) for names in BY]
-            raise ConfigError.not_among("cells", "balance", choices, ",".join(self.by))
+            raise ConfigError.unknown_choice("cells", "balance", choices, ",".join(self.by))
 
     def __str__(self) -> str:
         """The settings in one line."""

@@ -15,17 +15,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from overtaking.core.arrays import F64, I64, U64
 from overtaking.core.errors import DatasetError
-from overtaking.core.files import whole
-from overtaking.core.steps import Progress
+from overtaking.core.files import read_bounded
+from overtaking.core.process_limits import ordered_map
+from overtaking.core.progress import ProgressCallback
 from overtaking.data import plan
-from overtaking.data.ahead import in_order
 from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
 from overtaking.data.location import Location
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, choose_policy, policy
-from overtaking.scenarios import sample
+from overtaking.scenarios.sampler import sample
 
 FILE_NAME = "balance.json"
 
@@ -177,7 +177,7 @@ class Scan:
         self._step = identity.shard_size
         self.selection = Selection(self._balance.quotas(recipe.num_simulations))
 
-    def run(self, report: Progress | None = None) -> Chosen:
+    def run(self, report: ProgressCallback | None = None) -> Chosen:
         """Go on until every quota is full or there are no more candidates.
 
         Args:
@@ -196,14 +196,14 @@ class Scan:
         self._refuse_too_rare()
         return self.selection.chosen(self._balance.cells)
 
-    def _look(self, progress: Progress) -> None:
+    def _look(self, progress: ProgressCallback) -> None:
         """Look at one batch of candidates after the other, and save the progress now and then."""
         found = self.selection
         saved = found.candidates
-        usual = plan.batch_size(self._recipe.spec.resolved(), self._simulator.chunk_size)
+        usual = plan.batch_size(self._recipe.spec.to_dict(), self._simulator.chunk_size)
         size = min(usual, self._recipe.num_simulations)  # A small data set needs few candidates.
         batches = plan.runs(found.candidates, self._limit, size)
-        with closing(in_order(self._cells, batches, self._simulator.threads)) as ahead:
+        with closing(ordered_map(self._cells, batches, self._simulator.threads)) as ahead:
             for cells in ahead:
                 found.offer(cells)
                 progress(found.candidates, found.expected(self._limit))
@@ -303,7 +303,7 @@ def _read(location: Location, key: str, limit: int, selection: Selection) -> Non
     try:
         with location.open(FILE_NAME) as file:
             most = _HEAD_BYTES + _SIMULATION_BYTES * int(selection.missing.sum())
-            known = _Remembered.model_validate_json(whole(file, most))
+            known = _Remembered.model_validate_json(read_bounded(file, most))
     except (OSError, ValidationError):
         return
     if known.fits(key, limit, len(selection.seen)):

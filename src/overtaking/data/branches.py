@@ -10,7 +10,7 @@ import numpy as np
 
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import DatasetError
-from overtaking.core.folders import refuse_strangers, whole_folder
+from overtaking.core.files import atomic_folder, check_folder_is_free
 from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
@@ -21,10 +21,10 @@ from overtaking.data.recipe import Keep
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.data.tables.schemas import schema_of
-from overtaking.model.changes import Change
-from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
-from overtaking.scenarios import sample, spec
+from overtaking.model.scenario import Intervention, Scenario
+from overtaking.model.trajectories import Trajectories
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim.branch import branch, changed
 from overtaking.sim.version import MODEL_VERSION
 
@@ -44,17 +44,17 @@ class Told(ContentEquality):
 
     title: str
     run: Trajectories
-    redrawn: Change | None = None
+    redrawn: Intervention | None = None
 
     @property
     def record(self) -> BranchRecord:
         """What the manifest says of it."""
-        branched = self.run.branched
+        branched = self.run.branch_origin
         return BranchRecord(
             title=self.title,
             index=int(self.run.scenario.index[0]),
-            redrawn=self.redrawn and self.redrawn.as_json(),
-            changes=tuple(one.as_json() for one in branched.changes) if branched else (),
+            redrawn=self.redrawn and self.redrawn.to_dict(),
+            changes=tuple(one.to_dict() for one in branched.changes) if branched else (),
         )
 
 
@@ -70,7 +70,7 @@ def write_branches(of: Dataset, told: Sequence[Told], out: Path) -> None:
         ConfigError: The folder holds something.
         DatasetError: It cannot be written; nothing is left behind.
     """
-    refuse_strangers(out)
+    check_folder_is_free(out)
     theirs = of.manifest.identity
     identity = Identity(
         profile=theirs.profile,
@@ -88,7 +88,7 @@ def write_branches(of: Dataset, told: Sequence[Told], out: Path) -> None:
     )
     tables = identity.tables
     next_step = "branch again; nothing was written"
-    with all_or_nothing(out, "time to complete it", next_step), whole_folder(out) as folder:
+    with all_or_nothing(out, "time to complete it", next_step), atomic_folder(out) as folder:
         location = Folder(folder)
         location.prepare(tables)
         begun = Manifest(identity=identity, provenance=Provenance.of_this_run({}))
@@ -144,15 +144,15 @@ def _again(data: Dataset, number: int) -> Trajectories:
             next_step="take one that a branch was saved to",
         )
     record = identity.branches[number]
-    redrawn = None if record.redrawn is None else Change.from_json(record.redrawn)
+    redrawn = None if record.redrawn is None else Intervention.from_dict(record.redrawn)
     scenario = drawn(data, record.index, redrawn)
-    return branch(scenario, changes=map(Change.from_json, record.changes))
+    return branch(scenario, changes=map(Intervention.from_dict, record.changes))
 
 
 def drawn(
     data: Dataset,
     index: int,
-    redrawn: Change | None = None,
+    redrawn: Intervention | None = None,
     overrides: Mapping[str, Any] | None = None,
 ) -> Scenario:
     """A scenario of the profile, road and seed of a data set.
@@ -177,4 +177,6 @@ def drawn(
         )
     change = None if redrawn is None else partial(changed, change=redrawn)
     numbers = np.array([index], np.uint64)
-    return sample(spec(identity.spec, overrides), identity.road, identity.seed, numbers, change)
+    return sample(
+        load_specification(identity.spec, overrides), identity.road, identity.seed, numbers, change
+    )

@@ -13,7 +13,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from overtaking.core.units import STEPS
+from overtaking.core.units import INTEGER_UNITS
 from overtaking.data.manifest import Identity, Manifest
 from overtaking.data.recipe import Keep
 from overtaking.data.tables.columns import flags_of, names_of, unit_of
@@ -233,8 +233,8 @@ def meaning_of(field: pa.Field) -> str:
 def unit_text(field: pa.Field) -> str:
     """The unit of a column, with the SI unit where it counts steps; empty where it has none."""
     unit = unit_of(field)
-    if unit in STEPS:
-        si, steps = STEPS[unit]
+    if unit in INTEGER_UNITS:
+        si, steps = INTEGER_UNITS[unit]
         return f"{unit} = 1/{steps} {si}"
     return "" if unit == "1" else unit
 

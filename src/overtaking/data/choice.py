@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.checks import check_name
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, check_choice
 from overtaking.data.tables.names import CLASSES, POLICY_NAMES
 from overtaking.labels.law import choose_policy
 
@@ -52,12 +51,12 @@ def chosen(
         wrong = int(found[0] if found[0] < 0 else found[-1])
         raise ConfigError.out_of_range("simulation", _WHERE, 0, len(data) - 1, wrong)
     policy = choose_policy(policy, data.profile)
-    check_name(policy, POLICY_NAMES, what="policy", where=_WHERE)
+    check_choice(policy, POLICY_NAMES, what="policy", where=_WHERE)
     if label is None:
         return found
     names = {name.lower(): name for name in CLASSES}
     if label.lower() not in names:
-        raise ConfigError.not_among("class", _WHERE, CLASSES, label)
+        raise ConfigError.unknown_choice("class", _WHERE, CLASSES, label)
     members = _members(data, names[label.lower()], policy)
     return members if found is None else np.intersect1d(found, members)
 

@@ -21,8 +21,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from overtaking.core.errors import ConfigError, DatasetError, OvertakingError
 from overtaking.core.process_limits import refusal_of
-from overtaking.core.steps import Progress, Steps
-from overtaking.core.words import as_utf8
+from overtaking.core.progress import ProgressCallback, ProgressCounter
+from overtaking.core.representation import as_utf8
 from overtaking.data import lock, plan, shards
 from overtaking.data.import_report import refuse_findings
 from overtaking.data.importing import READER_VERSION
@@ -34,7 +34,7 @@ from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.import_report import ImportFinding  # noqa: TC001, pydantic reads it.
-from overtaking.model.trajectory import UNKNOWNS
+from overtaking.model.trajectories import UNKNOWNS
 from overtaking.recordings.formats import check_options, read_recording
 from overtaking.recordings.table_streams import uncompressed_name
 
@@ -302,7 +302,7 @@ def label_folder(
     executor: Callable[[int], Executor],
     resume: bool = False,
     strict: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Label all recordings of a folder.
 
@@ -349,7 +349,7 @@ def label_folder(
         location.sweep()
         location.prepare(TABLES)
         try:
-            step = Steps(len(names), progress)
+            step = ProgressCounter(len(names), progress)
             with closing(executor(len(parts))(job, parts, location, step)) as shard_records:
                 records = sorted(shard_records, key=lambda record: record.number)
             identity["files_sha256"] = _files_hash(folder, names)
@@ -383,7 +383,7 @@ def _refuse_any_finding(
 def _list_recordings(file_format: str, folder: Path) -> list[str]:
     """File names of the recordings of a folder, in alphabetical order."""
     if file_format not in ENDINGS:
-        raise ConfigError.not_among("format", "import", ENDINGS, file_format)
+        raise ConfigError.unknown_choice("format", "import", ENDINGS, file_format)
     endings = ENDINGS[file_format]
     may_be_compressed = file_format != "commonroad"  # XML is read uncompressed only.
     names = sorted(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from overtaking.core import processors
+from overtaking.core import process_limits
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data.location import Folder, Location
 from overtaking.data.plan import Shard
@@ -64,7 +64,7 @@ class Estimate:
         return (
             f"{self.simulations:,} simulations: about {self.rows:,} rows, "
             f"{self.size_bytes / _GB:.2g} GB{free}, {self.seconds / _S_PER_H:.2g} h "
-            f"on {processors.wanted()} processors"
+            f"on {process_limits.processors_to_use()} processors"
         )
 
 
@@ -133,7 +133,7 @@ def estimate(
         rows=round(least_rows + (rows - least_rows) * factor),
         size_bytes=round(least + (size - least) * factor),
         free_bytes=_free(location),
-        seconds=seconds * recipe.num_simulations / count / processors.wanted(),
+        seconds=seconds * recipe.num_simulations / count / process_limits.processors_to_use(),
     )
 
 

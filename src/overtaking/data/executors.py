@@ -2,9 +2,8 @@
 
 import sys
 
-from overtaking.core import processors
-from overtaking.core.checks import check_name
-from overtaking.core.errors import ConfigError
+from overtaking.core import process_limits
+from overtaking.core.errors import ConfigError, check_choice
 from overtaking.data.location import Folder, Location
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Recipe, Simulator
@@ -39,7 +38,7 @@ def executor_of(
     Raises:
         ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
-    check_name(engine, ENGINES, what="engine", where="generate")
+    check_choice(engine, ENGINES, what="engine", where="generate")
     if engine == "ray":
         return _ray(address, workers)
     _refuse_strangers(engine, address, workers)
@@ -50,7 +49,9 @@ def executor_of(
     if simulator.shares_world:
         next_step = f"leave it out: all processes share the world of {simulator.name}"
         raise _refused("engine", "threads", "processes", next_step)
-    return ProcessExecutor(workers=processors.wanted() if workers is None else workers)
+    return ProcessExecutor(
+        workers=process_limits.processors_to_use() if workers is None else workers
+    )
 
 
 def executor_for(
@@ -67,13 +68,15 @@ def executor_for(
     Raises:
         ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
-    check_name(engine, ENGINES, what="engine", where="import")
+    check_choice(engine, ENGINES, what="engine", where="import")
     if engine == "ray":
         return _ray(address, workers)
     _refuse_strangers(engine, address, workers)
     if engine == "threads" or (engine == "auto" and workers is None and shards == 1):
         return in_this_process
-    return ProcessExecutor(workers=processors.wanted() if workers is None else workers)
+    return ProcessExecutor(
+        workers=process_limits.processors_to_use() if workers is None else workers
+    )
 
 
 def _ray(address: str | None, workers: int | None) -> Executor:
@@ -98,7 +101,7 @@ def _pays(recipe: Recipe, simulator: Simulator, location: Location) -> bool:
     Access to a store may have been set up in this process alone.
     """
     return (
-        processors.wanted() > 1
+        process_limits.processors_to_use() > 1
         and bool(sys.executable)  # Not a program with Python inside.
         and isinstance(location, Folder)
         and not simulator.shares_world

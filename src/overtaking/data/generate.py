@@ -9,7 +9,7 @@ from pathlib import Path
 
 from overtaking.core.errors import ConfigError, DatasetError, InfeasibleError, MissingExtraError
 from overtaking.core.process_limits import MORE_MEMORY, check_memory
-from overtaking.core.steps import Progress, Steps
+from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.data import lock, manifest, plan
 from overtaking.data.balance_scan import Chosen, Scan
 from overtaking.data.completion import complete
@@ -38,8 +38,8 @@ def generate(
     executor: Executor = in_this_process,
     resume: bool = False,
     allow_large: Allowed = False,
-    progress: Progress | None = None,
-    on_candidates: Progress | None = None,
+    progress: ProgressCallback | None = None,
+    on_candidates: ProgressCallback | None = None,
 ) -> Dataset:
     """Make a data set.
 
@@ -94,7 +94,7 @@ def _check_memory(recipe: Recipe, simulator: Simulator) -> None:
     Raises:
         SystemLimitError: The system grants less memory.
     """
-    spec, keeps_frames = recipe.spec.resolved(), recipe.keep is Keep.FRAMES
+    spec, keeps_frames = recipe.spec.to_dict(), recipe.keep is Keep.FRAMES
     size = plan.batch_size(spec, simulator.chunk_size, keeps_frames=keeps_frames)
     chunk = min(size, recipe.num_simulations, recipe.shard_size)
     threads = min(simulator.threads, -(-recipe.num_simulations // chunk))
@@ -118,7 +118,10 @@ class _Run:
         return plan.shards(self._count, self._job.recipe.shard_size)
 
     def run(
-        self, executor: Executor, progress: Progress | None, on_candidates: Progress | None
+        self,
+        executor: Executor,
+        progress: ProgressCallback | None,
+        on_candidates: ProgressCallback | None,
     ) -> None:
         """Write the missing shards, and the manifest."""
         begun = _begun(self._location, self._identity, resume=self._job.is_resumed)
@@ -133,7 +136,7 @@ class _Run:
             if self._scan:
                 self._chosen = self._scan.run(on_candidates)
                 self._count = len(self._chosen.index)
-            self._make_shards(executor, current, Steps(self._count, progress))
+            self._make_shards(executor, current, ProgressCounter(self._count, progress))
             balance = self._chosen.record if self._chosen else None
             records = tuple(self._records[shard.number] for shard in self._shards)
             complete(self._location, current, records, balance)
@@ -145,7 +148,7 @@ class _Run:
         finally:
             self._location.sweep()
 
-    def _make_shards(self, executor: Executor, current: Manifest, step: Steps) -> None:
+    def _make_shards(self, executor: Executor, current: Manifest, step: ProgressCounter) -> None:
         step(0)
         tasks = (self._task(shard, current) for shard in self._shards)
         with closing(executor(self._job, tasks, self._location, step)) as records:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from pydantic import TypeAdapter, ValidationError
 
 from overtaking.core.errors import DatasetError, ImportFormatError, RecordingWarning
-from overtaking.core.files import unreadable_error, whole
+from overtaking.core.files import read_bounded, unreadable_error
 from overtaking.data.manifest import ReportRecord
 from overtaking.model.import_report import ImportFinding, place_text
 
@@ -100,7 +100,7 @@ def read_report(location: Location, record: ReportRecord | None) -> tuple[Import
         return ()
     try:
         with location.open(FILE_NAME) as file:
-            content = whole(file, _MAX_BYTES)
+            content = read_bounded(file, _MAX_BYTES)
     except OSError as error:
         unreadable = unreadable_error(error, location.at(FILE_NAME), DatasetError)
         raise unreadable or _damaged(location, error.strerror or str(error)) from None

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.core.folders import refuse_strangers, whole_folder
-from overtaking.core.steps import Progress, Steps
+from overtaking.core.files import atomic_folder, check_folder_is_free
+from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.import_report import write_report
@@ -39,7 +39,7 @@ SIMULATOR = "recording"
 
 
 def write_scenes(
-    read: "Imported", out: Path, file_format: str, on_piece: Progress | None = None
+    read: "Imported", out: Path, file_format: str, on_piece: ProgressCallback | None = None
 ) -> None:
     """Write a data set of recorded scenes.
 
@@ -53,11 +53,11 @@ def write_scenes(
         ConfigError: The folder holds something.
         DatasetError: It cannot be written, or the process was asked to end; nothing is left behind.
     """
-    refuse_strangers(out)
+    check_folder_is_free(out)
     identity = _identity(read, file_format)
     after = "import it again; nothing was written"
-    with all_or_nothing(out, "time to complete it", after), whole_folder(out) as folder:
-        _write(read.scenes, identity, folder, Steps(len(read.scenes), on_piece))
+    with all_or_nothing(out, "time to complete it", after), atomic_folder(out) as folder:
+        _write(read.scenes, identity, folder, ProgressCounter(len(read.scenes), on_piece))
 
 
 def _identity(read: "Imported", file_format: str) -> Identity:
@@ -88,7 +88,7 @@ def _identity(read: "Imported", file_format: str) -> Identity:
     )
 
 
-def _write(scenes: "Scenes", identity: Identity, folder: Path, step: Steps) -> None:
+def _write(scenes: "Scenes", identity: Identity, folder: Path, step: ProgressCounter) -> None:
     """Write all files of the data set into a folder."""
     tables, location = identity.keep.tables, Folder(folder)
     location.prepare(tables)

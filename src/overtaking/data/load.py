@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from overtaking.core.errors import ConfigError, DatasetError, NoSuchSimulationError
 from overtaking.core.process_limits import explain_refusals
-from overtaking.core.summary import Summarized
+from overtaking.core.representation import CompactRepr
 from overtaking.data import plan
 from overtaking.data.choice import stretches
 from overtaking.data.import_report import read_report, report_frame
@@ -24,7 +24,7 @@ from overtaking.data.tables.names import POLICY_NAMES
 from overtaking.data.tables.restore import restore, restore_actions, restore_scenario
 from overtaking.data.tables.schemas import RECORDED_TABLES, SCHEMAS
 from overtaking.labels.law import choose_policy
-from overtaking.model.checks import check, checked
+from overtaking.model.checks import check_arguments, check_batch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
     from overtaking.data.plan import Shard
     from overtaking.data.recipe import Simulator
     from overtaking.data.views import Verdict
-    from overtaking.model.actions import Actions
+    from overtaking.model.driver_interface import Actions
     from overtaking.model.import_report import ImportFinding
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 
 def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
@@ -70,7 +70,7 @@ def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
     return data
 
 
-class Dataset(Summarized):
+class Dataset(CompactRepr):
     """A complete data set in a folder or a store.
 
     Simulations are numbered from 0. Every method that returns a table reads it anew; a file whose
@@ -87,7 +87,7 @@ class Dataset(Summarized):
         """Number of simulations."""
         return self._manifest.num_simulations
 
-    @checked
+    @check_arguments
     def __getitem__(self, simulation: int) -> Trajectories:
         """One recorded simulation, as a batch of one; omitted frames are simulated again.
 
@@ -225,7 +225,7 @@ class Dataset(Summarized):
         """
         return read_report(self._location, self._manifest.import_report)
 
-    @checked
+    @check_arguments
     def features(
         self, policy: str | None = None, *, reading: str | None = None, encoded: bool = False
     ) -> pd.DataFrame:
@@ -253,7 +253,7 @@ class Dataset(Summarized):
             *tables, policy=chosen_policy, reading=chosen_reading, encoded=encoded
         )
 
-    @checked
+    @check_arguments
     def verdict(self, simulation: int) -> Verdict:
         """The labels of one simulation: class, phases, and every rule with its evidence."""
         from overtaking.data.views import verdict_of
@@ -261,7 +261,7 @@ class Dataset(Summarized):
         names = ("labels", "events", "findings")
         return verdict_of(simulation, *(_decoded(self.rows(name, simulation)) for name in names))
 
-    @checked
+    @check_arguments
     def frames(self, simulation: int) -> pd.DataFrame:
         """The 22 variables of the source paper for one simulation, one row per frame.
 
@@ -275,14 +275,14 @@ class Dataset(Summarized):
 
         return wide_frames({name: _decoded(table) for name, table in rows.items()})
 
-    @checked
+    @check_arguments
     def states(self, simulation: int) -> pd.DataFrame:
         """The states of one simulation, one row per vehicle and frame."""
         if "states" in self._tables:
             return _decoded(self.rows("states", simulation))
         return _decoded(self._encoded(simulation)["states"])
 
-    @checked
+    @check_arguments
     def scenario(self, simulation: int) -> Scenario:
         """The scenario of one simulation, as a batch of one."""
         rows = {
@@ -290,7 +290,7 @@ class Dataset(Summarized):
         }
         return self._scenario(rows)
 
-    @checked
+    @check_arguments
     def trajectory(self, simulation: int) -> Trajectories:
         """One recorded simulation, as a batch of one; simulated again if it was not kept.
 
@@ -326,7 +326,7 @@ class Dataset(Summarized):
                             recorded = recorded.select(some - first)
                     yield some, recorded
 
-    @checked
+    @check_arguments
     def class_weights(self, first: int, last: int) -> NDArray[np.float64]:
         """Weights that give back the natural rates, shape (simulation,).
 
@@ -340,7 +340,7 @@ class Dataset(Summarized):
         rows = self.rows("labels", first, last)
         return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES)]
 
-    @checked
+    @check_arguments
     def table(self, name: str) -> pa.Table:
         """A whole table as it is in the files.
 
@@ -382,7 +382,7 @@ class Dataset(Summarized):
         shards = self._manifest.shards
         return tuple(name for name in self._tables if all(name in one.tables for one in shards))
 
-    @checked
+    @check_arguments
     def files(self, name: str, *, is_checked: bool = True) -> list[Path]:
         """The files of a table, in the order of their simulations.
 
@@ -418,7 +418,7 @@ class Dataset(Summarized):
     def _tables(self) -> tuple[str, ...]:
         return self._manifest.identity.tables
 
-    @checked
+    @check_arguments
     def rows(self, table: str, first: int, last: int | None = None) -> pa.Table:
         """The rows of one simulation, or of all up to another one in the same file.
 
@@ -458,7 +458,7 @@ class Dataset(Summarized):
         """The scenarios of some simulations, from their rows."""
         identity = self._manifest.identity
         scenario = restore_scenario(rows, self.road, identity.unknown, identity.pushes)
-        check(scenario, self.where)
+        check_batch(scenario, self.where)
         if identity.spec:
             self._check_times(scenario, identity.spec)
         return scenario
@@ -490,7 +490,7 @@ class Dataset(Summarized):
         if "states" in rows:
             identity = self._manifest.identity
             restored = restore(rows, self.road, identity.unknown, identity.pushes)
-            check(restored, self.where)
+            check_batch(restored, self.where)
             return restored.replace(import_findings=self.import_findings)
         again = self._again(self._scenario(rows), restore_actions(rows))
         hashes = b"".join(rows["simulations"]["trace_hash"].to_pylist())

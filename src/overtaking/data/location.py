@@ -15,9 +15,14 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.files import check_output_path, ending, opened
-from overtaking.core.folders import put_file, sync_folder
-from overtaking.core.words import as_utf8
+from overtaking.core.files import (
+    check_output_path,
+    check_regular_file,
+    fsync_folder,
+    open_regular_file,
+    write_new_file,
+)
+from overtaking.core.representation import as_utf8
 from overtaking.data import lock
 from overtaking.data.store import Store
 
@@ -76,18 +81,18 @@ class Folder:
 
     def open(self, name: str) -> BufferedIOBase:
         """A file, to be read once from its beginning."""
-        return opened(self.path / name)
+        return open_regular_file(self.path / name)
 
     def fetch(self, name: str) -> Path:
         """A file on a disk of this machine with the bytes of this one, to be read only."""
-        return ending(self.path / name)
+        return check_regular_file(self.path / name)
 
     def prepare(self, folders: Iterable[str]) -> None:
         """Make it, and some folders in it, where they are missing."""
         self.path.mkdir(parents=True, exist_ok=True)
         for name in folders:
             (self.path / name).mkdir(exist_ok=True)
-        sync_folder(self.path)
+        fsync_folder(self.path)
 
     @contextmanager
     def staging(self) -> Generator[Path]:
@@ -106,7 +111,7 @@ class Folder:
         """Put a complete file from the staging folder where it belongs, whole."""
         target = self.path / name
         finished.replace(target)
-        sync_folder(target.parent)
+        fsync_folder(target.parent)
 
     def put_text(self, name: str, text: str, *, is_first: bool = False) -> None:
         """Put a text into its place, whole.
@@ -118,7 +123,7 @@ class Folder:
         del is_first
         with self.staging() as staging:
             unfinished = staging / name
-            put_file(unfinished, text)
+            write_new_file(unfinished, text)
             self.put(unfinished, name)
 
     def remove(self, name: str) -> None:

@@ -26,7 +26,7 @@ from pydantic import (
 )
 
 from overtaking.core.errors import DatasetError, SchemaError
-from overtaking.core.files import whole
+from overtaking.core.files import read_bounded
 from overtaking.data import plan
 from overtaking.data.balance import Balance
 from overtaking.data.location import Location
@@ -35,9 +35,9 @@ from overtaking.data.tables.files import FileFacts
 from overtaking.data.tables.schemas import VERSION as TABLE_VERSION
 from overtaking.labels.law import choose_policy
 from overtaking.model.road import Road
-from overtaking.model.weather import Pushes
-from overtaking.scenarios import profile_names
-from overtaking.scenarios import spec as checked_spec
+from overtaking.model.weather import LateralPushes
+from overtaking.scenarios.profiles import load_specification as checked_spec
+from overtaking.scenarios.profiles import profile_names
 
 FILE_NAME = "dataset.json"
 FORMAT = "overtaking.dataset"
@@ -122,7 +122,8 @@ class BranchRecord(_Record):
         title: What it is, in a few words.
         index: Number of the scenario among all that the specification and the seed give.
         redrawn: The change before anything was drawn that depends on it; null if there was none.
-        changes: The changes of the drawn scenario, as `model.changes.Change.as_json` writes them.
+        changes: The changes of the drawn scenario, as `model.scenario.Intervention.to_dict` writes
+            them.
     """
 
     title: str
@@ -178,7 +179,7 @@ class Identity(_Record):
         table_version: Version of the tables' schemas.
         simulator: Name of the simulator.
         simulator_version: Version of the model that it computes.
-        unknown: What the simulations do not tell, names of `model.trajectory.UNKNOWNS`.
+        unknown: What the simulations do not tell, names of `model.trajectories.UNKNOWNS`.
         source: The recording that it was imported from; null for simulations.
         balance: How it is balanced; null if it is not.
         policy: Another driver of the egos; null if the model drove them.
@@ -230,8 +231,8 @@ class Identity(_Record):
         """The identity of the data set that a recipe and a simulator give."""
         return cls(
             profile=recipe.spec.name,
-            spec=recipe.spec.resolved(),
-            spec_hash=recipe.spec.spec_hash,
+            spec=recipe.spec.to_dict(),
+            spec_hash=recipe.spec.specification_hash,
             road=recipe.road,
             seed=recipe.seed,
             simulations=recipe.num_simulations,
@@ -252,10 +253,10 @@ class Identity(_Record):
         return [*different, *(["spec"] if self.spec_hash != other.spec_hash else [])]
 
     @property
-    def pushes(self) -> Pushes | None:
+    def pushes(self) -> LateralPushes | None:
         """How weather acts instead of by physics; None for physics, and for recordings."""
         found = checked_spec(self.spec).weather.pushes if self.spec else None
-        return found and found.value
+        return found and found.to_model
 
     @property
     def fingerprint(self) -> str:
@@ -431,7 +432,7 @@ def read_manifest(location: Location) -> Manifest:
     try:
         with location.open(FILE_NAME) as file:
             # Editors on Windows add a byte order mark, which JSON does not allow.
-            data = whole(file, _MOST_BYTES).removeprefix(codecs.BOM_UTF8)
+            data = read_bounded(file, _MOST_BYTES).removeprefix(codecs.BOM_UTF8)
     except OSError as error:
         if location.has(FILE_NAME):
             got = error.strerror or str(error)
@@ -488,7 +489,7 @@ def _check_version(path: str, head: _Head) -> None:
     if head.format != FORMAT or not isinstance(version, int) or isinstance(version, bool):
         raise _unreadable(path, "another kind of file", "check the path of the data set")
     if version > VERSION:
-        raise SchemaError.newer("version of the manifest", path, VERSION, version)
+        raise SchemaError.newer_version("version of the manifest", path, VERSION, version)
 
 
 def _unreadable(path: str, got: str, next_step: str) -> DatasetError:

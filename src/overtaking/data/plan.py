@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from overtaking.model.scenario import MAX_VEHICLES
-from overtaking.model.trajectory import BYTES_PER_STATE
+from overtaking.model.trajectories import BYTES_PER_STATE
 
 SHARD_SIZE = 4096
 """Simulations a shard: files of some ten megabytes, and at most that much to do again."""

@@ -13,9 +13,14 @@ from dataclasses import dataclass
 from itertools import islice
 
 from overtaking.core.errors import ConfigError, DatasetError, OvertakingError
-from overtaking.core.parent import Parent
-from overtaking.core.processors import THREADS_VARIABLE
-from overtaking.core.worker import ENDED, PATIENCE, Inbox, Worker
+from overtaking.core.process_limits import THREADS_VARIABLE
+from overtaking.core.worker_process import (
+    SHUTDOWN_TIMEOUT,
+    WORKER_ENDED,
+    Inbox,
+    ParentConnection,
+    WorkerProcess,
+)
 from overtaking.data.interruption import Terminated, termination_raises
 from overtaking.data.location import Location
 from overtaking.data.manifest import ShardRecord
@@ -93,10 +98,10 @@ class _Run:
     def __init__(self, job: Work, where: str, on_done: OnDone) -> None:
         self._job, self._where, self._on_done = job, where, on_done
         self._inbox = Inbox()
-        self._busy: dict[Worker, _Attempts] = {}
-        self._idle: list[Worker] = []
+        self._busy: dict[WorkerProcess, _Attempts] = {}
+        self._idle: list[WorkerProcess] = []
 
-    def begin(self, attempts: _Attempts, worker: Worker | None = None) -> None:
+    def begin(self, attempts: _Attempts, worker: WorkerProcess | None = None) -> None:
         """Send a task to a worker; to a new one if none is given."""
         worker = worker or self._started()
         attempts.begun, attempts.done = attempts.begun + 1, 0
@@ -114,7 +119,7 @@ class _Run:
                 yield message
             elif isinstance(message, int):
                 self._on_done(attempts.advance(message))
-            elif message is ENDED:
+            elif message is WORKER_ENDED:
                 self._replace(worker)
             else:
                 raise message
@@ -124,11 +129,13 @@ class _Run:
         for worker in self._busy:
             worker.stop()
         for worker in (*self._busy, *self._idle):
-            worker.close(PATIENCE)
+            worker.close(SHUTDOWN_TIMEOUT)
 
-    def _started(self) -> Worker:
+    def _started(self) -> WorkerProcess:
         try:
-            return Worker(__name__, inbox=self._inbox, variables=dict.fromkeys(_ONE_THREAD, "1"))
+            return WorkerProcess(
+                __name__, inbox=self._inbox, variables=dict.fromkeys(_ONE_THREAD, "1")
+            )
         except OSError as error:
             raise DatasetError.of(
                 what="worker process",
@@ -138,7 +145,7 @@ class _Run:
                 next_step="add --engine threads, which needs none",
             ) from error
 
-    def _go_on(self, worker: Worker, task: HasShard | None) -> None:
+    def _go_on(self, worker: WorkerProcess, task: HasShard | None) -> None:
         """Give a worker the next task, or end it."""
         if task is not None:
             self.begin(_Attempts(task), worker)
@@ -147,14 +154,14 @@ class _Run:
         self._idle.append(worker)
         worker.stop()
 
-    def _replace(self, worker: Worker) -> None:
+    def _replace(self, worker: WorkerProcess) -> None:
         """Give the task of a worker that has ended to a new one.
 
         Raises:
             DatasetError: Too many have ended with this task.
         """
         attempts = self._busy.pop(worker)
-        ending = worker.ending()
+        ending = worker.describe_exit()
         if attempts.begun < MAX_ATTEMPTS:
             self.begin(attempts)
             return
@@ -168,7 +175,7 @@ class _Run:
         )
 
 
-def main(parent: Parent) -> None:
+def main(parent: ParentConnection) -> None:
     """Run a worker process: make shards, and report to the parent.
 
     Each message is a job (`Work`), the text of a location, and a task. The answers to each are

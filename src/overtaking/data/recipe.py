@@ -7,11 +7,11 @@ from enum import StrEnum
 from overtaking.data.balance import Balance
 from overtaking.data.plan import CHUNK_SIZE, SHARD_SIZE
 from overtaking.data.tables.schemas import LABEL_TABLES
-from overtaking.model.actions import Actions
+from overtaking.model.driver_interface import Actions
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
-from overtaking.scenarios.schema import Spec
+from overtaking.model.trajectories import Trajectories
+from overtaking.scenarios.specification import Specification
 
 
 class Keep(StrEnum):
@@ -58,7 +58,7 @@ class Simulator:
         version: Changes whenever a simulated number changes.
         simulate: Scenarios in, recorded simulations out, in the same order.
         details: Facts of the machine that change no number, such as the SIMD level.
-        unknown: What it cannot tell of a simulation, names of `model.trajectory.UNKNOWNS`.
+        unknown: What it cannot tell of a simulation, names of `model.trajectories.UNKNOWNS`.
         chunk_size: Simulations that it is given at a time; few where each of them takes long.
         shard_size: Simulations a file, and at most that many to do again after an interruption.
         threads: How many threads may simulate at a time; one where it has a world of its own.
@@ -94,7 +94,7 @@ class Recipe:
         policy: Another driver of the egos; None for the model's.
     """
 
-    spec: Spec
+    spec: Specification
     road: Road
     seed: int
     num_simulations: int

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from overtaking.core.steps import Progress, Steps
+from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.data import plan, shards
 from overtaking.data.completion import complete
 from overtaking.data.interruption import all_or_nothing
@@ -15,7 +15,7 @@ from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
 from overtaking.labels.label import label
 from overtaking.labels.law import Errors
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 
 Batches = Iterator[tuple[Numbers, Trajectories]]
 
@@ -23,7 +23,7 @@ Batches = Iterator[tuple[Numbers, Trajectories]]
 def relabel(
     path: Path,
     simulator: Simulator,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     errors: Errors | None = None,
 ) -> Dataset:
     """Write the tables of labels of a data set anew, from what it recorded.
@@ -46,13 +46,13 @@ def relabel(
     after = "label it again; it is as it was"
     with all_or_nothing(path, "time to label it", after), location.locked():
         try:
-            _relabel(data, location, Steps(len(data), progress), errors)
+            _relabel(data, location, ProgressCounter(len(data), progress), errors)
         finally:
             location.sweep()
     return load(path, simulator)
 
 
-def _relabel(data: Dataset, location: Folder, step: Steps, errors: Errors | None) -> None:
+def _relabel(data: Dataset, location: Folder, step: ProgressCounter, errors: Errors | None) -> None:
     """Write the files of all shards, then put them into place and complete the manifest."""
     planned = plan.shards(len(data), data.manifest.identity.shard_size)
     location.prepare(LABEL_TABLES)

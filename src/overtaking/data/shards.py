@@ -22,8 +22,8 @@ import pyarrow as pa
 
 from overtaking.core.errors import DatasetError, OvertakingError, SchemaError
 from overtaking.core.files import MISSING_FILE_ERRORS, unreadable_error
+from overtaking.core.process_limits import submit, thread_pool
 from overtaking.data import plan
-from overtaking.data.ahead import pool_of, submit
 from overtaking.data.location import Location
 from overtaking.data.manifest import Manifest, ShardRecord
 from overtaking.data.plan import Shard
@@ -40,7 +40,7 @@ from overtaking.data.tables.files import (
 )
 from overtaking.data.tables.schemas import KEYS, ROWS_OF_EACH, SCHEMAS, most_rows
 from overtaking.model.scenario import MAX_DURATION
-from overtaking.world.clock import STEP_MS
+from overtaking.world.constants import STEP_MS
 
 MARK = "simulations"
 """The table whose file is the commit mark of its shard."""
@@ -214,7 +214,7 @@ def _marked(
 
 def _finished(writers: Writers) -> dict[str, FileFacts]:
     """Complete some files, beside each other: each of them waits for the disk."""
-    pool = pool_of("write", WRITING_THREADS)
+    pool = thread_pool("write", WRITING_THREADS)
     underway: dict[str, Future[FileFacts]] = {}
     try:
         for name, writer in writers.items():
@@ -228,7 +228,7 @@ def _write_pieces(
     pieces: Iterable[Piece], writers: Writers, on_piece: Callable[[int], None]
 ) -> None:
     """Write each piece, the tables beside each other, while the next piece is being made."""
-    pool = pool_of("write", WRITING_THREADS)
+    pool = thread_pool("write", WRITING_THREADS)
     underway: list[Future[None]] = []
     simulations = 0
 
@@ -421,7 +421,7 @@ class ShardFiles:
 
     def _fetched(self, table: str, shard: Shard) -> Path:
         if table not in SCHEMAS:  # Its name would be a part of a path.
-            raise DatasetError.not_among("table", str(self._location), SCHEMAS, table)
+            raise DatasetError.unknown_choice("table", str(self._location), SCHEMAS, table)
         if table not in self._manifest.shards[shard.number].tables:
             raise self._older(table)
         name = name_of(table, shard)

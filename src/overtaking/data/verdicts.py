@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from overtaking.labels.label import Labelled
-from overtaking.model.labels import OvertakeClass, Verdict
+from overtaking.model.verdicts import OvertakeClass, Verdict
 
 Judged = tuple[NDArray[np.int64], Labelled]
 

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from overtaking.core.checks import check_name
 from overtaking.core.equality import ContentEquality
-from overtaking.core.errors import SchemaError
-from overtaking.core.summary import Summarized
+from overtaking.core.errors import SchemaError, check_choice
+from overtaking.core.representation import CompactRepr
 from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of, unit_of
 from overtaking.data.tables.names import POLICY_NAMES, READINGS
@@ -65,7 +64,7 @@ def features_frame(
         ConfigError: There is no such policy or reading.
     """
     for what, got, known in (("policy", policy, POLICY_NAMES), ("reading", reading, READINGS)):
-        check_name(got, known, what=what, where="features")
+        check_choice(got, known, what=what, where="features")
     measured = features[features["policy"] == reading].set_index("simulation")
     said = labels[labels["policy"] == policy].set_index("simulation")
     frame = pd.DataFrame({name: measured[field.name] for name, field in _FEATURES.items()})
@@ -135,7 +134,7 @@ def _cells(table: pd.DataFrame, columns: tuple[str, ...]) -> list[object]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict(Summarized, ContentEquality):
+class Verdict(CompactRepr, ContentEquality):
     """The labels of one simulation.
 
     Attributes:

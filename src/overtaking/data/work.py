@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import DatasetError
+from overtaking.core.process_limits import ordered_map
 from overtaking.data import plan, shards
-from overtaking.data.ahead import in_order
 from overtaking.data.location import Location, location_of
 from overtaking.data.manifest import ShardRecord, read_manifest
 from overtaking.data.plan import Shard
 from overtaking.data.recipe import Keep, Recipe, Simulator
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import schema_of
-from overtaking.scenarios import sample
+from overtaking.scenarios.sampler import sample
 
 OnDone = Callable[[int], None]
 """Called with a number of simulations that have just been written."""
@@ -179,11 +179,11 @@ def visible_location(where: str, fingerprint: str) -> Location:
 
 def _pieces(job: Job, task: Task, clipped: list[int]) -> Iterator[shards.Piece]:
     """The tables of a shard, as many simulations at a time as memory is meant to hold."""
-    spec, keeps_frames = job.recipe.spec.resolved(), job.recipe.keep is Keep.FRAMES
+    spec, keeps_frames = job.recipe.spec.to_dict(), job.recipe.keep is Keep.FRAMES
     size = plan.batch_size(spec, job.simulator.chunk_size, keeps_frames=keeps_frames)
 
     piece = partial(_piece, job, task, clipped)
-    return in_order(piece, plan.chunks(task.shard, size), job.simulator.threads)
+    return ordered_map(piece, plan.chunks(task.shard, size), job.simulator.threads)
 
 
 def _piece(job: Job, task: Task, clipped: list[int], chunk: range) -> shards.Piece:
@@ -193,7 +193,7 @@ def _piece(job: Job, task: Task, clipped: list[int], chunk: range) -> shards.Pie
     index = numbers.astype(np.uint64) if task.index is None else task.index[part]
     scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
     run = job.simulator.simulate(scenario)
-    if run.actions is not None and run.actions.clipped is not None:
-        clipped.append(int(run.actions.clipped.sum()))
+    if run.actions is not None and run.actions.num_clipped is not None:
+        clipped.append(int(run.actions.num_clipped.sum()))
     weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
     return len(chunk), contents(run, numbers, recipe.tables, class_weight=weight)

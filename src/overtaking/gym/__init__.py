@@ -19,24 +19,24 @@ except ImportError as error:
 from overtaking.gym.environments import OvertakingEnv, OvertakingVectorEnv
 from overtaking.gym.rewards import (
     REWARDS,
-    Events,
-    Reward,
+    RewardFunction,
+    StepOutcome,
     overtake_once,
     progress,
     progress_legal,
 )
-from overtaking.gym.spaces import COLUMNS, Column, flat
-from overtaking.scenarios import profile_names
+from overtaking.gym.spaces import OBSERVATION_COLUMNS, ObservationColumn, flatten_observation
+from overtaking.scenarios.profiles import profile_names
 
 __all__ = [
-    "COLUMNS",
+    "OBSERVATION_COLUMNS",
     "REWARDS",
-    "Column",
-    "Events",
+    "ObservationColumn",
     "OvertakingEnv",
     "OvertakingVectorEnv",
-    "Reward",
-    "flat",
+    "RewardFunction",
+    "StepOutcome",
+    "flatten_observation",
     "overtake_once",
     "progress",
     "progress_legal",

@@ -15,20 +15,25 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from overtaking import scenarios
 from overtaking.api.choices import Profile, road_of
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.checks import check_name, check_whole_number, whole_number
-from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.errors import (
+    ConfigError,
+    MissingExtraError,
+    check_choice,
+    check_whole_number,
+    whole_number,
+)
 from overtaking.gym.episodes import EpisodeBatch, EpisodeSettings, EpisodeVerdicts, ScenarioSupply
-from overtaking.gym.rewards import NEED_LABELS, REWARDS, Events, Reward
-from overtaking.gym.spaces import action_space, answers, bounded, observation_space
+from overtaking.gym.rewards import NEED_LABELS, REWARDS, RewardFunction, StepOutcome
+from overtaking.gym.spaces import action_space, clip_actions, clip_observation, observation_space
 from overtaking.model.road import Road
-from overtaking.model.trajectory import Stage
-from overtaking.scenarios.sampling import MAX_SEED
+from overtaking.model.trajectories import Stage
+from overtaking.scenarios import profiles
+from overtaking.scenarios.sampler import MAX_SEED
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import MOST_HELD, OBSERVED
-from overtaking.world.clock import DECISIONS_PER_SECOND
+from overtaking.world.constants import DECISIONS_PER_SECOND
 
 MAX_ENVS = 1_000_000
 MAX_INDEX = 2**62
@@ -85,7 +90,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         observe: str = "human",
         action: str = "accel_lane",
         hold: int = 1,
-        reward: str | Reward | None = None,
+        reward: str | RewardFunction | None = None,
         labels: bool = False,
         scaled: bool = False,
         first: int = 0,
@@ -95,14 +100,14 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         render_mode: str | None = None,
     ) -> None:
         """Check the arguments; `reset` draws the first scenarios."""
-        check_name(observe, OBSERVED, what="observe", where="gym")
-        check_name(action, CONTROLS, what="action", where="gym")
+        check_choice(observe, OBSERVED, what="observe", where="gym")
+        check_choice(action, CONTROLS, what="action", where="gym")
         num_envs = check_whole_number(num_envs, 1, MAX_ENVS, what="num_envs", where="gym")
         hold = check_whole_number(hold, 1, MOST_HELD, what="hold", where="gym")
         first = check_whole_number(first, 0, MAX_INDEX, what="first", where="gym")
         self._reward = _find_reward(reward, labels=labels)
         _check_render_mode(render_mode)
-        spec = scenarios.spec(profile, overrides)
+        spec = profiles.load_specification(profile, overrides)
         self._supply = ScenarioSupply(
             spec, road_of(road or spec.road), num_envs=num_envs, first=first
         )
@@ -178,7 +183,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
                 mode DISABLED an environment whose episode has ended was not reset.
         """
         episodes, was_over = self._check_all_running(), self._has_ended.copy()
-        action, is_clipped = answers(actions, self._settings.action, self.num_envs)
+        action, is_clipped = clip_actions(actions, self._settings.action, self.num_envs)
         before = episodes.observation
         episodes.num_clipped += is_clipped & episodes.is_running
         episodes.step(action)
@@ -264,13 +269,13 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 
     def _events(
         self, terminated: Mask, truncated: Mask, has_crashed: Mask, verdicts: EpisodeVerdicts | None
-    ) -> Events:
+    ) -> StepOutcome:
         assert self._episodes is not None
         ended = terminated | truncated
         legal, completed = np.zeros((2, self.num_envs), np.bool_)
         if verdicts is not None:
             legal[ended], completed[ended] = verdicts.legal, verdicts.is_completed
-        return Events(
+        return StepOutcome(
             seconds=self._episodes.num_step_decisions / float(DECISIONS_PER_SECOND),
             terminated=terminated,
             truncated=truncated,
@@ -281,7 +286,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         )
 
     def _observe(self, episodes: EpisodeBatch) -> F32:
-        return bounded(episodes.observations, scaled=self._scaled)
+        return clip_observation(episodes.observations, scaled=self._scaled)
 
     def _describe_episodes(self, episodes: EpisodeBatch) -> Info:
         """The part of `info` that every episode has at all times."""
@@ -442,9 +447,9 @@ def _info_of_single(info: Info) -> Info:
     }
 
 
-def _find_reward(reward: str | Reward | None, *, labels: bool) -> Reward | None:
+def _find_reward(reward: str | RewardFunction | None, *, labels: bool) -> RewardFunction | None:
     if isinstance(reward, str):
-        check_name(reward, REWARDS, what="reward", where="gym")
+        check_choice(reward, REWARDS, what="reward", where="gym")
         reward = REWARDS[reward]
     if reward is not None and reward in NEED_LABELS and not labels:
         raise ConfigError.of(
@@ -478,7 +483,7 @@ def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
         if mode in (member, member.name, member.value):
             return member
     names = [member.name for member in AutoresetMode]
-    raise ConfigError.not_among("autoreset_mode", "gym", names, mode)
+    raise ConfigError.unknown_choice("autoreset_mode", "gym", names, mode)
 
 
 def _frames_per_second(hold: int) -> int:
@@ -491,7 +496,7 @@ def _frames_per_second(hold: int) -> int:
 
 def _check_option_names(options: Mapping[str, Any], allowed: Iterable[str]) -> None:
     for name in options:
-        check_name(name, allowed, what="option", where="reset")
+        check_choice(name, allowed, what="option", where="reset")
 
 
 def _check_index(index: Any, num_rows: int) -> NDArray[np.uint64]:

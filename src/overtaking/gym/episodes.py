@@ -13,23 +13,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking import scenarios
 from overtaking.core.arrays import F32, F64, Mask
 from overtaking.labels.label import label
-from overtaking.model.actions import KINDS, MOST_PARTS, Actions
 from overtaking.model.batch import concatenate
-from overtaking.model.events import Outcome
-from overtaking.model.observation import OWN, parted
+from overtaking.model.driver_interface import (
+    ACTION_KINDS,
+    EGO_COLUMNS,
+    MAX_ACTION_PARTS,
+    Actions,
+    split_observation,
+)
+from overtaking.model.overtake_events import Outcome
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.trajectories import Stage, Trajectories
+from overtaking.scenarios import sampler, specification
 from overtaking.sim import engine
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import rounded
 from overtaking.sim.observation import Seen
 from overtaking.sim.stepping import Renewable
-from overtaking.world.clock import DECISIONS_PER_SECOND, SUBSTEPS
-from overtaking.world.parameters import (
+from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
+from overtaking.world.step_parameters import (
     SIMULATION_FIELDS,
     Parameters,
     VehicleParameters,
@@ -40,7 +45,7 @@ MAX_DRAWN_AHEAD = 256
 """Scenarios that a supply draws at a time once it is running, unless it has more environments."""
 
 _LAST_STEP = SIMULATION_FIELDS.index("last_step")
-_STAGE = list(OWN).index("stage")
+_STAGE = list(EGO_COLUMNS).index("stage")
 
 
 class SampledScenarios:
@@ -71,7 +76,9 @@ class ScenarioSupply:
         first: Index of the first scenario.
     """
 
-    def __init__(self, spec: scenarios.Spec, road: Road, *, num_envs: int, first: int) -> None:
+    def __init__(
+        self, spec: specification.Specification, road: Road, *, num_envs: int, first: int
+    ) -> None:
         """Start with seed 0; the first call of `take` draws scenarios."""
         self._spec, self._road, self._num_envs, self._first = spec, road, num_envs, first
         self.restart(0)
@@ -92,9 +99,7 @@ class ScenarioSupply:
 
     def draw(self, scenario_index: NDArray[np.uint64]) -> list[ScenarioRef]:
         """Scenarios of given indices; the sequence that `take` follows stays as it is."""
-        batch = SampledScenarios(
-            scenarios.sample(self._spec, self._road, self._seed, scenario_index)
-        )
+        batch = SampledScenarios(sampler.sample(self._spec, self._road, self._seed, scenario_index))
         return [ScenarioRef(batch, row) for row in range(len(scenario_index))]
 
     def _draw_ahead(self) -> None:
@@ -279,7 +284,7 @@ class EpisodeBatch:
 
     @property
     def _parts(self) -> tuple[Any, ...]:
-        return KINDS[self._kind]
+        return ACTION_KINDS[self._kind]
 
     def _observation_at(self, time: float) -> Seen:
         """The present observations of the egos, by name.
@@ -287,7 +292,7 @@ class EpisodeBatch:
         Args:
             time: Time since the start of the step [s].
         """
-        ego, neighbours, passing = parted(self.observations)
+        ego, neighbours, passing = split_observation(self.observations)
         return Seen(
             time=time,
             active=self.is_running,
@@ -319,7 +324,7 @@ class EpisodeBatch:
     ) -> Trajectories:
         """Simulate episodes again from the actions that were carried out."""
         num_decisions = self.num_decisions[rows]
-        values = np.zeros((len(rows), max(int(num_decisions.max()), 1), MOST_PARTS), np.int32)
+        values = np.zeros((len(rows), max(int(num_decisions.max()), 1), MAX_ACTION_PARTS), np.int32)
         for index, (row, length) in enumerate(zip(rows, num_decisions, strict=True)):
             values[index, :length, : len(self._parts)] = self._actions[row, :length]
             # After an accident the simulation goes on for a moment, with the last action.
@@ -340,7 +345,7 @@ class EpisodeBatch:
             if len(rows := np.flatnonzero((start == decision) & (start > 0))):
                 stepper.renew(rows, join_parameters([self._refs[row] for row in rows]))
             if decision < duration:
-                values = np.zeros((self._settings.num_envs, MOST_PARTS), np.int32)
+                values = np.zeros((self._settings.num_envs, MAX_ACTION_PARTS), np.int32)
                 rows = np.flatnonzero(start <= decision)
                 values[rows, : len(self._parts)] = self._actions[rows, decision - start[rows]]
                 stepper.step(values, 1)

@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 
 from overtaking.core.arrays import F64, Mask
-from overtaking.core.elementary import as_f32
 from overtaking.core.errors import ConfigError
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.distances import lawful_gap
 from overtaking.sim.observation import Seen
-from overtaking.world.constants import known
 
 CRASH_COST: Final = 100.0
 """What an accident costs: more time than any overtake gains; a choice [s]."""
@@ -21,7 +21,7 @@ BREACH_COST: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Events:
+class StepOutcome:
     """What happened in a step, each of shape (simulation,).
 
     Attributes:
@@ -43,11 +43,11 @@ class Events:
     completed: Mask
 
 
-Reward = Callable[[Seen, F64, Seen, Events], F64]
+RewardFunction = Callable[[Seen, F64, Seen, StepOutcome], F64]
 """From what was observed before, the action, what is observed after, and what came of it."""
 
 
-def progress(before: Seen, action: F64, after: Seen, events: Events) -> F64:
+def progress(before: Seen, action: F64, after: Seen, events: StepOutcome) -> F64:
     """Time lost against driving as fast as the scenario's driver wishes, shape (simulation,) [s].
 
     Never positive; an accident costs `CRASH_COST` more.
@@ -64,7 +64,7 @@ def progress(before: Seen, action: F64, after: Seen, events: Events) -> F64:
     return -np.maximum(lost, 0.0) - np.where(events.crashed, CRASH_COST, 0.0)
 
 
-def progress_legal(before: Seen, action: F64, after: Seen, events: Events) -> F64:
+def progress_legal(before: Seen, action: F64, after: Seen, events: StepOutcome) -> F64:
     """`progress`, less what breaches of the law cost, shape (simulation,) [s].
 
     Following too close (rule L3, on a dry road) costs as much time as it lasts, in proportion to
@@ -81,14 +81,14 @@ def progress_legal(before: Seen, action: F64, after: Seen, events: Events) -> F6
     """
     _check_judged(events, "progress_legal")
     speed, closing, gap = after.of("speed"), after.of("closing", "lead"), after.of("gap", "lead")
-    lawful = lawful_gap(speed, closing, as_f32(known("law.safe_distance.decel_limit")))
+    lawful = lawful_gap(speed, closing, as_f32(constant("law.safe_distance.decel_limit")))
     lacking = np.clip(1.0 - gap / np.maximum(lawful, 1.0), 0.0, 1.0)
     lacking = np.where(after.of("detected", "lead") > 0, lacking, 0.0)
     cost = events.seconds * lacking + BREACH_COST * (events.judged & ~events.legal)
     return progress(before, action, after, events) - cost
 
 
-def overtake_once(before: Seen, action: F64, after: Seen, events: Events) -> F64:
+def overtake_once(before: Seen, action: F64, after: Seen, events: StepOutcome) -> F64:
     """1 at the end of a completed overtake, -1 at an accident, shape (simulation,).
 
     The label of the whole simulation decides whether the overtake was completed. The stage of the
@@ -108,7 +108,7 @@ def overtake_once(before: Seen, action: F64, after: Seen, events: Events) -> F64
     return np.where(events.completed, 1.0, -events.crashed.astype(np.float64))
 
 
-def _check_judged(events: Events, reward: str) -> None:
+def _check_judged(events: StepOutcome, reward: str) -> None:
     """Refuse simulations that have ended without a label."""
     ended = events.terminated | events.truncated
     if (ended & ~events.judged).any():
@@ -121,10 +121,10 @@ def _check_judged(events: Events, reward: str) -> None:
         )
 
 
-REWARDS: Final[dict[str, Reward]] = {
+REWARDS: Final[dict[str, RewardFunction]] = {
     reward.__name__: reward for reward in (progress, progress_legal, overtake_once)
 }
 """Rewards by name."""
 
-NEED_LABELS: Final[tuple[Reward, ...]] = (progress_legal, overtake_once)
+NEED_LABELS: Final[tuple[RewardFunction, ...]] = (progress_legal, overtake_once)
 """Rewards that need the label of each simulation."""

@@ -9,30 +9,35 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import ConfigError
-from overtaking.model.actions import Move
-from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import (
+    EGO_COLUMNS,
+    NEIGHBOUR_COLUMNS,
+    NEIGHBOUR_ROLES,
+    PASSING_COLUMNS,
+    Move,
+)
+from overtaking.model.trajectories import Stage
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import limited
 from overtaking.sim.observation import Seen
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class ObservationColumn:
     """One number of an observation.
 
     Attributes:
         name: Its name in `OWN` or `MEETING`, or role and name in `AROUND`, such as `lead.gap`.
         unit: Its unit.
-        least: Smallest value; smaller ones are clipped to it.
-        most: Largest value.
+        low: Smallest value; smaller ones are clipped to it.
+        high: Largest value.
         scale: What it is divided by where scaled numbers are asked for.
     """
 
     name: str
     unit: str
-    least: float
-    most: float
+    low: float
+    high: float
     scale: float
 
 
@@ -72,38 +77,40 @@ _RANGES: Final = {
 than what drivers meet."""
 
 
-def _columns() -> tuple[Column, ...]:
-    own = [(name, name, unit) for name, (unit, _) in OWN.items()]
+def _columns() -> tuple[ObservationColumn, ...]:
+    own = [(name, name, unit) for name, (unit, _) in EGO_COLUMNS.items()]
     around = [
-        (name, f"{role}.{name}", unit) for role in ROLES for name, (unit, _) in AROUND.items()
+        (name, f"{role}.{name}", unit)
+        for role in NEIGHBOUR_ROLES
+        for name, (unit, _) in NEIGHBOUR_COLUMNS.items()
     ]
-    meeting = [(name, name, unit) for name, (unit, _) in MEETING.items()]
+    meeting = [(name, name, unit) for name, (unit, _) in PASSING_COLUMNS.items()]
     return tuple(
-        Column(title, unit, *_RANGES.get(title, _RANGES.get(name, _FLAG)))
+        ObservationColumn(title, unit, *_RANGES.get(title, _RANGES.get(name, _FLAG)))
         for name, title, unit in [*own, *around, *meeting]
     )
 
 
-COLUMNS: Final = _columns()
+OBSERVATION_COLUMNS: Final = _columns()
 """The numbers of an observation, in order."""
 
 _LEAST, _MOST, _SCALE = (
-    np.array([getattr(one, name) for one in COLUMNS], np.float32)
-    for name in ("least", "most", "scale")
+    np.array([getattr(one, name) for one in OBSERVATION_COLUMNS], np.float32)
+    for name in ("low", "high", "scale")
 )
 
 
-def flat(seen: Seen, *, scaled: bool = False) -> F32:
+def flatten_observation(seen: Seen, *, scaled: bool = False) -> F32:
     """The numbers of an observation as a network takes them, shape (simulation, `COLUMNS`).
 
     Args:
         seen: What the environments, or the policies of `overtaking.drive`, observe.
         scaled: Whether to divide each by its scale.
     """
-    return bounded(seen.table, scaled=scaled)
+    return clip_observation(seen.table, scaled=scaled)
 
 
-def bounded(table: F32, *, scaled: bool) -> F32:
+def clip_observation(table: F32, *, scaled: bool) -> F32:
     """Numbers within their bounds, perhaps scaled, shape (simulation, `COLUMNS`)."""
     numbers = np.clip(table, _LEAST, _MOST)
     return np.divide(numbers, _SCALE, out=numbers) if scaled else numbers
@@ -120,11 +127,11 @@ def action_space(action: str) -> spaces.Box | spaces.Discrete:
     if action == "decision":
         return spaces.Discrete(len(Move))
     parts = CONTROLS[action].parts
-    least, most = ([getattr(one, name) for one in parts] for name in ("least", "most"))
+    least, most = ([getattr(one, name) for one in parts] for name in ("low", "high"))
     return spaces.Box(np.array(least, np.float32), np.array(most, np.float32), dtype=np.float32)
 
 
-def answers(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float64], Mask]:
+def clip_actions(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float64], Mask]:
     """Actions of all environments, shape (simulation, part), within their bounds.
 
     Args:

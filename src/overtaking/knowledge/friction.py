@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-from overtaking.knowledge.reader import read_section
+from overtaking.knowledge.toml_reader import read_record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,4 +50,4 @@ class FrictionTable:
 @cache
 def friction_table() -> FrictionTable:
     """The friction of tyres; source `bosch-handbook`."""
-    return read_section(FrictionTable, "friction.toml", "table")
+    return read_record(FrictionTable, "friction.toml", "table")

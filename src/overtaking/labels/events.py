@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.arrays import I32, U8, Mask
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import (
     across_at,
     borders_of,
@@ -19,12 +20,11 @@ from overtaking.labels.instants import (
     vehicle_at,
 )
 from overtaking.labels.signals import target_signals, watch
-from overtaking.model.events import NEVER, Detail, Events, Outcome
-from overtaking.model.labels import Case
-from overtaking.model.signals import Signals
-from overtaking.model.trajectory import RADIANS_PER_STEP, UNDER_WAY, Trajectories
+from overtaking.model.ego_signals import EgoSignals
+from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail, OvertakeEvents
+from overtaking.model.trajectories import ANGLE_RESOLUTION, OVERTAKING_STAGES, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case
 
 _NARROW = frozenset(
     ["target", "original_lane", "num_attempts", "num_passed", "partner", "num_drifts"]
@@ -33,7 +33,7 @@ _NARROW = frozenset(
 
 _LINE_OR_BACK = ("line_crossed", "back")
 
-HEADINGS = 1.0 / RADIANS_PER_STEP
+HEADINGS = 1.0 / ANGLE_RESOLUTION
 """Recorded steps of a heading in a radian."""
 
 
@@ -55,7 +55,7 @@ def case_of(trajectories: Trajectories) -> Case:
     return Case(
         trajectories=trajectories,
         signals=seen,
-        events=Events(
+        events=OvertakeEvents(
             struck=by_other, under_way=begun, intended=_intended(trajectories, columns), **columns
         ),
         target=target_signals(trajectories, seen, columns["target"]),
@@ -63,14 +63,14 @@ def case_of(trajectories: Trajectories) -> Case:
 
 
 def thresholds(trajectories: Trajectories) -> dict[str, Any]:
-    """What makes a movement an attempt, and where the lanes lie; numbers of `labels.toml`."""
+    """Numbers of `event_detection.toml` that tell an attempt, and the lanes of the road."""
     road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, Role.EGO]
 
     def frames(name: str) -> int:
-        seconds = float(known(f"labels.{name}"))
+        seconds = float(constant(f"event_detection.{name}"))
         return max(1, round(seconds * 1000.0 / trajectories.scenario.frame_interval_ms))
 
-    advances = [known(f"labels.attempt.advance.{each.name}") for each in VehicleKind]
+    advances = [constant(f"event_detection.attempt.advance.{each.name}") for each in VehicleKind]
     borders, beyond = borders_of(road), road.fast_side_neighbour
     return {
         "least_advance": np.array(advances)[kind],
@@ -80,17 +80,17 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         "window": frames("motion.median_window"),
         "advance": frames("attempt.advance_time"),
         "follow_up": frames("attempt.back_time"),
-        "least_speed": float(known("labels.motion.least_speed")),
-        "least_shift": float(known("labels.motion.least_shift")),
-        "settled_shift": float(known("labels.motion.settled_shift")),
-        "over_line": float(known("labels.attempt.over_line")),
-        "follow_time_gap": float(known("labels.phases.follow_time_gap")),
-        "direction": round(HEADINGS * trajectories.headings[1]),
-        "spin_angle": round(HEADINGS * float(known("model.departure.spin_angle"))),
+        "least_speed": float(constant("event_detection.motion.least_speed")),
+        "least_shift": float(constant("event_detection.motion.least_shift")),
+        "settled_shift": float(constant("event_detection.motion.settled_shift")),
+        "over_line": float(constant("event_detection.attempt.over_line")),
+        "follow_time_gap": float(constant("event_detection.phases.follow_time_gap")),
+        "direction": round(HEADINGS * trajectories.headings_and_origin[1]),
+        "spin_angle": round(HEADINGS * float(constant("model.departure.spin_angle"))),
     }
 
 
-def _struck(trajectories: Trajectories, seen: Signals, partner: U8, collision: I32) -> Mask:
+def _struck(trajectories: Trajectories, seen: EgoSignals, partner: U8, collision: I32) -> Mask:
     """Whether another vehicle ran into the ego, shape (simulation,); False without a collision.
 
     In the last frame before the contact: where the two are apart along the road, the one behind
@@ -101,7 +101,7 @@ def _struck(trajectories: Trajectories, seen: Signals, partner: U8, collision: I
     before, slot = np.maximum(collision[rows] - 1, 0), slot_of(partner[rows])
     along = vehicle_at(trajectories, partner[rows], rows, before)
     lateral, lateral_gap = across_at(trajectories, seen, rows, slot, before)
-    is_left = seen.lateral[rows, before] > lateral
+    is_left = seen.lateral_position[rows, before] > lateral
     own = seen.lateral_speed[rows, before]
     others = lateral_speed_at(trajectories, rows, slot, before)
     # Towards the other: to the right for the one on the left.
@@ -118,11 +118,11 @@ def _intended(trajectories: Trajectories, found: Mapping[str, I32]) -> Mask:
     begin, end = found["attempt"], np.minimum(*ends)
     rows, frames = frames_within(begin, np.where(begin != NEVER, end, NEVER - 1))
     meant = np.zeros(len(begin), np.bool_)
-    meant[rows[np.isin(trajectories.stage[rows, frames], UNDER_WAY)]] = True
+    meant[rows[np.isin(trajectories.stage[rows, frames], OVERTAKING_STAGES)]] = True
     return meant
 
 
-def outcome(events: Events) -> U8:
+def outcome(events: OvertakeEvents) -> U8:
     """`Outcome` of each simulation.
 
     A collision counts at any time that was recorded, also before an attempt and after the return:
@@ -134,8 +134,8 @@ def outcome(events: Events) -> U8:
     return np.where(events.collision != NEVER, Outcome.COLLISION, tried).astype(np.uint8)
 
 
-def detail(events: Events, frame_interval_ms: int) -> U8:
-    """`Detail` of each simulation.
+def detail(events: OvertakeEvents, frame_interval_ms: int) -> U8:
+    """`OutcomeDetail` of each simulation.
 
     Args:
         events: Events of the batch.
@@ -145,21 +145,21 @@ def detail(events: Events, frame_interval_ms: int) -> U8:
     off, across = events.road_departure, events.spin
     spun_first = (across != NEVER) & ((off == NEVER) | (across < off))
     # Passed, and in the other lane for good.
-    frames = float(known("labels.phases.stay_time")) * 1000.0 / frame_interval_ms
+    frames = float(constant("event_detection.phases.stay_time")) * 1000.0 / frame_interval_ms
     stayed = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
     cases = [
-        (collided & ~events.attempted, Detail.COLLISION_BEFORE_ATTEMPT),
-        (collided & events.struck, Detail.STRUCK_BY_OTHER),
-        (collided, Detail.RAN_INTO_OTHER),
-        (events.lost & spun_first, Detail.SPUN),
-        (events.lost, Detail.DEPARTED),
-        (how == Outcome.COMPLETED, Detail.NONE),
-        (how == Outcome.NO_ATTEMPT, Detail.NONE),
-        (back & (events.line_crossed == NEVER), Detail.ABORTED_BEFORE_CROSSING),
-        (back, Detail.ABORTED_AFTER_CROSSING),
-        (stayed, Detail.PASSED_NOT_RETURNED),
+        (collided & ~events.attempted, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
+        (collided & events.struck, OutcomeDetail.STRUCK_BY_OTHER),
+        (collided, OutcomeDetail.RAN_INTO_OTHER),
+        (events.lost & spun_first, OutcomeDetail.SPUN),
+        (events.lost, OutcomeDetail.DEPARTED),
+        (how == Outcome.COMPLETED, OutcomeDetail.NONE),
+        (how == Outcome.NO_ATTEMPT, OutcomeDetail.NONE),
+        (back & (events.line_crossed == NEVER), OutcomeDetail.ABORTED_BEFORE_CROSSING),
+        (back, OutcomeDetail.ABORTED_AFTER_CROSSING),
+        (stayed, OutcomeDetail.PASSED_NOT_RETURNED),
     ]
-    return first_case(cases, Detail.OPEN_AT_HORIZON)
+    return first_case(cases, OutcomeDetail.OPEN_AT_HORIZON)
 
 
 def first_case(cases: Sequence[tuple[Mask, int]], otherwise: int) -> U8:

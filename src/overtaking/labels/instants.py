@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
-from overtaking.core.elementary import as_f32, sincos
-from overtaking.model.labels import Case
+from overtaking.core.float32_math import as_f32, sincos
+from overtaking.model.ego_signals import EgoSignals
 from overtaking.model.road import DrivingSide, Road
-from overtaking.model.signals import Signals
-from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import Case
 
 Frames = NDArray[np.integer]
 T = TypeVar("T", bound=np.generic)
@@ -112,8 +112,12 @@ def oncoming(run: Trajectories) -> Mask:
     valid = run.scenario.vehicles.valid
     if not run.road.is_two_way:
         return np.zeros_like(valid)
-    first = np.zeros(valid.shape, np.intp) if run.present is None else run.present.argmax(axis=2)
-    headings, direction = run.headings
+    first = (
+        np.zeros(valid.shape, np.intp)
+        if run.is_recorded is None
+        else run.is_recorded.argmax(axis=2)
+    )
+    headings, direction = run.headings_and_origin
     heading = np.take_along_axis(headings, first[:, :, None], axis=2)[:, :, 0]
     against = sincos(as_f32(heading) * RADIANS - np.float32(direction))[1] < 0
     against[:, Role.EGO] = False
@@ -160,14 +164,14 @@ def _recorded_around(
     last = np.maximum(run.num_frames[rows] - 1, np.int32(0))
     later = np.minimum(frames + half, last).astype(np.int32)
     earlier = np.minimum(np.maximum(frames - half, 0), last).astype(np.int32)
-    if run.present is None:
+    if run.is_recorded is None:
         return earlier, later
     ends = [frames.astype(np.int32)] * 2
     for step in range(1, int(np.max(half, initial=0)) + 1):
         for side, (sign, limit) in enumerate(((-1, earlier), (1, later))):
             next_one = ends[side] + np.int32(sign)
             inside = (limit - next_one) * sign >= 0
-            there = run.present[rows, slot, np.where(inside, next_one, ends[side])]
+            there = run.is_recorded[rows, slot, np.where(inside, next_one, ends[side])]
             reached = np.abs(ends[side] - frames) == step - 1
             ends[side] = np.where(inside & there & reached, next_one, ends[side])
     return ends[0], ends[1]
@@ -198,8 +202,8 @@ def vehicle_at(run: Trajectories, vehicle: U8, rows: IndexArray, frames: Frames)
     frame, slot = np.maximum(frames, 0), slot_of(vehicle)
     lead = lead_at(run, rows, slot, frame)
     there = (vehicle != NO_VEHICLE) & (frame < run.num_frames[rows])
-    if run.present is not None:
-        there &= run.present[rows, slot, frame]
+    if run.is_recorded is not None:
+        there &= run.is_recorded[rows, slot, frame]
     return Along(
         valid=there,
         lead=lead,
@@ -215,7 +219,7 @@ def lead_at(run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frame
 
 
 def across_at(
-    run: Trajectories, signals: Signals, rows: IndexArray, slot: IndexArray, frames: Frames
+    run: Trajectories, signals: EgoSignals, rows: IndexArray, slot: IndexArray, frames: Frames
 ) -> tuple[F32, F32]:
     """Vehicles across the road at single frames: `lateral` and `lateral_gap` of `TargetSignals`.
 
@@ -227,7 +231,7 @@ def across_at(
         frames: A frame of each, same shape.
     """
     states, bodies, own = run.states, run.scenario.vehicles, (rows, frames)
-    side, (headings, direction) = (rows, slot, frames), run.headings
+    side, (headings, direction) = (rows, slot, frames), run.headings_and_origin
     across, reach = footprint(
         run.road,
         states.d[side],
@@ -235,8 +239,8 @@ def across_at(
         bodies.length[rows, slot],
         bodies.width[rows, slot],
     )
-    own_reach = (signals.left_reach[own] - signals.right_reach[own]) * np.float32(0.5)
-    return across, np.abs(across - signals.lateral[own]) - (own_reach + reach)
+    own_reach = (signals.left_edge[own] - signals.right_edge[own]) * np.float32(0.5)
+    return across, np.abs(across - signals.lateral_position[own]) - (own_reach + reach)
 
 
 def in_lane(run: Trajectories, lane: I32, frames: Frames) -> Mask:
@@ -250,12 +254,12 @@ def in_lane(run: Trajectories, lane: I32, frames: Frames) -> Mask:
     rows = np.arange(len(frames))
     inside = run.states.lane[rows, :, frames] == lane[:, None]
     inside &= run.scenario.vehicles.valid & (lane < run.road.num_lanes)[:, None]
-    return inside if run.present is None else inside & run.present[rows, :, frames]
+    return inside if run.is_recorded is None else inside & run.is_recorded[rows, :, frames]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftLane:
-    """The lane to the left at one frame of each simulation, as in `Signals`."""
+    """The lane to the left at one frame of each simulation, as in `EgoSignals`."""
 
     occupancy: F32
     count: U8

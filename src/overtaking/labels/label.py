@@ -25,13 +25,12 @@ from overtaking.labels.law import (
     legality,
 )
 from overtaking.model.batch import IdentityBatch
-from overtaking.model.decisions import Decisions
-from overtaking.model.events import Detail, Events, Outcome
-from overtaking.model.features import Features
-from overtaking.model.labels import Case, Findings, Labels, OvertakeClass
-from overtaking.model.safety import Safety
-from overtaking.model.signals import Signals
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.ego_signals import EgoSignals
+from overtaking.model.overtake_events import Outcome, OutcomeDetail, OvertakeEvents
+from overtaking.model.overtake_features import AttemptFeatures, PaperFeatures
+from overtaking.model.safety_measures import SafetyMeasures
+from overtaking.model.trajectories import Trajectories
+from overtaking.model.verdicts import Case, Findings, Labels, OvertakeClass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,24 +49,24 @@ class Labelled(IdentityBatch):
         safety: How near it came to a collision.
     """
 
-    IS_DERIVED: ClassVar = True
+    IS_INTERNAL: ClassVar = True
 
     trajectories: Trajectories
-    signals: Signals
-    events: Events
+    signals: EgoSignals
+    events: OvertakeEvents
     findings: Findings
     labels: Labels
-    paper: Features
-    matched: Features
-    decisions: Decisions
-    safety: Safety
+    paper: PaperFeatures
+    matched: PaperFeatures
+    decisions: AttemptFeatures
+    safety: SafetyMeasures
 
     def summary(self) -> Mapping[str, object]:
         """That of the recording."""
         return self.trajectories.summary()
 
     @property
-    def features(self) -> tuple[Features, Features]:
+    def features(self) -> tuple[PaperFeatures, PaperFeatures]:
         """Both readings of the features."""
         return self.paper, self.matched
 
@@ -127,8 +126,8 @@ def _classes(how: U8, way: U8, law: Legality, policy: Policy) -> U8:
     """The class of each simulation under one policy."""
     undecided = (law.num_undecidable > 0) & (not policy.allows_undecided)
     completed = how == Outcome.COMPLETED
-    cut_off = (way == Detail.OPEN_AT_HORIZON) & policy.censors_open
-    lost = np.isin(way, (Detail.DEPARTED, Detail.SPUN)) & policy.names_departures
+    cut_off = (way == OutcomeDetail.OPEN_AT_HORIZON) & policy.censors_open
+    lost = np.isin(way, (OutcomeDetail.DEPARTED, OutcomeDetail.SPUN)) & policy.names_departures
     cases = [
         (how == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
         (lost, OvertakeClass.UNSUCCESS_DEP),

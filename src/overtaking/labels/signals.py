@@ -12,40 +12,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.arrays import F32, U8, IndexArray
-from overtaking.core.elementary import as_f32, log, maximum
-from overtaking.core.memory import Buffers, Layout, empty
+from overtaking.core.arrays import F32, U8, ArrayLayout, Buffers, IndexArray, empty_array
+from overtaking.core.float32_math import as_f32, log, maximum
+from overtaking.core.native import simd_level
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import METRES, borders_of, half_window, oncoming, side_of, slot_of
-from overtaking.model.batch import Batch, batch_fields
-from overtaking.model.labels import Case
-from overtaking.model.once import once
+from overtaking.model.batch import Batch, batch_fields, cached_per_batch
+from overtaking.model.ego_signals import EgoSignals, TargetSignals
+from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road import MAX_LANES
-from overtaking.model.safety import Encounter
-from overtaking.model.signals import Around, Signals, TargetSignals
-from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.compiled import chosen_level, constant_values
-from overtaking.world.conditions import outlook
-from overtaking.world.constants import constants, known
-from overtaking.world.film import lane_film
-from overtaking.world.lanes import road_parameters
-from overtaking.world.sight import sight_at
+from overtaking.model.verdicts import Case
+from overtaking.world.constants import engine_constants, model_constants
+from overtaking.world.road_parameters import road_parameters
+from overtaking.world.road_surface import lane_film
+from overtaking.world.sight_distance import sight_at
+from overtaking.world.weather_parameters import weather_effects
 
 Arrays = dict[str, NDArray[Any]]
 Later = dict[str, Callable[[], Arrays]]
 
 SEEN = (
-    *("lane", "lateral", "lateral_speed", "speed", "right_reach", "left_reach", "vehicle"),
+    *("lane", "lateral_position", "lateral_speed", "speed"),
+    *("right_edge", "left_edge", "neighbour_slot"),
     *("friction", "sight_lit", "sight_unlit"),
 )
 """Signals that further compiled functions read."""
 
 _AROUND = ("gap", "closing_speed", "lateral_gap", "left_occupancy", "left_count")
-_OF_NEIGHBOURS = ("vehicle", "gap", "closing_speed", "lateral_gap")
+_OF_NEIGHBOURS = ("neighbour_slot", "gap", "closing_speed", "lateral_gap")
 """Signals of shape (simulation, neighbour, time)."""
 
 
-def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, Arrays]:
+def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignals, Arrays]:
     """Signals and events of a batch, in one compiled call.
 
     Gaps to all neighbours and the lane to the left are computed at their first use.
@@ -62,42 +63,42 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[Signals, 
     """
     names, recorded = _core.event_fields(), pack(trajectories)
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
-    layout = _layout(trajectories, Signals, (*SEEN, "accel"))
+    layout = _layout(trajectories, EgoSignals, (*SEEN, "accel"))
     filled = ("filled", trajectories.num_frames.shape, np.int32)
     # Most simulations end early: what is zero behind their ends need not be cleared again.
-    outputs = Buffers().together("signals", (*layout, filled))
+    outputs = Buffers().arrays("signals", (*layout, filled))
     _core.watch(
         recorded=recorded,
         conditions=conditions(trajectories),
         limits=limits,
-        constants=constant_values(constants()),
+        constants=engine_constants(model_constants()),
         filled=outputs.pop("filled"),
         signals=outputs,
         events=events,
-        level=chosen_level(),
+        level=simd_level(),
     )
-    around = partial(_around, trajectories, outputs["vehicle"])
+    around = partial(_around, trajectories, outputs["neighbour_slot"])
     later: Later = {
         "s": lambda: {"s": as_f32(trajectories.states.s[:, Role.EGO]) * METRES},
-        "valid": lambda: {"valid": trajectories.frame_valid},
+        "valid": lambda: {"valid": trajectories.frame_mask},
         **dict.fromkeys(_AROUND, around),
     }
     _limit_sight(trajectories, outputs)
     interval = trajectories.scenario.frame_interval_ms
-    seen = Signals.partly(later, frame_interval_ms=interval, **outputs)
+    seen = EgoSignals.partly(later, frame_interval_ms=interval, **outputs)
     return seen, dict(zip(names, events, strict=True))
 
 
 def _limit_sight(trajectories: Trajectories, outputs: Arrays) -> None:
     """Nothing is seen beyond what the road shows."""
     if trajectories.road.course:
-        s = trajectories.states.s[:, Role.EGO] * METRES_PER_STEP
+        s = trajectories.states.s[:, Role.EGO] * POSITION_RESOLUTION
         shown = sight_at(trajectories.road, s)
         for name in ("sight_lit", "sight_unlit"):
             np.minimum(outputs[name], as_f32(shown), out=outputs[name])
 
 
-def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> TargetSignals:
+def target_signals(trajectories: Trajectories, seen: EgoSignals, vehicle: U8) -> TargetSignals:
     """The target of each simulation, computed frame by frame at its first use.
 
     Args:
@@ -113,13 +114,13 @@ def target_signals(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Ta
         raise ValueError(f"target: no vehicle {slot.max()}")
     return TargetSignals.partly(
         dict.fromkeys(_target_names(), partial(_target, trajectories, seen, vehicle)),
-        vehicle=vehicle,
+        slot=vehicle,
         length=length[np.arange(len(slot)), slot],
     )
 
 
 def encounter(
-    case: Case, neighbour: Around | IndexArray, rows: IndexArray, frames: IndexArray
+    case: Case, neighbour: NeighbourRole | IndexArray, rows: IndexArray, frames: IndexArray
 ) -> Encounter:
     """The ego and a neighbour at single frames, with the measures of the follower.
 
@@ -141,11 +142,11 @@ def encounter(
     instants[:] = rows, np.broadcast_to(np.int64(neighbour), np.shape(rows)), frames
     _core.encounters(
         recorded=packed(case),
-        neighbours=_flat(case.signals.vehicle),
+        neighbours=_flat(case.signals.neighbour_slot),
         instants=_flat(instants),
         vehicle=vehicle,
         out=out,
-        level=chosen_level(),
+        level=simd_level(),
     )
     return Encounter(valid=vehicle != NO_VEHICLE, **dict(zip(names, out, strict=True)))
 
@@ -166,13 +167,13 @@ def beside_target(
     return _core.alongside(
         recorded=packed(case),
         seen=pack_seen(case.signals),
-        target=np.ascontiguousarray(case.target.vehicle, np.uint8),
+        target=np.ascontiguousarray(case.target.slot, np.uint8),
         span=ends,
-        level=chosen_level(),
+        level=simd_level(),
     )
 
 
-@once
+@cached_per_batch
 def packed(case: Case) -> dict[str, Any]:
     """`pack` of a case."""
     return pack(case.trajectories)
@@ -185,9 +186,9 @@ def pack(trajectories: Trajectories) -> dict[str, Any]:
     left out: leaders, followers and targets drive in the direction of the ego.
     """
     states, bodies, road = trajectories.states, trajectories.scenario.vehicles, trajectories.road
-    interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.present
+    interval_ms, present = trajectories.scenario.frame_interval_ms, trajectories.is_recorded
     recorded = {name: getattr(states, name) for name in ("s", "d", "speed", "lane")}
-    recorded["heading"], direction = trajectories.headings
+    recorded["heading"], direction = trajectories.headings_and_origin
     recorded |= {"accel": states.accel_lon, "hit": trajectories.collided_with}
     if road.is_two_way:
         recorded["lane"] = _with_opposite_lane(trajectories)
@@ -210,11 +211,11 @@ def _with_opposite_lane(trajectories: Trajectories) -> U8:
     """Lanes, with the next number for what is beyond the lane of oncoming traffic."""
     states, road = trajectories.states, trajectories.road
     edge = float(borders_of(road)[-1])
-    beyond = float(side_of(road)) * states.d > edge / METRES_PER_STEP
+    beyond = float(side_of(road)) * states.d > edge / POSITION_RESOLUTION
     return states.lane + (beyond & (states.lane == road.num_lanes)).view(np.uint8)
 
 
-def pack_seen(seen: Signals) -> Arrays:
+def pack_seen(seen: EgoSignals) -> Arrays:
     """Signals as compiled functions take them."""
     return {name: _flat(getattr(seen, name)) for name in SEEN}
 
@@ -236,12 +237,12 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
         unlit_limit: Range of the ego's own lamps by night, the limit of attention by day [m].
         attention: That limit, a number [m].
     """
-    scenario, attention = trajectories.scenario, known("model.perception.range")
-    ahead, bodies = outlook(scenario), scenario.vehicles
+    scenario, attention = trajectories.scenario, constant("model.perception.range")
+    ahead, bodies = weather_effects(scenario), scenario.vehicles
     sight, film = ahead.sight, _mean_film(ahead.film, road_parameters(scenario.road).film_path)
-    lamp = np.full_like(ahead.rain_rate, known("weather.lamps.rear_position"))
+    lamp = np.full_like(ahead.rain_rate, constant("weather.lamps.rear_position"))
     lamp = lamp / sight["lamp_threshold"]
-    depth = sight["sight_front"] + log(known("model.speed_choice.contrast"))
+    depth = sight["sight_front"] + log(constant("model.speed_choice.contrast"))
     inverse = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention)
     arrays = {
         "film": film,
@@ -272,43 +273,43 @@ def _mean_film(water: dict[str, F32], film_path: F32) -> F32:
 
 
 def _around(trajectories: Trajectories, vehicle: U8) -> Arrays:
-    outputs = _room(trajectories, Signals, _AROUND)
+    outputs = _room(trajectories, EgoSignals, _AROUND)
     _core.around(
-        recorded=pack(trajectories), vehicle=_flat(vehicle), outputs=outputs, level=chosen_level()
+        recorded=pack(trajectories), vehicle=_flat(vehicle), outputs=outputs, level=simd_level()
     )
     return outputs
 
 
-def _target(trajectories: Trajectories, seen: Signals, vehicle: U8) -> Arrays:
+def _target(trajectories: Trajectories, seen: EgoSignals, vehicle: U8) -> Arrays:
     outputs = _room(trajectories, TargetSignals, _target_names())
     _core.target(
         recorded=pack(trajectories),
         seen=pack_seen(seen),
         target=np.ascontiguousarray(vehicle, np.uint8),
         outputs=outputs,
-        level=chosen_level(),
+        level=simd_level(),
     )
     return outputs
 
 
 def _target_names() -> list[str]:
     """The signals of the target that have a value for each frame."""
-    return [name for name in batch_fields(TargetSignals) if name not in ("vehicle", "length")]
+    return [name for name in batch_fields(TargetSignals) if name not in ("slot", "length")]
 
 
 def _room(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Arrays:
     """Arrays for some fields of a batch, of their types, whose content means nothing yet."""
     return {
-        name: empty(math.prod(shape), kind).reshape(shape)
+        name: empty_array(math.prod(shape), kind).reshape(shape)
         for name, shape, kind in _layout(trajectories, cls, names)
     }
 
 
-def _layout(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Layout:
+def _layout(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> ArrayLayout:
     """Names, shapes and types of some fields of a batch."""
     simulations, frames = trajectories.stage.shape
-    whole, narrow = (simulations, len(Around), frames), (simulations, frames)
-    kinds, wide = batch_fields(cls), _OF_NEIGHBOURS if cls is Signals else ()
+    whole, narrow = (simulations, len(NeighbourRole), frames), (simulations, frames)
+    kinds, wide = batch_fields(cls), _OF_NEIGHBOURS if cls is EgoSignals else ()
     return tuple(
         (name, whole if name in wide else narrow, np.dtype(kinds[name].dtype)) for name in names
     )

@@ -1,15 +1,11 @@
-"""Base class of all frozen batches (struct of arrays), and the declarations of their fields.
-
-A field is declared in its annotation: `Annotated[F32, FieldSpec("Gap to the leader", "m")]`.
-`model.checks` checks values by these declarations; specifications, table columns and reference
-pages read them.
-"""
+"""Batches: dataclasses of arrays with declared fields."""
 
 import dataclasses
+import inspect
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import cache
+from functools import cache, wraps
 from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -22,6 +18,7 @@ from typing import (
     get_args,
     get_origin,
 )
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +26,10 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import Mask
 from overtaking.core.equality import ContentEquality, is_same_content
 from overtaking.core.errors import ConfigError, NoSuchSimulationError
-from overtaking.core.summary import Summarized
+from overtaking.core.representation import CompactRepr
 from overtaking.model.import_report import joined_findings
 
 B = TypeVar("B", bound="Batch")
-
 
 Axes = tuple[str | int, ...]
 """Names of the axes of an array; a number is a fixed length."""
@@ -81,7 +77,7 @@ class FieldSpec:
         column: Name of the column; None for a field that is not written.
         null_unless: Path of the flag or count that says where there is a value: from the outermost
             batch, or from this one if it begins with a dot.
-        needs: Properties that a recording must state, in `model.trajectory.UNKNOWNS`.
+        needs: Properties that a recording must state, in `model.trajectories.UNKNOWNS`.
         names: Names of the codes of an enumeration.
         since: Version of the tables that its column came with.
     """
@@ -234,16 +230,16 @@ class Constraint:
     got: NDArray[Any]
 
 
-class Batch(Summarized, ContentEquality):
+class Batch(CompactRepr, ContentEquality):
     """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
 
     A field may also be another batch, or a tuple of them. What comes from outside is checked by
-    `model.checks`, with `AXES`, `sizes` and `constraints`.
+    `model.checks`, with `AXES`, `axis_lengths` and `constraints`.
     """
 
     __slots__ = ()
 
-    IS_DERIVED: ClassVar[bool] = False
+    IS_INTERNAL: ClassVar[bool] = False
     """Whether only this package makes it, from checked values."""
 
     AXES: ClassVar[tuple[str | int, ...]] = ("simulation",)
@@ -255,7 +251,7 @@ class Batch(Summarized, ContentEquality):
         values = [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]
         return sum(one.nbytes for one in values if isinstance(one, np.ndarray | Batch))
 
-    def sizes(self) -> Mapping[str, int]:
+    def axis_lengths(self) -> Mapping[str, int]:
         """Lengths of axes that no array of the batch has."""
         return {}
 
@@ -312,12 +308,12 @@ class Batch(Summarized, ContentEquality):
         for name in changes:
             if name not in known:
                 where = f"{type(self).__name__}.replace"
-                raise ConfigError.not_among("field", where, known, name)
+                raise ConfigError.unknown_choice("field", where, known, name)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
 
 class IdentityBatch(Batch):
-    """A batch that equals no other object, so that results can be stored by it (`model.once`).
+    """A batch that equals no other object, so that results can be stored by it (`model.batch`).
 
     `equals` compares the content.
     """
@@ -390,3 +386,127 @@ def concatenate(batches: list[B]) -> B:
 def _are_batches(value: object) -> bool:
     """Whether a field holds several batches side by side."""
     return isinstance(value, tuple) and len(value) > 0 and isinstance(value[0], Batch)
+
+
+IdentityT = TypeVar("IdentityT", bound=IdentityBatch)
+T = TypeVar("T")
+
+
+def cached_per_batch(function: Callable[[IdentityT], T]) -> Callable[[IdentityT], T]:
+    """A function whose result for a batch is kept as long as the batch exists.
+
+    All callers share the result; its arrays must not be changed.
+    """
+    answers: WeakKeyDictionary[IdentityT, T] = WeakKeyDictionary()
+
+    @wraps(function)
+    def asked(batch: IdentityT) -> T:
+        if batch not in answers:
+            answers[batch] = function(batch)
+        return answers[batch]
+
+    return asked
+
+
+Cls = TypeVar("Cls", bound=type)
+
+
+def within(
+    low: float,
+    high: float | str,
+    unit: str = "",
+    meaning: str = "",
+    *,
+    axes: Axes | None = None,
+    also: int | None = None,
+    is_open: bool = False,
+    column: str | None = "{}",
+    needs: Sequence[str] = (),
+    since: int = 1,
+) -> FieldSpec:
+    """Declaration of a field whose values have a range.
+
+    Args:
+        low: Smallest value.
+        high: Largest value, or the name of an axis whose indices are meant.
+        unit: Unit, empty for plain numbers.
+        meaning: See `FieldSpec`.
+        axes: See `FieldSpec`.
+        also: One more value, which stands for "none".
+        is_open: Whether the smallest value itself is excluded.
+        column: See `meant`.
+        needs: See `FieldSpec`.
+        since: See `FieldSpec`.
+    """
+    return FieldSpec(
+        meaning,
+        unit or "1",
+        low,
+        AxisEnd(high) if isinstance(high, str) else high,
+        low_is_open=is_open,
+        missing=also,
+        axes=axes,
+        column=_column_name(column),
+        needs=needs,
+        since=since,
+    )
+
+
+def meant(
+    meaning: str,
+    unit: str = "1",
+    *,
+    column: str | None = "{}",
+    present: str = "",
+    needs: Sequence[str] = (),
+    names: Sequence[str] = (),
+    since: int = 1,
+) -> FieldSpec:
+    """Declaration of a field without a range, such as a flag or a derived measure.
+
+    Args:
+        meaning: See `FieldSpec`.
+        unit: See `FieldSpec`.
+        column: Name of its table column without the unit, in which `{}` stands for the name of the
+            field; None for a field without a column.
+        present: See `FieldSpec.null_unless`.
+        needs: See `FieldSpec`.
+        names: See `FieldSpec`.
+        since: See `FieldSpec`.
+    """
+    return FieldSpec(
+        meaning,
+        unit,
+        column=_column_name(column),
+        null_unless=present,
+        needs=needs,
+        names=names,
+        since=since,
+    )
+
+
+def along(*axes: str | int) -> FieldSpec:
+    """Declaration of an array whose axes differ from its class's; a number is a fixed length."""
+    return FieldSpec(axes=axes)
+
+
+def _column_name(column: str | None) -> ColumnName | None:
+    """A name in which `{}` stands for the name of the field, such as `ego_{}`."""
+    if column is None:
+        return None
+    if column.endswith("{}"):
+        return ColumnName(prefix=column.removesuffix("{}"))
+    return ColumnName(column)
+
+
+def documented(cls: Cls) -> Cls:
+    """A dataclass whose docstring lists its fields, for `help` and notebooks."""
+    lines = [
+        f"    {name}: {field.spec.meaning}"
+        f"{'' if field.spec.unit == '1' else f' [{field.spec.unit}]'}."
+        for name, field in batch_fields(cls).items()
+    ]
+    if cls.__doc__:  # None under `python -OO`.
+        # Python 3.13 removes the indentation of docstrings, earlier versions keep it.
+        cls.__doc__ = "\n".join([inspect.cleandoc(cls.__doc__), "", "Attributes:", *lines, ""])
+    return cls

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import Mask
-from overtaking.core.checks import whole_number
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, whole_number
 from overtaking.core.files import check_output_path
 from overtaking.core.notebook import PROGRESS, show_progress
 from overtaking.core.process_limits import check_address_space, explain_refusals
@@ -52,7 +51,7 @@ _PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
 """Required type of a plain value, and its name in messages."""
 
 
-def check(batch: Any, where: str, name: str = "") -> None:
+def check_batch(batch: Any, where: str, name: str = "") -> None:
     """Check a dataclass, and the batches in it, against the fields that they declare.
 
     Args:
@@ -71,7 +70,7 @@ def check(batch: Any, where: str, name: str = "") -> None:
     checker.check_values(batch, name)
 
 
-def checked(function: Callable[P, T]) -> Callable[P, T]:
+def check_arguments(function: Callable[P, T]) -> Callable[P, T]:
     """The function, with its arguments held to their annotations before it begins.
 
     Iterables are handed on as tuples, because some can be read only once. A function with a
@@ -102,14 +101,14 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
         check_address_space(where)
         for name, hint in hints().items():
             if name in given.arguments:
-                given.arguments[name] = argument(given.arguments[name], hint, where, name)
+                given.arguments[name] = check_argument(given.arguments[name], hint, where, name)
         with explain_refusals(where):
             return function(*given.args, **given.kwargs)
 
     return show_progress(called) if PROGRESS in signature.parameters else called
 
 
-def argument(value: Any, annotation: Any, where: str, name: str) -> Any:
+def check_argument(value: Any, annotation: Any, where: str, name: str) -> Any:
     """Check an argument against its annotation.
 
     Args:
@@ -130,8 +129,8 @@ def argument(value: Any, annotation: Any, where: str, name: str) -> Any:
     )
     if name == OUTPUT and isinstance(checked_value, str | Path):
         check_output_path(checked_value)
-    if isinstance(checked_value, Batch) and not checked_value.IS_DERIVED:
-        check(checked_value, where, name)
+    if isinstance(checked_value, Batch) and not checked_value.IS_INTERNAL:
+        check_batch(checked_value, where, name)
     return checked_value
 
 
@@ -154,7 +153,9 @@ class _BatchChecker:
             if isinstance(value, Batch):
                 self.check_structure(value, field_path)
         if isinstance(batch, Batch):
-            self._axis_lengths |= {axis: (size, "road") for axis, size in batch.sizes().items()}
+            self._axis_lengths |= {
+                axis: (size, "road") for axis, size in batch.axis_lengths().items()
+            }
 
     def check_values(self, batch: Any, path: str) -> None:
         """Refuse arrays with a value out of range, and batches that break a constraint."""

@@ -9,10 +9,10 @@
 ```
 
 `s` grows along the direction of travel and `d` to the left of it, in either kind of traffic; on a
-road that bends, both are those of its reference line (`model.line`), where `d` is 0. Lanes
-are counted from the slow side: from the right in right-hand traffic, where `side` is +1, and from
-the left in left-hand traffic, where it is -1. On a two-way road the neighbour on the fast side is
-the lane of oncoming traffic; `course` says what changes along a road.
+road that bends, both are those of its reference line (`model.reference_line`), where `d` is 0.
+Lanes are counted from the slow side: from the right in right-hand traffic, where `side` is +1, and
+from the left in left-hand traffic, where it is -1. On a two-way road the neighbour on the fast side
+is the lane of oncoming traffic; `course` says what changes along a road.
 """
 
 import dataclasses
@@ -28,10 +28,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
-from overtaking.model.checks import check
-from overtaking.model.course import MAX_LENGTH, MAX_SPEED_LIMIT, Course, RoadMark, whole_line
-from overtaking.model.line import Piece, ReferenceLine, direction
-from overtaking.model.values import within
+from overtaking.model.batch import within
+from overtaking.model.checks import check_batch
+from overtaking.model.reference_line import CurveSegment, ReferenceLine, cos_sin
+from overtaking.model.road_course import (
+    MAX_LENGTH,
+    MAX_SPEED_LIMIT,
+    RoadCourse,
+    RoadMark,
+    marks_along,
+)
 
 MAX_LANES = 8
 MIN_LANE_WIDTH, MAX_LANE_WIDTH = 2.0, 6.0  # Beyond these a car does not fit, or two do.
@@ -41,15 +47,15 @@ MAX_COORDINATE = 1.8e6
 2000 km; a road of at most 100 km that begins here ends before."""
 
 MAX_ORIGIN = 1.0e8  # Wider than any map projection of the Earth in metres.
-MAX_CURVED_WIDTH = (
+MAX_CURVATURE_TIMES_OFFSET = (
     0.5  # |curvature * d|: nearer to the centre of a bend s and d lose their meaning.
 )
 
 
 @lru_cache(maxsize=16)
-def _reference_line(pieces: tuple[Piece, ...]) -> ReferenceLine:
+def _reference_line(pieces: tuple[CurveSegment, ...]) -> ReferenceLine:
     """The line of these pieces; all callers share its arrays."""
-    return ReferenceLine.of(pieces)
+    return ReferenceLine.from_segments(pieces)
 
 
 _COORDINATE = within(-MAX_COORDINATE, MAX_COORDINATE, "m")
@@ -94,7 +100,7 @@ class Lane:
 
     def __post_init__(self) -> None:
         """Refuse invalid lanes."""
-        check(self, f"lane {self.lane_id}")
+        check_batch(self, f"lane {self.lane_id}")
 
     def mirrored(self) -> Self:
         """The lane in a world where left and right are swapped."""
@@ -118,8 +124,8 @@ class Road:
         y0: World y of (s=0, d=0) [m].
         heading: Direction of travel there, anticlockwise from world x, within one turn of zero
             [rad].
-        speed_limit: Limit that is posted for the driving lanes, on a road with `Course.limits` the
-            highest one [m/s].
+        speed_limit: Limit that is posted for the driving lanes, on a road with `RoadCourse.limits`
+            the highest one [m/s].
         origin_x: x of the world's origin in the file that the road comes from [m]. It is not 0 for
             files with large coordinates, such as UTM, whose millimetres exceed the recorded
             integers.
@@ -146,11 +152,11 @@ class Road:
     origin_y: Annotated[float, _ORIGIN] = 0.0
     slow_side_neighbour: Lane | None = None
     fast_side_neighbour: Lane | None = None
-    course: Course | None = None
+    course: RoadCourse | None = None
 
     def __post_init__(self) -> None:
         """Refuse roads outside the model's range."""
-        check(self, f"road {self.name}")
+        check_batch(self, f"road {self.name}")
         self._check_lanes()
         self._check_course()
 
@@ -178,7 +184,7 @@ class Road:
         """
         last = self.lanes[-1]
         mark = last.left_mark if self.driving_side is DrivingSide.RIGHT else last.right_mark
-        return whole_line(self.course.lines if self.course else (), mark)
+        return marks_along(self.course.lines if self.course else (), mark)
 
     @property
     def boundaries(self) -> F64:
@@ -195,7 +201,7 @@ class Road:
         return (borders[:-1] + borders[1:]) * 0.5
 
     @property
-    def pieces(self) -> tuple[Piece, ...]:
+    def pieces(self) -> tuple[CurveSegment, ...]:
         """The reference line by pieces, empty where the road is straight."""
         return self.course.line if self.course else ()
 
@@ -221,7 +227,7 @@ class Road:
             s: Station, any shape [m].
         """
         if self.bends:
-            return _reference_line(self.pieces).at(s).curvature
+            return _reference_line(self.pieces).pose_at(s).curvature
         return np.zeros(np.shape(s))
 
     def grade_at(self, s: ArrayLike) -> F64:
@@ -236,7 +242,7 @@ class Road:
             return np.zeros(station.shape)
         return np.interp(station, *np.array(table, np.float64).T)
 
-    def limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
+    def speed_limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
         """The posted limit [m/s].
 
         Where a stretch ends and another begins, the limit is that of the second.
@@ -247,7 +253,7 @@ class Road:
         """
         station = np.asarray(s, np.float64)
         limits = np.full(station.shape, self.speed_limit)
-        for one in self.course.limits_for(direction) if self.course else ():
+        for one in self.course.speed_limits_for(direction) if self.course else ():
             limits[(one.start <= station) & (station < one.stop)] = one.speed
         return limits
 
@@ -258,7 +264,7 @@ class Road:
             s: Station, any shape [m].
         """
         station = np.asarray(s, np.float64)
-        knots = np.array(sorted({0.0, *(at for at, _ in (self.course or Course()).grade)}))
+        knots = np.array(sorted({0.0, *(at for at, _ in (self.course or RoadCourse()).grade)}))
         slopes = self.grade_at(knots)
         steps = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(knots)
         heights = np.concatenate([[0.0], np.cumsum(steps)])
@@ -266,7 +272,7 @@ class Road:
         rise = 0.5 * (slopes[last] + self.grade_at(station)) * (station - knots[last])
         return heights[last] + rise
 
-    def world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
+    def to_world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
         """World coordinates of points on the road.
 
         Args:
@@ -277,21 +283,21 @@ class Road:
             x and y in the right-handed world frame [m].
         """
         if self.bends:
-            return _reference_line(self.pieces).world(s, d)
+            return _reference_line(self.pieces).to_world(s, d)
         along, left = np.asarray(s, dtype=np.float64), np.asarray(d, dtype=np.float64)
-        cosine, sine = direction(self.heading)
+        cosine, sine = cos_sin(self.heading)
         return (
             self.x0 + (along * cosine - left * sine),
             self.y0 + (along * sine + left * cosine),
         )
 
-    def road_coordinates(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
+    def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Road coordinates (s, d) of world points [m]; the inverse of `world`."""
         if self.bends:
-            return _reference_line(self.pieces).road_coordinates(x, y)
+            return _reference_line(self.pieces).to_road(x, y)
         east = np.asarray(x, dtype=np.float64) - self.x0
         north = np.asarray(y, dtype=np.float64) - self.y0
-        cosine, sine = direction(self.heading)
+        cosine, sine = cos_sin(self.heading)
         return east * cosine + north * sine, north * cosine - east * sine
 
     def to_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
@@ -328,7 +334,7 @@ class Road:
         offset = self.side * np.asarray(d, dtype=np.float64)
         return np.searchsorted(self.side * self.boundaries, offset, side="right") - 1
 
-    def needs_to_be_straight(self, where: str) -> None:
+    def check_straight(self, where: str) -> None:
         """ConfigError for a road that bends or rises.
 
         Args:
@@ -343,7 +349,7 @@ class Road:
                 next_step="choose another road",
             )
 
-    def needs_one_limit(self, where: str) -> None:
+    def check_one_speed_limit(self, where: str) -> None:
         """ConfigError for a road whose limit changes.
 
         Args:
@@ -403,7 +409,7 @@ class Road:
         if len(set(ids)) < self.num_lanes:
             raise self._refused("lane ids", "a different one for each lane", str(ids))
         for lane in self.lanes:
-            self._check_driving(lane)
+            self._check_driving_lane(lane)
         for slow, fast in pairwise(self.lanes):
             near, far = slow.left_mark, fast.right_mark
             if self.driving_side is DrivingSide.LEFT:
@@ -437,7 +443,7 @@ class Road:
         if course.line:
             self._check_line(course.line)
 
-    def _check_line(self, line: tuple[Piece, ...]) -> None:
+    def _check_line(self, line: tuple[CurveSegment, ...]) -> None:
         start = (line[0].x, line[0].y, line[0].heading)
         if start != (self.x0, self.y0, self.heading):
             raise self._refused(
@@ -445,16 +451,17 @@ class Road:
                 f"x0, y0, heading: {self.x0}, {self.y0}, {self.heading}",
                 str(start),
             )
-        sharpest = _reference_line(line).sharpest
+        sharpest = _reference_line(line).max_curvature
         widest = max(abs(self.edge_d), abs(float(self.boundaries[-1])))
-        if not sharpest * widest < MAX_CURVED_WIDTH:
+        if not sharpest * widest < MAX_CURVATURE_TIMES_OFFSET:
             raise self._refused(
                 "bend",
-                f"lanes within {MAX_CURVED_WIDTH:g} of its radius from the reference line",
+                f"lanes within {MAX_CURVATURE_TIMES_OFFSET:g} of its radius from the reference "
+                "line",
                 f"an edge {widest:.1f} m beside it in a bend of {1.0 / sharpest:.1f} m",
             )
 
-    def _check_driving(self, lane: Lane) -> None:
+    def _check_driving_lane(self, lane: Lane) -> None:
         if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:  # Also true for NaN.
             raise self._refused(
                 f"width of lane {lane.lane_id}",

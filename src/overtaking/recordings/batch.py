@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I64, U8, Mask
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import (
+from overtaking.model.trajectories import (
     NO_VEHICLE,
-    STATE_TYPES,
-    STEPS,
+    STATE_DTYPES,
+    STATE_RESOLUTION,
     Contacts,
     Percepts,
     Stage,
@@ -25,11 +25,11 @@ from overtaking.model.trajectory import (
 from overtaking.recordings.candidates import Window
 from overtaking.recordings.neighbours import NOBODY, Surroundings
 from overtaking.recordings.recording import Recording
-from overtaking.scenarios.assumed import KIND as ASSUMED_KIND
-from overtaking.scenarios.assumed import (
-    assumed_bodies,
-    assumed_drivers,
-    assumed_weather,
+from overtaking.scenarios.recording_defaults import DEFAULT_KIND as ASSUMED_KIND
+from overtaking.scenarios.recording_defaults import (
+    default_drivers,
+    default_vehicles,
+    default_weather,
     kinds_by_length,
 )
 
@@ -143,13 +143,13 @@ def trajectories(
             impulse=nothing,
             closing_speed=nothing,
         ),
-        percepts=Percepts.nothing(len(windows), 0),
+        percepts=Percepts.empty(len(windows), 0),
         trace_hash=_hashes(states, present, num_frames),
         unknown=recording.unknown,
         is_kind_known=_known_kinds(recording, windows, slots),
     )
-    whole = np.array_equal(present, made.state_valid)
-    return made if whole else made.replace(present=present)
+    whole = np.array_equal(present, made.state_mask)
+    return made if whole else made.replace(is_recorded=present)
 
 
 def _known_kinds(recording: Recording, windows: Sequence[Window], slots: int) -> Mask | None:
@@ -182,14 +182,14 @@ def _states(recording: Recording, rows: I64, present: NDArray[np.bool_]) -> Stat
     """Recorded integers; zero where a vehicle is not there."""
     tracks = recording.tracks
     # Zeros for states that recordings lack.
-    values: dict[str, Any] = {k: np.zeros(rows.shape, kind) for k, kind in STATE_TYPES.items()}
+    values: dict[str, Any] = {k: np.zeros(rows.shape, kind) for k, kind in STATE_DTYPES.items()}
     values["lane"] = np.where(present, tracks.lane[rows], np.uint8(0))
-    for name in STEPS.keys() & {field.name for field in dataclasses.fields(tracks)}:
+    for name in STATE_RESOLUTION.keys() & {field.name for field in dataclasses.fields(tracks)}:
         quantity = getattr(tracks, name)
         if name in ("heading", "wheel_angle"):
             quantity = quantity - np.round(quantity / (2.0 * np.pi)) * (2.0 * np.pi)
-        steps = to_integers(name, quantity / STEPS[name], recording.name)
-        values[name] = np.where(present, steps[rows], STATE_TYPES[name](0))
+        steps = to_integers(name, quantity / STATE_RESOLUTION[name], recording.name)
+        values[name] = np.where(present, steps[rows], STATE_DTYPES[name](0))
     return States(**values)
 
 
@@ -221,14 +221,14 @@ def _scenario(
         horizon=duration.astype(np.float32),
         attempt_deadline=duration.astype(np.float32),
         weight=np.ones(count),
-        vehicles=assumed_bodies(
+        vehicles=default_vehicles(
             valid,
             _assumed_kinds(recording, length)[who],
             length[who],
             tracks.width[who].astype(np.float32),
         ),
-        drivers=assumed_drivers((count, slots)),
-        weather=assumed_weather(count),
+        drivers=default_drivers((count, slots)),
+        weather=default_weather(count),
         start_s=tracks.s[first].astype(np.float32),
         start_lane=lane.astype(np.uint8),
         start_speed=tracks.speed[first].astype(np.float32),
@@ -261,7 +261,7 @@ def _hashes(
         digest = hashlib.blake2b(digest_size=16)
         there = present[place, :, :count]
         digest.update(np.packbits(there).tobytes())
-        for name in (*STEPS, "lane"):
+        for name in (*STATE_RESOLUTION, "lane"):
             values = getattr(states, name)[place, :, :count][there]
             digest.update(values.astype(values.dtype.newbyteorder("<")).tobytes())
         words[place] = np.frombuffer(digest.digest(), "<u4")

@@ -14,11 +14,11 @@ from typing import Any
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
-from overtaking.core.words import as_utf8
+from overtaking.core.representation import as_utf8
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.messages import shown
 from overtaking.recordings.table_streams import COMPRESSED_SUFFIXES, uncompressed_name
-from overtaking.scenarios.complaints import advice
+from overtaking.scenarios.specification_values import suggestion
 
 MAPS = Path(__file__).with_name("columns")
 """The folder of the maps that are part of the package."""
@@ -339,7 +339,7 @@ class _Reading:
             where=self.where,
             expected="a known key",
             got=shown(repr(key)),
-            next_step=advice(key, known),
+            next_step=suggestion(key, known),
         )
 
     def refused(self, what: str, expected: str, got: object) -> ConfigError:

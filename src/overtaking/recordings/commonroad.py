@@ -48,7 +48,7 @@ from overtaking.recordings.recording import (
 from overtaking.recordings.road import Projection
 from overtaking.recordings.state_examination import examine_states
 from overtaking.recordings.xml import Element, elements
-from overtaking.scenarios.assumed import kinds_by_length
+from overtaking.scenarios.recording_defaults import kinds_by_length
 
 FORMAT = "commonroad"
 VERSIONS = ("2018b", "2020a")
@@ -95,7 +95,9 @@ def read_commonroad(
     """
     if driving_side is not None and driving_side not in ("right", "left"):
         sides = ("right", "left")
-        raise ConfigError.not_among("driving_side", "read_commonroad", sides, repr(driving_side))
+        raise ConfigError.unknown_choice(
+            "driving_side", "read_commonroad", sides, repr(driving_side)
+        )
     source = Path(path)
     document = _Document()
     for element in elements(source, root="commonRoad", keep=_is_read, skip=_UNREAD):
@@ -306,7 +308,7 @@ def _recording(document: _Document, road: Stretch) -> Recording:
     unknown = NEVER_RECORDED | {"weather"} | road.unknown
     if "yawRate" in derived:
         unknown |= {"yaw_rate"}
-    x, y = road.road.world(place.s[there], place.d[there])
+    x, y = road.road.to_world(place.s[there], place.d[there])
     off = np.hypot(x - given["x"][there], y - given["y"][there])
     recording = Recording(
         name=document.name,

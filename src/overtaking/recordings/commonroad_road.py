@@ -11,8 +11,8 @@ import numpy as np
 
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.model.course import Course
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
+from overtaking.model.road_course import RoadCourse
 from overtaking.recordings.commonroad_lanes import (
     DRIVING,
     Lanelet,
@@ -156,7 +156,7 @@ def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, froze
         speed_limit=UNKNOWN_LIMIT if limit is None else limit,
         slow_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
         fast_side_neighbour=_beside_left(strip[-1], network.lanelets),
-        course=Course(line=line, limits=lower) if line or lower else None,
+        course=RoadCourse(line=line, limits=lower) if line or lower else None,
     )
     missing = {"road_kind": not known_kind, "marks": not marks_known, "speed_limit": limit is None}
     return road, frozenset(what for what, is_missing in missing.items() if is_missing)
@@ -193,7 +193,7 @@ def _stated(strip: Strip, shape: RoadShape, network: Network) -> list[Stated] | 
         if limits or limit is None:
             return None
         begin = np.array([beside[0].right[0], beside[-1].left[0]])
-        start = float(shape.line.road_coordinates(*begin.T)[0].mean())
+        start = float(shape.line.to_road(*begin.T)[0].mean())
         other = network.lanelets.get(beside[-1].oncoming_left or -1)
         against = other and _limit_of(other, network.limits)
         found.append((max(start, 0.0) if found else 0.0, limit, against or limit))
@@ -334,7 +334,7 @@ def _asked_for(network: Network, wanted: int, options: list[_Option]) -> Stretch
     """The road of one lanelet."""
     if wanted not in network.lanelets:
         known = f"one of {', '.join(map(str, sorted(network.lanelets)))}"
-        raise ConfigError.not_among(f"lanelet {wanted}", "read_commonroad", [known], wanted)
+        raise ConfigError.unknown_choice(f"lanelet {wanted}", "read_commonroad", [known], wanted)
     try:
         return network.stretch(network.lanelets[wanted], is_part=True)
     except ImportFormatError as error:

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.folders import put_file
+from overtaking.core.files import write_new_file
 from overtaking.model.road import Lane, Road, RoadMark
-from overtaking.model.trajectory import STEPS, Trajectories
+from overtaking.model.trajectories import STATE_RESOLUTION, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.commonroad_lanes import MARKS
 from overtaking.recordings.xml import quoted
@@ -57,8 +57,8 @@ def write_commonroad(trajectories: Trajectories, numbers: NDArray[np.integer], f
     """
     for place, number in enumerate(numbers.tolist()):
         text = "\n".join(_lines(trajectories, place, number)) + "\n"
-        put_file(folder / f"{scenario_id(number)}.xml", text)
-    return int(trajectories.state_valid.sum())
+        write_new_file(folder / f"{scenario_id(number)}.xml", text)
+    return int(trajectories.state_mask.sum())
 
 
 def scenario_id(number: int) -> str:
@@ -96,7 +96,7 @@ def _lines(trajectories: Trajectories, place: int, number: int) -> Iterator[str]
 
 def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
     """Where the lanelets begin and end, in whole metres so that no digit of `s` is lost [m]."""
-    s = trajectories.states.s[place][trajectories.state_valid[place]] * STEPS["s"]
+    s = trajectories.states.s[place][trajectories.state_mask[place]] * STATE_RESOLUTION["s"]
     begin, end = float(s.min()) - _MARGIN, float(s.max()) + _MARGIN
     return min(0.0, np.floor(begin)), np.ceil(max(trajectories.road.length, end))
 
@@ -150,7 +150,7 @@ def _lanelets(
                         yield f'<{word} ref="{other}"/>'
             yield from _adjacent(road, lanes, k, number)
             yield f"<laneletType>{kind}</laneletType><userOneWay>vehicle</userOneWay>"
-            sign = signs.get(float(road.limit_at(max(start, 0.0), lane.direction)))
+            sign = signs.get(float(road.speed_limit_at(max(start, 0.0), lane.direction)))
             if sign is not None:
                 yield f'<trafficSignRef ref="{sign}"/>'
             yield "</lanelet>"
@@ -230,7 +230,7 @@ def _source_points(
     road: Road, s: NDArray[np.float64], d: NDArray[np.float64] | float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points of a road in the coordinates of the file that it comes from [m]."""
-    points = road.world(s, d)
+    points = road.to_world(s, d)
     return road.to_source(*points) if road.origin_x or road.origin_y else points
 
 
@@ -245,7 +245,7 @@ def _sign(limit: float, number: int) -> str:
 
 def _obstacle(trajectories: Trajectories, place: int, slot: int) -> Iterator[str]:
     """One vehicle with its states in the frames in which it is present."""
-    bodies, there = trajectories.scenario.vehicles, trajectories.state_valid[place, slot]
+    bodies, there = trajectories.scenario.vehicles, trajectories.state_mask[place, slot]
     frames = np.flatnonzero(there)
     if not len(frames):
         return
@@ -270,7 +270,7 @@ def _states(
     recorded = trajectories.states
 
     def column(name: str) -> NDArray[np.float64]:
-        return getattr(recorded, name)[place, slot, frames] * STEPS[name]
+        return getattr(recorded, name)[place, slot, frames] * STATE_RESOLUTION[name]
 
     # Not the recorded world: that of a recording bends with its road, the lanelets here may not.
     x, y = _source_points(trajectories.road, column("s"), column("d"))

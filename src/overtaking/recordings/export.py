@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.folders import whole_folder
+from overtaking.core.files import atomic_folder
 from overtaking.model.road import DrivingSide
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 FORMATS = ("commonroad", "highd", "openscenario")
 """The formats that are written as one or more files for each simulation."""
@@ -65,7 +65,7 @@ def write_folder(
     else:
         from overtaking.recordings.highd_write import write_highd as write
     rows = done = 0
-    with whole_folder(out) as folder:
+    with atomic_folder(out) as folder:
         for numbers, trajectories in batches:
             rows += write(trajectories, numbers, folder)
             done += len(numbers)

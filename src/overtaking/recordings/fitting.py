@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from overtaking.core.arrays import F64
-from overtaking.model.course import MAX_CURVATURE, MAX_LENGTH
-from overtaking.model.line import Piece, ReferenceLine
+from overtaking.model.reference_line import CurveSegment, ReferenceLine
+from overtaking.model.road_course import MAX_CURVATURE, MAX_LENGTH
 
 CLOSE = 0.1
 """Distance from the points within which a line needs no more knots [m]."""
@@ -40,7 +40,7 @@ class Fitted(NamedTuple):
         miss: Largest distance of a point from it [m].
     """
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[CurveSegment, ...]
     miss: float
 
 
@@ -68,7 +68,7 @@ def fitted(points: F64, *, finest: float = _SPACINGS[-1]) -> Fitted | None:
     return next(near, min(found, key=lambda one: one.miss))
 
 
-def is_straight(pieces: tuple[Piece, ...]) -> bool:
+def is_straight(pieces: tuple[CurveSegment, ...]) -> bool:
     """Whether a line does not bend."""
     return len(pieces) == 1 and pieces[0].curvature == pieces[0].end_curvature == 0.0
 
@@ -98,7 +98,9 @@ def _straight(points: F64) -> Fitted:
     along, across = east * cosine + north * sine, north * cosine - east * sine
     x, y = mean + along[0] * np.array([cosine, sine])
     length = max(float(along[-1] - along[0]), _LEAST_WAY)
-    return Fitted((Piece(float(x), float(y), float(heading), length),), float(np.abs(across).max()))
+    return Fitted(
+        (CurveSegment(float(x), float(y), float(heading), length),), float(np.abs(across).max())
+    )
 
 
 def _bent(points: F64, way: F64, knots: F64) -> Fitted:
@@ -135,7 +137,7 @@ def _bent(points: F64, way: F64, knots: F64) -> Fitted:
             break
         before = left
     pieces = _pieces(start, unknown, knots)
-    pose = ReferenceLine.of(pieces).at(s)
+    pose = ReferenceLine.from_segments(pieces).pose_at(s)
     ahead, left = _turned(points[:, 0] - pose.x, points[:, 1] - pose.y, pose.heading)
     return Fitted(pieces, float(np.hypot(ahead, left).max()))
 
@@ -151,14 +153,14 @@ def _first_guess(points: F64, way: F64, knots: F64) -> F64:
     return np.append(heading[0] - 0.5 * curvature[0] * (knots[1] - knots[0]), curvature)
 
 
-def _pieces(start: F64, unknown: F64, knots: F64) -> tuple[Piece, ...]:
+def _pieces(start: F64, unknown: F64, knots: F64) -> tuple[CurveSegment, ...]:
     """The line of a start, a direction there, and curvatures at the knots."""
     x, y, heading = float(start[0]), float(start[1]), float(unknown[0])
-    pieces: list[Piece] = []
+    pieces: list[CurveSegment] = []
     for length, before, after in zip(np.diff(knots), unknown[1:-1], unknown[2:], strict=True):
-        piece = Piece(x, y, heading, float(length), float(before), float(after))
+        piece = CurveSegment(x, y, heading, float(length), float(before), float(after))
         pieces.append(piece)
-        end = ReferenceLine.of([piece]).at(piece.length)
+        end = ReferenceLine.from_segments([piece]).pose_at(piece.length)
         x, y, heading = float(end.x), float(end.y), float(end.heading)
     return tuple(pieces)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.core.files import unreadable_error
-from overtaking.core.words import as_utf8
+from overtaking.core.representation import as_utf8
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.reading_progress import count_bytes, open_counted
 
@@ -87,11 +87,11 @@ def check_options(file_format: str, options: Mapping[str, Any]) -> None:
         ConfigError: There is no such format, or an option is not for it or out of its range.
     """
     if file_format not in FORMATS:
-        raise ConfigError.not_among("format", "import", FORMATS, file_format)
+        raise ConfigError.unknown_choice("format", "import", FORMATS, file_format)
     for name in options:
         if name not in FORMATS[file_format]:
             allowed = sorted(FORMATS[file_format])
-            raise ConfigError.not_among(f"option for {file_format}", "import", allowed, name)
+            raise ConfigError.unknown_choice(f"option for {file_format}", "import", allowed, name)
     if file_format == "table" and "columns" not in options:
         raise ConfigError.of(
             what="columns",
@@ -118,7 +118,7 @@ def _check_values(file_format: str, options: Mapping[str, Any]) -> None:
         with_driving_side(columns, side, options.get("road"))
         check_stated_road(columns)
     elif side not in (None, "right", "left"):
-        raise ConfigError.not_among("driving side", "import", ("right", "left"), side)
+        raise ConfigError.unknown_choice("driving side", "import", ("right", "left"), side)
     check_direction(options.get("direction"))
     check_num_slots(options.get("vehicles", NUM_SLOTS))
     if (limit := options.get("speed_limit")) is not None:

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
-from overtaking.core.folders import put_file
-from overtaking.model.trajectory import STEPS, Trajectories
+from overtaking.core.files import write_new_file
+from overtaking.model.trajectories import STATE_RESOLUTION, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.limits import NO_LIMIT
 
@@ -101,7 +101,7 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
         ConfigError: The road bends or rises, or its limit changes.
         OSError: A file cannot be written.
     """
-    trajectories.road.needs_to_be_straight("export to highD")
+    trajectories.road.check_straight("export to highD")
     _check_one_limit(trajectories)
     written = 0
     for place, number in enumerate(numbers.tolist()):
@@ -114,7 +114,7 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
             "tracks": tracks(image, neighbours, gaps),
         }
         for kind, columns in tables.items():
-            put_file(folder / f"{number + 1:02d}_{kind}.csv", _text(columns))
+            write_new_file(folder / f"{number + 1:02d}_{kind}.csv", _text(columns))
         written += int(image.there.sum())
     return written
 
@@ -140,17 +140,17 @@ def image_tracks(trajectories: Trajectories, place: int) -> ImageTracks:
     time = np.arange(0, (count - 1) * interval + 1, INTERVAL_MS) / interval
     before = np.minimum(time.astype(np.int64), count - 1)
     after, part = np.minimum(before + 1, count - 1), time - before
-    present = trajectories.state_valid[place, slots]
+    present = trajectories.state_mask[place, slots]
 
     def at_times(values: F64) -> F64:
         return values[:, before] * (1.0 - part) + values[:, after] * part
 
     def column(name: str) -> F64:
-        return at_times(getattr(trajectories.states, name)[place, slots] * STEPS[name])
+        return at_times(getattr(trajectories.states, name)[place, slots] * STATE_RESOLUTION[name])
 
     s, d, speed = column("s"), column("d"), column("speed")
     # Who comes points half a turn away, which is written with either sign.
-    turned = trajectories.states.heading[place, slots] * STEPS["heading"] - road.heading
+    turned = trajectories.states.heading[place, slots] * STATE_RESOLUTION["heading"] - road.heading
     relative = at_times(np.unwrap(turned, axis=1))
     lon, lat = column("accel_lon"), column("accel_lat")
     cosine, sine = np.cos(relative), np.sin(relative)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import MAX_SPEED_LIMIT, Course, Limit
 from overtaking.model.road import Road
+from overtaking.model.road_course import MAX_SPEED_LIMIT, RoadCourse, SpeedLimitSpan
 
 NO_LIMIT = MAX_SPEED_LIMIT
 """Speed limit of a road without one: the largest that `Road` allows [m/s]."""
@@ -31,7 +31,7 @@ def with_speed_limit(road: Road, speed_limit: float) -> Road:
     return dataclasses.replace(
         road,
         speed_limit=min(speed_limit, NO_LIMIT),
-        course=None if course == Course() else course,
+        course=None if course == RoadCourse() else course,
     )
 
 
@@ -57,7 +57,7 @@ def check_speed_limit(speed_limit: float, where: str) -> None:
 
 def highest_and_lower(
     stretches: Sequence[Stated], length: float
-) -> tuple[float, tuple[Limit, ...]]:
+) -> tuple[float, tuple[SpeedLimitSpan, ...]]:
     """The highest limit [m/s], and where lower ones hold.
 
     Args:
@@ -65,8 +65,8 @@ def highest_and_lower(
         length: Of the road [m].
 
     Returns:
-        `Road.speed_limit` and `Course.limits`. What both directions have from the same station to
-        the same is one limit.
+        `Road.speed_limit` and `RoadCourse.limits`. What both directions have from the same station
+        to the same is one limit.
     """
     highest = max(max(one[1:]) for one in stretches)
     along, against = (
@@ -75,7 +75,7 @@ def highest_and_lower(
     found = {0: along & against, 1: along - against, -1: against - along}
     ordered = sorted((*one, way) for way, ones in found.items() for one in ones)
     return highest, tuple(
-        Limit(start=start, stop=stop, speed=speed, direction=way)
+        SpeedLimitSpan(start=start, stop=stop, speed=speed, direction=way)
         for start, stop, speed, way in ordered
     )
 

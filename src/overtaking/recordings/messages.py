@@ -1,7 +1,7 @@
 """What the readers of all formats say when they refuse a file."""
 
 from overtaking.core.errors import ImportFormatError
-from overtaking.core.words import as_utf8
+from overtaking.core.representation import as_utf8
 
 
 def refused(where: str, what: str, expected: str, got: str, next_step: str) -> ImportFormatError:

@@ -17,8 +17,8 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.model.course import MAX_SPEED_LIMIT
 from overtaking.model.road import DrivingSide, Road
+from overtaking.model.road_course import MAX_SPEED_LIMIT
 from overtaking.recordings.messages import refused, shown
 from overtaking.recordings.opendrive_lanes import OTHER_SIDE, Side
 from overtaking.recordings.opendrive_route import Choice, join_roads, read_part
@@ -141,7 +141,7 @@ def road_choice(
     """
     for name, side in (("lanes", lanes), ("driving_side", driving_side)):
         if side is not None and side not in OTHER_SIDE:
-            raise ConfigError.not_among(name, "read_opendrive", OTHER_SIDE, repr(side))
+            raise ConfigError.unknown_choice(name, "read_opendrive", OTHER_SIDE, repr(side))
     if speed_limit is not None and not 0.0 < speed_limit <= MAX_SPEED_LIMIT:
         raise ConfigError.of(
             what="speed_limit",

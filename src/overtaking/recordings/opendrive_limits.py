@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.roads import general_limit
-from overtaking.model.course import MAX_SPEED_LIMIT
+from overtaking.model.road_course import MAX_SPEED_LIMIT
 from overtaking.recordings.countries import MPS_PER_MPH
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.messages import shown

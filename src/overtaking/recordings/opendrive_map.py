@@ -5,7 +5,7 @@ from pathlib import Path
 
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ImportFormatError
-from overtaking.model.line import ReferenceLine
+from overtaking.model.reference_line import ReferenceLine
 from overtaking.model.road import Road
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive import road_choice, roads_in
@@ -51,7 +51,7 @@ class MappedRoad(ContentEquality):
     @property
     def radius(self) -> float | None:
         """Radius of the sharpest bend [m]; None where the road is straight, or not readable."""
-        sharpest = 0.0 if self.line is None else self.line.sharpest
+        sharpest = 0.0 if self.line is None else self.line.max_curvature
         return 1.0 / sharpest if sharpest > 0.0 else None
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from overtaking.core.arrays import F64
-from overtaking.model.line import Piece, ReferenceLine, chord
+from overtaking.model.reference_line import CurveSegment, ReferenceLine, segment_displacement
 from overtaking.recordings.opendrive_shape import TOLERANCE, Cubic, geometries, unfit
 from overtaking.recordings.xml import Element
 
@@ -42,10 +42,10 @@ def plan(road: Element) -> ReferenceLine:
     Raises:
         ImportFormatError: As for `pieces`.
     """
-    return ReferenceLine.of(pieces(road))
+    return ReferenceLine.from_segments(pieces(road))
 
 
-def pieces(road: Element) -> list[Piece]:
+def pieces(road: Element) -> list[CurveSegment]:
     """The pieces of the reference line that a `<road>` states in its `<planView>`.
 
     Raises:
@@ -54,7 +54,7 @@ def pieces(road: Element) -> list[Piece]:
     return [piece for chain, _ in _chains(road) for piece in chain]
 
 
-def _chains(road: Element) -> list[tuple[list[Piece], float]]:
+def _chains(road: Element) -> list[tuple[list[CurveSegment], float]]:
     """The pieces of each `<geometry>`, and its length as the file states it [m]."""
     found = geometries(road)
     chains = [_pieces(geometry) for geometry in found]
@@ -65,7 +65,9 @@ def _chains(road: Element) -> list[tuple[list[Piece], float]]:
     return list(zip(chains, lengths, strict=True))
 
 
-def pieces_between(road: Element, start: float, end: float, inner: Sequence[Cubic]) -> list[Piece]:
+def pieces_between(
+    road: Element, start: float, end: float, inner: Sequence[Cubic]
+) -> list[CurveSegment]:
     """A line along a road from one station to another, moved to the left of its reference line.
 
     Args:
@@ -78,7 +80,7 @@ def pieces_between(road: Element, start: float, end: float, inner: Sequence[Cubi
     Raises:
         ImportFormatError: As for `pieces`, or it bends too sharply for that.
     """
-    found: list[Piece] = []
+    found: list[CurveSegment] = []
     station = 0.0
     for chain, stated in _chains(road):
         # The chain of a cubic is a hair longer or shorter than the file says.
@@ -96,7 +98,7 @@ def pieces_between(road: Element, start: float, end: float, inner: Sequence[Cubi
     return found
 
 
-def _round_corners(chains: list[list[Piece]]) -> None:
+def _round_corners(chains: list[list[CurveSegment]]) -> None:
     """Replace each corner between two chains of pieces by two arcs, one in each chain.
 
     Some exporters approximate bends by lines with corners between them; real roads have none.
@@ -114,7 +116,7 @@ def _round_corners(chains: list[list[Piece]]) -> None:
         trimmed = min(reach[index][1], reach[index + 1][0], MAX_ROUNDING / math.tan(0.25 * kink))
         first = _cut(before[-1], 0.0, before[-1].length - trimmed)
         last = _cut(after[0], trimmed, after[0].length)
-        begin = ReferenceLine.of([first]).at(first.length)
+        begin = ReferenceLine.from_segments([first]).pose_at(first.length)
         arcs = _two_arcs((float(begin.x), float(begin.y), float(begin.heading)), last[:3])
         chains[index] = [*before[:-1], first, arcs[0]]
         chains[index + 1] = [arcs[1], last, *after[1:]]
@@ -124,7 +126,7 @@ Place = tuple[float, float, float]
 """World x, y [m] and heading [rad]."""
 
 
-def _two_arcs(start: Place, end: Place) -> tuple[Piece, Piece]:
+def _two_arcs(start: Place, end: Place) -> tuple[CurveSegment, CurveSegment]:
     """The two arcs from one place and direction to another whose tangents are equally long.
 
     Source: Bolton, Biarc curves, Computer-Aided Design 7 (1975).
@@ -146,7 +148,7 @@ def _two_arcs(start: Place, end: Place) -> tuple[Piece, Piece]:
     return first, _arc_to((float(joint[0]), float(joint[1]), joint_heading), end_point)
 
 
-def _arc_to(start: Place, end: F64) -> Piece:
+def _arc_to(start: Place, end: F64) -> CurveSegment:
     """The arc from a place and direction to a point."""
     east, north = float(end[0]) - start[0], float(end[1]) - start[1]
     chord_length = math.hypot(east, north)
@@ -154,22 +156,22 @@ def _arc_to(start: Place, end: F64) -> Piece:
     half_turn = math.remainder(math.atan2(north, east) - start[2], math.tau)
     curvature = 2.0 * math.sin(half_turn) / chord_length
     length = chord_length if half_turn == 0.0 else chord_length * half_turn / math.sin(half_turn)
-    return Piece(*start, length, curvature, curvature)
+    return CurveSegment(*start, length, curvature, curvature)
 
 
-def _cut(piece: Piece, start: float, end: float) -> Piece:
+def _cut(piece: CurveSegment, start: float, end: float) -> CurveSegment:
     """The part of a piece between two ways along it [m]."""
     if start <= 0.0 and end >= piece.length:
         return piece
-    ends = ReferenceLine.of([piece]).at([start, end])
+    ends = ReferenceLine.from_segments([piece]).pose_at([start, end])
     curvature = np.interp([start, end], [0.0, piece.length], piece[4:])
     x, y, heading = (float(one[0]) for one in (ends.x, ends.y, ends.heading))
-    return Piece(x, y, heading, end - start, float(curvature[0]), float(curvature[1]))
+    return CurveSegment(x, y, heading, end - start, float(curvature[0]), float(curvature[1]))
 
 
 def _moved(
-    piece: Piece, station: float, scale: float, inner: Sequence[Cubic], element: Element
-) -> Iterator[Piece]:
+    piece: CurveSegment, station: float, scale: float, inner: Sequence[Cubic], element: Element
+) -> Iterator[CurveSegment]:
     """A piece moved to the left.
 
     Args:
@@ -192,7 +194,7 @@ def _moved(
             yield from _beside(_cut(piece, first, last), left, scale, element)
 
 
-def _beside(piece: Piece, left: Cubic, scale: float, element: Element) -> list[Piece]:
+def _beside(piece: CurveSegment, left: Cubic, scale: float, element: Element) -> list[CurveSegment]:
     """The line to the left of a piece, by a distance that is a polynomial along it."""
     if (left.a, left.b, left.c, left.d) == (0.0, 0.0, 0.0, 0.0):
         return [piece]
@@ -200,10 +202,10 @@ def _beside(piece: Piece, left: Cubic, scale: float, element: Element) -> list[P
     moved = Polynomial([left.a, left.b * scale, left.c * scale**2, left.d * scale**3])
     aside, more = moved.deriv(), moved.deriv().deriv()
     growth = (piece.end_curvature - piece.curvature) / piece.length
-    line = ReferenceLine.of([piece])
+    line = ReferenceLine.from_segments([piece])
 
     def curve(p: F64) -> Curve:
-        pose, d = line.at(p), moved(p)
+        pose, d = line.pose_at(p), moved(p)
         # At its ends the line of one piece has no curvature.
         bend = piece.curvature + growth * p
         along, across = 1.0 - bend * d, aside(p)
@@ -224,11 +226,11 @@ def _beside(piece: Piece, left: Cubic, scale: float, element: Element) -> list[P
         start = curve(np.zeros(1))
         speed, bend = float(start.speed[0]), float(start.curvature[0])
         x, y, heading = (float(one[0]) for one in start[:3])
-        return [Piece(x, y, heading, piece.length * speed, bend, bend)]
+        return [CurveSegment(x, y, heading, piece.length * speed, bend, bend)]
     return _followed(curve, piece.length, element)
 
 
-def _pieces(geometry: Element) -> list[Piece]:
+def _pieces(geometry: Element) -> list[CurveSegment]:
     """One `<geometry>` as pieces of linear curvature."""
     shapes = [child for child in geometry.children if child.name in _SHAPES]
     if len(shapes) != 1:
@@ -236,23 +238,23 @@ def _pieces(geometry: Element) -> list[Piece]:
         raise unfit(geometry, "has no shape that is known", known, f"{len(shapes)} of them")
     length = geometry.number("length")
     x, y, heading = (geometry.number(name) for name in ("x", "y", "hdg"))
-    chain = _SHAPES[shapes[0].name](Piece(x, y, heading, length), shapes[0])
+    chain = _SHAPES[shapes[0].name](CurveSegment(x, y, heading, length), shapes[0])
     sharpest = max(max(abs(one.curvature), abs(one.end_curvature)) for one in chain)
     if sharpest > MAX_CURVATURE:
         raise unfit(shapes[0], "bends", f"at most {MAX_CURVATURE:g} /m", f"{sharpest:g} /m")
     return chain
 
 
-def _line(piece: Piece, _: Element) -> list[Piece]:
+def _line(piece: CurveSegment, _: Element) -> list[CurveSegment]:
     return [piece]
 
 
-def _arc(piece: Piece, shape: Element) -> list[Piece]:
+def _arc(piece: CurveSegment, shape: Element) -> list[CurveSegment]:
     curvature = shape.number("curvature")
     return [piece._replace(curvature=curvature, end_curvature=curvature)]
 
 
-def _spiral(piece: Piece, shape: Element) -> list[Piece]:
+def _spiral(piece: CurveSegment, shape: Element) -> list[CurveSegment]:
     first, last = shape.number("curvStart"), shape.number("curvEnd")
     return [piece._replace(curvature=first, end_curvature=last)]
 
@@ -274,7 +276,7 @@ class Curve(NamedTuple):
     speed: F64
 
 
-def _cubic(piece: Piece, shape: Element) -> list[Piece]:
+def _cubic(piece: CurveSegment, shape: Element) -> list[CurveSegment]:
     """As many clothoids in a chain as it takes to follow a parametric cubic."""
     ranges = {"arcLength": piece.length, "normalized": 1.0}
     name = shape.attribute("pRange", default="normalized")
@@ -302,7 +304,7 @@ def _cubic(piece: Piece, shape: Element) -> list[Piece]:
     return chain
 
 
-def _cubic_by_abscissa(piece: Piece, shape: Element) -> list[Piece]:
+def _cubic_by_abscissa(piece: CurveSegment, shape: Element) -> list[CurveSegment]:
     """A `<poly3>` of OpenDRIVE 1.4: the offset v to the left is a cubic of the abscissa u ahead."""
     left = Polynomial([shape.number(name) for name in "abcd"])
     slope, second = left.deriv(), left.deriv().deriv()
@@ -330,7 +332,7 @@ def _cubic_by_abscissa(piece: Piece, shape: Element) -> list[Piece]:
     return _followed(curve, high, shape)
 
 
-def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> list[Piece]:
+def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> list[CurveSegment]:
     """A chain of clothoids along a curve, none of which ends more than `MAX_MISFIT` beside it.
 
     Args:
@@ -347,11 +349,13 @@ def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> li
         speed = curve(between.ravel()).speed.reshape(between.shape)
         lengths = (speed * weights * half).sum(axis=1)
         rows = zip(at.x, at.y, at.heading, lengths, at.curvature, at.curvature[1:], strict=False)
-        chain = [Piece(*map(float, row)) for row in rows]
+        chain = [CurveSegment(*map(float, row)) for row in rows]
         first, last = at.curvature[:-1], at.curvature[1:]
         turns = lengths * np.maximum(np.abs(first), np.abs(last))
         if turns.max() <= 1.0:  # Of longer pieces the chord is not known, and they fit nothing.
-            east, north = chord(at.heading[:-1], first, (last - first) / lengths, lengths)
+            east, north = segment_displacement(
+                at.heading[:-1], first, (last - first) / lengths, lengths
+            )
             misfit = np.hypot(at.x[:-1] + east - at.x[1:], at.y[:-1] + north - at.y[1:])
             if misfit.max() <= MAX_MISFIT:
                 return chain
@@ -359,13 +363,13 @@ def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> li
     raise unfit(element, "bends too often", f"{_MOST_PARTS} clothoids or fewer", "more")
 
 
-def _placed(piece: Piece, u: F64, v: F64) -> tuple[F64, F64]:
+def _placed(piece: CurveSegment, u: F64, v: F64) -> tuple[F64, F64]:
     """World coordinates of points given along and across the start of a piece [m]."""
     cosine, sine = math.cos(piece.heading), math.sin(piece.heading)
     return piece.x + u * cosine - v * sine, piece.y + u * sine + v * cosine
 
 
-_SHAPES: dict[str, Callable[[Piece, Element], list[Piece]]] = {
+_SHAPES: dict[str, Callable[[CurveSegment, Element], list[CurveSegment]]] = {
     "line": _line,
     "arc": _arc,
     "spiral": _spiral,
@@ -376,7 +380,7 @@ _SHAPES: dict[str, Callable[[Piece, Element], list[Piece]]] = {
 
 
 def check_joint(
-    before: Piece, after: Piece, element: Element, *, max_kink: float = MAX_KINK
+    before: CurveSegment, after: CurveSegment, element: Element, *, max_kink: float = MAX_KINK
 ) -> None:
     """Refuse a piece that does not begin where the one before it ends.
 
@@ -386,7 +390,7 @@ def check_joint(
         element: Where it is stated, for messages.
         max_kink: Change of the heading that still counts as a joint [rad].
     """
-    end = ReferenceLine.of([before]).at(before.length)
+    end = ReferenceLine.from_segments([before]).pose_at(before.length)
     gap = math.hypot(after.x - float(end.x), after.y - float(end.y))
     kink = abs(_kink(before, after))
     if gap > MAX_GAP or kink > max_kink:
@@ -397,7 +401,7 @@ def check_joint(
         )
 
 
-def _kink(before: Piece, after: Piece) -> float:
+def _kink(before: CurveSegment, after: CurveSegment) -> float:
     """Change of the heading from the end of a piece to the start of the next one [rad]."""
-    end = ReferenceLine.of([before]).at(before.length)
+    end = ReferenceLine.from_segments([before]).pose_at(before.length)
     return math.remainder(after.heading - float(end.heading), math.tau)

@@ -18,9 +18,9 @@ import numpy as np
 
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Line
-from overtaking.model.line import Piece
+from overtaking.model.reference_line import CurveSegment
 from overtaking.model.road import MAX_LENGTH, DrivingSide, Lane, Road, RoadMark
+from overtaking.model.road_course import CentreLineSpan, RoadCourse
 from overtaking.recordings.limits import highest_and_lower
 from overtaking.recordings.messages import shown
 from overtaking.recordings.opendrive_lanes import (
@@ -351,7 +351,7 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
     if straight is not None and not moved and len(groups) == 1:
         return _straight(straight, way, first, edge)
     half = 0.5 * sum(strip.width for strip in cell.strips)
-    line: list[Piece] = []
+    line: list[CurveSegment] = []
     grade: list[tuple[float, float]] = []
     stretches: list[Stretch] = []
     done = 0.0
@@ -399,7 +399,7 @@ def _straight(line: Alignment, way: Way, row: Sequence[Cell], edge: float) -> Al
     return Alignment(x, y, heading, length=length, inner_edge=edge, course=course)
 
 
-def _bent(way: Way, row: Sequence[Cell], half: float | None) -> list[Piece]:
+def _bent(way: Way, row: Sequence[Cell], half: float | None) -> list[CurveSegment]:
     """The line of a part of a road, in the direction of travel.
 
     Args:
@@ -458,11 +458,11 @@ def _stretches(way: Way, row: Sequence[Cell], length: float) -> list[Stretch]:
 
 
 def _course(
-    line: tuple[Piece, ...],
+    line: tuple[CurveSegment, ...],
     grade: Sequence[tuple[float, float]],
     stretches: Sequence[Stretch],
     length: float,
-) -> Course | None:
+) -> RoadCourse | None:
     """What changes along a road; None if nothing does."""
     rises = any(slope != 0.0 for _, slope in grade)
     table = [one for k, one in enumerate(grade) if rises and (k == 0 or one[0] > grade[k - 1][0])]
@@ -474,7 +474,7 @@ def _course(
         elif cell.is_two_way:
             marks.append((start, stop, mark))
     lines = tuple(
-        Line(start=start, stop=min(stop, length), mark=mark)
+        CentreLineSpan(start=start, stop=min(stop, length), mark=mark)
         for start, stop, mark in marks
         if mark is not marks[0][2]
     )
@@ -482,7 +482,7 @@ def _course(
     limits = highest_and_lower(stated, length)[1]
     if not (line or table or lines or limits):
         return None
-    return Course(line=line, grade=tuple(table), lines=lines, limits=limits)
+    return RoadCourse(line=line, grade=tuple(table), lines=lines, limits=limits)
 
 
 def _length(road: Element) -> float:

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from overtaking.core.errors import ImportFormatError
-from overtaking.model.course import Course
+from overtaking.model.road_course import RoadCourse
 from overtaking.recordings.xml import Element
 
 TOLERANCE = 0.005
@@ -72,7 +72,7 @@ class Alignment:
     heading: float
     length: float
     inner_edge: float = 0.0
-    course: Course | None = None
+    course: RoadCourse | None = None
     origin: tuple[float, float] = (0.0, 0.0)
 
 

@@ -17,13 +17,13 @@ import numpy as np
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
-from overtaking.model.course import Course, Limit, Line, Place
-from overtaking.model.line import Piece
+from overtaking.model.reference_line import CurveSegment
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
+from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadZone, SpeedLimitSpan
 from overtaking.recordings.opendrive_lanes import MARKS
 from overtaking.recordings.xml import quoted
 
-S = TypeVar("S", Line, Limit, Place)
+S = TypeVar("S", CentreLineSpan, SpeedLimitSpan, RoadZone)
 T = TypeVar("T")
 
 _NAMES = {mark: name for name, mark in MARKS.items()}
@@ -107,14 +107,14 @@ def covering(road: Road, begin: float, end: float) -> Road:
         begin: Where it is to begin, at its start or before [m].
         end: Where it is to end, at its end or beyond [m].
     """
-    x, y = road.world(begin, 0.0)
+    x, y = road.to_world(begin, 0.0)
     course = road.course
     if course is not None and begin < 0.0:
-        course = _moved(course, -begin, Piece(float(x), float(y), road.heading, -begin))
+        course = _moved(course, -begin, CurveSegment(float(x), float(y), road.heading, -begin))
     return dataclasses.replace(road, x0=float(x), y0=float(y), length=end - begin, course=course)
 
 
-def _moved(course: Course, by: float, before: Piece) -> Course:
+def _moved(course: RoadCourse, by: float, before: CurveSegment) -> RoadCourse:
     """A course that begins so much farther on, behind a straight piece."""
 
     def table(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
@@ -123,7 +123,7 @@ def _moved(course: Course, by: float, before: Piece) -> Course:
     def farther(one: S) -> S:
         return dataclasses.replace(one, start=one.start + by, stop=one.stop + by)
 
-    return Course(
+    return RoadCourse(
         line=(before, *course.line) if course.line else (),
         grade=table(course.grade),
         lines=tuple(map(farther, course.lines)),
@@ -134,11 +134,11 @@ def _moved(course: Course, by: float, before: Piece) -> Course:
     )
 
 
-def whole_plan(road: Road) -> list[Piece]:
+def whole_plan(road: Road) -> list[CurveSegment]:
     """The pieces of the reference line, as long as the road: beyond them it goes on straight."""
     if not road.bends:
-        return [Piece(road.x0, road.y0, road.heading, road.length)]
-    kept: list[Piece] = []
+        return [CurveSegment(road.x0, road.y0, road.heading, road.length)]
+    kept: list[CurveSegment] = []
     covered = 0.0
     for piece in road.pieces:
         length = min(piece.length, road.length - covered)
@@ -147,18 +147,18 @@ def whole_plan(road: Road) -> list[Piece]:
             kept.append(piece._replace(length=length, end_curvature=bend))
         covered += piece.length
     if road.length - covered > _SHORTEST:
-        x, y = road.world(covered, 0.0)
+        x, y = road.to_world(covered, 0.0)
         heading = float(road.heading_at(covered))
-        kept.append(Piece(float(x), float(y), heading, road.length - covered))
+        kept.append(CurveSegment(float(x), float(y), heading, road.length - covered))
     return kept
 
 
 def _limits(road: Road, direction: int, *, along: bool) -> Limits:
     """The limits for a direction of travel, from station to station of the file."""
-    lower = road.course.limits_for(direction) if road.course else ()
+    lower = road.course.speed_limits_for(direction) if road.course else ()
     ends = {end for one in lower for end in (one.start, one.stop)} - {road.length}
     stations = sorted({0.0, *ends})
-    limits = road.limit_at(stations, direction).tolist()
+    limits = road.speed_limit_at(stations, direction).tolist()
     if not along:
         stations = [0.0, *(road.length - station for station in reversed(stations[1:]))]
         limits = limits[::-1]
@@ -177,7 +177,7 @@ def _types(road: Road, *, along: bool) -> Iterator[str]:
         yield f'<type s="{station or 0!r}" type={quoted(road.kind)}>{_speed(limit)}</type>'
 
 
-def _plan_view(line: Sequence[Piece]) -> Iterator[str]:
+def _plan_view(line: Sequence[CurveSegment]) -> Iterator[str]:
     """The elements of the pieces of the reference line."""
     station = 0.0
     for piece in line:

@@ -3,14 +3,14 @@
 from math import pi, tau
 
 from overtaking.core.arrays import F32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
-from overtaking.world.conditions import world_of
-from overtaking.world.constants import constants, known
-from overtaking.world.effects import Effects
-from overtaking.world.film import rain_rate
-from overtaking.world.skies import dry
+from overtaking.model.trajectories import Trajectories
+from overtaking.model.weather import dry
+from overtaking.world.constants import EnabledEffects, model_constants
+from overtaking.world.road_surface import rain_rate
 from overtaking.world.visibility import meteorological_range, sun_illuminance
+from overtaking.world.weather_parameters import scene_conditions
 
 _OKTAS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight")
 _PERCENT = 0.01
@@ -35,7 +35,10 @@ def environments(trajectories: Trajectories) -> list[str]:
 def _friction_scale(scenario: Scenario) -> F32:
     """Grip on this road over that on a dry one, (simulation,) [1]."""
     on_dry = scenario.replace(weather=dry(scenario.weather))
-    wet, best = (world_of(one, constants(), Effects()).grip for one in (scenario, on_dry))
+    wet, best = (
+        scene_conditions(one, model_constants(), EnabledEffects()).believed_friction
+        for one in (scenario, on_dry)
+    )
     return wet / best
 
 
@@ -50,7 +53,7 @@ def _environment(
     weather, heading = scenario.weather, scenario.road.heading
     azimuth = (pi / 2 - heading - float(weather.sun_azimuth[place])) % tau
     towards = (heading + float(weather.wind_direction[place])) % tau
-    speed = float(known("weather.wind.full_speed")) * _PERCENT * float(weather.wind[place])
+    speed = float(constant("weather.wind.full_speed")) * _PERCENT * float(weather.wind[place])
     oktas = _OKTAS[round(float(weather.cloudiness[place]) * _PERCENT * 8)]
     wetness = "wetWithPuddles" if weather.puddles[place] > 0 else "moist" if rain > 0 else "dry"
     hour = "00" if weather.night[place] else "12"

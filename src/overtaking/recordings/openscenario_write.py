@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.folders import put_file
-from overtaking.model.trajectory import STEPS, Lights, Trajectories
+from overtaking.core.files import write_new_file
+from overtaking.model.trajectories import STATE_RESOLUTION, Lights, Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.opendrive_writer import covering, write_opendrive
 from overtaking.recordings.openscenario_weather import environments
@@ -93,15 +93,15 @@ def write_openscenario(
         begin, end = _extent(trajectories, place)
         road = covering(trajectories.road, begin, end)
         lines = _lines(trajectories, place, number, weathers[place], told, begin)
-        put_file(folder / f"{name}.xodr", write_opendrive(road))
-        put_file(folder / f"{name}.xosc", "\n".join(lines) + "\n")
-    return int(trajectories.state_valid.sum())
+        write_new_file(folder / f"{name}.xodr", write_opendrive(road))
+        write_new_file(folder / f"{name}.xosc", "\n".join(lines) + "\n")
+    return int(trajectories.state_mask.sum())
 
 
 def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
     """Where the road has to begin and to end for the vehicles of a simulation [m]."""
     road = trajectories.road
-    s = trajectories.states.s[place][trajectories.state_valid[place]] * STEPS["s"]
+    s = trajectories.states.s[place][trajectories.state_mask[place]] * STATE_RESOLUTION["s"]
     begin = min(0.0, float(np.floor(s.min())) - _MARGIN if s.min() < 0 else 0.0)
     end = max(road.length, float(np.ceil(s.max())) + _MARGIN if s.max() > road.length else 0.0)
     return begin, end
@@ -117,7 +117,7 @@ def _lines(
 ) -> Iterator[str]:
     """The lines of one scenario, on a road that begins at a station [m]."""
     scenario = trajectories.scenario
-    slots = np.flatnonzero(trajectories.state_valid[place].any(axis=1)).tolist()
+    slots = np.flatnonzero(trajectories.state_mask[place].any(axis=1)).tolist()
     tracks = [_track(trajectories, place, slot, begin) for slot in slots]
     facts = {
         "simulation": number,
@@ -157,18 +157,18 @@ def _track(trajectories: Trajectories, place: int, slot: int, begin: float) -> _
     frames = int(trajectories.num_frames[place])
 
     def column(name: str) -> NDArray[np.float64]:
-        return getattr(trajectories.states, name)[place, slot, :frames] * STEPS[name]
+        return getattr(trajectories.states, name)[place, slot, :frames] * STATE_RESOLUTION[name]
 
     heading, road, s = column("heading"), trajectories.road, column("s")
     # Not the recorded world: that of a recording bends with its road, the road here may not.
-    x, y = road.world(s, column("d"))
+    x, y = road.to_world(s, column("d"))
     slope = road.grade_at(s) * np.cos(heading - road.heading_at(s))
     behind = _to_rear_axle(trajectories, place, slot)
     lights = trajectories.states.lights[place, slot, :frames]
     return _Track(
         name="ego" if slot == 0 else f"vehicle{slot}",
         slot=slot,
-        there=trajectories.state_valid[place, slot, :frames],
+        there=trajectories.state_mask[place, slot, :frames],
         time=trajectories.time_ms[:frames] / 1000.0,
         x=x - behind * np.cos(heading),
         y=y - behind * np.sin(heading),

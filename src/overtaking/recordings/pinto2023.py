@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import deg_from_rad, kmh_from_mps
 from overtaking.model.road import DrivingSide, Road
-from overtaking.model.trajectory import (
-    BEYOND_SLOW_EDGE,
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_SECOND_SQUARED_PER_STEP,
-    METRES_PER_STEP,
+from overtaking.model.trajectories import (
+    ACCEL_RESOLUTION,
+    ANGLE_RESOLUTION,
+    BEYOND_KERB_EDGE,
     NO_VEHICLE,
-    RADIANS_PER_STEP,
+    POSITION_RESOLUTION,
+    SPEED_RESOLUTION,
     Stage,
     Trajectories,
 )
@@ -43,8 +43,8 @@ __all__ = ["COLUMNS", "FORMAT", "SCHEMA", "read_table", "to_table", "write_table
 
 _MS_PER_S = 1000
 _NEEDED = frozenset({"weather", "speed_limit", "stage"})
-"""What no cell can leave open, of `model.trajectory.UNKNOWNS`."""
-_STEPS_PER_CENTIMETRE = round(0.01 / METRES_PER_STEP)
+"""What no cell can leave open, of `model.trajectories.UNKNOWNS`."""
+_STEPS_PER_CENTIMETRE = round(0.01 / POSITION_RESOLUTION)
 
 
 def to_table(trajectories: Trajectories, numbers: NDArray[np.integer] | None = None) -> pa.Table:
@@ -69,7 +69,7 @@ def to_table(trajectories: Trajectories, numbers: NDArray[np.integer] | None = N
             got=f"a recording that does not tell {', '.join(missing)}",
             next_step="choose --format commonroad or highd",
         )
-    simulation, frame = np.nonzero(trajectories.frame_valid)
+    simulation, frame = np.nonzero(trajectories.frame_mask)
     numbered = trajectories.scenario.index if numbers is None else numbers
     columns = {
         "S": numbered[simulation],
@@ -95,7 +95,7 @@ def _metres(steps: NDArray[np.integer]) -> NDArray[np.float64]:
 
 def _degrees(steps: NDArray[np.integer]) -> NDArray[np.float64]:
     """Recorded angles, anticlockwise, as clockwise degrees."""
-    return _rounded(deg_from_rad(-steps.astype(np.float64) * RADIANS_PER_STEP)) + 0.0  # No -0.
+    return _rounded(deg_from_rad(-steps.astype(np.float64) * ANGLE_RESOLUTION)) + 0.0  # No -0.
 
 
 def _ids(slots: NDArray[np.integer]) -> NDArray[np.int32]:
@@ -160,7 +160,7 @@ def _vehicle_values(
     bodies, states = trajectories.scenario.vehicles, trajectories.states
     at = (simulation, slot, frame)
     lon, lat = states.accel_lon[at].astype(np.float64), states.accel_lat[at].astype(np.float64)
-    speed = states.speed[at] * METRES_PER_SECOND_PER_STEP
+    speed = states.speed[at] * SPEED_RESOLUTION
     return {
         "length_m": _rounded(bodies.length[simulation, slot]),
         "width_m": _rounded(bodies.width[simulation, slot]),
@@ -171,7 +171,7 @@ def _vehicle_values(
         "speed_kmh": np.rint(kmh_from_mps(speed)).astype(np.int32),
         "wheel_deg": _degrees(states.wheel_angle[at]),
         "yaw_deg": _degrees(states.heading[at]),
-        "accel_mps2": _rounded(np.sqrt(lon * lon + lat * lat) * METRES_PER_SECOND_SQUARED_PER_STEP),
+        "accel_mps2": _rounded(np.sqrt(lon * lon + lat * lat) * ACCEL_RESOLUTION),
     }
 
 
@@ -180,8 +180,8 @@ def _road_columns(
 ) -> dict[str, ArrayLike | pa.Array]:
     """MV and the surroundings of the ego's lane, of each row."""
     lane = trajectories.states.lane[simulation, Role.EGO, frame]
-    s = trajectories.states.s[simulation, Role.EGO, frame] * METRES_PER_STEP
-    limit = trajectories.road.limit_at(s)
+    s = trajectories.states.s[simulation, Role.EGO, frame] * POSITION_RESOLUTION
+    limit = trajectories.road.speed_limit_at(s)
     columns: dict[str, ArrayLike | pa.Array] = {"MV": _rounded(kmh_from_mps(limit))}
     by_code = _surroundings(trajectories.road)
     for name in ("RT", "LT"):
@@ -219,7 +219,7 @@ def _surroundings(road: Road) -> dict[str, NDArray[Any]]:
     lanes = [*([slow] if slow else []), *road.lanes, *([fast] if fast else [])]
     place = np.full(256, len(lanes) - 1)
     place[: road.num_lanes] = np.arange(road.num_lanes) + (1 if slow else 0)
-    place[BEYOND_SLOW_EDGE] = 0
+    place[BEYOND_KERB_EDGE] = 0
     widths = np.array([np.nan, *(lane.width for lane in lanes), np.nan])
     right, left = widths[:-2], widths[2:]  # Lanes are ordered from the slow to the fast side.
     if road.driving_side is DrivingSide.LEFT:

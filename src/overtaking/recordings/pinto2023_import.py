@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.arrays import F64, I64, Mask
+from overtaking.core.representation import as_utf8
 from overtaking.core.units import mps_from_kmh
-from overtaking.core.words import as_utf8
 from overtaking.model.road import Road
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import Weather
 from overtaking.recordings.batch import MAX_SLOTS

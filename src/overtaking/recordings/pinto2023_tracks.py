@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64, I64
 from overtaking.core.units import mps_from_kmh, rad_from_deg
-from overtaking.knowledge import presets
-from overtaking.knowledge.roads import ROAD_NAMES
-from overtaking.model.known_roads import known_road
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.model.known_roads import ROAD_NAMES, known_road
 from overtaking.model.road import Road
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.recordings import messages
 from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
 from overtaking.recordings.recording import Tracks, lane_codes, slope
 from overtaking.recordings.state_examination import ExaminedStates, examine_states
-from overtaking.scenarios.assumed import assumed_weather, kinds_by_length
+from overtaking.scenarios.recording_defaults import default_weather, kinds_by_length
 
 MIN_AGREEMENT = 0.95
 """Share of the lane ids of a table that must be those of its road."""
@@ -156,7 +155,7 @@ def _agreement(road: Road, values: dict[str, NDArray[Any]]) -> float:
     Where a vehicle has left the road, the table names what lies beside it: such positions do not
     count, but at least half of all are in the lanes of the road that they were recorded on.
     """
-    _, d = road.road_coordinates(values["x_m"], -values["y_m"])
+    _, d = road.to_road(values["x_m"], -values["y_m"])
     ids = np.array([lane.lane_id for lane in road.lanes])
     lane = road.lane_index(d)
     is_inside = (lane >= 0) & (lane < road.num_lanes)
@@ -235,7 +234,7 @@ def tracks_of(
     begins = np.append(0, np.flatnonzero(is_new) + 1)[examined.vehicle]
     start, states = examined.start, examined.values
     x, y = states["x"], states["y"]
-    s, d = road.road_coordinates(x, y)
+    s, d = road.to_road(x, y)
     length = values["length_m"][begins]
     nobody = np.zeros(len(begins), np.bool_)
     return Tracks(
@@ -283,7 +282,7 @@ def weather_of(table: pa.Table, frames: Frames, count: int) -> tuple[Weather, bo
     given = {name: table[name].to_numpy()[first] for name in ("Prec", "Fog", "Wind")}
     night = np.asarray(table["DN"].to_pylist())[first] == "Night"
     glare = np.asarray(table["HL"].to_pylist())[first] == "Yes"
-    known = tuple(presets().values())
+    known = tuple(weather_presets().values())
     fits = np.stack([
         (given["Prec"] == one.precipitation_percent)
         & (given["Fog"] == one.fog_density_percent)
@@ -300,7 +299,7 @@ def weather_of(table: pa.Table, frames: Frames, count: int) -> tuple[Weather, bo
         values = np.array([getattr(one, name) for one in known], np.float32)[best]
         return np.where(num_fitting > 0, values, otherwise)
 
-    assumed = assumed_weather(count)
+    assumed = default_weather(count)
     sun = np.where(night, np.float32(-90.0), np.float32(45.0))  # As most presets have it.
     weather = assumed.replace(
         preset=np.where(num_fitting == 1, best, NO_PRESET).astype(np.uint8),

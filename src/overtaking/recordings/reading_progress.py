@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Sequence
     from pathlib import Path
 
-    from overtaking.core.steps import Progress
+    from overtaking.core.progress import ProgressCallback
 
 _MIN_SHARE = 1 / 500  # Of all bytes between two reports: more would only slow the reading down.
 
-_progress: ContextVar[Progress | None] = ContextVar("_progress", default=None)
+_progress: ContextVar[ProgressCallback | None] = ContextVar("_progress", default=None)
 _counter: ContextVar[_ByteCounter | None] = ContextVar("_counter", default=None)
 
 
@@ -27,7 +27,7 @@ class _ByteCounter:
         progress: Called with the number of bytes that are read, and of all.
     """
 
-    def __init__(self, total: int, progress: Progress) -> None:
+    def __init__(self, total: int, progress: ProgressCallback) -> None:
         self._total, self._progress = total, progress
         self._positions: dict[tuple[str, Path], int] = {}
         self._last_report = 0
@@ -65,7 +65,7 @@ class _CountedFile(io.FileIO):
 
 
 @contextmanager
-def report_reading(progress: Progress | None) -> Generator[None]:
+def report_reading(progress: ProgressCallback | None) -> Generator[None]:
     """Report how much of each recording is read by this thread within the context.
 
     Args:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, I64, U8, Mask
 from overtaking.model.road import Road
-from overtaking.model.trajectory import BEYOND_SLOW_EDGE
+from overtaking.model.trajectories import BEYOND_KERB_EDGE
 from overtaking.recordings.findings import Finding
 from overtaking.recordings.limits import with_speed_limit
 from overtaking.recordings.recording_checks import check_ranges
@@ -23,7 +23,7 @@ from overtaking.recordings.rows import track_names
 NEVER_RECORDED = frozenset(
     {"drivers", "bodies", "indicators", "lamps", "wheel_angle", "impulse", "stage", "percepts"}
 )
-"""What no recording of others contains; see `model.trajectory.UNKNOWNS`."""
+"""What no recording of others contains; see `model.trajectories.UNKNOWNS`."""
 
 OPPOSITE = -1
 """Carriageway of the vehicles that come the other way on a road with a lane for them."""
@@ -116,7 +116,7 @@ class Tracks:
     @property
     def lane_index(self) -> I64:
         """Lane index of each row, -1 beyond the slow edge, shape (row,)."""
-        return np.where(self.lane == BEYOND_SLOW_EDGE, -1, self.lane.astype(np.int64))
+        return np.where(self.lane == BEYOND_KERB_EDGE, -1, self.lane.astype(np.int64))
 
     @property
     def frame(self) -> I64:
@@ -346,4 +346,4 @@ def bending(road: Road, s: F64, d: F64) -> tuple[F64, F64]:
 def lane_codes(road: Road, d: F64) -> U8:
     """Values of `States.lane` for positions across the road [m]."""
     lane = road.lane_index(d)
-    return np.where(lane < 0, BEYOND_SLOW_EDGE, lane).astype(np.uint8)
+    return np.where(lane < 0, BEYOND_KERB_EDGE, lane).astype(np.uint8)

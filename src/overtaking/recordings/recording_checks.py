@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.model.trajectory import largest_state
+from overtaking.model.trajectories import largest_state
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.findings import Check, Consequence, Finding
 from overtaking.recordings.messages import refused

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F64
-from overtaking.model.line import Piece, ReferenceLine
+from overtaking.model.reference_line import CurveSegment, ReferenceLine
 from overtaking.recordings.fitting import LARGEST_MISS, Fitted, fitted
 
 GRID = 1.0
@@ -83,7 +83,7 @@ class RoadShape:
         mean_borders: Borders of the lanes of constant width, shape (lane + 1,) [m].
     """
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[CurveSegment, ...]
     miss: float
     border_s: F64
     borders: F64
@@ -92,7 +92,7 @@ class RoadShape:
     @property
     def line(self) -> ReferenceLine:
         """The reference line."""
-        return ReferenceLine.of(self.pieces)
+        return ReferenceLine.from_segments(self.pieces)
 
     @property
     def length(self) -> float:
@@ -107,9 +107,9 @@ class RoadShape:
     def project(self, x: F64, y: F64) -> Projection:
         """World points in road coordinates."""
         line = self.line
-        s, offset = line.road_coordinates(x, y)
+        s, offset = line.to_road(x, y)
         local = np.stack([np.interp(s, self.border_s, each) for each in self.borders.T], axis=-1)
-        pose = line.at(s)
+        pose = line.pose_at(s)
         return Projection(
             s=s,
             d=scaled(offset, local, self.mean_borders),
@@ -158,18 +158,18 @@ def shape_of(borders: list[F64]) -> RoadShape:
     """
     # Edges of different lengths do not pair well: a first line shows where they lie.
     rough = _fitted((_evenly(borders[0]) + _evenly(borders[-1])) * 0.5, finest=20.0).pieces
-    stations, across = _measured(ReferenceLine.of(rough), borders)
+    stations, across = _measured(ReferenceLine.from_segments(rough), borders)
     middle = (across[:, 0] + across[:, -1]) * 0.5
-    line = _fitted(np.stack(ReferenceLine.of(rough).world(stations, middle), axis=1))
+    line = _fitted(np.stack(ReferenceLine.from_segments(rough).to_world(stations, middle), axis=1))
     if line.miss > LARGEST_MISS:
         raise RoadShapeError(
             what="bend",
             expected=f"a smooth line within {LARGEST_MISS:g} m of the middle of the lanes",
             got=f"{line.miss:.2f} m",
         )
-    made = ReferenceLine.of(line.pieces)
+    made = ReferenceLine.from_segments(line.pieces)
     stations, across = _measured(made, borders, length=made.length)
-    _check(across, made.at(stations).curvature)
+    _check(across, made.pose_at(stations).curvature)
     widths = np.diff(across, axis=1).mean(axis=0)
     mean = across[:, 0].mean() + np.concatenate([[0.0], np.cumsum(widths)])
     return RoadShape(
@@ -207,7 +207,7 @@ def _measured(
     Returns:
         Stations, shape (station,) [m], and offsets, shape (station, border) [m].
     """
-    turned = [_ahead(*line.road_coordinates(*border.T)) for border in borders]
+    turned = [_ahead(*line.to_road(*border.T)) for border in borders]
     first, last = max(s[0] for s, _ in turned), min(s[-1] for s, _ in turned)
     if not last - first >= LEAST_LENGTH:
         raise RoadShapeError(

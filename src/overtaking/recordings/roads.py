@@ -3,11 +3,10 @@
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge.roads import ROAD_NAMES
-from overtaking.model.known_roads import known_road
+from overtaking.model.known_roads import ROAD_NAMES, known_road
 from overtaking.model.road import Road
 from overtaking.recordings.opendrive import Side, read_opendrive
-from overtaking.scenarios.reading import is_there
+from overtaking.scenarios.profiles import path_exists
 
 
 def load_road(
@@ -21,7 +20,7 @@ def load_road(
     """A road that comes with the package, or one of an OpenDRIVE file.
 
     Args:
-        name_or_path: One of `overtaking.knowledge.roads.ROAD_NAMES`, or the path of a file.
+        name_or_path: One of `overtaking.model.known_roads.ROAD_NAMES`, or the path of a file.
         road_id: Id of the road in the file; may be left out if the file has only one.
         lanes: Lanes right or left of the file's reference line; see `read_opendrive`.
         speed_limit: Limit in place of the file's [m/s].
@@ -32,9 +31,9 @@ def load_road(
         ImportFormatError: The file or its road cannot be used; the message says why.
     """
     if name_or_path not in ROAD_NAMES:
-        if not Path(name_or_path).suffix and not is_there(str(name_or_path)):
+        if not Path(name_or_path).suffix and not path_exists(str(name_or_path)):
             known = [*ROAD_NAMES, "an OpenDRIVE file"]
-            raise ConfigError.not_among("road", "load_road", known, repr(str(name_or_path)))
+            raise ConfigError.unknown_choice("road", "load_road", known, repr(str(name_or_path)))
         return read_opendrive(
             name_or_path, road_id, lanes=lanes, speed_limit=speed_limit, driving_side=driving_side
         )

@@ -8,7 +8,7 @@ from typing import Any
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.road import Road
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.batch import (
     MAX_SLOTS,

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from overtaking.core.arrays import F64, I64
-from overtaking.knowledge import number
+from overtaking.knowledge.toml_reader import number
 from overtaking.recordings.recording import Recording, bending, lane_codes
 
 _MOVES = 0.5  # Below this speed a movement has no reliable direction [m/s].
@@ -84,4 +84,4 @@ def _rate(values: F64, *, start: I64) -> F64:
 
 
 def _known(name: str) -> float:
-    return number("labels.toml", f"smoothing.{name}")
+    return number("event_detection.toml", f"smoothing.{name}")

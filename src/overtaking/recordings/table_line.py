@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.model.line import ReferenceLine
+from overtaking.model.reference_line import ReferenceLine
 from overtaking.recordings.fitting import Fitted, fitted
 from overtaking.recordings.table_errors import refused
 
@@ -51,14 +51,14 @@ def line_of_traffic(rows: Rows, x: F64, y: F64, heading: float | None) -> Fitted
     some = slice(None, None, 1 + len(x) // _SAMPLE)
     x, y, vehicle = x[some], y[some], vehicle[some]
     for _ in range(_ROUNDS):
-        made = ReferenceLine.of(line.pieces)
-        s, d = made.road_coordinates(x, y)
+        made = ReferenceLine.from_segments(line.pieces)
+        s, d = made.to_road(x, y)
         if _is_backwards(made, s, vehicle, heading):
             ends = made.length, 0.0
-            points = np.stack(made.world(np.linspace(*ends, 1_000), 0.0), axis=1)
+            points = np.stack(made.to_world(np.linspace(*ends, 1_000), 0.0), axis=1)
         else:
             near = np.abs(d) < _NEAR
-            points = np.stack(made.world(*_middle(s[near], d[near], vehicle[near])), axis=1)
+            points = np.stack(made.to_world(*_middle(s[near], d[near], vehicle[near])), axis=1)
         line = _line(rows.where, points)
     return line
 

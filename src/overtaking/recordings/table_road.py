@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.model.course import Course
-from overtaking.model.line import Piece, ReferenceLine
+from overtaking.model.reference_line import CurveSegment, ReferenceLine
 from overtaking.model.road import (
     MAX_LANES,
     MAX_ORIGIN,
@@ -25,6 +24,7 @@ from overtaking.model.road import (
     Road,
     RoadMark,
 )
+from overtaking.model.road_course import RoadCourse
 from overtaking.recordings.fitting import is_straight
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.origins import origin_near
@@ -96,7 +96,7 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
     """
     x, y = rows.values["x"], rows.values["y"]
     if road is not None:
-        s, d = road.road_coordinates(*road.from_source(x, y))
+        s, d = road.to_road(*road.from_source(x, y))
         notes = {"lanes_from": f"road {road.name}"}
         return Located(road=road, s=s, d=d, unknown=frozenset(), notes=notes)
     origin = origin_near(x, y)
@@ -110,7 +110,7 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
     line = None
     if "borders_m" not in stated and bend_of(rows, along, across) > MOST_BEND:
         line = line_of_traffic(rows, x, y, None if given is None else heading)
-        along, across = ReferenceLine.of(line.pieces).road_coordinates(x, y)
+        along, across = ReferenceLine.from_segments(line.pieces).to_road(x, y)
         notes["line_pieces"], notes["line_off_m"] = len(line.pieces), round(line.miss, 3)
     if "borders_m" in stated:
         # Stated borders count from the origin of the table, `across` from the one near the traffic.
@@ -131,7 +131,7 @@ def located(rows: Rows, columns: ColumnMap, road: Road | None) -> Located:
         first, middle = float(along.min()) - _BEYOND, float(borders[0] + borders[-1]) * 0.5
         length = float(along.max()) + _BEYOND - first
         begin = first * cosine - middle * sine, first * sine + middle * cosine
-        pieces = (Piece(*begin, heading, max(length, 1.0)),)
+        pieces = (CurveSegment(*begin, heading, max(length, 1.0)),)
     else:
         first, middle, pieces = 0.0, 0.0, line.pieces
     limit = _limit(rows.about, columns)
@@ -270,7 +270,7 @@ def check_stated_road(columns: ColumnMap) -> None:
     """
     borders = _stated_borders(columns.road.get("borders_m", [0.0, 3.5]))
     heading = float(np.deg2rad(columns.road.get("heading_deg", 0.0)))
-    pieces = (Piece(0.0, 0.0, heading, 1.0),)
+    pieces = (CurveSegment(0.0, 0.0, heading, 1.0),)
     limit = _limit({}, columns)
     try:
         # Borders may count from a distant origin; the width of the lanes is checked.
@@ -283,7 +283,7 @@ def _road(
     where: str,
     columns: ColumnMap,
     borders: F64,
-    pieces: tuple[Piece, ...],
+    pieces: tuple[CurveSegment, ...],
     *,
     limit: float | None,
     origin: tuple[float, float] = (0.0, 0.0),
@@ -300,7 +300,9 @@ def _road(
     """
     side = columns.road.get("driving_side", "right")
     if side not in ("right", "left"):
-        raise ConfigError.not_among("road.driving_side", "map of columns", ("right", "left"), side)
+        raise ConfigError.unknown_choice(
+            "road.driving_side", "map of columns", ("right", "left"), side
+        )
     widths = np.abs(np.diff(borders))
     is_right = side == "right"
     if (borders[-1] > borders[0]) != is_right:
@@ -327,7 +329,7 @@ def _road(
             origin_x=origin[0],
             origin_y=origin[1],
             speed_limit=NO_LIMIT if limit is None or limit < 0.0 else limit,
-            course=None if is_straight(pieces) else Course(line=pieces),
+            course=None if is_straight(pieces) else RoadCourse(line=pieces),
         )
     except ConfigError as error:
         raise refused(where, "road", "one that the model is made for", f"{error}") from None

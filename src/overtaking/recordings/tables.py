@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.words import as_utf8
+from overtaking.core.representation import as_utf8
 from overtaking.model.road import DrivingSide
 from overtaking.recordings.column_map import ColumnMap, column_map
 from overtaking.recordings.examination import examine
@@ -89,7 +89,7 @@ def with_driving_side(columns: ColumnMap, side: str | None, road: Road | None) -
         return columns
     sides = [driving_side.value for driving_side in DrivingSide]
     if side not in sides:
-        raise ConfigError.not_among("driving side", "import", sides, side)
+        raise ConfigError.unknown_choice("driving side", "import", sides, side)
     if road is not None and road.driving_side.value != side:
         raise ConfigError.of(
             what="driving side",
@@ -211,7 +211,7 @@ def tracks_of(rows: Rows, road: Road, s: F64, d: F64) -> Tracks:
     push, pull = turned("a") or (rate(along) - turn_rate * left, rate(left) + turn_rate * along)
     cosine, sine = np.cos(heading), np.sin(heading)
     lon = push * cosine + pull * sine if turned("a") else rate(speed)
-    x, y = road.world(s, d)
+    x, y = road.to_world(s, d)
     return Tracks(
         names=rows.names,
         kind=rows.kind.astype(np.uint8),
@@ -240,5 +240,5 @@ def _centred(tracks: Tracks, road: Road) -> Tracks:
     """The tracks of centres, from those of the middles of the fronts."""
     half = tracks.length[tracks.vehicle] * 0.5
     x, y = tracks.x - half * np.cos(tracks.heading), tracks.y - half * np.sin(tracks.heading)
-    s, d = road.road_coordinates(x, y)
+    s, d = road.to_road(x, y)
     return replace(tracks, s=s, d=d, x=x, y=y, lane=lane_codes(road, d))

@@ -10,7 +10,7 @@ import numpy as np
 from overtaking.model.vehicles import VehicleKind, may_be_kind
 from overtaking.recordings.column_map import BY_LENGTH, LEFT_OUT, NOT_KNOWN
 from overtaking.recordings.findings import Check, Consequence, Finding
-from overtaking.scenarios.assumed import kinds_by_length
+from overtaking.scenarios.recording_defaults import kinds_by_length
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.core.plain import plain
-from overtaking.core.units import STEPS
-from overtaking.data.tables.columns import SUFFIXES, si_name, unit_of
+from overtaking.core.representation import json_values
+from overtaking.core.units import INTEGER_UNITS
+from overtaking.data.tables.columns import NAME_SUFFIXES, si_name, unit_of
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.names import NEIGHBOURS
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
 from overtaking.labels.law import POLICIES, PORTUGAL, default_policy
 from overtaking.model.batch import batch_fields
-from overtaking.model.oncoming import Oncoming
-from overtaking.model.trajectory import Stage
+from overtaking.model.safety_measures import PassingSafety
+from overtaking.model.trajectories import Stage
 from overtaking.show.judgement import judge, thought
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from overtaking.labels.explain import Thought
     from overtaking.labels.label import Labelled
     from overtaking.labels.law import Pack, Policy
-    from overtaking.model.course import Limit
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.road_course import SpeedLimitSpan
+    from overtaking.model.trajectories import Trajectories
     from overtaking.show.judgement import Values
 
 _MS_PER_S = 1000.0
@@ -108,8 +108,8 @@ def _oncoming(labelled: Labelled) -> Values:
         return {}
     measures = labelled.safety.oncoming
     values = {
-        name + SUFFIXES[field.spec.unit]: plain(getattr(measures, name)[0])
-        for name, field in batch_fields(Oncoming).items()
+        name + NAME_SUFFIXES[field.spec.unit]: json_values(getattr(measures, name)[0])
+        for name, field in batch_fields(PassingSafety).items()
         if field.column
     }
     there = bool(measures.exists[0])
@@ -140,7 +140,7 @@ def _road(run: Trajectories) -> Values:
     }
 
 
-def _limit(one: Limit) -> Values:
+def _limit(one: SpeedLimitSpan) -> Values:
     """A stretch with a lower limit, as the road's own is told."""
     return {
         "from_m": one.start,
@@ -161,8 +161,8 @@ def _rows(run: Trajectories, table: str) -> list[Values]:
 
 def _plain(value: Any, field: pa.Field) -> Any:
     """A value of a column as people read it."""
-    if value is not None and unit_of(field) in STEPS:
-        value /= STEPS[unit_of(field)][1]
+    if value is not None and unit_of(field) in INTEGER_UNITS:
+        value /= INTEGER_UNITS[unit_of(field)][1]
     return _rounded(value)
 
 
@@ -177,7 +177,7 @@ def _part(row: Values, columns: tuple[str, ...], prefix: str = "") -> Values:
 
 def _vehicle(run: Trajectories, row: Values) -> Values:
     """Body, driver, start and recorded frames of a vehicle."""
-    frames = np.flatnonzero(run.state_valid[0, row["vehicle"]])
+    frames = np.flatnonzero(run.state_mask[0, row["vehicle"]])
     seconds = frames * run.scenario.frame_interval_ms / _MS_PER_S
     return {
         **_part(row, _VEHICLE),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from overtaking.analysis.whatif.fan import Fan

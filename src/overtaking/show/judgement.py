@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from overtaking.labels.law import Text
-from overtaking.model.events import NEVER, Detail, Outcome
-from overtaking.model.labels import Belief, OvertakeClass
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Belief, OvertakeClass
 
 if TYPE_CHECKING:
     from overtaking.labels.explain import Breach, Change, Doubt, Explanation, Thought
@@ -47,7 +47,7 @@ EVENTS = {
     "drift": EventWords("W", "drift", "drifts to the left"),
     "under_way": EventWords("U", "under way", "had begun to move out before the recording"),
 }
-"""The events, by the names of `model.events.Events`."""
+"""The events, by the names of `model.overtake_events.OvertakeEvents`."""
 
 _DECIMALS = 4
 _MS_PER_S = 1000.0
@@ -67,7 +67,7 @@ def judge(labelled: Labelled, explanation: Explanation) -> Values:
     interval = labelled.signals.frame_interval_ms
     return {
         "outcome": Outcome(int(labels.outcome[0])).name.lower(),
-        "detail": Detail(int(labels.detail[0])).name.lower(),
+        "detail": OutcomeDetail(int(labels.detail[0])).name.lower(),
         "target": _slot(events.target[0]),
         "collision_partner": _slot(events.partner[0]),
         "struck_by_partner": bool(events.struck[0]),

@@ -5,7 +5,7 @@ Source:
     kind of colour vision can tell apart.
 """
 
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 CLASS_COLOURS = {
     OvertakeClass.NO_ATTEMPT.title: "#5b626b",

@@ -1,7 +1,7 @@
 """A paragraph for each verdict, to be quoted: article, facts, margin, and what would be lawful.
 
-The sentences are those of `knowledge/data/explanations.toml`; the numbers are those of findings and
-explanation.
+The sentences are those of `knowledge/data/law_sentences.toml`; the numbers are those of
+findings and explanation.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from overtaking.core.units import kmh_from_mps
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.law import Text
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
 from overtaking.show.wording import BELIEFS, breach_words, words
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Values = dict[str, Any]
 
-_FILE = "explanations.toml"
+_FILE = "law_sentences.toml"
 _DASH = " to "
 
 
@@ -60,7 +60,7 @@ def paragraphs_of(labelled: Labelled, values: Values, pack: Pack) -> list[Values
 def _told(rule: Rule, verdict: Verdict, labelled: Labelled, values: Values) -> Values:
     findings = labelled.findings
     margin = float(findings.margin[0, findings.rules.index(rule.code)])
-    sentences = load(_FILE)["sentences"]
+    sentences = load_toml(_FILE)["sentences"]
     whose = "the ego" if rule.of_ego else "the overtaken vehicle"
     facts: Values = {
         "law": rule.law,

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking.model.actions import MOST_PARTS
-from overtaking.model.observation import parted
+from overtaking.model.driver_interface import MAX_ACTION_PARTS, split_observation
 from overtaking.sim.stepping import stepper
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import F32
-    from overtaking.model.actions import Actions
+    from overtaking.model.driver_interface import Actions
     from overtaking.model.scenario import Scenario
 
 
@@ -54,14 +53,14 @@ def _told(
     """What is told of the egos and of their neighbours."""
     kind = None if actions is None else actions.kind
     steps = stepper(parameters(scenario), kind, is_true=is_true, simulator=simulator)
-    nothing = np.zeros((scenario.num_simulations, MOST_PARTS), np.int32)
+    nothing = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     tables: list[F32] = []
     table, runs, _ = steps.begin()
     while runs.any():
         tables.append(np.where(runs[:, None], table, np.float32(np.nan)))
         orders = nothing if actions is None else _orders(actions, len(tables) - 1)
         table, runs, _ = steps.step(orders, 1)
-    own, around, _ = parted(np.stack(tables))
+    own, around, _ = split_observation(np.stack(tables))
     return own, around
 
 

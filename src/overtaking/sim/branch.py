@@ -10,19 +10,15 @@ from numpy.typing import ArrayLike
 from overtaking.core.arrays import F32, U64, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.model.batch import batch_fields
-from overtaking.model.changes import Branched, Change
-from overtaking.model.decision import Decision
-from overtaking.model.drivers import Drivers
-from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import STATE_TYPES, States, Trajectories
-from overtaking.model.vehicles import Role
-from overtaking.model.weather import Weather
+from overtaking.model.scenario import BranchOrigin, ForcedDecision, Intervention, Scenario
+from overtaking.model.trajectories import STATE_DTYPES, States, Trajectories
+from overtaking.model.vehicles import DriverTraits, Role
+from overtaking.model.weather import Weather, without
 from overtaking.sim import engine
-from overtaking.world.parameters import Turn, parameters, with_command
-from overtaking.world.skies import without
+from overtaking.world.step_parameters import Turn, parameters, with_command
 
 __all__ = [
-    "Decision",
+    "ForcedDecision",
     "Run",
     "Version",
     "as_changed",
@@ -52,12 +48,12 @@ class Version:
             those of the version before, vehicles are displaced and sped up.
         decision: Decision forced on every ego.
         index: Numbers by which everything is drawn from then on; those of the scenario if None.
-        judged: See `world.parameters.Parameters`.
+        judged: See `world.step_parameters.Parameters`.
     """
 
     frame: int
     scenario: Scenario
-    decision: Decision = Decision.FREE
+    decision: ForcedDecision = ForcedDecision.FREE
     index: U64 | None = None
     judged: F32 | None = None
 
@@ -66,9 +62,9 @@ def branch(
     source: Scenario | Trajectories,
     frame: int = 0,
     *,
-    decision: Decision | None = None,
+    decision: ForcedDecision | None = None,
     weather: Weather | None = None,
-    changes: Iterable[Change] = (),
+    changes: Iterable[Intervention] = (),
     run: Run = engine.run,
 ) -> Trajectories:
     """Simulate again, with something changed.
@@ -89,14 +85,14 @@ def branch(
         ConfigError: There is no such frame or vehicle, or a change cannot be made.
     """
     before = _before(source)
-    first = Change(frame=frame, decision=decision, weather=weather)
+    first = Intervention(frame=frame, decision=decision, weather=weather)
     # The later of two that begin together is made on top of the earlier.
     made = tuple(sorted((*before.changes, first, *changes), key=lambda one: one.frame))
     stages = versions(before.scenario, made)
     found = as_changed(run_versions(before.scenario, stages, run), before.scenario, stages, made)
-    meant = tuple(one for one in made if one != Change(frame=one.frame))
-    branched = Branched(scenario=before.scenario, changes=meant)
-    return found.replace(branched=branched if meant else None)
+    meant = tuple(one for one in made if one != Intervention(frame=one.frame))
+    branched = BranchOrigin(scenario=before.scenario, changes=meant)
+    return found.replace(branch_origin=branched if meant else None)
 
 
 def run_versions(scenario: Scenario, versions: Sequence[Version], run: Run) -> Trajectories:
@@ -128,10 +124,10 @@ def run_versions(scenario: Scenario, versions: Sequence[Version], run: Run) -> T
     return run(scenario, given, turns)
 
 
-def _before(source: Scenario | Trajectories) -> Branched:
+def _before(source: Scenario | Trajectories) -> BranchOrigin:
     """What a batch branches from, and the changes that were made already."""
     if isinstance(source, Scenario):
-        return Branched(scenario=source, changes=())
+        return BranchOrigin(scenario=source, changes=())
     if source.actions is not None:
         raise ConfigError.of(
             what="simulation",
@@ -140,10 +136,10 @@ def _before(source: Scenario | Trajectories) -> Branched:
             got="one with the actions of a policy, which would not answer a change",
             next_step="drive the changed scenario with that policy",
         )
-    return source.branched or Branched(scenario=source.scenario, changes=())
+    return source.branch_origin or BranchOrigin(scenario=source.scenario, changes=())
 
 
-def versions(scenario: Scenario, changes: Iterable[Change]) -> list[Version]:
+def versions(scenario: Scenario, changes: Iterable[Intervention]) -> list[Version]:
     """The batch after each frame at which something changes.
 
     Args:
@@ -154,7 +150,7 @@ def versions(scenario: Scenario, changes: Iterable[Change]) -> list[Version]:
         ConfigError: There is no such vehicle, trait or weather.
     """
     found: dict[int, Version] = {}
-    decision = Decision.FREE
+    decision = ForcedDecision.FREE
     for one in changes:
         scenario = changed(scenario, one)
         decision = decision if one.decision is None else one.decision
@@ -162,7 +158,7 @@ def versions(scenario: Scenario, changes: Iterable[Change]) -> list[Version]:
     return list(found.values())
 
 
-def changed(scenario: Scenario, change: Change) -> Scenario:
+def changed(scenario: Scenario, change: Intervention) -> Scenario:
     """The scenarios with what a change says.
 
     Raises:
@@ -184,13 +180,13 @@ def changed(scenario: Scenario, change: Change) -> Scenario:
     return found.replace(drivers=drivers, start_s=place, start_speed=speed)
 
 
-def _drivers(drivers: Drivers, change: Change) -> Drivers:
+def _drivers(drivers: DriverTraits, change: Intervention) -> DriverTraits:
     """Drivers with other traits of one of them."""
-    fields_of_drivers = batch_fields(Drivers)
+    fields_of_drivers = batch_fields(DriverTraits)
     found = {}
     for name, value in change.traits.items():
         if name not in fields_of_drivers:
-            raise ConfigError.not_among("trait", "branch", fields_of_drivers, name)
+            raise ConfigError.unknown_choice("trait", "branch", fields_of_drivers, name)
         array = getattr(drivers, name).copy()
         array[:, change.vehicle] = value
         found[name] = array
@@ -211,7 +207,7 @@ def _moved(values: F32, slot: int, by: ArrayLike) -> F32:
     return found
 
 
-def _check_vehicle(scenario: Scenario, change: Change) -> None:
+def _check_vehicle(scenario: Scenario, change: Intervention) -> None:
     """Refuse a vehicle that a simulation lacks, and to remove the ego."""
     slot, least = change.vehicle, int(scenario.num_vehicles.min(initial=scenario.num_slots))
     if slot >= least:
@@ -227,7 +223,7 @@ def _check_vehicle(scenario: Scenario, change: Change) -> None:
 
 
 def as_changed(
-    run: Trajectories, first: Scenario, stages: Sequence[Version], changes: Sequence[Change]
+    run: Trajectories, first: Scenario, stages: Sequence[Version], changes: Sequence[Intervention]
 ) -> Trajectories:
     """A recording of versions as it is judged: with weather and drivers of the last of them.
 
@@ -246,7 +242,7 @@ def as_changed(
     return _without_removed(run, changes).replace(scenario=kept)
 
 
-def _without_removed(run: Trajectories, changes: Sequence[Change]) -> Trajectories:
+def _without_removed(run: Trajectories, changes: Sequence[Intervention]) -> Trajectories:
     """The recording without vehicles from when they are removed; nothing is said of them then."""
     gone = [one for one in changes if one.removed]
     if not gone:
@@ -256,9 +252,9 @@ def _without_removed(run: Trajectories, changes: Sequence[Change]) -> Trajectori
         there[:, one.vehicle, one.frame :] = False
     rows = {
         name: np.where(there, getattr(run.states, name), kind(0))
-        for name, kind in STATE_TYPES.items()
+        for name, kind in STATE_DTYPES.items()
     }
-    return run.replace(present=there, states=States(**rows))
+    return run.replace(is_recorded=there, states=States(**rows))
 
 
 def _no_frame(last: int, got: int) -> ConfigError:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from overtaking.core.arrays import F64
-from overtaking.model.actions import KINDS, Part
+from overtaking.model.driver_interface import ACTION_KINDS, ActionPart
 from overtaking.sim.observation import Seen
 
 Track = Callable[[Seen], F64]
@@ -17,7 +17,7 @@ _SPEED_TIME = 1.0  # In which a difference of speed is made up for; a choice [s]
 _POINT_TIMES = (0.5, 1.0, 1.5, 2.0)  # When the points of a trajectory are reached [s].
 _SLOWEST = 1.0  # Keeps curvatures finite [m/s].
 
-_, _LANE = KINDS["accel_lane"]
+_, _LANE = ACTION_KINDS["accel_lane"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +26,12 @@ class Control:
 
     Attributes:
         parts: The numbers of an answer.
-        kind: The kind of action that it becomes, a name in `model.actions.KINDS`.
+        kind: The kind of action that it becomes, a name in `model.driver_interface.ACTION_KINDS`.
         plan: From an answer and what was observed then to what follows it; None where the answer is
             the action.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[ActionPart, ...]
     kind: str
     plan: Callable[[F64, Seen], Track] | None = None
 
@@ -88,20 +88,20 @@ _POINTS = tuple(
     part
     for k in range(1, len(_POINT_TIMES) + 1)
     for part in (
-        Part(f"ahead_{k}", "m", 1e-3, 0.0, 200.0),
-        Part(f"aside_{k}", "m towards the fast side", 1e-3, -20.0, 20.0),
+        ActionPart(f"ahead_{k}", "m", 1e-3, 0.0, 200.0),
+        ActionPart(f"aside_{k}", "m towards the fast side", 1e-3, -20.0, 20.0),
     )
 )
 
 CONTROLS: Final = {
-    "accel_lane": Control(KINDS["accel_lane"], "accel_lane"),
+    "accel_lane": Control(ACTION_KINDS["accel_lane"], "accel_lane"),
     "speed_lane": Control(
-        (Part("speed", "m/s", 1e-3, 0.0, 100.0), _LANE), "accel_lane", _towards_speed
+        (ActionPart("speed", "m/s", 1e-3, 0.0, 100.0), _LANE), "accel_lane", _towards_speed
     ),
-    "accel_steer": Control(KINDS["accel_steer"], "accel_steer"),
+    "accel_steer": Control(ACTION_KINDS["accel_steer"], "accel_steer"),
     "trajectory": Control(_POINTS, "accel_steer", _along_points),
-    "decision": Control(KINDS["decision"], "decision"),
-    "accel_move": Control(KINDS["accel_move"], "accel_move"),
-    "accel_steer_signal": Control(KINDS["accel_steer_signal"], "accel_steer_signal"),
+    "decision": Control(ACTION_KINDS["decision"], "decision"),
+    "accel_move": Control(ACTION_KINDS["accel_move"], "accel_move"),
+    "accel_steer_signal": Control(ACTION_KINDS["accel_steer_signal"], "accel_steer_signal"),
 }
 """What a policy may answer, by name; the first is what is meant if none is named."""

@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
+from overtaking.core.native import simd_level
 from overtaking.sim.engine import road_values
 from overtaking.sim.reference import driven as reference
 from overtaking.sim.reference.driven import MOVING, WHEEL_RATE, Controls
 from overtaking.sim.reference.state import State
-from overtaking.world.compiled import chosen_level, constant_values
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters
+from overtaking.world.constants import ModelConstants, engine_constants
+from overtaking.world.step_parameters import Parameters
 
 
 class Mover(Protocol):
     """What moves the vehicles of one simulation."""
 
     @property
-    def constants(self) -> Constants:
+    def constants(self) -> ModelConstants:
         """Constants with the lengths of step and tick."""
         ...
 
@@ -81,7 +81,7 @@ class EngineMover:
     def __init__(self, given: Parameters, level: str | None = None) -> None:
         """Turn the parameters into what the engine takes."""
         self.constants = given.constants
-        self._level = chosen_level(level)
+        self._level = simd_level(level)
         self._given: dict[str, Any] = {
             "vehicle": np.ascontiguousarray(given.vehicle, np.float32).reshape(-1),
             "simulation": np.ascontiguousarray(given.simulation, np.float32).reshape(-1),
@@ -89,7 +89,7 @@ class EngineMover:
             "slots": given.vehicle.shape[1],
             "seed": given.seed,
             "road": road_values(given),
-            "constants": constant_values(given.constants),
+            "constants": engine_constants(given.constants),
         }
 
     def weather(self, state: State, decision: int) -> None:

@@ -12,20 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, Mask
-from overtaking.core.checks import check_name, check_whole_number
-from overtaking.core.errors import ConfigError, PolicyError
-from overtaking.model.actions import KINDS, MOST_PARTS, Actions, Part
-from overtaking.model.observation import parted
+from overtaking.core.errors import ConfigError, DriverError, check_choice, check_whole_number
+from overtaking.model.driver_interface import (
+    ACTION_KINDS,
+    MAX_ACTION_PARTS,
+    ActionPart,
+    Actions,
+    split_observation,
+)
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.sim.branch import Run
 from overtaking.sim.controls import CONTROLS, Control
 from overtaking.sim.observation import Observation, Policy
 from overtaking.sim.reference.stepper import SteppedObservation
 from overtaking.sim.sensor import Sensing, Sensor
 from overtaking.sim.stepping import stepper
-from overtaking.world.clock import DECISIONS_PER_SECOND, SUBSTEPS
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
+from overtaking.world.step_parameters import Parameters, parameters
 
 OBSERVED = ("human", "truth")
 """What is observed without a sensor: percepts of the model, or the state of the world."""
@@ -67,8 +71,8 @@ class Driver:
             )
         if not isinstance(self.observe, Sensor) and self.observe not in OBSERVED:
             known = (*OBSERVED, "a sensor, on the command line its .toml file")
-            raise ConfigError.not_among("observe", "drive", known, self.observe)
-        check_name(self.action, CONTROLS, what="action", where="drive")
+            raise ConfigError.unknown_choice("observe", "drive", known, self.observe)
+        check_choice(self.action, CONTROLS, what="action", where="drive")
         hold = check_whole_number(self.hold, 1, MOST_HELD, what="hold", where="drive")
         object.__setattr__(self, "hold", hold)
 
@@ -123,13 +127,13 @@ def asked(scenario: Scenario, given: Parameters, driver: Driver, simulator: str)
         simulator: `engine` or `reference`; both let it do the same.
     """
     last = int(given.of_simulations.last_step.max(initial=0.0))
-    log = np.zeros((scenario.num_simulations, last // SUBSTEPS + 1, MOST_PARTS), np.int32)
+    log = np.zeros((scenario.num_simulations, last // SUBSTEPS + 1, MAX_ACTION_PARTS), np.int32)
     clipped = np.zeros(scenario.num_simulations, np.int64)
     if scenario.num_simulations:
         for decision, values in _asked(scenario, given, driver, simulator, clipped):
             rows = log[:, decision : decision + len(values)]
             rows[...] = values.swapaxes(0, 1)[:, : rows.shape[1]]
-    return Actions(values=log, kind=driver.control.kind, clipped=clipped)
+    return Actions(values=log, kind=driver.control.kind, num_clipped=clipped)
 
 
 def _asked(
@@ -154,14 +158,14 @@ def _asked(
         answer, num_clipped = limited(_answer(driver.policy, observation, control), control.parts)
         clipped += num_clipped
         if control.plan is None:
-            values = rounded(answer, observation.active, KINDS[control.kind])
+            values = rounded(answer, observation.active, ACTION_KINDS[control.kind])
             yield decision, np.broadcast_to(values, (hold, *values.shape))
             decision += hold
             observation = eyes.look(steps.step(values, hold), decision)
             continue
         track = control.plan(answer, observation)
         for _ in range(hold):
-            values = rounded(track(observation), observation.active, KINDS[control.kind])
+            values = rounded(track(observation), observation.active, ACTION_KINDS[control.kind])
             yield decision, values[None]
             decision += 1
             observation = eyes.look(steps.step(values, 1), decision)
@@ -177,7 +181,7 @@ class _Eyes:
     def look(self, stepped: SteppedObservation, decision: int) -> Observation:
         table, active = stepped.table, stepped.runs
         table[~active] = 0.0
-        own, around, meeting = parted(table)
+        own, around, meeting = split_observation(table)
         if self._sensing:
             around = self._sensing.sense(around, active, decision)
             meeting = self._sensing.without_room(meeting)
@@ -202,7 +206,7 @@ def _answer(policy: Policy, seen: Observation, control: Control) -> F64:
     expected = (len(seen.active), len(control.parts))
     try:
         answer: Any = np.asarray(policy(seen))
-    except PolicyError:
+    except DriverError:
         raise  # It says already what is wrong; the message would be cut within another one.
     except Exception as error:
         got = f"{type(error).__name__}{_line(error)}: {error}"
@@ -228,25 +232,25 @@ def _line(error: Exception) -> str:
     return f" in {Path(own[0].filename).name}, line {lines[-1]}" if own else ""
 
 
-def limited(values: F64, parts: tuple[Part, ...]) -> tuple[F64, Mask]:
+def limited(values: F64, parts: tuple[ActionPart, ...]) -> tuple[F64, Mask]:
     """Answers within the limits of their parts, and which were beyond by more than rounding.
 
     Args:
         values: Answers, shape (simulation, part).
         parts: What they are.
     """
-    step, least, most = np.array([(one.step, one.least, one.most) for one in parts]).T
+    step, least, most = np.array([(one.resolution, one.low, one.high) for one in parts]).T
     within = np.clip(values, least, most)
     return within, (np.abs(values - within) > 0.5 * step).any(axis=1)
 
 
 def _refused(
     seen: Observation, expected: str, got: object, wrong: NDArray[np.integer]
-) -> PolicyError:
+) -> DriverError:
     """The error for an answer that is none."""
     first = int(seen.scenario.index[wrong[0]])
     others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
-    return PolicyError.of(
+    return DriverError.of(
         what="answer of the policy",
         where=f"simulation {first}{others} at {seen.time:.2f} s",
         expected=expected,
@@ -255,10 +259,10 @@ def _refused(
     )
 
 
-def rounded(values: F64, active: Mask, parts: tuple[Part, ...]) -> NDArray[np.int32]:
+def rounded(values: F64, active: Mask, parts: tuple[ActionPart, ...]) -> NDArray[np.int32]:
     """Whole steps within limits, zero where nothing runs, shape (simulation, `MOST_PARTS`)."""
-    steps = np.zeros((len(values), MOST_PARTS), np.int32)
+    steps = np.zeros((len(values), MAX_ACTION_PARTS), np.int32)
     for k, part in enumerate(parts):
-        clipped = np.clip(values[:, k], part.least, part.most)
-        steps[:, k] = np.where(active, np.rint(clipped / part.step), 0.0)
+        clipped = np.clip(values[:, k], part.low, part.high)
+        steps[:, k] = np.where(active, np.rint(clipped / part.resolution), 0.0)
     return steps

@@ -8,21 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
-from overtaking.core.arrays import F32
-from overtaking.core.memory import Buffers, Layout
-from overtaking.model.actions import Actions
+from overtaking.core.arrays import F32, ArrayLayout, Buffers
+from overtaking.core.native import simd_level
 from overtaking.model.batch import batch_fields
+from overtaking.model.driver_interface import Actions
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import (
-    STATE_TYPES,
+from overtaking.model.trajectories import (
+    STATE_DTYPES,
     Contacts,
     Percepts,
     States,
     Trajectories,
-    placed,
+    with_world_coordinates,
 )
-from overtaking.world.compiled import chosen_level, constant_values
-from overtaking.world.parameters import Parameters, Turn, parameters
+from overtaking.world.constants import engine_constants
+from overtaking.world.step_parameters import Parameters, Turn, parameters
 
 _WIDE, _BYTE = np.int32, np.uint8
 _BELIEFS = {
@@ -71,7 +71,7 @@ def run(
     """
     room = -(-given.num_frames // _core.LANES) * _core.LANES
     outputs = _outputs(scenario.num_simulations, scenario.num_slots, room, buffers or Buffers())
-    forced = chosen_level(level)
+    forced = simd_level(level)
     flat = {name: array.reshape(-1) for name, array in outputs.items()}
     afterwards = [
         (one.vehicle.reshape(-1), one.simulation.reshape(-1), one.index, _flat(one.judged), step)
@@ -86,7 +86,7 @@ def run(
         seed=given.seed,
         record_every=given.record_every,
         road=road_values(given),
-        constants=constant_values(given.constants),
+        constants=engine_constants(given.constants),
         outputs=flat,
         later=afterwards,
         actions=None if actions is None else (actions.kind, actions.values),
@@ -122,9 +122,9 @@ def road_values(given: Parameters) -> dict[str, Any]:
 def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str, NDArray[Any]]:
     array = buffers.array
     shape = (batch, slots, frames)
-    states: Layout = tuple((name, shape, kind) for name, kind in STATE_TYPES.items())
+    states: ArrayLayout = tuple((name, shape, kind) for name, kind in STATE_DTYPES.items())
     # With how far each row is written: so the engine clears no more than was ever there.
-    outputs = buffers.together("states", (*states, ("written", shape[:2], _WIDE)))
+    outputs = buffers.arrays("states", (*states, ("written", shape[:2], _WIDE)))
     outputs |= {name: array(name, (batch, frames), _BYTE) for name in ("stage", "collided_with")}
     outputs["num_frames"] = array("num_frames", (batch,), _WIDE)
     outputs["contact_partner"] = array("contact_partner", (batch, slots), _BYTE)
@@ -144,14 +144,14 @@ def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str,
 def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajectories:
     # A batch of no simulations gets one frame, because NumPy has no minimum over zero frames.
     longest = int(out["num_frames"].max(initial=1))
-    states = States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_TYPES})
+    states = States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_DTYPES})
     running = np.arange(longest) < out["num_frames"][:, None, None]
     there = scenario.vehicles.valid[:, :, None] & running
     percepts = {name: out[f"percept_{name}"] for name in _BELIEFS if name != "detected"}
     return Trajectories(
         scenario=scenario,
         num_frames=out["num_frames"],
-        states=placed(scenario.road, states, there),
+        states=with_world_coordinates(scenario.road, states, there),
         stage=out["stage"][:, :longest],
         collided_with=out["collided_with"][:, :longest],
         contacts=Contacts(

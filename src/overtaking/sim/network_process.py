@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import onnxruntime
 
-from overtaking.core.confinement import confine
-from overtaking.model.actions import MOST_PARTS
+from overtaking.core.process_limits import limit_process
+from overtaking.model.driver_interface import MAX_ACTION_PARTS
 from overtaking.sim.networks import READY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking.core.parent import Parent
+    from overtaking.core.worker_process import ParentConnection
 
 _NUM_CHECKED_ROWS = 3
 """Simulations of the check. An output with another number of rows has another shape."""
@@ -77,18 +77,18 @@ class _Network:
             action = self._session.run(None, {self._input: observation})[0]
         except Exception as error:
             raise _runtime_error("an output", error) from None
-        expected = f"numbers of shape (simulation, 1 to {MOST_PARTS}) as the first output"
+        expected = f"numbers of shape (simulation, 1 to {MAX_ACTION_PARTS}) as the first output"
         if not isinstance(action, np.ndarray) or action.dtype.kind not in "fiub":
             value_type = getattr(action, "dtype", type(action).__name__)
             raise _UnusableError(expected, f"values of type {value_type}")
         num_rows, *num_parts = action.shape or (0,)
-        is_action = not num_parts or (len(num_parts) == 1 and 1 <= num_parts[0] <= MOST_PARTS)
+        is_action = not num_parts or (len(num_parts) == 1 and 1 <= num_parts[0] <= MAX_ACTION_PARTS)
         if num_rows != len(observation) or not is_action:
             raise _UnusableError(expected, f"{action.shape} for {len(observation)} simulations")
         return action
 
 
-def main(parent: Parent) -> None:
+def main(parent: ParentConnection) -> None:
     """Load the network of the second message, then evaluate it for each further one."""
     messages = iter(parent)
     limits = next(messages)
@@ -96,7 +96,7 @@ def main(parent: Parent) -> None:
     content = next(messages)
     # Standard input, output and error are open, and the pipes to the parent: a network cannot read
     # a file, such as one that it names as the place of its weights.
-    confine(limits["memory_mib"], open_files=3)
+    limit_process(limits["memory_mib"], open_files=3)
     try:
         network = _Network(content, limits["widths"])
         del content

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError, MissingExtraError, OvertakingError, PolicyError
-from overtaking.core.worker import ENDED, Worker
-from overtaking.model.observation import MEETING, WIDTH
+from overtaking.core.errors import ConfigError, DriverError, MissingExtraError, OvertakingError
+from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
+from overtaking.model.driver_interface import OBSERVATION_SIZE, PASSING_COLUMNS
 from overtaking.sim.observation import Observation
 
 MAX_BYTES = 1 << 28
@@ -65,7 +65,7 @@ class OnnxDriver:
         self._content = _read_file(path)
         self.digest = hashlib.sha256(self._content).hexdigest()
         self._lock = Lock()  # Two threads would mix up their answers on the pipes.
-        self._worker: Worker | None = None
+        self._worker: WorkerProcess | None = None
         with self._lock:
             self._width, self.num_parts = self._start(ConfigError)
 
@@ -77,14 +77,17 @@ class OnnxDriver:
         """
         with self._lock:
             if self._worker is None:
-                self._start(PolicyError)
-            return self._request(seen.table[:, : self._width], PolicyError)
+                self._start(DriverError)
+            return self._request(seen.table[:, : self._width], DriverError)
 
     def _start(self, error: type[OvertakingError]) -> tuple[int, int]:
         """Start the process; return the width of the input and the number of parts."""
-        self._worker = Worker(_MODULE)
+        self._worker = WorkerProcess(_MODULE)
         weakref.finalize(self, self._worker.close)
-        limits = {"memory_mib": MEMORY_MIB, "widths": (WIDTH, WIDTH - len(MEETING))}
+        limits = {
+            "memory_mib": MEMORY_MIB,
+            "widths": (OBSERVATION_SIZE, OBSERVATION_SIZE - len(PASSING_COLUMNS)),
+        }
         self._request(limits, error, timeout_s=_START_TIMEOUT_S)
         return self._request(self._content, error)
 
@@ -120,7 +123,7 @@ class _NetworkError(Exception):
         self.expected, self.got = expected, got
 
 
-def _receive(worker: Worker, timeout_s: float) -> Any:
+def _receive(worker: WorkerProcess, timeout_s: float) -> Any:
     """The next answer.
 
     Raises:
@@ -134,10 +137,10 @@ def _receive(worker: Worker, timeout_s: float) -> Any:
         raise _NetworkError(
             f"an answer within {timeout_s:g} s", f"none after {elapsed:.0f} s"
         ) from None
-    if answer is ENDED:
+    if answer is WORKER_ENDED:
         raise _NetworkError(
             f"a process that evaluates it with {MEMORY_MIB} MiB of memory",
-            f"one that ended {worker.ending()}",
+            f"one that ended {worker.describe_exit()}",
         )
     if isinstance(answer, dict):
         raise _NetworkError(answer["expected"], answer["got"])

@@ -7,17 +7,22 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core import philox
+from overtaking.core import random_numbers
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.equality import ContentEquality
-from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
+from overtaking.model.driver_interface import (
+    EGO_COLUMNS,
+    NEIGHBOUR_COLUMNS,
+    NEIGHBOUR_ROLES,
+    PASSING_COLUMNS,
+)
 from overtaking.model.scenario import Scenario
-from overtaking.world.parameters import VehicleParameters
+from overtaking.world.step_parameters import VehicleParameters
 
-_OWN_PLACE = {name: place for place, name in enumerate(OWN)}
-_AROUND_PLACE = {name: place for place, name in enumerate(AROUND)}
-_ROLE_PLACE = {name: place for place, name in enumerate(ROLES)}
-_MEETING_PLACE = {name: place for place, name in enumerate(MEETING)}
+_OWN_PLACE = {name: place for place, name in enumerate(EGO_COLUMNS)}
+_AROUND_PLACE = {name: place for place, name in enumerate(NEIGHBOUR_COLUMNS)}
+_ROLE_PLACE = {name: place for place, name in enumerate(NEIGHBOUR_ROLES)}
+_MEETING_PLACE = {name: place for place, name in enumerate(PASSING_COLUMNS)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +32,8 @@ class Seen(ContentEquality):
     Attributes:
         time: Time since the start [s].
         active: Which simulations run; the numbers of the others are zero, shape (simulation,).
-        own: Numbers of the ego, named by `model.observation.OWN`, shape (simulation, `OWN`).
+        own: Numbers of the ego, named by `model.driver_interface.EGO_COLUMNS`, shape (simulation,
+            `OWN`).
         around: Numbers of its neighbours, named by `ROLES` and `AROUND`, shape (simulation,
             `ROLES`, `AROUND`).
         meeting: Numbers about oncoming traffic, named by `MEETING`, shape (simulation, `MEETING`).
@@ -84,7 +90,7 @@ class Observation(Seen):
         They follow from seed, number and decision alone, so what is drawn does not depend on the
         batch.
         """
-        return uniforms(self.scenario, int(philox.Stream.POLICY), self.decision)
+        return uniforms(self.scenario, int(random_numbers.Stream.EXTERNAL_DRIVER), self.decision)
 
 
 def _place(name: str, places: dict[str, int], what: str) -> int:
@@ -109,5 +115,5 @@ Policy = Callable[[Observation], NDArray[np.floating | np.integer]]
 
 def uniforms(scenario: Scenario, stream: int | NDArray[np.uint32], decision: int) -> F32:
     """Four numbers in (0, 1) of each simulation and stream, along a last axis."""
-    drawn = philox.words(scenario.seed, scenario.index, stream, decision)
-    return np.stack([philox.uniform(word) for word in drawn], axis=-1)
+    drawn = random_numbers.philox_words(scenario.seed, scenario.index, stream, decision)
+    return np.stack([random_numbers.uniform_from_word(word) for word in drawn], axis=-1)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.model.actions import Move
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import Move
+from overtaking.model.trajectories import Stage
 from overtaking.sim.observation import Observation
 
 Moves = NDArray[np.int64]

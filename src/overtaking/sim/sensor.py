@@ -10,18 +10,18 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
-from overtaking.core.philox import Stream, normal_pair
-from overtaking.model.observation import AROUND, MEETING, ROLES
+from overtaking.core.random_numbers import Stream, box_muller
+from overtaking.model.driver_interface import NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES, PASSING_COLUMNS
 from overtaking.model.scenario import Scenario
-from overtaking.scenarios.complaints import advice
+from overtaking.scenarios.specification_values import suggestion
 from overtaking.sim.observation import uniforms
-from overtaking.world.clock import DECISIONS_PER_SECOND
-from overtaking.world.parameters import Parameters
+from overtaking.world.constants import DECISIONS_PER_SECOND
+from overtaking.world.step_parameters import Parameters
 
 _MAX_FILE_BYTES = 1 << 20
-_COLUMN = {name: place for place, name in enumerate(AROUND)}
-_AHEAD = np.array([role.endswith(("lead", "oncoming")) for role in ROLES])
-_ROOM = list(MEETING).index("room")
+_COLUMN = {name: place for place, name in enumerate(NEIGHBOUR_COLUMNS)}
+_AHEAD = np.array([role.endswith(("lead", "oncoming")) for role in NEIGHBOUR_ROLES])
+_ROOM = list(PASSING_COLUMNS).index("room")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +88,7 @@ class Sensor:
                     where=str(path),
                     expected="a known key",
                     got=repr(name),
-                    next_step=advice(name, sorted(known)),
+                    next_step=suggestion(name, sorted(known)),
                 )
         if missing := sorted(known - set(numbers)):
             raise ConfigError.of(
@@ -160,9 +160,9 @@ class Sensing:
     def _measured(self, around: F32, decision: int) -> F32:
         """What is measured now, and told after the latency."""
         sensor = self._sensor
-        streams = np.arange(len(ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
+        streams = np.arange(len(NEIGHBOUR_ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
         draws = self._draws(streams, decision)
-        first, second = normal_pair(draws[..., 1], draws[..., 2])
+        first, second = box_muller(draws[..., 1], draws[..., 2])
         sees = self._sees(around) & (draws[..., 0] >= np.float32(sensor.missed))
         told = np.where(sees[..., None], around, np.float32(0.0))
         gap, closing = around[..., _COLUMN["gap"]], around[..., _COLUMN["closing"]]

@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking import _core
+from overtaking.core.native import simd_level
 from overtaking.sim.engine import road_values
 from overtaking.sim.reference.stepper import SteppedObservation
 from overtaking.sim.reference.stepper import Stepper as ReferenceStepper
-from overtaking.world.compiled import chosen_level, constant_values
-from overtaking.world.parameters import Parameters
+from overtaking.world.constants import engine_constants
+from overtaking.world.step_parameters import Parameters
 
 
 class Stepper(Protocol):
@@ -45,7 +46,8 @@ def stepper(
 
     Args:
         given: Its parameters.
-        kind: A name in `model.actions.KINDS`; None where the model's own driver decides.
+        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
+            decides.
         is_true: Whether the truth is observed, not what the ego believes.
         simulator: `engine` or `reference`.
         level: SIMD level of the engine; None for `OVERTAKING_SIMD` or the best of this CPU.
@@ -63,7 +65,8 @@ class Renewable:
 
     Args:
         given: Parameters of a batch.
-        kind: A name in `model.actions.KINDS`; None where the model's own driver decides.
+        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
+            decides.
         is_true: Whether the truth is observed, not what the ego believes.
         level: As in `stepper`.
     """
@@ -72,7 +75,7 @@ class Renewable:
         self, given: Parameters, kind: str | None, *, is_true: bool, level: str | None = None
     ) -> None:
         """Stand before the first decision."""
-        self._batch = _core.Stepper(_values(given), kind, is_true, chosen_level(level))
+        self._batch = _core.Stepper(_values(given), kind, is_true, simd_level(level))
 
     def begin(self) -> SteppedObservation:
         """As `Stepper.begin`."""
@@ -105,5 +108,5 @@ def _values(given: Parameters) -> dict[str, Any]:
         "seed": given.seed,
         "record_every": given.record_every,
         "road": road_values(given),
-        "constants": constant_values(given.constants),
+        "constants": engine_constants(given.constants),
     }

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64, I32, U8, U64, Mask
-from overtaking.knowledge import presets
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.knowledge.toml_reader import constant as known_number
 from overtaking.model.batch import Batch
-from overtaking.model.labels import Labels
-from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION, Trajectories
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import Labels
 from overtaking.model.weather import NO_PRESET, Weather
-from overtaking.world.constants import constants
-from overtaking.world.constants import known as known_number
+from overtaking.world.constants import model_constants
 from overtaking.world.visibility import meteorological_range
 
 PARTING_DISTANCE = 2.0
@@ -131,7 +131,7 @@ class Comparison(Batch):
 
 def weather_names(weather: Weather) -> NDArray[np.str_]:
     """A name for each weather: its preset, or night and day with what falls or hangs in the air."""
-    known = tuple(presets())
+    known = tuple(weather_presets())
     foggy = meteorological_range(weather.fog) < known_number("model.perception.fog_range")
     return np.array(
         [
@@ -176,12 +176,12 @@ def lane_changes(trajectories: Trajectories) -> I32:
     One is complete when the ego is near the middle of another lane than the one in whose middle it
     was last.
     """
-    centres = trajectories.road.centres / METRES_PER_STEP
+    centres = trajectories.road.centres / POSITION_RESOLUTION
     d, lane = trajectories.states.d[:, Role.EGO], trajectories.states.lane[:, Role.EGO]
     on_road = lane < len(centres)
     offset = np.abs(d - centres[np.where(on_road, lane, 0)])
-    settled = on_road & trajectories.frame_valid
-    settled &= offset < float(constants().settled_offset) / METRES_PER_STEP
+    settled = on_road & trajectories.frame_mask
+    settled &= offset < float(model_constants().settled_offset) / POSITION_RESOLUTION
     counts = [
         np.count_nonzero(np.diff(row[mask].astype(np.int32)))
         for row, mask in zip(lane, settled, strict=True)
@@ -203,10 +203,10 @@ def parting(one: Trajectories, other: Trajectories) -> Parting:
     count = min(one.stage.shape[1], other.stage.shape[1])
     along, left = (
         (getattr(other.states, name)[:, :, :count] - getattr(one.states, name)[:, :, :count])
-        * METRES_PER_STEP
+        * POSITION_RESOLUTION
         for name in ("s", "d")
     )
-    both = one.state_valid[:, :, :count] & other.state_valid[:, :, :count]
+    both = one.state_mask[:, :, :count] & other.state_mask[:, :, :count]
     distance = np.where(both, np.hypot(along, left), 0.0)
     apart = np.asarray((distance > PARTING_DISTANCE).any(axis=1))
     parted = np.asarray(apart.any(axis=1))
@@ -217,7 +217,7 @@ def parting(one: Trajectories, other: Trajectories) -> Parting:
     return Parting(
         frame=np.where(parted, frame, TOGETHER).astype(np.int32),
         vehicle=np.where(parted, vehicle, NO_VEHICLE).astype(np.uint8),
-        s=np.where(parted, one.states.s[at] * METRES_PER_STEP, 0.0),
+        s=np.where(parted, one.states.s[at] * POSITION_RESOLUTION, 0.0),
         along=np.where(parted, along[at], 0.0),
         left=np.where(parted, left[at], 0.0),
     )

@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 
 from overtaking.core.arrays import F32, F32Like, Mask
-from overtaking.core.elementary import as_f32, exp, log, maximum, minimum, power, sincos
+from overtaking.core.float32_math import as_f32, exp, log, maximum, minimum, power, sincos
 from overtaking.core.units import deg_from_rad
-from overtaking.world.constants import known
-from overtaking.world.film import PERCENT
+from overtaking.knowledge.toml_reader import constant
+from overtaking.world.road_surface import PERCENT
 
-LEAST_EXTINCTION = np.float32(1e-7)
+MIN_EXTINCTION = np.float32(1e-7)
 """Keeps ranges finite in perfectly clear air [1/m]."""
 
 _NEWTON_STEPS = 8
@@ -24,13 +24,13 @@ def meteorological_range(fog: F32) -> F32:
         fog: 0 to 100 [%], any shape.
     """
     share = np.asarray(fog, np.float32) * PERCENT
-    return known("weather.fog.clear_range") * exp(share * _thickening())
+    return constant("weather.fog.clear_range") * exp(share * _log_range_ratio())
 
 
 @cache
-def _thickening() -> F32:
+def _log_range_ratio() -> F32:
     """Logarithm of the range in the thickest fog over that in clear air."""
-    return log(known("weather.fog.thick_range") / known("weather.fog.clear_range"))
+    return log(constant("weather.fog.thick_range") / constant("weather.fog.clear_range"))
 
 
 def fog_extinction(fog: F32) -> F32:
@@ -40,13 +40,15 @@ def fog_extinction(fog: F32) -> F32:
 
 def extinction_of_range(optical_range: F32Like) -> F32:
     """Extinction coefficient of air with a meteorological optical range [1/m] (Koschmieder)."""
-    return known("weather.fog.transmission_depth") / as_f32(optical_range)
+    return constant("weather.fog.transmission_depth") / as_f32(optical_range)
 
 
-def rain_extinction(rate: F32) -> F32:
+def rain_extinction(rain_rate: F32) -> F32:
     """Extinction coefficient of falling rain at rest [1/m] (Marshall and Palmer)."""
-    scaled = power(np.asarray(rate, np.float32), known("weather.rain_sight.exponent"))
-    return np.where(rate > 0, known("weather.rain_sight.coefficient") * scaled, np.float32(0.0))
+    scaled = power(np.asarray(rain_rate, np.float32), constant("weather.rain_sight.exponent"))
+    return np.where(
+        rain_rate > 0, constant("weather.rain_sight.coefficient") * scaled, np.float32(0.0)
+    )
 
 
 def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
@@ -62,16 +64,16 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
     """
     sun_altitude = np.asarray(sun_altitude, np.float32)
     theta = np.sqrt(sun_altitude * sun_altitude + angle * angle) * np.float32(deg_from_rad(1.0))
-    theta = maximum(theta, known("weather.glare.smallest_angle_deg"))
-    veil = known("weather.glare.coefficient") * sun_illuminance(sun_altitude) / (theta * theta)
-    luminance = known("weather.glare.road_luminance")
-    low = (sun_altitude >= known("weather.glare.lowest_sun")) & (
-        sun_altitude <= known("weather.glare.highest_sun")
+    theta = maximum(theta, constant("weather.glare.min_angle_deg"))
+    veil = constant("weather.glare.coefficient") * sun_illuminance(sun_altitude) / (theta * theta)
+    luminance = constant("weather.glare.road_luminance")
+    low = (sun_altitude >= constant("weather.glare.min_sun_altitude")) & (
+        sun_altitude <= constant("weather.glare.max_sun_altitude")
     )
     dazzled = (
         low
-        & (angle < known("weather.glare.half_width"))
-        & (cloudiness < known("weather.glare.most_cloud_percent"))
+        & (angle < constant("weather.glare.half_width"))
+        & (cloudiness < constant("weather.glare.max_cloud_percent"))
     )
     return np.where(dazzled, luminance / (luminance + veil), np.float32(1.0))
 
@@ -87,28 +89,35 @@ def sun_illuminance(altitude: F32) -> F32:
     """
     degrees = maximum(altitude, np.float32(0.0)) * np.float32(deg_from_rad(1.0))
     sine, _ = sincos(maximum(altitude, np.float32(0.0)))
-    offset, exponent = known("weather.sunlight.mass_offset_deg"), known("weather.sunlight.exponent")
-    haze = known("weather.sunlight.mass_factor") * power(degrees + offset, -exponent)
+    offset, exponent = (
+        constant("weather.sunlight.mass_offset_deg"),
+        constant("weather.sunlight.exponent"),
+    )
+    haze = constant("weather.sunlight.mass_factor") * power(degrees + offset, -exponent)
     air_mass = np.float32(1.0) / (sine + haze)
-    outside = known("weather.sunlight.outside")
-    return outside * exp(-known("weather.sunlight.extinction") * air_mass)
+    outside = constant("weather.sunlight.outside")
+    return outside * exp(-constant("weather.sunlight.extinction") * air_mass)
 
 
-def contrast_threshold(night: Mask, dusk: Mask, rate: F32) -> F32:
+def contrast_threshold(night: Mask, dusk: Mask, rain_rate: F32) -> F32:
     """Smallest contrast that is seen through a wet windscreen [1]."""
     dark = np.where(
-        dusk, known("weather.contrast.threshold_dusk"), known("weather.contrast.threshold_day")
+        dusk,
+        constant("weather.contrast.threshold_dusk"),
+        constant("weather.contrast.threshold_day"),
     )
-    threshold = np.where(night, known("weather.contrast.threshold_night"), dark)
-    return threshold * (np.float32(1.0) + rate / known("weather.rain_sight.screen_rate_mmph"))
+    threshold = np.where(night, constant("weather.contrast.threshold_night"), dark)
+    return threshold * (
+        np.float32(1.0) + rain_rate / constant("weather.rain_sight.screen_rate_mmph")
+    )
 
 
 def lamp_threshold(night: Mask, dusk: Mask) -> F32:
     """Smallest illuminance at the eye at which a lamp is seen [lx] (Allard)."""
     dark = np.where(
-        dusk, known("weather.lamps.threshold_dusk"), known("weather.lamps.threshold_day")
+        dusk, constant("weather.lamps.threshold_dusk"), constant("weather.lamps.threshold_day")
     )
-    return np.where(night, known("weather.lamps.threshold_night"), dark)
+    return np.where(night, constant("weather.lamps.threshold_night"), dark)
 
 
 def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
@@ -130,4 +139,4 @@ def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
 def contrast_range(extinction: F32, contrast: F32, threshold: F32) -> F32:
     """Distance at which `contrast` falls to `threshold` [m] (Koschmieder)."""
     depth = maximum(log(contrast / threshold), np.float32(0.0))
-    return depth / maximum(extinction, LEAST_EXTINCTION)
+    return depth / maximum(extinction, MIN_EXTINCTION)

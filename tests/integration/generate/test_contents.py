@@ -23,7 +23,7 @@ from overtaking.data.tables.schemas import SCHEMAS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 pytestmark = pytest.mark.ci
 
@@ -218,7 +218,7 @@ def test_the_folders_can_be_queried_by_anyone(data, runs):
         from '{data.path}/states/*.parquet' join '{data.path}/simulations/*.parquet'
         using (simulation) where profile = 'pinto2023-physical'
     """
-    valid = runs.scenario.vehicles.valid[:, :, None] & runs.frame_valid[:, None, :]
+    valid = runs.scenario.vehicles.valid[:, :, None] & runs.frame_mask[:, None, :]
     expected = (valid.sum(), runs.states.x[valid].astype(np.int64).sum())
     assert duckdb.connect().execute(query).fetchone() == expected
 

@@ -14,8 +14,8 @@ from tests.support.overtakes import CROSSED, crossing, overtake
 
 import overtaking as ot
 from overtaking.labels.law import PORTUGAL, check
-from overtaking.model.labels import Case, Findings, Verdict
-from overtaking.model.trajectory import NO_VEHICLE, Lights, States, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, Lights, States, Trajectories
+from overtaking.model.verdicts import Case, Findings, Verdict
 
 LEFT, RIGHT = int(Lights.INDICATOR_LEFT), int(Lights.INDICATOR_RIGHT)
 TURNED = ("y", "d", "heading", "wheel_angle", "accel_lat", "yaw_rate")
@@ -99,7 +99,7 @@ def test_frames_beyond_the_end_of_a_recording_do_not_matter():
     one = simulated()
     spoiled = {
         name: np.where(one.signals.valid, getattr(one.signals, name), np.float32(-7.0))
-        for name in ("speed", "friction", "sight_lit", "sight_unlit", "right_reach", "left_reach")
+        for name in ("speed", "friction", "sight_lit", "sight_unlit", "right_edge", "left_edge")
     }
     assert_equal(found(), check(PORTUGAL, one.replace(signals=one.signals.replace(**spoiled))))
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.events import thresholds
 from overtaking.labels.instants import borders_of
-from overtaking.model.events import NEVER
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE, Stage
-from overtaking.world.constants import known
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE, Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -49,7 +49,7 @@ class Drive:
     def __init__(self, one: One, seen: dict[str, Row]) -> None:
         """Find where the drive ends."""
         self.one, self.seen, self.limits = one, seen, thresholds(one.run)
-        self.lane, self.lateral = one.lane[0], seen["lateral"]
+        self.lane, self.lateral = one.lane[0], seen["lateral_position"]
         hit = one.run.collided_with[one.number]
         self.collision = first(range(one.frames), lambda t: hit[t] != NO_VEHICLE)
         self.departure = first_change(one.frames, lambda t: self.lane[t] >= one.num_lanes)
@@ -65,7 +65,7 @@ class Drive:
         heading = int(self.one.run.states.heading[self.one.number, 0, t])
         turned = heading - round(1e4 * float(self.one.road.heading))
         angle = (turned + half_turn) % (2 * half_turn) - half_turn
-        return abs(angle) > round(1e4 * float(known("model.departure.spin_angle")))
+        return abs(angle) > round(1e4 * float(constant("model.departure.spin_angle")))
 
     def border(self, number: int) -> np.float32:
         """A lane border from the right to the left; the last one for what is beyond [m]."""
@@ -88,7 +88,7 @@ class Drive:
                 inside, from_start = 0, t == 0
                 been = t == 0 and self.seen["lateral_speed"][0] > self.limits["least_speed"]
             line = self.left_line(self.lane[t]) + self.limits["over_line"]
-            is_over = self.seen["left_reach"][t] > line
+            is_over = self.seen["left_edge"][t] > line
             inside, from_start = 0 if is_over else inside + 1, from_start and not is_over
             been = been or inside >= self.limits["least_frames"] or from_start
             out.append(bool(is_over and been))
@@ -96,7 +96,7 @@ class Drive:
 
     def leader(self, t: int) -> int | None:
         """Who is ahead in the ego's lane."""
-        slot = int(self.seen["vehicle"][Around.LEADER, t])
+        slot = int(self.seen["neighbour_slot"][NeighbourRole.LEADER, t])
         return None if slot == NO_VEHICLE else slot
 
     def lately_ahead(self, t: int) -> int | None:
@@ -253,11 +253,11 @@ class Beside:
 
     def is_over(self, t: int) -> bool:
         """Whether a corner of the ego is over the line on its left."""
-        return bool(self.drive.seen["left_reach"][t] > self.left)
+        return bool(self.drive.seen["left_edge"][t] > self.left)
 
     def is_home(self, t: int) -> bool:
         """Whether its whole body is in the lane in which it began."""
-        return bool(self.drive.seen["right_reach"][t] >= self.right and not self.is_over(t))
+        return bool(self.drive.seen["right_edge"][t] >= self.right and not self.is_over(t))
 
 
 def since(begin: Frame, end: int) -> range:

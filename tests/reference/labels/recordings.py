@@ -14,18 +14,19 @@ from tests.support.recordings import with_gaps
 
 from overtaking.labels.events import case_of
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine as simulator
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
+    from overtaking.model.verdicts import Case
 
 
 def simulated(
     profile: str, count: int, interval_ms: int = 50, *, mirrored: bool = False
 ) -> Trajectories:
-    given = spec(profile, {"profile.frame_interval_ms": interval_ms})
+    given = load_specification(profile, {"profile.frame_interval_ms": interval_ms})
     road = load_road(given.road)
     road = road.mirrored() if mirrored else road
     return simulator.simulate(sample(given, road, 27, np.arange(count, dtype=np.uint64)))

@@ -13,20 +13,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.core.elementary import as_f32, maximum, minimum, sincos
+from overtaking.core.float32_math import as_f32, maximum, minimum, sincos
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.signals import conditions
+from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road import DrivingSide
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.conditions import outlook
-from overtaking.world.constants import constants, known
-from overtaking.world.friction import at_film, speed_columns
-from overtaking.world.measures import drac, time_gap, ttc, ttc_accel
-from overtaking.world.visibility import LEAST_EXTINCTION, lamp_range
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.world.constants import model_constants
+from overtaking.world.road_surface import friction_at_film, friction_at_speed
+from overtaking.world.surrogate_safety import drac, mttc, time_gap, ttc
+from overtaking.world.visibility import MIN_EXTINCTION, lamp_range
+from overtaking.world.weather_parameters import weather_effects
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import F32
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 METRES, HALF = np.float32(1e-3), np.float32(0.5)
 Row = np.ndarray[Any, Any]
@@ -44,7 +45,7 @@ class One:
         self.length = run.scenario.vehicles.length[number]
         self.s, self.lane = self.state("s").tolist(), self.state("lane").tolist()
         self.speed = self.state("speed").tolist()
-        self.recorded = run.state_valid[number, :, : self.frames].tolist()
+        self.recorded = run.state_mask[number, :, : self.frames].tolist()
         self.num_lanes = self.road.num_lanes
         if self.road.is_two_way:
             self._take_other_side()
@@ -109,7 +110,7 @@ class One:
             speeds.append(self.side * (moved / elapsed))
         return np.array(speeds, np.float32)
 
-    def neighbour(self, place: Around, frame: int) -> int | None:
+    def neighbour(self, place: NeighbourRole, frame: int) -> int | None:
         """The nearest vehicle in a place; a leader's centre is not behind the ego's."""
         own, ahead = self.lane[0][frame], place % 2 == 0
         wanted = own + (0, 1, -1)[place // 2]
@@ -142,12 +143,12 @@ def signals(one: One) -> dict[str, Row]:
     return {
         "lane": one.state("lane")[0],
         "s": one.metres("s", 0),
-        "lateral": across,
+        "lateral_position": across,
         "lateral_speed": one.lateral_speed(0),
         "speed": speed,
         "accel": one.metres("accel_lon", 0),
-        "right_reach": across - reach,
-        "left_reach": across + reach,
+        "right_edge": across - reach,
+        "left_edge": across + reach,
         "friction": _friction(one, speed),
         "sight_lit": lit,
         "sight_unlit": unlit,
@@ -157,12 +158,12 @@ def signals(one: One) -> dict[str, Row]:
 
 
 def _neighbours(one: One, across: F32, reach: F32) -> dict[str, Row]:
-    shape = (len(Around), one.frames)
+    shape = (len(NeighbourRole), one.frames)
     vehicle = np.full(shape, NO_VEHICLE)
     gap, closing, aside = (np.zeros(shape, np.float32) for _ in range(3))
     bodies = [one.across(slot) for slot in range(one.slots)]
     for frame in range(one.frames):
-        for place in Around:
+        for place in NeighbourRole:
             slot = one.neighbour(place, frame)
             if slot is None:
                 continue
@@ -171,7 +172,7 @@ def _neighbours(one: One, across: F32, reach: F32) -> dict[str, Row]:
             closing[place, frame] = one.closing(slot, frame, ahead=place % 2 == 0)
             other, width = bodies[slot][0][frame], bodies[slot][1][frame]
             aside[place, frame] = np.abs(across[frame] - other) - (reach[frame] + width)
-    return {"vehicle": vehicle, "gap": gap, "closing_speed": closing, "lateral_gap": aside}
+    return {"neighbour_slot": vehicle, "gap": gap, "closing_speed": closing, "lateral_gap": aside}
 
 
 def _left_lane(one: One) -> dict[str, Row]:
@@ -198,24 +199,26 @@ def _left_lane(one: One) -> dict[str, Row]:
 
 def _friction(one: One, speed: F32) -> F32:
     """Peak friction on the mean film of the ego's lane; beside the road that of the nearest one."""
-    c, given, k = constants(), conditions(one.run), one.number
+    c, given, k = model_constants(), conditions(one.run), one.number
     lane = np.array(one.lane[0])
     nearest = np.where(lane == 255, 0, np.minimum(lane, one.num_lanes - 1))
     film = given["film"].reshape(-1, 8)[k, nearest]
-    return at_film(c, speed_columns(c, speed, given["wear"][[k]], given["truck"][[k]]), film)
+    return friction_at_film(
+        c, friction_at_speed(c, speed, given["wear"][[k]], given["truck"][[k]]), film
+    )
 
 
 def _sights(one: One, speed: F32) -> tuple[F32, F32]:
     """Distances at which a lit and an unlit vehicle are seen [m]."""
     given, k = conditions(one.run), one.number
-    rain = given["rain"][k] * (np.float32(1.0) + speed / constants().rain_speed)
+    rain = given["rain"][k] * (np.float32(1.0) + speed / model_constants().rain_speed)
     air = given["fog"][k] + rain
     unlit = minimum(
-        given["contrast_depth"][k] / maximum(air, LEAST_EXTINCTION), given["unlit_limit"][k]
+        given["contrast_depth"][k] / maximum(air, MIN_EXTINCTION), given["unlit_limit"][k]
     )
-    threshold = outlook(one.run.scenario).sight["lamp_threshold"][[k]]
-    lamp = lamp_range(air, known("weather.lamps.rear_position"), threshold)
-    lit = minimum(maximum(lamp, unlit), known("model.perception.range"))
+    threshold = weather_effects(one.run.scenario).sight["lamp_threshold"][[k]]
+    lamp = lamp_range(air, constant("weather.lamps.rear_position"), threshold)
+    lit = minimum(maximum(lamp, unlit), constant("model.perception.range"))
     shown = as_f32(np.array([_shown(one, s * 1e-3) for s in one.s[0]]))
     return minimum(lit, shown), minimum(unlit, shown)
 
@@ -238,14 +241,14 @@ def target_signals(one: One, seen: dict[str, Row], target: int) -> dict[str, Row
     gap = np.abs(lead) - one.halves(target)
     valid = np.array(one.recorded[target], np.bool_)
     across, reach = one.across(target)
-    own_reach = (seen["left_reach"] - seen["right_reach"]) * HALF
+    own_reach = (seen["left_edge"] - seen["right_edge"]) * HALF
     return {
         "valid": valid,
-        "lead": lead,
+        "ego_lead": lead,
         "overlaps": valid & (gap < 0),
         "gap": gap,
-        "lateral": across,
-        "lateral_gap": np.abs(across - seen["lateral"]) - (own_reach + reach),
+        "lateral_position": across,
+        "lateral_gap": np.abs(across - seen["lateral_position"]) - (own_reach + reach),
         "lane": one.state("lane")[target],
         "speed": one.metres("speed", target),
         "accel": one.metres("accel_lon", target),
@@ -275,6 +278,6 @@ def encounter(one: One, met: list[tuple[int, int]], *, ahead: bool) -> dict[str,
         "closing_speed": closing,
         "time_gap": time_gap(gap, speed if ahead else speed + closing),
         "ttc": ttc(gap, closing),
-        "mttc": ttc_accel(gap, closing, own - other if ahead else other - own),
+        "mttc": mttc(gap, closing, own - other if ahead else other - own),
         "drac": drac(gap, closing),
     }

@@ -12,21 +12,28 @@ import numpy as np
 from tests.reference.labels.events import first
 from tests.reference.labels.signals import encounter
 
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.distances import lawful_gap, margin_of_gap, sure_decel
 from overtaking.labels.law.frames import ENDLESS, frames_of, time_to_regain
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.constants import known
-from overtaking.world.friction import stopping_distance
-from overtaking.world.measures import drac, headway, is_critical, picud, rss_longitudinal, shortfall
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.world.road_surface import stopping_distance
+from overtaking.world.surrogate_safety import (
+    drac,
+    is_ttc_critical,
+    picud,
+    rss_safe_gap,
+    time_headway,
+    ttc_shortfall,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from tests.reference.labels.signals import One, Row
 
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 Lowest = tuple[np.float32, int, int, int]
 """Smallest margin, first and last frame with a negative one, and the longest run of such frames."""
@@ -45,9 +52,9 @@ def answers_of(
     """
     names = ("line_crossed", "return_end", "target", "original_lane")
     crossed, back, target, lane = (int(getattr(given.events, name)[one.number]) for name in names)
-    behind = None if crossed < 0 else one.neighbour(Around.LEFT_FOLLOWER, crossed)
+    behind = None if crossed < 0 else one.neighbour(NeighbourRole.LEFT_FOLLOWER, crossed)
     nobody = target == NO_VEHICLE
-    lasting = frames_of(given, known("law.obstruction.duration"))
+    lasting = frames_of(given, constant("law.obstruction.duration"))
     return {
         "stop_lit": stop_margin(seen, "sight_lit", spans["conduct"]),
         "stop_unlit": stop_margin(seen, "sight_unlit", spans["conduct"]),
@@ -87,17 +94,17 @@ def bits_within(values: Row, span: range) -> tuple[int, int]:
     return ever, always
 
 
-def who(seen: dict[str, Row], place: Around, frame: int) -> int | None:
+def who(seen: dict[str, Row], place: NeighbourRole, frame: int) -> int | None:
     """Slot of a neighbour."""
-    slot = int(seen["vehicle"][place, frame])
+    slot = int(seen["neighbour_slot"][place, frame])
     return None if slot == NO_VEHICLE else slot
 
 
 def stop_margin(seen: dict[str, Row], sight: str, span: range) -> Lowest:
     """Distance that is seen minus the stopping distance [m]."""
-    usable = known("friction.table.usable_share") * known("model.nature.gravity")
-    reaction = as_f32(known("law.sight.reaction_time"))
-    decel = usable * np.maximum(seen["friction"], known("friction.table.floor"))
+    usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
+    reaction = as_f32(constant("law.sight.reaction_time"))
+    decel = usable * np.maximum(seen["friction"], constant("friction.table.floor"))
     stop = stopping_distance(seen["speed"], reaction, decel)
     return lowest((t, seen[sight][t] - stop[t]) for t in span)
 
@@ -107,7 +114,7 @@ def follow_margin(one: One, seen: dict[str, Row], span: range, regain: int) -> L
     counted: list[tuple[int, int]] = []
     cut_in: dict[int, int] = {}
     for t in range(span.stop):
-        slot = who(seen, Around.LEADER, t)
+        slot = who(seen, NeighbourRole.LEADER, t)
         if slot is None:
             continue
         if t > 0 and _cuts_in(one, seen, slot, t):
@@ -125,7 +132,7 @@ def follow_margin(one: One, seen: dict[str, Row], span: range, regain: int) -> L
 def _cuts_in(one: One, seen: dict[str, Row], slot: int, t: int) -> bool:
     """Whether a vehicle of another lane becomes the leader of an ego that keeps its own lane."""
     own = one.lane[0]
-    is_new = who(seen, Around.LEADER, t - 1) != slot and own[t] == own[t - 1]
+    is_new = who(seen, NeighbourRole.LEADER, t - 1) != slot and own[t] == own[t - 1]
     return is_new and one.recorded[slot][t - 1] and one.lane[slot][t - 1] != own[t - 1]
 
 
@@ -135,11 +142,11 @@ def braking_margin(one: One, seen: dict[str, Row], span: range, lasting: int) ->
     for t in span:
         if t > 0 and own[t] != own[t - 1]:
             changed = t
-        slot = who(seen, Around.FOLLOWER, t)
+        slot = who(seen, NeighbourRole.FOLLOWER, t)
         if slot is not None and changed is not None and t - changed <= lasting:
             forced = drac(one.gap(slot, t), one.closing(slot, t, ahead=False))
-            forced = np.minimum(forced, known("law.obstruction.most"))
-            margins.append((t, known("law.obstruction.braking") - forced))
+            forced = np.minimum(forced, constant("law.obstruction.most"))
+            margins.append((t, constant("law.obstruction.braking") - forced))
     return lowest(margins)
 
 
@@ -162,7 +169,7 @@ def _is_behind(one: One, seen: dict[str, Row], target: int, t: int) -> bool:
     lead = np.float32(one.s[0][t] - one.s[target][t]) * np.float32(1e-3)
     speed = np.float32(one.speed[target][t]) * np.float32(1e-3)
     lawful = lawful_gap(speed, speed - seen["speed"][t], sure_decel(seen["friction"][t]))
-    wanted = np.maximum(known("law.return.time_gap") * speed, lawful)
+    wanted = np.maximum(constant("law.return.time_gap") * speed, lawful)
     return bool(lead > 0 and np.abs(lead) - one.halves(target) >= wanted)
 
 
@@ -171,12 +178,15 @@ def _room(one: One, seen: dict[str, Row], t: int) -> Any:
     speed, decel, room = (
         seen["speed"][t],
         sure_decel(seen["friction"][t]),
-        known("law.return.reach"),
+        constant("law.return.reach"),
     )
-    ahead, behind = who(seen, Around.RIGHT_LEADER, t), who(seen, Around.RIGHT_FOLLOWER, t)
+    ahead, behind = (
+        who(seen, NeighbourRole.RIGHT_LEADER, t),
+        who(seen, NeighbourRole.RIGHT_FOLLOWER, t),
+    )
     if ahead is not None:
         closing = one.closing(ahead, t, ahead=True)
-        soon = known("law.return.free_time") * closing
+        soon = constant("law.return.free_time") * closing
         needed = np.maximum(lawful_gap(speed, closing, decel), soon)
         room = min(room, one.gap(ahead, t) - needed)
     if behind is not None:
@@ -199,14 +209,14 @@ def arrival(one: One, slot: int, begin: int) -> int:
 def worst(one: One, seen: dict[str, Row], span: range) -> dict[str, Any]:
     """The worst of each measure of the vehicles ahead and behind; 0 where nobody is there."""
     found: dict[str, Any] = {}
-    for side, place in (("front", Around.LEADER), ("rear", Around.FOLLOWER)):
+    for side, place in (("front", NeighbourRole.LEADER), ("rear", NeighbourRole.FOLLOWER)):
         met = [(t, slot) for t in span if (slot := who(seen, place, t)) is not None]
-        each = encounter(one, met, ahead=place is Around.LEADER)
+        each = encounter(one, met, ahead=place is NeighbourRole.LEADER)
         found[f"{side}.valid"] = float(len(met) > 0)
         for name, values in each.items():
             by = max if name in ("closing_speed", "drac") else min
             found[f"{side}.{name}"] = by(values, default=0.0)
-        if place is Around.LEADER:
+        if place is NeighbourRole.LEADER:
             found |= _ahead(one, seen, met, each)
     return found
 
@@ -217,39 +227,42 @@ def _ahead(
     """What else there is to say of the vehicle ahead."""
     frames, slots = [t for t, _ in met], [slot for _, slot in met]
     gap, closing, speed = front["gap"], front["closing_speed"], seen["speed"][frames]
-    decel, limit = known("labels.safety.picud_decel"), known("labels.safety.critical_ttc")
-    safe = rss_longitudinal(
+    decel, limit = (
+        constant("event_detection.safety.picud_decel"),
+        constant("event_detection.safety.critical_ttc"),
+    )
+    safe = rss_safe_gap(
         speed,
         speed - closing,
-        reaction_time=known("law.rss.reaction_time"),
-        accel=known("law.rss.accel"),
-        rear_decel=known("law.rss.rear_decel"),
-        lead_decel=known("law.rss.lead_decel"),
+        reaction_time=constant("law.rss.reaction_time"),
+        accel=constant("law.rss.accel"),
+        follower_decel=constant("law.rss.rear_decel"),
+        leader_decel=constant("law.rss.lead_decel"),
     )
     left = picud(
         gap,
         speed,
         speed - closing,
-        reaction_time=known("labels.safety.picud_reaction_time"),
-        rear_decel=decel,
-        lead_decel=decel,
+        reaction_time=constant("event_detection.safety.picud_reaction_time"),
+        follower_decel=decel,
+        leader_decel=decel,
     )
     lawful = margin_of_gap(gap, speed, closing, sure_decel(seen["friction"][frames]))
     return {
-        "headway": min(headway(gap, one.length[slots], speed), default=0.0),
+        "headway": min(time_headway(gap, one.length[slots], speed), default=0.0),
         "picud": min(left, default=0.0),
         "rss_margin": min(gap - safe, default=0.0),
         "lawful_margin": min(lawful, default=0.0),
         "num_close": (lawful < 0).sum(),
-        "num_critical": is_critical(front["ttc"], limit).sum(),
+        "num_critical": is_ttc_critical(front["ttc"], limit).sum(),
         # In doubles, one after the other.
-        "shortfall": sum(shortfall(front["ttc"], limit).tolist()),
+        "shortfall": sum(ttc_shortfall(front["ttc"], limit).tolist()),
     }
 
 
 def sums(one: One, seen: dict[str, Row], span: range) -> dict[str, int]:
     """Sums of recorded integers, those of the vehicle ahead over the frames that have one."""
-    led = [(t, slot) for t in span if (slot := who(seen, Around.LEADER, t)) is not None]
+    led = [(t, slot) for t in span if (slot := who(seen, NeighbourRole.LEADER, t)) is not None]
     return {
         "frames": len(span),
         "led": len(led),

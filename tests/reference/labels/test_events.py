@@ -10,12 +10,12 @@ from tests.reference.labels.recordings import case, every_recording, readable, w
 from tests.reference.labels.signals import One, signals
 
 from overtaking.labels.events import case_of
-from overtaking.model.events import NEVER, Events
+from overtaking.model.overtake_events import NEVER, OvertakeEvents
 
 pytestmark = pytest.mark.ci
 
 
-def of(events: Events, number: int) -> dict[str, int]:
+def of(events: OvertakeEvents, number: int) -> dict[str, int]:
     """The events of one simulation by name."""
     names = (field.name for field in dataclasses.fields(events))
     return {name: int(getattr(events, name)[number]) for name in names}

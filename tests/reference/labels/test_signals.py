@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -10,19 +11,22 @@ from tests.reference.labels.recordings import case, every_recording, readable, s
 from tests.reference.labels.signals import One, Row, encounter, signals, target_signals
 
 from overtaking import _core
-from overtaking.core import memory
+from overtaking.core import arrays
 from overtaking.core.errors import ConfigError
+from overtaking.core.native import SIMD_VARIABLE
 from overtaking.labels import signals as compiled
 from overtaking.labels.events import case_of
 from overtaking.labels.instants import across_at, lateral_speed_at, left_lane_at, vehicle_at
-from overtaking.model.signals import Around, Signals
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.compiled import SIMD_VARIABLE
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import NO_VEHICLE
+
+if TYPE_CHECKING:
+    from overtaking.model.ego_signals import EgoSignals
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 
 
-def differences(seen: Signals, number: int, expected: dict[str, Row]) -> list[str]:
+def differences(seen: EgoSignals, number: int, expected: dict[str, Row]) -> list[str]:
     """The names of the signals of a simulation that differ in a recorded frame."""
     frames = len(expected["lane"])
     return [
@@ -42,17 +46,21 @@ def test_every_signal_is_the_same(name, level, monkeypatch):
 
 
 def test_nothing_shows_of_what_the_memory_held_before(monkeypatch):
-    monkeypatch.setattr(memory, "LARGE_BYTES", 0)
+    monkeypatch.setattr(arrays, "MIN_POOLED_BYTES", 0)
     run, used = case("pinto2023").trajectories, set[int]()
     short = dataclasses.replace(run, num_frames=(run.num_frames + 1) // np.int32(2))
     for one in (run, short, run, short):
         seen, frame = case_of(one).signals, np.arange(one.stage.shape[1])
         behind = frame >= -(-one.num_frames[:, None] // 16) * 16  # Sixteen are worked out together.
         narrow = [
-            getattr(seen, name)[behind] for name in (*compiled.SEEN, "accel") if name != "vehicle"
+            getattr(seen, name)[behind]
+            for name in (*compiled.SEEN, "accel")
+            if name != "neighbour_slot"
         ]
         assert not any(values.any() for values in narrow)
-        assert not seen.vehicle[np.broadcast_to(behind[:, None], seen.vehicle.shape)].any()
+        assert not seen.neighbour_slot[
+            np.broadcast_to(behind[:, None], seen.neighbour_slot.shape)
+        ].any()
         used.add(seen.speed.ctypes.data)
         del seen
     assert len(used) == 1
@@ -69,7 +77,7 @@ def test_signals_of_overtakes_written_by_hand_are_the_same():
 def test_the_target_is_the_same(name):
     given, found = case(name), 0
     for number, (one, seen) in enumerate(readable(name)):
-        vehicle = given.target.vehicle[number]
+        vehicle = given.target.slot[number]
         if vehicle == NO_VEHICLE:
             assert not given.target.valid[number].any()
             continue
@@ -88,13 +96,13 @@ def test_encounters_at_single_frames_are_the_same(name):
     given, draw = case(name), np.random.default_rng(5)
     rows = draw.integers(0, given.signals.num_simulations, 400)
     frames = (given.events.last[rows] * draw.random(400)).astype(np.intp)
-    places = draw.integers(0, len(Around), 400)
+    places = draw.integers(0, len(NeighbourRole), 400)
     found = compiled.encounter(given, places, rows, frames)
     assert found.valid.any()
     assert not found.valid.all()
     for k, (row, place, frame) in enumerate(zip(rows, places, frames, strict=True)):
         one, _ = readable(name)[row]
-        slot = one.neighbour(Around(place), int(frame))
+        slot = one.neighbour(NeighbourRole(place), int(frame))
         assert found.valid[k] == (slot is not None)
         if slot is not None:
             expected = encounter(one, [(int(frame), slot)], ahead=place % 2 == 0)
@@ -106,7 +114,7 @@ def test_encounters_at_single_frames_are_the_same(name):
 def test_single_frames_are_what_they_are_among_all_frames(name):
     given, draw = case(name), np.random.default_rng(6)
     run, seen, count = given.trajectories, given.signals, len(given.events.last)
-    rows, vehicle = np.arange(count), given.target.vehicle
+    rows, vehicle = np.arange(count), given.target.slot
     frames = (given.events.last * draw.random(count)).astype(np.int32)
     lane = left_lane_at(run, frames)
     assert same(lane.occupancy, seen.left_occupancy[rows, frames])
@@ -117,10 +125,10 @@ def test_single_frames_are_what_they_are_among_all_frames(name):
     assert along.valid.all()
     lateral, lateral_gap = across_at(run, seen, rows, slot, frames)
     found = {
-        "lead": along.lead,
+        "ego_lead": along.lead,
         "gap": along.gap,
         "speed": along.speed,
-        "lateral": lateral,
+        "lateral_position": lateral,
         "lateral_gap": lateral_gap,
         "lateral_speed": lateral_speed_at(run, rows, slot, frames),
     }
@@ -149,15 +157,15 @@ def test_frames_that_do_not_exist_are_refused():
     rows = np.zeros(3, np.intp)
     for frames in (rows + given.signals.num_frames, rows - 1):
         with pytest.raises(ValueError, match="expected recorded frames"):
-            compiled.encounter(given, Around.LEADER, rows, frames)
+            compiled.encounter(given, NeighbourRole.LEADER, rows, frames)
 
 
 def test_a_vehicle_that_does_not_exist_is_refused():
     given = case("pinto2023")
-    run, wrong = given.trajectories, given.signals.vehicle.copy()
-    wrong[0, Around.LEADER] = run.states.s.shape[1]
-    strange = given.signals.replace(vehicle=wrong)
-    with pytest.raises(ValueError, match="vehicle: no vehicle"):
-        compiled.target_signals(run, strange, given.target.vehicle).gap  # noqa: B018
+    run, wrong = given.trajectories, given.signals.neighbour_slot.copy()
+    wrong[0, NeighbourRole.LEADER] = run.states.s.shape[1]
+    strange = given.signals.replace(neighbour_slot=wrong)
+    with pytest.raises(ValueError, match="neighbour_slot: no vehicle"):
+        compiled.target_signals(run, strange, given.target.slot).gap  # noqa: B018
     with pytest.raises(ValueError, match="target: no vehicle"):
-        compiled.target_signals(run, given.signals, wrong[:, Around.LEADER, 0])
+        compiled.target_signals(run, given.signals, wrong[:, NeighbourRole.LEADER, 0])

@@ -11,14 +11,14 @@ from tests.reference.labels.recordings import case, every_recording, readable, w
 from tests.reference.labels.signals import One, Row, signals
 
 from overtaking import _core
+from overtaking.core.native import SIMD_VARIABLE
 from overtaking.labels.events import case_of
 from overtaking.labels.law.alongside import overlaps
 from overtaking.labels.law.frames import Span, answers, bits_within, conduct, limited
 from overtaking.model.vehicles import Role
-from overtaking.world.compiled import SIMD_VARIABLE
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
 SPANS = dict(_core.stretch_fields())["spans"]

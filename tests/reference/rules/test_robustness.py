@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from tests.support.cases import Track, case, with_events
 
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.labels.law.distances import lawful_gap, sure_decel
-from overtaking.model.labels import Case, Verdict
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case, Verdict
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 SURE = 1e6
@@ -61,7 +61,7 @@ def recorded(present: np.ndarray | None = None, **changes: np.ndarray) -> Case:
     """The same with other recorded states, and nothing that happened."""
     one = blank()
     states = one.trajectories.states.replace(**changes)
-    run = one.trajectories.replace(states=states, present=present)
+    run = one.trajectories.replace(states=states, is_recorded=present)
     return with_events(case_of(run), one.events)
 
 
@@ -89,9 +89,9 @@ def test_a_stop_in_sight_is_a_robustness():
 
 def judge_stop(one: Case) -> np.ndarray:
     """The stopping distance that the rule will see."""
-    share = known("friction.table.usable_share") * known("model.nature.gravity")
+    share = constant("friction.table.usable_share") * constant("model.nature.gravity")
     v, b = one.signals.speed, share * one.signals.friction
-    return v * known("law.sight.reaction_time") + v * v / (np.float32(2.0) * b)
+    return v * constant("law.sight.reaction_time") + v * v / (np.float32(2.0) * b)
 
 
 def spare() -> np.ndarray:
@@ -144,7 +144,7 @@ def following() -> Case:
     lead, cut = signal("lead"), signal("cut")
     turn = 1 + np.cumsum(cut, axis=1) % 2
     lane, s, speed = states.lane.copy(), states.s.copy(), states.speed.copy()
-    present = blank().trajectories.state_valid.copy()
+    present = blank().trajectories.state_mask.copy()
     need = lawful_gap(speed[:, 0] * np.float32(1e-3), np.float32(0.0), decel())
     gap = need + signal("gap") - signal("need") + body.length[:, [0]]
     for slot in (1, 2):

@@ -16,10 +16,11 @@ from tests.support.two_way import road as two_way_road
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.core.errors import ConfigError, MissingExtraError
-from overtaking.model.course import Limit
 from overtaking.model.known_roads import known_road
-from overtaking.model.trajectory import NO_VEHICLE, Stage
-from overtaking.scenarios import sample, spec
+from overtaking.model.road_course import SpeedLimitSpan
+from overtaking.model.trajectories import NO_VEHICLE, Stage
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 from overtaking.simulators.sumo import run as sumo
 from overtaking.simulators.sumo import traffic
@@ -34,7 +35,7 @@ OVERTAKES = {"desired_speed": 33.0, "passing_gain": 1.0, "lane_change_duration":
 
 def sampled(count, seed=1, first=0):
     index = np.arange(first, first + count, dtype=np.uint64)
-    given = spec("pinto2023-physical")
+    given = load_specification("pinto2023-physical")
     return sample(given, known_road(given.road), seed, index)
 
 
@@ -360,12 +361,12 @@ def test_on_a_road_that_bends_and_rises_sumo_drives_as_on_a_straight_one():
     )
     for name in ("s", "d", "speed", "lane"):
         np.testing.assert_array_equal(getattr(bent.states, name), getattr(flat.states, name))
-    there = bent.state_valid
+    there = bent.state_mask
     s, d = (metres(getattr(bent.states, name)[there]) for name in "sd")
-    x, y = winding.world(s, d)
+    x, y = winding.to_world(s, d)
     np.testing.assert_allclose(metres(bent.states.x[there]), x, atol=1e-3)
     np.testing.assert_allclose(metres(bent.states.y[there]), y, atol=1e-3)
-    turned = bent.headings[0][there] * 1e-4
+    turned = bent.headings_and_origin[0][there] * 1e-4
     apart = flat.states.heading[there] * 1e-4 - straight.heading
     np.testing.assert_allclose(turned, apart, atol=2e-4)
 
@@ -421,7 +422,7 @@ def test_sumos_ego_overtakes_on_the_lane_of_others_when_they_are_past():
 
 def test_drivers_slow_down_to_a_lower_limit_and_speed_up_behind_it(without_errors):
     obeys = STAYS | {"desired_speed": 28.0, "limit_respect": 1.0}
-    road = limited(wide_road(), Limit(start=600.0, stop=900.0, speed=15.0))
+    road = limited(wide_road(), SpeedLimitSpan(start=600.0, stop=900.0, speed=15.0))
     world = scenario([Vehicle(s=100.0, lane=1, speed=25.0, driver=obeys)], road=road, horizon=60.0)
     run = sumo.simulate(world)
     s, speed = (
@@ -434,7 +435,7 @@ def test_drivers_slow_down_to_a_lower_limit_and_speed_up_behind_it(without_error
 
 def test_who_comes_slows_down_by_the_limits_of_its_own_direction(without_errors):
     obeys = STAYS | {"desired_speed": 28.0, "limit_respect": 1.0}
-    lower = Limit(start=600.0, stop=900.0, speed=15.0, direction=-1)
+    lower = SpeedLimitSpan(start=600.0, stop=900.0, speed=15.0, direction=-1)
     road = limited(known_road("rural"), lower)
     pair = [
         Vehicle(s=100.0, speed=25.0, driver=obeys),

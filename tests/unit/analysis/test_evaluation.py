@@ -10,16 +10,16 @@ import pytest
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
-from overtaking import scenarios
 from overtaking.analysis.evaluation import bootstrap, competent, measures
 from overtaking.analysis.evaluation.benchmark import hash_of, names, read
 from overtaking.analysis.evaluation.lane_changes import needed_braking
 from overtaking.analysis.evaluation.origins import Origin, _Scene
 from overtaking.analysis.evaluation.run import scenes_of
 from overtaking.core.errors import ConfigError
-from overtaking.model.trajectory import Lights
+from overtaking.model.trajectories import Lights
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample
+from overtaking.scenarios import profiles
+from overtaking.scenarios.sampler import sample
 
 NIGHTS = [
     {
@@ -34,7 +34,7 @@ NIGHTS = [
 
 @pytest.fixture(scope="module")
 def drawn():
-    spec = scenarios.spec("motorway", {"proposal": NIGHTS, "traffic.vehicles": [2, 3]})
+    spec = profiles.load_specification("motorway", {"proposal": NIGHTS, "traffic.vehicles": [2, 3]})
     road, index = load_road(spec.road), np.arange(3000, dtype=np.uint64)
     return [sample(one, road, 5, index) for one in (spec, scenes_of(spec))]
 
@@ -73,7 +73,7 @@ def test_weighted_shares_are_those_that_brute_force_knows(drawn):
     assert low.mean() == pytest.approx(0.75, abs=0.04)
     error = 0.5 / np.sqrt(len(low))
     assert abs((scenes.weight * low).mean() - 0.5) < 4.0 * error
-    natural = scenarios.spec("motorway", {"traffic.vehicles": [2, 3]})
+    natural = profiles.load_specification("motorway", {"traffic.vehicles": [2, 3]})
     met = sample(natural, load_road(natural.road), 6, np.arange(3000, dtype=np.uint64))
     edge = scenes.weather.sun_altitude[low].max()
     assert abs((met.weather.sun_altitude <= edge).mean() - 0.5) < 4.0 * error
@@ -84,7 +84,7 @@ def test_weighted_shares_are_those_that_brute_force_knows(drawn):
 
 def test_a_component_that_bends_the_ego_only_changes_nothing():
     ego = [{"name": "ego", "share": 0.4, "powers": {"ego_temper": 0.3}}]
-    spec = scenarios.spec("motorway", {"proposal": ego, "traffic.vehicles": [2, 3]})
+    spec = profiles.load_specification("motorway", {"proposal": ego, "traffic.vehicles": [2, 3]})
     some = sample(scenes_of(spec), load_road(spec.road), 1, np.arange(50, dtype=np.uint64))
     np.testing.assert_array_equal(some.weight, 1.0)
 
@@ -232,8 +232,10 @@ def test_time_gained_is_the_way_ahead_over_the_speed_of_who_stays(monkeypatch):
 def test_benchmarks_are_of_this_version_and_refuse_another(tmp_path):
     for name in names():
         assert read(name).parts
-    text = Path(scenarios.__file__).with_name("profiles").joinpath("motorway.toml")
-    assert hash_of(scenarios.spec(text)) == hash_of(scenarios.spec("motorway"))
+    text = Path(profiles.__file__).with_name("profiles").joinpath("motorway.toml")
+    assert hash_of(profiles.load_specification(text)) == hash_of(
+        profiles.load_specification("motorway")
+    )
     kept = Path(bootstrap.__file__).with_name("benchmarks").joinpath("overtake.toml").read_text()
     for old, new, said in (
         ('sha256 = "', 'sha256 = "0', "the profile"),

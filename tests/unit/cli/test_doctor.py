@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from overtaking.cli import doctor
-from overtaking.core.extras import Requirement, install_command, requirements
+from overtaking.core.errors import Requirement, install_command, requirements
 
 
 def page(values, *, encoding="utf-8", width=80) -> str:

@@ -7,14 +7,14 @@ import json
 import pytest
 
 from overtaking.cli import main
-from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.knowledge.glossary import TERM_GROUPS, terms
 
 
 def test_every_word_is_explained(capsys: pytest.CaptureFixture[str]):
     assert main(["glossary", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["terms"]
     assert [(one["name"], one["meaning"]) for one in found] == [
-        (name, term.meaning) for group in GROUPS for name, term in terms(group).items()
+        (name, term.meaning) for group in TERM_GROUPS for name, term in terms(group).items()
     ]
 
 

@@ -18,8 +18,8 @@ from overtaking.cli.law import law_lines
 from overtaking.cli.show import MAX_INSTANTS, render
 from overtaking.cli.timeline import event_lines
 from overtaking.core.units import kmh_from_mps
-from overtaking.knowledge import terms
-from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
+from overtaking.knowledge.glossary import terms
+from overtaking.model.trajectories import NO_VEHICLE, UNKNOWNS, Stage, Trajectories
 from overtaking.show.description import describe, lane_name
 from overtaking.show.judgement import EVENTS, Values
 from overtaking.show.wording import SYMBOLS, margin_words, symbol
@@ -80,7 +80,7 @@ def without(labelled: Labelled, *unknown: str) -> Labelled:
 
 
 def test_there_is_something_to_see(runs):
-    stages = {Stage(int(code)) for code in np.unique(runs.stage[runs.frame_valid])}
+    stages = {Stage(int(code)) for code in np.unique(runs.stage[runs.frame_mask])}
     assert {Stage.FOLLOW, Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE} <= stages
     assert (runs.contacts.partner != NO_VEHICLE).any()
 
@@ -311,7 +311,7 @@ def test_a_vehicle_that_leaves_the_recording_is_drawn_until_then(labelled, stori
     present[0, 1, last + 1 :] = False
     speed = run.states.speed.copy()
     speed[0, 1, last + 1 :] = 0
-    gone = run.replace(present=present, states=run.states.replace(speed=speed))
+    gone = run.replace(is_recorded=present, states=run.states.replace(speed=speed))
     values = describe(api.label(gone), 0)
     assert values["vehicles"][1]["to_s"] == last * 50 / 1000
     lines = printed(lambda console: render(gone, values, console)).splitlines()

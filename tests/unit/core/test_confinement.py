@@ -9,7 +9,7 @@ pytestmark = pytest.mark.ci
 pytest.importorskip("resource", reason="Windows bounds no process")
 
 SPINS = """
-from overtaking.core.confinement import confine
+from overtaking.core.process_limits import confine
 confine(64, processor_s=1)
 while True:
     pass

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from overtaking.core.equality import ContentEquality, is_same_content
-from overtaking.core.summary import Summarized
+from overtaking.core.representation import CompactRepr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,7 @@ class ResultWithNote(Result):
 
 
 @dataclass(frozen=True)
-class SummarizedResult(Summarized, ContentEquality):
+class SummarizedResult(CompactRepr, ContentEquality):
     value: Any
 
 

@@ -11,7 +11,7 @@ KINDS = [
     (errors.NoSuchSimulationError, errors.ConfigError),
     (errors.NoSuchSimulationError, IndexError),
     (errors.SchemaError, ValueError),
-    (errors.PolicyError, RuntimeError),
+    (errors.DriverError, RuntimeError),
     (errors.ImportFormatError, ValueError),
     (errors.DatasetError, RuntimeError),
     (errors.LockedError, errors.DatasetError),
@@ -91,7 +91,7 @@ def test_a_message_lacks_nothing():
 
 
 def test_a_name_that_is_unknown_comes_with_those_that_are_known():
-    error = errors.ConfigError.not_among("policy", "stats", ("paper", "strict"), "papr")
+    error = errors.ConfigError.unknown_choice("policy", "stats", ("paper", "strict"), "papr")
     expected = "stats: policy: expected paper or strict, got papr; choose one of them"
     assert str(error) == expected
 

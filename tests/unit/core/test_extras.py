@@ -11,9 +11,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from overtaking.core.errors import MissingExtraError
-from overtaking.core.extras import extra_groups, extras, install_command
-from overtaking.core.extras import requirements as requirements_of_package
+from overtaking.core.errors import (
+    MissingExtraError,
+    extra_groups,
+    extra_requirements,
+    install_command,
+)
+from overtaking.core.errors import requirements as requirements_of_package
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,7 +36,7 @@ def declared(repository: Path) -> dict[str, list[str]]:
 
 
 def test_every_extra_is_known_with_its_requirements(repository: Path):
-    assert {name: list(of) for name, of in extras().items()} == declared(repository)
+    assert {name: list(of) for name, of in extra_requirements().items()} == declared(repository)
 
 
 def test_the_command_installs_packages_of_an_index_for_the_interpreter_that_runs(
@@ -53,15 +57,15 @@ def test_groups_of_extras_are_read_from_the_metadata(monkeypatch: pytest.MonkeyP
         "scipy>=1.13 ; extra == 'stats'",
         "overtaking[stats,sql] ; extra == 'common'",
     ]
-    monkeypatch.setattr("overtaking.core.extras.metadata.requires", lambda _: lines)
-    for function in (requirements_of_package, extras, extra_groups):
+    monkeypatch.setattr("overtaking.core.errors.metadata.requires", lambda _: lines)
+    for function in (requirements_of_package, extra_requirements, extra_groups):
         function.cache_clear()
     try:
         assert extra_groups() == {"common": ("sql", "stats")}
-        assert extras() == {"sql": ("duckdb>=1.1",), "stats": ("scipy>=1.13",)}
+        assert extra_requirements() == {"sql": ("duckdb>=1.1",), "stats": ("scipy>=1.13",)}
         assert shlex.split(install_command("common"))[-2:] == ["duckdb>=1.1", "scipy>=1.13"]
     finally:
-        for function in (requirements_of_package, extras, extra_groups):
+        for function in (requirements_of_package, extra_requirements, extra_groups):
             function.cache_clear()
 
 
@@ -98,7 +102,7 @@ def test_nothing_tells_to_install_the_package_from_an_index(repository: Path):
 @pytest.mark.ci
 def test_pip_takes_what_the_commands_name():
     """It reads all requirements before it looks for the first."""
-    commands = [shlex.split(install_command(name)) for name in extras()]
+    commands = [shlex.split(install_command(name)) for name in extra_requirements()]
     requirements = [word for _, _, _, _, *words in commands for word in words]
     command = [sys.executable, "-m", "pip", "install", *requirements]
     bounds = ["--dry-run", "--no-index", "--no-deps", "--quiet"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from overtaking.core.files import put, read_toml
+from overtaking.core.files import read_toml, write_atomically
 
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
@@ -23,12 +23,12 @@ def test_a_toml_file_that_is_too_large_is_refused(tmp_path):
 
 def test_a_folder_is_not_replaced_by_a_file(tmp_path):
     with pytest.raises(IsADirectoryError, match=str(tmp_path)):
-        put(tmp_path, b"content")
+        write_atomically(tmp_path, b"content")
 
 
 def test_a_file_replaces_a_symbolic_link_to_nothing(tmp_path):
     path = tmp_path / "link"
     path.symlink_to(tmp_path / "nowhere")
-    put(path, b"content")
+    write_atomically(path, b"content")
     assert path.read_bytes() == b"content"
     assert not (tmp_path / "nowhere").exists()

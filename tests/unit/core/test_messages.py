@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from overtaking.core.messages import read_frame, write_frame
+from overtaking.core.worker_process import read_frame, write_frame
 
 FRAMES = [b"a word", b"", b"\0" * 70_000]
 

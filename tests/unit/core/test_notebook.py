@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 from overtaking.core.notebook import show_progress
 
 if TYPE_CHECKING:
-    from overtaking.core.steps import Progress
+    from overtaking.core.progress import ProgressCallback
 
 
 @show_progress
-def progress_of(data: str, progress: Progress | None, *, interval: int = 1) -> Progress | None:
+def progress_of(
+    data: str, progress: ProgressCallback | None, *, interval: int = 1
+) -> ProgressCallback | None:
     del data, interval
     return progress
 

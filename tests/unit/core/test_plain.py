@@ -6,7 +6,7 @@ from datetime import date
 
 import numpy as np
 
-from overtaking.core.plain import plain
+from overtaking.core.representation import json_values
 
 
 @dataclass
@@ -24,7 +24,7 @@ def test_everything_has_a_form_in_json() -> None:
         "day": date(2024, 2, 29),
         "plain": [None, True, 3, "text"],
     }
-    found = plain(value)
+    found = json_values(value)
     assert found == {
         "1": {"x": 0.5, "tags": ["a", "b"]},
         "array": [1.0, None, None],

@@ -24,12 +24,12 @@ def test_batches_say_what_they_are_in_a_line(labelled):
     assert repr(runs.scenario) == f"Scenario({SAMPLED})"
     assert repr(runs) == f"Trajectories({SAMPLED}, frames=41, ms=50)"
     assert repr(labelled) == f"Labelled({SAMPLED}, frames=41, ms=50)"
-    assert repr(runs.scenario.drivers) == "Drivers(simulations=3)"
-    assert repr(labelled.paper) == "Features(policy='paper', simulations=3)"
+    assert repr(runs.scenario.drivers) == "DriverTraits(simulations=3)"
+    assert repr(labelled.paper) == "PaperFeatures(policy='paper', simulations=3)"
 
 
 def test_nothing_is_worked_out_to_be_shown(labelled):
-    assert repr(labelled.signals) == "Signals(frame_interval_ms=50, simulations=3)"
+    assert repr(labelled.signals) == "EgoSignals(frame_interval_ms=50, simulations=3)"
     with pytest.raises(AttributeError):
         object.__getattribute__(labelled.signals, "gap")
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from overtaking.core.words import counted
+from overtaking.core.representation import format_count
 
 
 @pytest.mark.parametrize(
@@ -15,4 +15,4 @@ from overtaking.core.words import counted
     ],
 )
 def test_one_alone_is_singular(number: int, text: str) -> None:
-    assert counted(number, "simulation") == text
+    assert format_count(number, "simulation") == text

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.support.processes import eventually, is_running
 
-from overtaking.core.worker import ENDED, Inbox, Worker
+from overtaking.core.worker_process import WORKER_ENDED, Inbox, WorkerProcess
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -26,9 +26,9 @@ ROUNDS = 8
 posix_only = pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
 
 
-def started(*arguments: str, **settings) -> Worker:
+def started(*arguments: str, **settings) -> WorkerProcess:
     """A worker that has begun to listen."""
-    worker = Worker(MODULE, *arguments, **settings)
+    worker = WorkerProcess(MODULE, *arguments, **settings)
     assert worker.receive() == arguments
     return worker
 
@@ -64,7 +64,7 @@ def test_messages_of_any_kind_are_answered_in_order():
 
 def test_workers_may_share_an_inbox():
     inbox = Inbox()
-    with Worker(MODULE, "a", inbox=inbox) as a, Worker(MODULE, "b", inbox=inbox) as b:
+    with WorkerProcess(MODULE, "a", inbox=inbox) as a, WorkerProcess(MODULE, "b", inbox=inbox) as b:
         assert dict(inbox.receive() for _ in range(2)) == {a: ("a",), b: ("b",)}
         b.send("hello")
         assert inbox.receive() == (b, "hello")
@@ -102,23 +102,23 @@ def test_an_end_is_told_with_the_last_line_that_was_printed():
     with nothing_left():
         worker = started()
         worker.send(("exit", 3, "first\n" * 5000 + "out of luck\n\n"))
-        assert worker.receive() is ENDED
+        assert worker.receive() is WORKER_ENDED
         worker.send("nobody hears this")
-        assert worker.ending() == "with exit status 3: out of luck"
+        assert worker.describe_exit() == "with exit status 3: out of luck"
         worker.close()
 
 
 def test_a_module_that_is_missing_is_told_of():
-    with Worker("tests.support.nobody") as worker:
-        assert worker.receive() is ENDED
-        assert "No module named 'tests.support.nobody'" in worker.ending()
+    with WorkerProcess("tests.support.nobody") as worker:
+        assert worker.receive() is WORKER_ENDED
+        assert "No module named 'tests.support.nobody'" in worker.describe_exit()
 
 
 def test_a_worker_that_is_asked_to_stop_ends_in_order():
     with started() as worker:
         worker.stop()
-        assert worker.receive() is ENDED
-        assert worker.ending() == "with exit status 0"
+        assert worker.receive() is WORKER_ENDED
+        assert worker.describe_exit() == "with exit status 0"
 
 
 @posix_only
@@ -128,8 +128,8 @@ def test_a_worker_that_does_not_stop_is_killed():
         assert worker.receive() == "hanging"
         worker.stop()
         worker.close(0.1)
-        assert worker.receive() is ENDED
-        assert worker.ending() == "by SIGKILL"
+        assert worker.receive() is WORKER_ENDED
+        assert worker.describe_exit() == "by SIGKILL"
 
 
 @pytest.mark.ci
@@ -141,8 +141,8 @@ def test_workers_killed_in_the_middle_of_a_call_leave_nothing():
             worker.send("hang")
             assert worker.receive() == "hanging"
             os.kill(worker.pid, signal.SIGKILL)
-            assert worker.receive() is ENDED
-            assert worker.ending() == "by SIGKILL"
+            assert worker.receive() is WORKER_ENDED
+            assert worker.describe_exit() == "by SIGKILL"
 
 
 @pytest.mark.ci
@@ -161,7 +161,7 @@ def test_workers_closed_in_the_middle_of_a_call_leave_nothing():
 def test_a_process_that_cannot_start_leaves_nothing(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
     with nothing_left(), pytest.raises(FileNotFoundError):
-        Worker(MODULE)
+        WorkerProcess(MODULE)
 
 
 @posix_only
@@ -176,8 +176,8 @@ def parent(rest: str) -> subprocess.Popen[str]:
     """A process with a worker in the middle of a call; it prints its id and goes on."""
     script = f"""
 import sys
-from overtaking.core.worker import Worker
-worker = Worker({MODULE!r})
+from overtaking.core.worker_process import WorkerProcess
+worker = WorkerProcess({MODULE!r})
 worker.send("hang")
 while worker.receive() != "hanging":
     pass

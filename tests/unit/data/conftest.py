@@ -8,7 +8,7 @@ from overtaking.data.manifest import Identity, Manifest, Provenance, ShardRecord
 from overtaking.data.recipe import Keep, Recipe, Simulator
 from overtaking.data.tables.files import FileFacts
 from overtaking.model.known_roads import known_road
-from overtaking.scenarios import spec
+from overtaking.scenarios.profiles import load_specification
 from overtaking.sim.reference import simulate
 
 
@@ -19,7 +19,7 @@ def simulator() -> Simulator:
 
 @pytest.fixture
 def recipe() -> Recipe:
-    profile = spec("pinto2023-physical")
+    profile = load_specification("pinto2023-physical")
     return Recipe(
         spec=profile,
         road=known_road(profile.road),

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from overtaking.data.ahead import in_order
+from overtaking.core.process_limits import ordered_map
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -16,12 +16,12 @@ def test_results_come_in_order_whatever_takes_longest(threads):
         time.sleep(0.01 * (number % 3 == 0))
         return number * number
 
-    assert list(in_order(work, range(20), threads)) == [n * n for n in range(20)]
+    assert list(ordered_map(work, range(20), threads)) == [n * n for n in range(20)]
 
 
 def test_no_more_results_wait_than_there_are_threads():
     begun: list[int] = []
-    results = in_order(lambda number: begun.append(number), range(100), 3)
+    results = ordered_map(lambda number: begun.append(number), range(100), 3)
     next(results)
     time.sleep(0.05)
     assert len(begun) <= 5
@@ -35,12 +35,12 @@ def test_what_fails_in_a_thread_fails_where_it_is_wanted():
             raise ValueError("three")
         return number
 
-    results = in_order(work, range(9), 2)
+    results = ordered_map(work, range(9), 2)
     assert [next(results) for _ in range(3)] == [0, 1, 2]
     with pytest.raises(ValueError, match="three"):
         next(results)
 
 
 def test_one_thread_works_where_it_is():
-    names = set(in_order(lambda _: threading.current_thread().name, range(3), 1))
+    names = set(ordered_map(lambda _: threading.current_thread().name, range(3), 1))
     assert names == {threading.current_thread().name}

@@ -16,7 +16,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.data.balance import CLASSES, OUTSIDE, Balance, selection_weights
 from overtaking.data.balance_scan import Selection
 from overtaking.data.manifest import Identity
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 BY_LIGHT = Balance(by=("class", "day-night"))
 

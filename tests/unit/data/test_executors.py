@@ -10,7 +10,7 @@ import pytest
 from tests.support.carla import needs_wheel
 
 from overtaking.api.choices import simulator_of
-from overtaking.core import processors
+from overtaking.core import process_limits
 from overtaking.core.errors import ConfigError
 from overtaking.data.executors import MIN_PIECES, executor_of
 from overtaking.data.location import Folder, Location
@@ -19,7 +19,7 @@ from overtaking.data.recipe import Keep, Recipe
 from overtaking.data.store import Store
 from overtaking.data.work import in_this_process
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import spec
+from overtaking.scenarios.profiles import load_specification
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,11 +29,11 @@ ENOUGH = MIN_PIECES * simulator_of("engine").chunk_size
 
 @pytest.fixture(autouse=True)
 def three_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(processors, "wanted", lambda: 3)
+    monkeypatch.setattr(process_limits, "processors_to_use", lambda: 3)
 
 
 def recipe(num_simulations: int, shard_size: int = 4096) -> Recipe:
-    given = spec("pinto2023-physical")
+    given = load_specification("pinto2023-physical")
     return Recipe(
         spec=given,
         road=load_road(given.road),
@@ -68,7 +68,7 @@ def test_threads_do_what_processes_could_not(tmp_path, monkeypatch):
 
 
 def test_one_processor_needs_no_processes(tmp_path, monkeypatch):
-    monkeypatch.setattr(processors, "wanted", lambda: 1)
+    monkeypatch.setattr(process_limits, "processors_to_use", lambda: 1)
     assert chosen(tmp_path, recipe(ENOUGH)) is in_this_process
 
 

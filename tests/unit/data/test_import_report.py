@@ -54,7 +54,7 @@ def contradictory() -> pd.DataFrame:
 def read(frame: pd.DataFrame, **options: Any) -> ot.Trajectories:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ot.RecordingWarning)
-        return ot.Trajectories.from_frame(frame, columns=MAP, **options)
+        return ot.Trajectories.from_table(frame, columns=MAP, **options)
 
 
 def finding(recording: str = "a.csv", **changes: Any) -> ImportFinding:
@@ -114,14 +114,14 @@ def test_joining_batches_joins_their_reports(contradictory):
 
 def test_a_warning_comes_once_and_points_to_the_caller(contradictory):
     with pytest.warns(ot.RecordingWarning, match="speeds: reported") as caught:
-        ot.Trajectories.from_frame(contradictory, columns=MAP)
+        ot.Trajectories.from_table(contradictory, columns=MAP)
     assert [warning.filename for warning in caught] == [__file__]
 
 
 def test_a_recording_without_findings_causes_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        ot.Trajectories.from_frame(table(), columns=MAP)
+        ot.Trajectories.from_table(table(), columns=MAP)
 
 
 def test_a_recording_with_several_findings_causes_one_warning():

@@ -23,7 +23,7 @@ from overtaking.data.manifest import (
 )
 from overtaking.data.recipe import Keep
 from overtaking.model.known_roads import known_road
-from overtaking.scenarios import spec
+from overtaking.scenarios.profiles import load_specification
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,7 +69,9 @@ def test_an_origin_comes_back_and_a_road_without_one_does_not_name_it(
 
 
 def test_the_specification_comes_back(manifest: Manifest, written: Path):
-    assert spec(read_manifest(Folder(written)).identity.spec) == spec("pinto2023-physical")
+    assert load_specification(read_manifest(Folder(written)).identity.spec) == load_specification(
+        "pinto2023-physical"
+    )
 
 
 def change(folder: Path, **values: object) -> None:
@@ -193,7 +195,7 @@ def test_an_unknown_key_is_refused(written: Path):
         ("shard_size", {"shard_size": 7}),
         ("keep", {"keep": Keep.FEATURES}),
         ("road", {"road": known_road("motorway")}),
-        ("spec", {"spec": spec("pinto2023-physical", {"time.horizon_s": "19.0"})}),
+        ("spec", {"spec": load_specification("pinto2023-physical", {"time.horizon_s": "19.0"})}),
     ],
 )
 def test_whatever_decides_the_content_decides_the_fingerprint(name, changed, recipe, simulator):

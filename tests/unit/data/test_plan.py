@@ -16,7 +16,7 @@ from overtaking.data.plan import (
     chunks,
     shards,
 )
-from overtaking.scenarios import spec
+from overtaking.scenarios.profiles import load_specification
 
 COUNT = st.integers(1, 5000)
 
@@ -41,15 +41,17 @@ def test_a_larger_data_set_begins_with_the_full_shards_of_a_smaller_one(
 
 
 def test_large_worlds_come_in_smaller_chunks():
-    study = spec("pinto2023-physical").resolved()
+    study = load_specification("pinto2023-physical").to_dict()
     assert chunk_size(study) == CHUNK_SIZE
     crowded = {"traffic.vehicles": [32, 32], "time.horizon_s": 120.0}
-    large = spec("pinto2023-physical", crowded | {"time.attempt_deadline_s": 60.0}).resolved()
+    large = load_specification(
+        "pinto2023-physical", crowded | {"time.attempt_deadline_s": 60.0}
+    ).to_dict()
     assert 32 * 2401 * chunk_size(large) <= CHUNK_STATES < 32 * 2401 * (chunk_size(large) + 1)
 
 
 def test_chunks_are_larger_where_no_frames_are_kept_and_nobody_minds():
-    study = spec("pinto2023-physical").resolved()
+    study = load_specification("pinto2023-physical").to_dict()
     assert batch_size(study, CHUNK_SIZE) == CHUNK_SIZE
     assert batch_size(study, CHUNK_SIZE, keeps_frames=False) == LARGE_CHUNK_SIZE > CHUNK_SIZE
     assert batch_size(study, 4, keeps_frames=False) == 4

@@ -20,9 +20,9 @@ from tests.support.integers import INTEGER_TYPES, NO_INTEGERS
 import overtaking as ot
 import overtaking.gym as envs
 from overtaking.core.errors import ConfigError
-from overtaking.model.events import Outcome
-from overtaking.model.observation import WIDTH
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import OBSERVATION_SIZE
+from overtaking.model.overtake_events import Outcome
+from overtaking.model.trajectories import Stage
 from overtaking.show.video.film import Film
 from overtaking.sim.controls import CONTROLS
 
@@ -37,7 +37,7 @@ def made(count: int = 6, **settings) -> envs.OvertakingVectorEnv:
 
 def wish(numbers: np.ndarray) -> np.ndarray:
     """A policy of what is observed: change to the fast side while somebody is near ahead."""
-    table = dict(zip([one.name for one in envs.COLUMNS], numbers.T, strict=True))
+    table = dict(zip([one.name for one in envs.OBSERVATION_COLUMNS], numbers.T, strict=True))
     near = table["lead.gap"] < 60.0
     return np.stack([np.where(near, 0.0, 0.5), np.where(near, 1.0, -1.0)], axis=1)
 
@@ -77,7 +77,7 @@ def test_make_vec_gives_the_native_one():
     env = gymnasium.make_vec(f"overtaking/{PROFILE}-v0", num_envs=3, **QUICK)
     assert isinstance(env.unwrapped, envs.OvertakingVectorEnv)
     seen, _ = env.reset(seed=1)
-    assert seen.shape == (3, WIDTH)
+    assert seen.shape == (3, OBSERVATION_SIZE)
     assert env.observation_space.contains(seen)
 
 
@@ -88,7 +88,9 @@ def test_an_episode_is_the_simulation_of_drive():
     assert all(one["index"] % 6 == one["row"] for one in ended)
     most = max(one["index"] for one in ended)
     scenes = ot.sample(PROFILE, most + 1, seed=5, overrides=SHORT)
-    run = ot.drive(scenes, lambda seen: wish(envs.flat(seen)), observe="human", hold=4)
+    run = ot.drive(
+        scenes, lambda seen: wish(envs.flatten_observation(seen)), observe="human", hold=4
+    )
     labels = ot.label(run).labels
     place = labels.policies.index("default")
     for one in ended:
@@ -119,8 +121,8 @@ def test_what_is_seen_is_what_drive_shows():
     told = list[np.ndarray]()
 
     def policy(one: ot.Observation) -> np.ndarray:
-        told.append(np.where(one.active[:, None], envs.flat(one), np.nan))
-        return wish(envs.flat(one))
+        told.append(np.where(one.active[:, None], envs.flatten_observation(one), np.nan))
+        return wish(envs.flatten_observation(one))
 
     ot.drive(scenes, policy, observe="human", hold=4)
     for number in late:
@@ -185,7 +187,7 @@ def test_next_step_ignores_an_action_and_begins():
     for _, _, seen, reward, ended, _ in stepped(AutoresetMode.NEXT_STEP):
         assert not (ended & waited).any()
         assert (reward[waited] == 0).all()
-        stage = seen[:, [one.name for one in envs.COLUMNS].index("stage")]
+        stage = seen[:, [one.name for one in envs.OBSERVATION_COLUMNS].index("stage")]
         assert (stage[waited] == Stage.FOLLOW).all()
         begun += int(waited.sum())
         waited = ended
@@ -223,7 +225,7 @@ def test_an_end_is_an_accident_an_overtake_or_the_clock():
     for _ in range(40):
         drift = np.tile([0.0, 0.02], (32, 1))
         seen, _, terminated, truncated, _ = env.step(drift)
-        stage = seen[:, [one.name for one in envs.COLUMNS].index("stage")]
+        stage = seen[:, [one.name for one in envs.OBSERVATION_COLUMNS].index("stage")]
         crashes += int((terminated & (stage == Stage.CRASHED)).sum())
         assert not (terminated & truncated).any()
     assert crashes >= 32
@@ -263,7 +265,7 @@ def test_it_says_that_reset_comes_first():
 
 def test_scaled_numbers_are_divided_by_their_scales():
     plain, scaled = made().reset(seed=1)[0], made(scaled=True).reset(seed=1)[0]
-    scale = np.array([one.scale for one in envs.COLUMNS], np.float32)
+    scale = np.array([one.scale for one in envs.OBSERVATION_COLUMNS], np.float32)
     np.testing.assert_array_equal(scaled, plain / scale)
     assert made(scaled=True).observation_space.contains(scaled)
 
@@ -277,11 +279,11 @@ def test_observations_are_nobody_elses():
 
 
 def test_every_column_has_name_unit_and_bounds():
-    assert len(envs.COLUMNS) == WIDTH
-    assert len({one.name for one in envs.COLUMNS}) == WIDTH
-    for one in envs.COLUMNS:
+    assert len(envs.OBSERVATION_COLUMNS) == OBSERVATION_SIZE
+    assert len({one.name for one in envs.OBSERVATION_COLUMNS}) == OBSERVATION_SIZE
+    for one in envs.OBSERVATION_COLUMNS:
         assert one.unit
-        assert one.least < one.most
+        assert one.low < one.high
         assert one.scale > 0.0
 
 

@@ -11,11 +11,16 @@ import overtaking as ot
 import overtaking.gym as envs
 from overtaking.core.errors import ConfigError
 from overtaking.gym.rewards import BREACH_COST, CRASH_COST
-from overtaking.model.events import Outcome
-from overtaking.model.observation import AROUND, MEETING, OWN, ROLES
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import (
+    EGO_COLUMNS,
+    NEIGHBOUR_COLUMNS,
+    NEIGHBOUR_ROLES,
+    PASSING_COLUMNS,
+)
+from overtaking.model.overtake_events import Outcome
+from overtaking.model.trajectories import Stage
 from overtaking.sim.observation import Seen
-from overtaking.world.parameters import VEHICLE_FIELDS, VehicleParameters
+from overtaking.world.step_parameters import VEHICLE_FIELDS, VehicleParameters
 
 from .test_environments import made, wish
 
@@ -24,15 +29,18 @@ ACTION = np.zeros((2, 2))
 
 def seen(**numbers) -> Seen:
     """Two egos that wish for 30 m/s."""
-    own, around = np.zeros((2, len(OWN)), np.float32), np.zeros((2, len(ROLES), len(AROUND)))
+    own, around = (
+        np.zeros((2, len(EGO_COLUMNS)), np.float32),
+        np.zeros((2, len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS))),
+    )
     for name, value in numbers.items():
-        if name in OWN:
-            own[:, list(OWN).index(name)] = value
+        if name in EGO_COLUMNS:
+            own[:, list(EGO_COLUMNS).index(name)] = value
         else:
-            around[:, 0, list(AROUND).index(name)] = value
+            around[:, 0, list(NEIGHBOUR_COLUMNS).index(name)] = value
     wish_of = VehicleParameters._make(np.full((len(VEHICLE_FIELDS), 2), 30.0, np.float32))
     around = around.astype(np.float32)
-    meeting = np.zeros((2, len(MEETING)), np.float32)
+    meeting = np.zeros((2, len(PASSING_COLUMNS)), np.float32)
     return Seen(
         time=0.0,
         active=np.ones(2, bool),
@@ -43,10 +51,10 @@ def seen(**numbers) -> Seen:
     )
 
 
-def events(**changes) -> envs.Events:
+def events(**changes) -> envs.StepOutcome:
     none = np.zeros(2, bool)
     names = ("terminated", "truncated", "crashed", "judged", "legal", "completed")
-    return envs.Events(seconds=np.full(2, 0.5), **(dict.fromkeys(names, none) | changes))
+    return envs.StepOutcome(seconds=np.full(2, 0.5), **(dict.fromkeys(names, none) | changes))
 
 
 def test_progress_is_time_lost():
@@ -96,7 +104,7 @@ def test_a_step_costs_its_own_length():
 def test_progress_of_an_environment_follows_from_its_observations():
     """The loss is the length of the step minus the time for its distance at the desired speed."""
     env = made(8, reward="progress", action="decision", hold=10, overrides=None)
-    index = [column.name for column in envs.COLUMNS].index("position")
+    index = [column.name for column in envs.OBSERVATION_COLUMNS].index("position")
     before, _ = env.reset(seed=2)
     assert env._episodes
     wished_speed = env._episodes.observation.driver.desired_speed.astype(float)
@@ -113,7 +121,9 @@ def test_progress_of_an_environment_follows_from_its_observations():
 
 def pull_out_near_a_leader(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
     """Pull out behind a leader that is slower, and return 30 steps later."""
-    table = dict(zip([column.name for column in envs.COLUMNS], observations.T, strict=True))
+    table = dict(
+        zip([column.name for column in envs.OBSERVATION_COLUMNS], observations.T, strict=True)
+    )
     is_held_up = (table["lead.closing"] > 1.0) & (table["lead.gap"] < 60.0)
     move = np.where(is_held_up, ot.Move.PULL_OUT, ot.Move.KEEP)
     return np.where(clock % 40 > 30, ot.Move.RETURN, move)
@@ -164,7 +174,7 @@ def test_an_environment_pays_it(name):
 
 
 def test_a_function_of_ones_own_is_a_reward():
-    def speed(before: Seen, action: np.ndarray, after: Seen, came: envs.Events) -> np.ndarray:
+    def speed(before: Seen, action: np.ndarray, after: Seen, came: envs.StepOutcome) -> np.ndarray:
         return after.of("speed").astype(np.float64)
 
     env = made(reward=speed)

@@ -8,8 +8,14 @@ import pytest
 import scipy.constants as tables
 
 from overtaking.core.errors import KnowledgeError
-from overtaking.core.units import mps_from_kmh, rad_from_deg
-from overtaking.knowledge.conversion import SUFFIXES, converter, kept_unit, si_unit
+from overtaking.core.units import (
+    SUFFIXES,
+    mps_from_kmh,
+    rad_from_deg,
+    si_unit,
+    unit_converter,
+    unit_of_suffix,
+)
 
 FACTORS = [
     ("km/h", tables.kmh, "m/s"),
@@ -34,20 +40,20 @@ FACTORS = [
 
 @pytest.mark.parametrize(("unit", "factor", "si"), FACTORS)
 def test_a_unit_converts_by_the_factor_of_the_tables(unit: str, factor: float, si: str):
-    assert converter(unit, where="here")(7.5) == pytest.approx(7.5 * factor, rel=4e-16)
+    assert unit_converter(unit, where="here")(7.5) == pytest.approx(7.5 * factor, rel=4e-16)
     assert si_unit(unit) == si
 
 
 @pytest.mark.parametrize("unit", ["1", "m", "m/s^2", "kg m^2", "1/rad", "cd/m^2", "N m/rad"])
 def test_an_si_unit_is_left_alone_to_the_last_bit(unit: str):
-    assert converter(unit, where="here")(math.pi) == math.pi
+    assert unit_converter(unit, where="here")(math.pi) == math.pi
     assert si_unit(unit) == unit
 
 
 @pytest.mark.parametrize("value", [50.0, 90.0, 110.0, 120.0, 130.0, 33.3])
 def test_file_and_code_convert_speeds_and_angles_to_the_same_bits(value: float):
-    assert converter("km/h", where="here")(value) == mps_from_kmh(value)
-    assert converter("deg", where="here")(value) == rad_from_deg(value)
+    assert unit_converter("km/h", where="here")(value) == mps_from_kmh(value)
+    assert unit_converter("deg", where="here")(value) == rad_from_deg(value)
 
 
 @pytest.mark.parametrize(
@@ -56,13 +62,13 @@ def test_file_and_code_convert_speeds_and_angles_to_the_same_bits(value: float):
 )
 def test_a_text_that_is_no_unit_is_refused(unit: str):
     with pytest.raises(KnowledgeError, match=r"^a\.toml \[b\]: unit: expected .*write one with"):
-        converter(unit, where="a.toml [b]")
+        unit_converter(unit, where="a.toml [b]")
 
 
 def test_a_suffix_names_the_unit_that_is_kept():
-    assert kept_unit("film_mm") == "mm"
-    assert kept_unit("rate_mmph") == "mm/h"
-    assert kept_unit("cut_in") is None
-    assert kept_unit("length") is None
+    assert unit_of_suffix("film_mm") == "mm"
+    assert unit_of_suffix("rate_mmph") == "mm/h"
+    assert unit_of_suffix("cut_in") is None
+    assert unit_of_suffix("length") is None
     for unit in SUFFIXES.values():
-        converter(unit, where="suffix")
+        unit_converter(unit, where="suffix")

@@ -8,7 +8,7 @@ import pytest
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge.entries import is_entry, parse_distribution, parse_quantity
+from overtaking.knowledge.quantities import is_entry, parse_distribution, parse_quantity
 
 GOOD = {"value": 90.0, "unit": "km/h", "source": "a-law"}
 SPREAD = {"value": 2.0, "sigma": 0.5, "unit": "m", "source": "a-law"}

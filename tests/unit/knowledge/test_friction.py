@@ -8,7 +8,8 @@ from scipy.interpolate import RegularGridInterpolator
 from tests.support.knowledge import numbers_of, weather_maps
 
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge import friction_table, number
+from overtaking.knowledge.friction import friction_table
+from overtaking.knowledge.toml_reader import number
 
 GRAVITY = number("model.toml", "nature.gravity")
 

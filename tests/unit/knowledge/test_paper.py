@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from overtaking.analysis.reproduction.statements import (
+    StatementRole,
+    Statistic,
+    calibration,
+    statements,
+)
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge.paper import Measure, Standing, calibration, statements
 
 CLASSES = ("no_attempt", "success_i", "success_l", "unsuccess_col", "unsuccess_ncol")
 
@@ -46,14 +51,14 @@ def test_a_speed_is_kept_in_si_and_shown_as_printed():
 
 
 def test_only_what_may_be_fitted_is_called_calibrated():
-    fitted = [one for one in statements().values() if one.standing == Standing.CALIBRATED]
-    allowed = {(Measure.COUNT, ""), *((Measure.MEAN, name) for name in ("SE", "SP", "D"))}
-    assert {(one.measure, one.of) for one in fitted} == allowed
+    fitted = [one for one in statements().values() if one.standing == StatementRole.CALIBRATED]
+    allowed = {(Statistic.COUNT, ""), *((Statistic.MEAN, name) for name in ("SE", "SP", "D"))}
+    assert {(one.measure, one.feature) for one in fitted} == allowed
 
 
 def test_every_standing_is_met_and_has_a_meaning():
-    assert {one.standing for one in statements().values()} == set(Standing)
-    assert all(one.meaning for one in Standing)
+    assert {one.standing for one in statements().values()} == set(StatementRole)
+    assert all(one.meaning for one in StatementRole)
 
 
 def test_the_seeds_of_the_calibration_are_whole_numbers():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import pearsonr, spearmanr
 
-from overtaking.knowledge import Preset, presets
+from overtaking.knowledge.carla_catalogue import WeatherPreset, weather_presets
 
 # CARLA's WeatherParameters.cpp: cloudiness, precipitation, deposits, wind, sun altitude, fog,
 # fog distance, wetness; the eight of the study first.
@@ -56,19 +56,19 @@ CARLA_NAMES = [
 ]
 
 
-def study() -> list[Preset]:
-    return [preset for preset in presets().values() if preset.in_pinto2023]
+def study() -> list[WeatherPreset]:
+    return [preset for preset in weather_presets().values() if preset.in_pinto2023]
 
 
 def test_the_eight_presets_of_the_study_come_first():
-    assert list(presets()) == list(CARLA_SOURCE)
+    assert list(weather_presets()) == list(CARLA_SOURCE)
     assert [preset.name for preset in study()] == list(CARLA_SOURCE)[:8]
-    assert all(name == preset.name for name, preset in presets().items())
+    assert all(name == preset.name for name, preset in weather_presets().items())
 
 
 @pytest.mark.parametrize("name", CARLA_SOURCE)
 def test_a_preset_has_the_values_of_carlas_source(name: str):
-    preset = presets()[name]
+    preset = weather_presets()[name]
     assert CARLA_SOURCE[name] == (
         preset.cloudiness_percent,
         preset.precipitation_percent,
@@ -83,7 +83,7 @@ def test_a_preset_has_the_values_of_carlas_source(name: str):
 
 @pytest.mark.parametrize("name", CARLA_SOURCE)
 def test_what_hardly_varies_in_carlas_source_is_right_too(name: str):
-    preset = presets()[name]
+    preset = weather_presets()[name]
     # Only the fog of two clear nights begins far away, and only it thins out with height.
     assert preset.fog_falloff == (1.0 if preset.fog_distance == 75.0 else 0.1)
     assert preset.dust_storm_percent == (100.0 if name == "DustStorm" else 0.0)
@@ -131,8 +131,8 @@ def test_the_one_published_row_is_a_mid_rainy_night():
 
 
 def test_every_preset_is_a_weather_that_carla_accepts():
-    assert len(presets()) == 22
-    for preset in presets().values():
+    assert len(weather_presets()) == 22
+    for preset in weather_presets().values():
         sent = preset.carla_fields()
         assert list(sent) == CARLA_NAMES
         for name in ("cloudiness", "precipitation", "wind_intensity", "fog_density", "wetness"):
@@ -143,7 +143,7 @@ def test_every_preset_is_a_weather_that_carla_accepts():
 
 def test_a_name_tells_the_time_of_day():
     altitude = {"Noon": 45.0, "Sunset": 15.0, "Night": -90.0}
-    named = [preset for preset in presets().values() if preset.name != "DustStorm"]
+    named = [preset for preset in weather_presets().values() if preset.name != "DustStorm"]
     assert len(named) == 21
     for preset in named:
         suffix = next(word for word in altitude if preset.name.endswith(word))

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from overtaking.core.errors import KnowledgeError
-from overtaking.knowledge import Distribution, Quantity, number, quantities, read_section, sources
+from overtaking.knowledge.quantities import Distribution, Quantity
+from overtaking.knowledge.toml_reader import all_quantities, number, read_record, sources
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -62,7 +63,7 @@ inner.gap = { value = 2.5, unit = "m", source = "sumo-vtype-defaults" }
 
 
 def test_a_section_fills_a_dataclass_field_by_field(toml: Toml):
-    found = read_section(Everything, toml(WHOLE), "a.b")
+    found = read_record(Everything, toml(WHOLE), "a.b")
     assert (found.name, found.is_used) == ("example", True)
     assert (found.length.value, found.length.sigma) == (4.4, 0.2)
     assert (found.time.kind, found.time.low, found.time.high) == ("uniform", 1.0, 2.0)
@@ -74,7 +75,7 @@ def test_a_section_fills_a_dataclass_field_by_field(toml: Toml):
 
 
 def test_what_was_read_cannot_be_changed(toml: Toml):
-    found = read_section(OnlyLength, toml(LENGTH))
+    found = read_record(OnlyLength, toml(LENGTH))
     with pytest.raises(FrozenInstanceError):
         found.length.value = 5.0  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -96,7 +97,7 @@ def test_what_was_read_cannot_be_changed(toml: Toml):
 )
 def test_a_wrong_file_is_refused_in_one_line_that_names_it(toml: Toml, text: str, message: str):
     with pytest.raises(KnowledgeError) as caught:
-        read_section(OnlyLength, toml(text))
+        read_record(OnlyLength, toml(text))
     assert str(caught.value).startswith("example.toml")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -119,28 +120,28 @@ def test_an_item_of_another_type_than_its_field_is_refused(
 ):
     assert old in WHOLE
     with pytest.raises(KnowledgeError) as caught:
-        read_section(Everything, toml(WHOLE.replace(old, new)), "a.b")
+        read_record(Everything, toml(WHOLE.replace(old, new)), "a.b")
     assert message in str(caught.value)
 
 
 def test_a_plain_field_takes_the_value_in_si(toml: Toml):
     text = 'length = { value = 250.0, unit = "mm", source = "bosch-handbook" }'
-    assert read_section(PlainLength, toml(text)).length == 0.25
+    assert read_record(PlainLength, toml(text)).length == 0.25
 
 
 @pytest.mark.parametrize("section", ["c", "a.c", "a.b.length", "a.b.name"])
 def test_a_section_that_does_not_exist_is_refused(toml: Toml, section: str):
     with pytest.raises(KnowledgeError, match=r"example\.toml: section \["):
-        read_section(Everything, toml(WHOLE), section)
+        read_record(Everything, toml(WHOLE), section)
 
 
 def test_a_missing_file_is_refused(tmp_path: Path):
     with pytest.raises(KnowledgeError, match=r"^nowhere\.toml: file: expected a readable TOML"):
-        quantities(tmp_path / "nowhere.toml")
+        all_quantities(tmp_path / "nowhere.toml")
 
 
 def test_quantities_are_named_by_their_path_in_the_order_of_the_file(toml: Toml):
-    found = quantities(toml(WHOLE))
+    found = all_quantities(toml(WHOLE))
     assert list(found) == ["a.b.time", "a.b.count", "a.b.inner.gap", "a.b.length", "a.b.speeds"]
     assert isinstance(found["a.b.time"], Distribution)
     assert isinstance(found["a.b.length"], Quantity)
@@ -168,7 +169,7 @@ def test_what_is_no_number_is_refused_as_one(toml: Toml, name: str, message: str
 @pytest.mark.parametrize("bare", ["3", "3.5", "[1, 2]", "1979-05-27"])
 def test_a_number_outside_an_entry_is_refused(toml: Toml, bare: str):
     with pytest.raises(KnowledgeError, match=r"example\.toml \[a\.x\]: entry: expected a table"):
-        quantities(toml(f"[a]\nx = {bare}\n"))
+        all_quantities(toml(f"[a]\nx = {bare}\n"))
 
 
 def test_a_source_says_what_it_is_and_whether_it_was_read():

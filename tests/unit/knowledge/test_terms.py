@@ -5,10 +5,10 @@ from __future__ import annotations
 from overtaking.analysis.stats.columns import FEATURES
 from overtaking.data.tables.names import READINGS
 from overtaking.data.tables.schemas import SCHEMAS
-from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.knowledge.glossary import TERM_GROUPS, terms
 from overtaking.labels.law import policies_for
-from overtaking.model.labels import OvertakeClass
 from overtaking.model.vehicles import VehicleKind
+from overtaking.model.verdicts import OvertakeClass
 
 
 def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
@@ -17,7 +17,7 @@ def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
     assert tuple(terms("readings")) == READINGS
     assert tuple(terms("vehicles")) == tuple(kind.name for kind in VehicleKind)
     assert [(one.name, one.unit, one.title) for one in FEATURES] == [
-        (name, term.shown_in, term.title) for name, term in terms("features").items()
+        (name, term.display_unit, term.title) for name, term in terms("features").items()
     ]
 
 
@@ -32,7 +32,7 @@ def test_the_columns_of_features_say_what_the_terms_say():
 
 
 def test_every_term_has_a_meaning_of_one_line():
-    for group in GROUPS:
+    for group in TERM_GROUPS:
         for name, term in terms(group).items():
             assert len(term.meaning.split()) > 1, name
             assert "\n" not in term.meaning, name

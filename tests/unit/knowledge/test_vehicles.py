@@ -13,12 +13,12 @@ from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
 from vehiclemodels.parameters_vehicle3 import parameters_vehicle3
 
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
-from overtaking.knowledge import (
-    COLOUR_ORDER,
-    VEHICLE_CLASS_ORDER,
+from overtaking.knowledge.toml_reader import number
+from overtaking.knowledge.vehicle_classes import (
+    COLOUR_NAMES,
+    VEHICLE_CLASS_NAMES,
     VehicleClass,
     colours,
-    number,
     vehicle_classes,
 )
 
@@ -39,7 +39,7 @@ def acceleration(vehicle: VehicleClass, speed: float) -> float:
 
 
 def test_classes_come_in_the_order_of_their_codes():
-    assert tuple(vehicle_classes()) == VEHICLE_CLASS_ORDER == ("S", "M", "L", "V", "T", "MC", "B")
+    assert tuple(vehicle_classes()) == VEHICLE_CLASS_NAMES == ("S", "M", "L", "V", "T", "MC", "B")
     assert [name for name, item in vehicle_classes().items() if item.two_wheeler] == ["MC", "B"]
     assert [name for name, item in vehicle_classes().items() if not item.motorway_allowed] == ["B"]
 
@@ -120,7 +120,7 @@ def test_brakes_exceed_type_approval(names: tuple[str, ...], floor: float):
         assert vehicle_classes()[name].peak_decel.number > floor
 
 
-@pytest.mark.parametrize("name", VEHICLE_CLASS_ORDER)
+@pytest.mark.parametrize("name", VEHICLE_CLASS_NAMES)
 def test_comfortable_braking_is_far_below_the_hardest(name: str):
     vehicle = vehicle_classes()[name]
     hardest_comfort = vehicle.comfort_decel.high
@@ -148,7 +148,7 @@ def test_drag_lies_within_the_published_range(
     assert lowest <= vehicle.drag_area.number / area <= highest
 
 
-@pytest.mark.parametrize("name", VEHICLE_CLASS_ORDER)
+@pytest.mark.parametrize("name", VEHICLE_CLASS_NAMES)
 def test_sizes_fit_into_each_other(name: str):
     vehicle = vehicle_classes()[name]
     box = vehicle.length.number * vehicle.height.number
@@ -204,7 +204,7 @@ def luminance(rgb: tuple[int, int, int]) -> float:
 
 
 def test_a_darker_colour_has_more_contrast_against_fog():
-    assert tuple(colours()) == COLOUR_ORDER
+    assert tuple(colours()) == COLOUR_NAMES
     light = [luminance(colour.rgb) for colour in colours().values()]
     contrast = [colour.contrast.number for colour in colours().values()]
     assert cast("float", spearmanr(light, contrast)[0]) < -0.99

@@ -10,7 +10,8 @@ from scipy.optimize import brentq
 from tests.support.knowledge import weather_maps
 
 from overtaking.core.units import deg_from_rad, kmh_from_mps, mps_from_kmh
-from overtaking.knowledge import number, vehicle_classes
+from overtaking.knowledge.toml_reader import number
+from overtaking.knowledge.vehicle_classes import vehicle_classes
 
 AIR_DENSITY = number("model.toml", "nature.air_density")
 
@@ -154,10 +155,10 @@ def test_lamps_are_as_bright_as_type_approval_allows(lamp: str, lowest: float, h
 
 def test_only_a_low_sun_ahead_dazzles():
     glare = weather_maps().glare
-    assert deg_from_rad(glare.highest_sun) == pytest.approx(18.0)
+    assert deg_from_rad(glare.max_sun_altitude) == pytest.approx(18.0)
     assert deg_from_rad(glare.half_width) == pytest.approx(25.0)
     # CARLA's sunset is at 15 degrees, its noon at 45.
-    assert 15.0 < deg_from_rad(glare.highest_sun) < 45.0
+    assert 15.0 < deg_from_rad(glare.max_sun_altitude) < 45.0
 
 
 def test_a_car_on_a_wet_road_makes_a_cloud_of_a_quarter_kilometre():
@@ -176,6 +177,6 @@ def test_ranges_and_thresholds_are_in_order():
     assert heads.marking_wet < heads.marking_dry
     assert heads.low_beam < heads.low_beam_within < heads.high_beam
     assert maps.puddles.first_wave < maps.puddles.second_wave
-    assert maps.gusts.shortest < maps.gusts.longest
+    assert maps.gusts.min_length < maps.gusts.max_length
     assert maps.errors.distance_cv_day < maps.errors.distance_cv_night < maps.errors.distance_cv_fog
     assert list(maps.fog.band_edges) == sorted(maps.fog.band_edges)

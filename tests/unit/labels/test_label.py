@@ -7,7 +7,7 @@ from tests.support.cases import Track, case, ramp
 from tests.support.worlds import wide_road
 
 from overtaking.labels.label import label
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 FRAMES = 300
 AHEAD = Track(s=60.0, speed=20.0)

@@ -16,10 +16,10 @@ import overtaking as ot
 from overtaking import api
 from overtaking.core.errors import ConfigError, SystemLimitError
 from overtaking.model.batch import FieldSpec, batch_fields
-from overtaking.model.checks import check, checked
-from overtaking.model.features import Features
-from overtaking.model.safety import Safety
-from overtaking.scenarios import profile_names
+from overtaking.model.checks import check_arguments, check_batch
+from overtaking.model.overtake_features import PaperFeatures
+from overtaking.model.safety_measures import SafetyMeasures
+from overtaking.scenarios.profiles import profile_names
 
 if TYPE_CHECKING:
     from overtaking.model.batch import Batch
@@ -112,10 +112,10 @@ def test_a_recording_that_is_none_is_refused(runs, path: str, value: object, say
 
 @pytest.mark.parametrize("profile", profile_names())
 def test_what_profiles_and_simulators_make_passes(profile: str):
-    check(ot.sample(profile, 500, 3), "test")
+    check_batch(ot.sample(profile, 500, 3), "test")
     short = ot.sample(profile, 5, 3, overrides=SHORT)
     for simulator in ("engine", "reference"):
-        check(ot.simulate(short, simulator=simulator), "test")
+        check_batch(ot.simulate(short, simulator=simulator), "test")
 
 
 def test_a_recording_of_others_passes(shared_data, tmp_path: Path):
@@ -123,11 +123,11 @@ def test_a_recording_of_others_passes(shared_data, tmp_path: Path):
         source = shared_data / "commonroad" / f"{name}.xml"
         data = api.import_recording("commonroad", source, tmp_path / name)
         for _, batch in data.batches():
-            check(batch, "test")
+            check_batch(batch, "test")
 
 
 def test_a_batch_without_simulations_passes(scenario):
-    check(scenario.select(slice(0, 0)), "test")
+    check_batch(scenario.select(slice(0, 0)), "test")
 
 
 def test_what_a_recording_may_have_and_a_simulator_cannot_run_is_refused(scenario):
@@ -206,7 +206,7 @@ def test_methods_of_a_data_set_check_their_arguments(tmp_path: Path):
         data.table(5)  # type: ignore[arg-type]
 
 
-@checked
+@check_arguments
 def example(
     number: Annotated[int, FieldSpec(low=1, high=9)],
     names: Iterable[str] = (),
@@ -247,7 +247,7 @@ def test_a_checked_function_keeps_its_name_and_words():
     assert (example.__name__, example.__doc__) == ("example", "Return what it is given.")
 
 
-@pytest.mark.parametrize("cls", [ot.Scenario, ot.Weather, ot.VehicleSpecs, ot.Drivers])
+@pytest.mark.parametrize("cls", [ot.Scenario, ot.Weather, ot.VehicleSpecs, ot.DriverTraits])
 def test_every_number_of_what_is_simulated_has_a_range(cls: type):
     declared = batch_fields(cls)
     without = {
@@ -259,10 +259,12 @@ def test_every_number_of_what_is_simulated_has_a_range(cls: type):
 
 
 def test_help_lists_what_the_fields_declare():
-    assert "time_gap: Net time gap wanted behind a leader [s].\n" in (ot.Drivers.__doc__ or "")
+    assert "time_gap: Net time gap wanted behind a leader [s].\n" in (ot.DriverTraits.__doc__ or "")
 
 
-@pytest.mark.parametrize("cls", [ot.Weather, ot.VehicleSpecs, ot.Drivers, Safety, Features])
+@pytest.mark.parametrize(
+    "cls", [ot.Weather, ot.VehicleSpecs, ot.DriverTraits, SafetyMeasures, PaperFeatures]
+)
 def test_every_field_is_declared_with_its_meaning(cls: type):
     declared = batch_fields(cls)
     assert [name for name, field in declared.items() if not field.spec.meaning] == []

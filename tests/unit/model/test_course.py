@@ -8,30 +8,38 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Limit, Line, Place, PlaceKind, RoadMark, whole_line
 from overtaking.model.known_roads import known_road
-from overtaking.world.sight import sight_at
+from overtaking.model.road_course import (
+    CentreLineSpan,
+    RoadCourse,
+    RoadMark,
+    RoadZone,
+    SpeedLimitSpan,
+    ZoneKind,
+    marks_along,
+)
+from overtaking.world.sight_distance import sight_at
 
 SOLID, BROKEN, MIXED = RoadMark.SOLID, RoadMark.BROKEN, RoadMark.SOLID_BROKEN
 
 
-def line(start: float, stop: float, mark: RoadMark = SOLID) -> Line:
-    return Line(start=start, stop=stop, mark=mark)
+def line(start: float, stop: float, mark: RoadMark = SOLID) -> CentreLineSpan:
+    return CentreLineSpan(start=start, stop=stop, mark=mark)
 
 
-def limit(start: float, stop: float, speed: float, direction: int = 0) -> Limit:
-    return Limit(start=start, stop=stop, speed=speed, direction=direction)
+def limit(start: float, stop: float, speed: float, direction: int = 0) -> SpeedLimitSpan:
+    return SpeedLimitSpan(start=start, stop=stop, speed=speed, direction=direction)
 
 
 def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
     lines = (line(100.0, 200.0), line(200.0, 250.0, MIXED), line(400.0, 500.0, BROKEN))
-    assert whole_line(lines, BROKEN) == (
+    assert marks_along(lines, BROKEN) == (
         (-math.inf, BROKEN),
         (100.0, SOLID),
         (200.0, MIXED),
         (250.0, BROKEN),
     )
-    assert whole_line((), SOLID) == ((-math.inf, SOLID),)
+    assert marks_along((), SOLID) == ((-math.inf, SOLID),)
 
 
 @pytest.mark.parametrize(
@@ -41,8 +49,8 @@ def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
         ({"lines": (line(0.0, 20.0), line(10.0, 30.0))}, "lines: expected in order"),
         ({"limits": (limit(0, 20, 10.0), limit(10, 30, 9.0, -1))}, "limits: expected in order"),
         ({"limits": (limit(0, 20, 0.0),)}, "speed: expected more than 0"),
-        ({"places": (Place(kind=PlaceKind.BEND, start=9.0, stop=1.0),)}, "start before stop"),
-        ({"places": (Place(kind=PlaceKind.BEND, start=-1.0, stop=1.0),)}, "start: expected 0 to"),
+        ({"places": (RoadZone(kind=ZoneKind.BEND, start=9.0, stop=1.0),)}, "start before stop"),
+        ({"places": (RoadZone(kind=ZoneKind.BEND, start=-1.0, stop=1.0),)}, "start: expected 0 to"),
         ({"sight": ((0.0, 100.0), (0.0, 200.0))}, "sight: expected stations in order"),
         ({"sight": ((0.0, 0.0),)}, "more than 0 and at most 10000 m, got 0 m at 0 m"),
         ({"sight_against": ((math.nan, 1.0),)}, "sight_against: expected 0 to 100000 m"),
@@ -52,31 +60,31 @@ def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
 )
 def test_what_is_out_of_order_is_refused(changes, reason: str):
     with pytest.raises(ConfigError, match=re.escape(reason)):
-        Course(**changes)
+        RoadCourse(**changes)
 
 
 @pytest.mark.parametrize(
     "course",
     [
-        Course(lines=(line(0.0, 10.0),)),
-        Course(sight_against=((0.0, 10.0),)),
-        Course(limits=(limit(0.0, 1.0, 10.0, -1),)),
-        Course(places=(Place(kind=PlaceKind.CREST, start=0.0, stop=1.0, direction=-1),)),
+        RoadCourse(lines=(line(0.0, 10.0),)),
+        RoadCourse(sight_against=((0.0, 10.0),)),
+        RoadCourse(limits=(limit(0.0, 1.0, 10.0, -1),)),
+        RoadCourse(places=(RoadZone(kind=ZoneKind.CREST, start=0.0, stop=1.0, direction=-1),)),
     ],
 )
-def test_what_is_about_oncoming_traffic_needs_a_lane_for_it(course: Course):
+def test_what_is_about_oncoming_traffic_needs_a_lane_for_it(course: RoadCourse):
     with pytest.raises(ConfigError, match="lines or sight for it, and no such lane"):
         dataclasses.replace(known_road("motorway"), course=course)
 
 
 def test_a_course_ends_with_its_road():
-    course = Course(sight=((0.0, 100.0), (5000.1, 100.0)))
+    course = RoadCourse(sight=((0.0, 100.0), (5000.1, 100.0)))
     with pytest.raises(ConfigError, match="the length of the road, got 5000"):
         dataclasses.replace(known_road("motorway"), course=course)
 
 
 def test_sight_is_linear_between_stations_and_constant_beyond():
-    course = Course(sight=((100.0, 300.0), (200.0, 100.0)))
+    course = RoadCourse(sight=((100.0, 300.0), (200.0, 100.0)))
     np.testing.assert_array_equal(course.sight_at([0.0, 150.0, 999.0]), [300.0, 200.0, 100.0])
     np.testing.assert_array_equal(course.sight_at([0.0, 150.0], -1), [np.inf, np.inf])
     np.testing.assert_array_equal(sight_at(known_road("motorway"), 7.0), np.inf)
@@ -84,17 +92,21 @@ def test_sight_is_linear_between_stations_and_constant_beyond():
 
 def test_limits_hold_from_where_they_begin_to_where_they_end_by_direction():
     both = (limit(100, 200, 20.0), limit(200, 300, 10.0, 1), limit(250, 300, 15.0, -1))
-    road = dataclasses.replace(known_road("rural"), course=Course(limits=both))
+    road = dataclasses.replace(known_road("rural"), course=RoadCourse(limits=both))
     stations = [99.9, 100.0, 199.9, 200.0, 250.0, 300.0]
-    np.testing.assert_array_equal(road.limit_at(stations), [25.0, 20.0, 20.0, 10.0, 10.0, 25.0])
-    np.testing.assert_array_equal(road.limit_at(stations, -1), [25.0, 20.0, 20.0, 25.0, 15.0, 25.0])
-    assert road.limit_at(150.0) == 20.0
+    np.testing.assert_array_equal(
+        road.speed_limit_at(stations), [25.0, 20.0, 20.0, 10.0, 10.0, 25.0]
+    )
+    np.testing.assert_array_equal(
+        road.speed_limit_at(stations, -1), [25.0, 20.0, 20.0, 25.0, 15.0, 25.0]
+    )
+    assert road.speed_limit_at(150.0) == 20.0
     assert road.mirrored().course == road.course
 
 
 def test_the_limit_of_a_road_is_its_highest():
     with pytest.raises(ConfigError, match="expected below 25 m/s, the limit of the road, got 26"):
-        dataclasses.replace(known_road("rural"), course=Course(limits=(limit(0, 9, 26.0),)))
+        dataclasses.replace(known_road("rural"), course=RoadCourse(limits=(limit(0, 9, 26.0),)))
 
 
 def test_a_course_is_the_same_in_a_mirrored_world():
@@ -111,7 +123,7 @@ def test_the_sight_of_the_rural_road_is_that_of_its_bends_and_crests():
     bend = 2.0 * 1000.0 * math.acos(1.0 - 5.0 / 1000.0)
     crest = math.sqrt(2.0 * 4000.0) * 2.0 * math.sqrt(1.08)
     for place in road.course.places:
-        within = {PlaceKind.BEND: bend, PlaceKind.CREST: crest}[place.kind]
+        within = {ZoneKind.BEND: bend, ZoneKind.CREST: crest}[place.kind]
         middle = 0.5 * (place.start + place.stop)
         for direction in (1, -1):
             assert sight_at(road, middle, direction) == pytest.approx(within, abs=0.5)

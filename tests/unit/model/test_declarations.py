@@ -15,9 +15,17 @@ from numpy.typing import NDArray
 import overtaking
 import overtaking as ot
 from overtaking.core import arrays
-from overtaking.model.batch import AxisEnd, Batch, ColumnName, FieldSpec, batch_fields
-from overtaking.model.trajectory import BYTES_PER_STATE, STATE_TYPES
-from overtaking.model.values import along, meant, within
+from overtaking.model.batch import (
+    AxisEnd,
+    Batch,
+    ColumnName,
+    FieldSpec,
+    along,
+    batch_fields,
+    meant,
+    within,
+)
+from overtaking.model.trajectories import BYTES_PER_STATE, STATE_DTYPES
 
 TEXTS = {"Comparison"}
 """Batches with texts, whose dtype depends on their length; only this package makes them."""
@@ -115,7 +123,7 @@ def test_every_array_of_every_batch_declares_its_dtype():
 
 
 def test_recorded_states_have_the_dtypes_of_the_format():
-    assert {name: np.dtype(kind).str for name, kind in STATE_TYPES.items()} == {
+    assert {name: np.dtype(kind).str for name, kind in STATE_DTYPES.items()} == {
         **dict.fromkeys(("x", "y", "s", "d", "speed"), "<i4"),
         **dict.fromkeys(("heading", "wheel_angle", "accel_lon", "accel_lat", "yaw_rate"), "<i2"),
         "lane": "|u1",
@@ -126,6 +134,6 @@ def test_recorded_states_have_the_dtypes_of_the_format():
 
 def test_help_lists_the_fields_under_one_heading():
     """Python 3.13 removes the indentation of docstrings, earlier versions keep it."""
-    lines = (inspect.getdoc(ot.Drivers) or "").splitlines()
+    lines = (inspect.getdoc(ot.DriverTraits) or "").splitlines()
     assert "    time_gap: Net time gap wanted behind a leader [s]." in lines
     assert lines.count("Attributes:") == 1

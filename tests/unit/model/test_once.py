@@ -7,12 +7,12 @@ import weakref
 
 from tests.support.cases import Track, case
 
-from overtaking.model.once import once
+from overtaking.model.batch import cached_per_batch
 
 
 def test_an_answer_is_worked_out_once_for_each_case():
     asked = []
-    answer = once(lambda given: asked.append(given) or len(asked))
+    answer = cached_per_batch(lambda given: asked.append(given) or len(asked))
     one, other = (case(Track(), Track(s=50.0)) for _ in range(2))
     assert [answer(one), answer(one), answer(other), answer(one)] == [1, 1, 2, 1]
 
@@ -21,7 +21,7 @@ def test_an_answer_is_forgotten_with_its_case():
     class Answer:
         pass
 
-    answer, one = once(lambda _: Answer()), case(Track(), Track(s=50.0))
+    answer, one = cached_per_batch(lambda _: Answer()), case(Track(), Track(s=50.0))
     known = weakref.ref(answer(one))
     assert known() is not None
     del one

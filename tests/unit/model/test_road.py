@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge.roads import ROAD_NAMES
-from overtaking.model.known_roads import known_road
+from overtaking.model.known_roads import ROAD_NAMES, known_road
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 
 WIDTHS = (3.75, 3.5, 3.25)
@@ -89,7 +88,7 @@ def test_lanes_are_laid_out_to_the_right_in_left_hand_traffic():
 
 def test_d_is_positive_to_the_left_of_the_direction_of_travel():
     north = straight(heading=math.pi / 2, x0=0.0, y0=0.0)
-    x, y = north.world(100.0, 2.0)
+    x, y = north.to_world(100.0, 2.0)
     assert (float(x), float(y)) == pytest.approx((-2.0, 100.0), abs=1e-12)
 
 
@@ -100,7 +99,7 @@ def test_d_is_positive_to_the_left_of_the_direction_of_travel():
 )
 def test_world_coordinates_are_a_rotation_of_the_complex_plane(road: Road, s: float, d: float):
     point = complex(road.x0, road.y0) + complex(s, d) * cmath.exp(1j * road.heading)
-    x, y = road.world(s, d)
+    x, y = road.to_world(s, d)
     assert abs(complex(x, y) - point) < 1e-9  # 1e5 m in float64 with a few roundings.
 
 
@@ -111,21 +110,21 @@ def test_road_coordinates_undo_world_coordinates(road: Road, data):
         st.lists(st.tuples(st.floats(-1e3, 1e5), st.floats(-1e3, 1e3)), min_size=1, max_size=5)
     )
     s, d = np.array(points).T
-    back_s, back_d = road.road_coordinates(*road.world(s, d))
+    back_s, back_d = road.to_road(*road.to_world(s, d))
     np.testing.assert_allclose(back_s, s, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(back_d, d, rtol=0.0, atol=1e-9)
 
 
 def test_world_broadcasts_stations_against_lanes():
     road = straight()
-    x, y = road.world(np.linspace(0.0, 100.0, 11)[:, None], road.centres)
+    x, y = road.to_world(np.linspace(0.0, 100.0, 11)[:, None], road.centres)
     assert x.shape == y.shape == (11, 3)
     assert x.dtype == y.dtype == np.float64
 
 
 @given(st.floats(-math.tau, math.tau))
 def test_the_direction_of_travel_is_right_to_the_last_digit(heading: float):
-    x, y = straight(heading=heading, x0=0.0, y0=0.0).world(1.0, 0.0)
+    x, y = straight(heading=heading, x0=0.0, y0=0.0).to_world(1.0, 0.0)
     exact = mpmath.expj(heading)
     # Two units of the last place of 1: the multiples of a quarter turn are not representable.
     assert abs(float(x) - float(exact.real)) <= 4.5e-16
@@ -155,8 +154,8 @@ def test_a_border_belongs_to_the_faster_lane_and_the_edges_are_outside():
 def test_the_mirror_image_is_exact(road: Road, s: float, d: float):
     image = road.mirrored()
     assert image.mirrored() == road
-    x, y = road.world(s, d)
-    image_x, image_y = image.world(s, -d)
+    x, y = road.to_world(s, d)
+    image_x, image_y = image.to_world(s, -d)
     assert (float(image_x), float(image_y)) == (float(x), -float(y))
     np.testing.assert_array_equal(image.boundaries, -road.boundaries)
     assert image.lane_index(-d) == road.lane_index(d)
@@ -180,9 +179,9 @@ def test_a_mark_seen_twice_from_the_other_side_is_itself(mark: RoadMark):
 
 def test_world_points_come_back_in_the_coordinates_of_the_source():
     road = straight(origin_x=691_000.0, origin_y=5_335_000.0)
-    x, y = road.to_source(*road.world(100.0, 2.0))
+    x, y = road.to_source(*road.to_world(100.0, 2.0))
     assert (float(x), float(y)) == pytest.approx((691_098.799, 5_335_042.698), abs=1e-3)
-    s, d = road.road_coordinates(*road.from_source(x, y))
+    s, d = road.to_road(*road.from_source(x, y))
     assert (float(s), float(d)) == pytest.approx((100.0, 2.0), abs=1e-6)
 
 

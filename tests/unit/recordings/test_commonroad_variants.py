@@ -319,7 +319,7 @@ def test_a_road_far_from_the_origin_keeps_its_coordinates(write):
         x, y = found.road.to_source(found.tracks.x[rows], found.tracks.y[rows])
         assert x[0] == pytest.approx(300.0 + far[0], abs=1e-3)
         assert abs(y[0]) == pytest.approx(0.5 * WIDTH + far[1], abs=1e-3)
-        start = found.road.to_source(*found.road.world(0.0, 0.0))
+        start = found.road.to_source(*found.road.to_world(0.0, 0.0))
         assert abs(start[0] - far[0]) < 20.0
 
 

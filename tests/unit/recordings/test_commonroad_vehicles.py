@@ -11,7 +11,7 @@ from tests.support.recordings import OVERTAKE, WIDTH, Bend, Mover, commonroad
 
 import overtaking as ot
 from overtaking.core.errors import ImportFormatError
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.scenes import scenes
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.random import Generator
 
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 PROFILES = ("pinto2023-physical", "motorway", "rural")
 SEED = 20
@@ -77,7 +77,7 @@ def table_of(run: Trajectories, simulations: range) -> pd.DataFrame:
 
 def _table_of_one(run: Trajectories, simulation: int) -> pd.DataFrame:
     bodies, states = run.scenario.vehicles, run.states
-    slot, frame = np.nonzero(run.state_valid[simulation])
+    slot, frame = np.nonzero(run.state_mask[simulation])
     return pd.DataFrame(
         {
             "id": slot + 1,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
-from overtaking.model.line import ReferenceLine
+from overtaking.model.reference_line import ReferenceLine
 from overtaking.recordings.fitting import CLOSE, LARGEST_MISS, fitted, is_straight
 
 
@@ -32,7 +32,7 @@ def spirals() -> tuple[np.ndarray, np.ndarray]:
 
 def off(pieces, points: np.ndarray) -> float:
     """Largest distance of points from a line."""
-    return float(np.abs(ReferenceLine.of(pieces).road_coordinates(*points.T)[1]).max())
+    return float(np.abs(ReferenceLine.from_segments(pieces).to_road(*points.T)[1]).max())
 
 
 def test_a_straight_road_with_rough_edges_is_one_straight_piece():
@@ -57,10 +57,10 @@ def test_a_circle_is_near_by_everywhere_and_bends_as_it_does(radius, spacing):
     # Chords of 5 m lie inside a bend of 15 m by 0.21 m; the line runs between both.
     sag = spacing**2 / (8.0 * abs(radius))
     assert line.miss <= max(CLOSE, sag)
-    made = ReferenceLine.of(line.pieces)
+    made = ReferenceLine.from_segments(line.pieces)
     assert off(line.pieces, circle(radius, angle, 0.5)) <= CLOSE + sag
     assert made.length == pytest.approx(abs(radius) * angle, rel=0.02)
-    inner = made.at(np.linspace(0.1, 0.9, 50) * made.length)
+    inner = made.pose_at(np.linspace(0.1, 0.9, 50) * made.length)
     assert np.median(inner.curvature) == pytest.approx(1.0 / radius, rel=0.05)
     assert made.heading_at(made.length) == pytest.approx(angle * np.sign(radius), abs=0.1)
 
@@ -72,8 +72,8 @@ def test_clothoids_in_and_out_of_a_bend_with_noise_are_within_what_is_said():
     assert line is not None
     assert line.miss <= 0.25
     assert off(line.pieces, exact) < CLOSE
-    made = ReferenceLine.of(line.pieces)
-    found = made.heading_at(made.road_coordinates(*exact.T)[0])
+    made = ReferenceLine.from_segments(line.pieces)
+    found = made.heading_at(made.to_road(*exact.T)[0])
     assert np.abs(found - heading).max() < 0.03
     assert len(line.pieces) <= 20
 
@@ -83,7 +83,7 @@ def test_pieces_join_in_place_direction_and_curvature():
     assert line is not None
     assert len(line.pieces) > 1
     for one, after in zip(line.pieces, line.pieces[1:], strict=False):
-        end = ReferenceLine.of([one]).at(one.length)
+        end = ReferenceLine.from_segments([one]).pose_at(one.length)
         assert (end.x, end.y) == pytest.approx((after.x, after.y), abs=1e-9)
         assert end.heading == pytest.approx(after.heading, abs=1e-12)
         assert one.end_curvature == after.curvature

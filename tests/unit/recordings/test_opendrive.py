@@ -63,7 +63,7 @@ def test_lanes_against_the_reference_line_turn_the_road_about(tmp_path: Path):
     assert fast is not None
     assert (fast.lane_id, fast.direction) == (-1, -1)
     # World points: 100 m before the end of the line, 1 m left of it, is s = 100, d = -1 here.
-    x, y = found.world(100.0, -1.0)
+    x, y = found.to_world(100.0, -1.0)
     station, t = 400.0, 1.0
     assert float(x) == pytest.approx(10 + station * math.cos(0.5) - t * math.sin(0.5), abs=1e-9)
     assert float(y) == pytest.approx(-20 + station * math.sin(0.5) + t * math.cos(0.5), abs=1e-9)

@@ -49,7 +49,7 @@ def test_a_course_ends_where_another_program_ends_it(tmp_path: Path, name: str) 
     plan = drawn(tmp_path / "map.xodr", GEOMETRIES[name])
     (found,) = map_roads(tmp_path / "map.xodr")
     assert found.line is not None
-    end = found.line.at(found.line.length)
+    end = found.line.pose_at(found.line.length)
     x, y, heading = plan.get_end_point()
     assert heading is not None
     assert found.line.length == pytest.approx(plan.get_total_length(), abs=1e-9)
@@ -71,7 +71,7 @@ def test_a_parametric_cubic_is_followed_within_a_millimetre(tmp_path: Path) -> N
     path.write_text(document(road(plan=cubic, length=f"{length}")))
     (found,) = map_roads(path)
     assert found.line is not None
-    pose = found.line.at(np.concatenate([[0.0], np.cumsum(steps)]))
+    pose = found.line.pose_at(np.concatenate([[0.0], np.cumsum(steps)]))
     assert np.abs(pose.x - 5.0 - u(p)).max() < 0.001
     assert np.abs(pose.y - 6.0 - v(p)).max() < 0.001
 

@@ -103,7 +103,7 @@ def test_any_straight_road_of_scenariogeneration_is_read(
     assert outer == list(marks)
     # The innermost lane lies beside the reference line, on the side that traffic keeps to.
     t = (0.5 if left_hand else -0.5) * widths[0]
-    found = road.world(400.0, road.centres[-1])
+    found = road.to_world(400.0, road.centres[-1])
     expected = (
         x + 400.0 * math.cos(heading) - t * math.sin(heading),
         y + 400.0 * math.sin(heading) + t * math.cos(heading),
@@ -119,7 +119,7 @@ def test_a_bend_of_scenariogeneration_ends_where_it_says(tmp_path: Path, geometr
     path = write(tmp_path / "bend.xodr", x=5.0, y=-7.0, heading=0.4, geometry=geometry, rule=rule)
     road = read_opendrive(path)
     x, y, heading, _ = geometry.get_end_data(5.0, -7.0, 0.4)
-    np.testing.assert_allclose(road.world(800.0, 0.0), (x, y), atol=1e-6)
+    np.testing.assert_allclose(road.to_world(800.0, 0.0), (x, y), atol=1e-6)
     assert road.heading_at(800.0) == pytest.approx(heading, abs=1e-9)
 
 
@@ -130,5 +130,5 @@ def test_lanes_against_a_bend_are_driven_from_its_end(tmp_path: Path):
     (tmp_path / "other.xodr").write_text(text)
     against = read_opendrive(tmp_path / "other.xodr")
     s = np.linspace(0.0, 800.0, 9)
-    np.testing.assert_allclose(against.world(800.0 - s, -1.0), along.world(s, 1.0), atol=1e-6)
+    np.testing.assert_allclose(against.to_world(800.0 - s, -1.0), along.to_world(s, 1.0), atol=1e-6)
     np.testing.assert_allclose(against.curvature_at(800.0 - s), -along.curvature_at(s), atol=1e-12)

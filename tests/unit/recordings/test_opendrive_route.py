@@ -10,7 +10,7 @@ from overtaking.core.errors import ImportFormatError
 from overtaking.model.road import Road, RoadMark
 from overtaking.recordings.opendrive import read_opendrive
 from overtaking.recordings.opendrive_map import map_roads
-from overtaking.world.lanes import has_two_directions
+from overtaking.world.road_parameters import has_two_directions
 
 from .opendrive_text import LEFT, LINE, ONE_LANE, RIGHT, TYPE, document, lane, road, section
 
@@ -143,7 +143,9 @@ def test_the_other_direction_has_the_limits_of_its_lane(tmp_path: Path):
     against = read(tmp_path, text, lanes="left")
     for s in (10.0, 85.0, 250.0, 350.0, 450.0):
         for way in (1, -1):
-            assert against.limit_at(500.0 - s, -way) == pytest.approx(float(along.limit_at(s, way)))
+            assert against.speed_limit_at(500.0 - s, -way) == pytest.approx(
+                float(along.speed_limit_at(s, way))
+            )
 
 
 def test_the_limits_of_a_carriageway_do_not_depend_on_the_other_one(tmp_path: Path):
@@ -186,7 +188,7 @@ def test_where_lanes_leave_the_line_the_road_goes_with_them(
     t = offset + sign * (1.0 + 0.5 * 3.75 if side == "right" else 0.5 * 3.25)
     east = start[0] + along - t * np.sin(turned)
     north = start[1] + left + t * np.cos(turned)
-    s, d = found.road_coordinates(east, north)
+    s, d = found.to_road(east, north)
     # Of the middle of the road, 1.9 m away, the angle of 0.05 between both lines takes 2.5 mm.
     np.testing.assert_allclose(d, found.centres[-1], atol=0.003)
     assert (np.diff(s) * -sign > 0.0).all()
@@ -250,7 +252,7 @@ def test_a_route_over_linked_roads_is_one_road(tmp_path: Path):
     assert found.name == "map roads 1, 2, 3"
     assert found.length == pytest.approx(300.0)
     assert [lane.lane_id for lane in found.lanes] == [-3, -2]
-    x, y = found.world([0.0, 150.0, 300.0], 0.0)
+    x, y = found.to_world([0.0, 150.0, 300.0], 0.0)
     np.testing.assert_allclose(x, [0.0, 150.0, 300.0], atol=1e-9)
     np.testing.assert_allclose(y, 0.0, atol=1e-9)
     # The other way, from the lanes on the left.
@@ -275,7 +277,7 @@ def test_a_road_that_is_turned_about_joins_too(tmp_path: Path):
     first = linked("1", 0.0, link("successor", 2, "end"), sections=section(right=RIGHT))
     found = read(tmp_path, first, second, road_id="1,2")
     assert found.length == pytest.approx(200.0)
-    x, y = found.world([50.0, 150.0], found.centres[0])
+    x, y = found.to_world([50.0, 150.0], found.centres[0])
     np.testing.assert_allclose(x, [50.0, 150.0], atol=1e-9)
     np.testing.assert_allclose(y, -6.5, atol=1e-9)
 

@@ -154,9 +154,9 @@ def test_a_road_in_absolute_coordinates_keeps_its_origin(tmp_path, shape, lanes)
 
     far, near = at(FAR_X, FAR_Y), at(0.0, 0.0)
     s, d = np.linspace(0.0, far.length, 7), np.linspace(-3.0, 3.0, 7)
-    x, y = far.world(s, d)
+    x, y = far.to_world(s, d)
     assert max(np.abs(x).max(), np.abs(y).max()) < 2000.0
-    expected_x, expected_y = near.world(s, d)
+    expected_x, expected_y = near.to_world(s, d)
     source_x, source_y = far.to_source(x, y)
     assert source_x == pytest.approx(expected_x + FAR_X, abs=1e-5, rel=0.0)
     assert source_y == pytest.approx(expected_y + FAR_Y, abs=1e-5, rel=0.0)

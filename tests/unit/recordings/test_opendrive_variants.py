@@ -45,7 +45,7 @@ def test_a_small_kink_or_gap_is_a_joint_before_every_shape(tmp_path, shape, kink
     assert found.heading_at([100.0]) == pytest.approx([0.0])
     # Just behind the joint the road lies and points as the second geometry states.
     assert found.heading_at([250.01]) == pytest.approx([kink], abs=1e-4)
-    assert found.world([250.01], [0.0])[1] == pytest.approx([gap], abs=1e-3)
+    assert found.to_world([250.01], [0.0])[1] == pytest.approx([gap], abs=1e-3)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -62,10 +62,10 @@ def test_a_corner_is_rounded_before_every_shape(tmp_path, shape, kink):
     heading = found.heading_at(np.linspace(0.0, 300.0, 30_001))
     assert np.abs(np.diff(heading)).max() < 2e-3  # No corner is left, a centimetre apart.
     assert heading[-1] == pytest.approx(kink, abs=0.01)
-    _, beside = found.road_coordinates([250.0], [0.0])
+    _, beside = found.to_road([250.0], [0.0])
     assert 0.01 < abs(beside[0]) <= 0.101
     # Away from the corner the road lies on the lines of the file.
-    assert found.road_coordinates([200.0], [0.0])[1] == pytest.approx([0.0], abs=1e-6)
+    assert found.to_road([200.0], [0.0])[1] == pytest.approx([0.0], abs=1e-6)
 
 
 @pytest.mark.parametrize("length", ["0", "0.0", "1e-12"])
@@ -296,7 +296,7 @@ def test_a_polyline_of_scenariogeneration_is_read(tmp_path):
     made.write_xml(str(path))
     found = read_opendrive(path)
     assert found.length == pytest.approx(400.0)
-    end_x, end_y = found.world([400.0], [0.0])
+    end_x, end_y = found.to_world([400.0], [0.0])
     assert (end_x[0], end_y[0]) == pytest.approx((x, y), abs=1e-6)
 
 
@@ -312,6 +312,6 @@ def test_a_cubic_by_abscissa_is_followed(tmp_path):
     plan = f'<geometry s="0" x="5" y="-3" hdg="0" length="500">{shape}</geometry>'
     found = read(tmp_path, road(plan=plan))
     assert found.length == pytest.approx(500.0, abs=0.01)
-    x, y = found.world(np.linspace(0.0, found.length, 11), 0.0)
+    x, y = found.to_world(np.linspace(0.0, found.length, 11), 0.0)
     ahead = x - 5.0
     assert y + 3.0 == pytest.approx(2e-4 * ahead**2 - 1e-7 * ahead**3, abs=2e-3)

@@ -12,12 +12,12 @@ from tests.support.carla import needs_wheel
 from tests.support.worlds import wide_road
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Limit, Line
 from overtaking.model.known_roads import known_road
 from overtaking.model.road import Lane, Road, RoadMark
+from overtaking.model.road_course import CentreLineSpan, RoadCourse, SpeedLimitSpan
 from overtaking.recordings.opendrive import read_opendrive
 from overtaking.recordings.opendrive_writer import covering, write_opendrive
-from overtaking.world.sight import sight_at
+from overtaking.world.sight_distance import sight_at
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,12 +56,12 @@ def test_a_road_that_runs_against_its_reference_line_comes_back(tmp_path: Path):
     )
     back = written(turned, tmp_path)
     assert back.lanes == turned.lanes
-    assert back.world(100.0, -5.0) == pytest.approx(turned.world(100.0, -5.0), abs=1e-9)
+    assert back.to_world(100.0, -5.0) == pytest.approx(turned.to_world(100.0, -5.0), abs=1e-9)
     assert back.edge_d == turned.edge_d
 
 
-def limit(start: float, stop: float, speed: float, direction: int = 0) -> Limit:
-    return Limit(start=start, stop=stop, speed=speed, direction=direction)
+def limit(start: float, stop: float, speed: float, direction: int = 0) -> SpeedLimitSpan:
+    return SpeedLimitSpan(start=start, stop=stop, speed=speed, direction=direction)
 
 
 LIMITED = {
@@ -79,9 +79,9 @@ LIMITED = {
 @pytest.mark.parametrize("turned", [False, True], ids=["along the line", "against it"])
 @pytest.mark.parametrize(("road", "limits"), LIMITED.values(), ids=LIMITED)
 def test_limits_come_back_where_they_were(
-    road: Road, limits: tuple[Limit, ...], turned: bool, tmp_path: Path
+    road: Road, limits: tuple[SpeedLimitSpan, ...], turned: bool, tmp_path: Path
 ):
-    road = dataclasses.replace(road, course=Course(limits=limits))
+    road = dataclasses.replace(road, course=RoadCourse(limits=limits))
     if turned:
         lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
         beyond = road.fast_side_neighbour if road.is_two_way else None
@@ -103,7 +103,7 @@ def test_limits_come_back_where_they_were(
 def test_carla_reads_the_limit_of_each_stretch():
     import carla
 
-    course = Course(limits=(limit(100, 300, 50 / 3.6),))
+    course = RoadCourse(limits=(limit(100, 300, 50 / 3.6),))
     road = dataclasses.replace(known_road("town06"), course=course)
     text = write_opendrive(road)
     assert carla.Map("limits", text).get_waypoint_xodr(1, -7, 200.0) is not None
@@ -140,7 +140,7 @@ def test_carla_finds_our_lanes_where_they_are(name: str):
     road = known_road(name)
     place = carla.Map(name, write_opendrive(road, road_id="40"))
     for lane, d in zip(road.lanes, road.centres, strict=True):
-        x, y = (float(value) for value in road.world(300.0, d))
+        x, y = (float(value) for value in road.to_world(300.0, d))
         found = place.get_waypoint(carla.Location(x, -y, 0.0))
         assert found.lane_id == lane.lane_id
         assert found.lane_width == pytest.approx(lane.width)
@@ -167,7 +167,7 @@ STATIONS = np.linspace(0.0, 1.0, 41)
 def same_place(one: Road, other: Road, *, shift: float = 0.0) -> None:
     s = STATIONS * (one.length - 1.0)
     for d in (0.0, *one.boundaries, *one.centres):
-        here, there = np.array(one.world(s, d)), np.array(other.world(s + shift, d))
+        here, there = np.array(one.to_world(s, d)), np.array(other.to_world(s + shift, d))
         np.testing.assert_allclose(there, here, atol=1e-5)
     middle = s[(s > 5.0) & (s < one.length - 5.0)]  # The reader's slopes are means over 5 m.
     np.testing.assert_allclose(other.grade_at(middle + shift), one.grade_at(middle), atol=5e-4)
@@ -201,7 +201,12 @@ def test_a_road_that_covers_more_is_the_same_road():
         assert sight_at(more, s + 120.0) == sight_at(road, s)
     lower = dataclasses.replace(road.course, limits=(limit(500, 700, 9.0, -1),))
     limited = covering(dataclasses.replace(road, course=lower), -120.0, 5500.0)
-    assert limited.limit_at([619.0, 621.0, 819.0, 821.0], -1).tolist() == [25.0, 9.0, 9.0, 25.0]
+    assert limited.speed_limit_at([619.0, 621.0, 819.0, 821.0], -1).tolist() == [
+        25.0,
+        9.0,
+        9.0,
+        25.0,
+    ]
     moved = [(start + 120.0, mark) for start, mark in road.fast_edge_marks[1:]]
     assert list(more.fast_edge_marks[1:]) == moved
 
@@ -218,7 +223,7 @@ def test_carla_finds_the_marks_of_each_stretch_and_both_directions(turned: bool)
     import carla
 
     rural = known_road("rural")
-    mixed = Line(start=100.0, stop=300.0, mark=RoadMark.SOLID_BROKEN)
+    mixed = CentreLineSpan(start=100.0, stop=300.0, mark=RoadMark.SOLID_BROKEN)
     assert rural.course is not None
     course = dataclasses.replace(rural.course, lines=(mixed,))
     road = dataclasses.replace(rural, course=course)
@@ -235,7 +240,7 @@ def test_carla_finds_the_marks_of_each_stretch_and_both_directions(turned: bool)
     own = float(road.centres[0])
     for s, mark in ((50.0, "Broken"), (200.0, "SolidBroken"), (350.0, "Broken")):
         for d in (own, -own):
-            x, y = (float(value) for value in road.world(s, d))
+            x, y = (float(value) for value in road.to_world(s, d))
             found = place.get_waypoint(carla.Location(x, -y, 0.0))
             forward = found.transform.get_forward_vector()
             ahead = forward.x * np.cos(road.heading) - forward.y * np.sin(road.heading)
@@ -251,11 +256,11 @@ def test_carla_finds_our_lanes_where_they_are_in_bends():
     place = carla.Map("winding", write_opendrive(road))
     for s in np.linspace(20.0, road.length - 20.0, 15):
         for d, along in ((float(road.centres[0]), 1.0), (-float(road.centres[0]), -1.0)):
-            x, y = (float(value) for value in road.world(s, d))
+            x, y = (float(value) for value in road.to_world(s, d))
             z = float(road.height_at(s))
             found = place.get_waypoint(carla.Location(x, -y, z)).transform
             # CARLA looks for the nearest point in steps along the lane.
-            there = road.road_coordinates(found.location.x, -found.location.y)
+            there = road.to_road(found.location.x, -found.location.y)
             assert there == (pytest.approx(s, abs=0.1), pytest.approx(d, abs=0.005))
             assert found.location.z == pytest.approx(z, abs=0.005)
             forward, heading = found.get_forward_vector(), float(road.heading_at(s))

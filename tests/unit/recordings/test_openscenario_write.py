@@ -14,14 +14,14 @@ from scenariogeneration import xosc
 import overtaking as ot
 from overtaking import api
 from overtaking.core.units import rad_from_deg
-from overtaking.model.trajectory import STEPS, Lights
+from overtaking.model.trajectories import STATE_RESOLUTION, Lights
 from overtaking.recordings.opendrive import read_opendrive
 from overtaking.recordings.openscenario_write import write_openscenario
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 COUNT = 3
 
@@ -77,9 +77,9 @@ def test_every_vehicle_is_where_it_was(runs, tmp_path, place):
         x, y, h = (np.array([getattr(each, at) for each in line.positions]) for at in "xyh")
         frames = int(run.num_frames[0])
         np.testing.assert_allclose(line.time, run.time_ms[:frames] / 1000.0, atol=1e-9)
-        s, d = (getattr(run.states, at)[0, slot, :frames] * STEPS[at] for at in "sd")
+        s, d = (getattr(run.states, at)[0, slot, :frames] * STATE_RESOLUTION[at] for at in "sd")
         centre = x + ahead * np.cos(h), y + ahead * np.sin(h)
-        np.testing.assert_allclose(centre, run.road.world(s, d), atol=2e-6)  # Of six decimals.
+        np.testing.assert_allclose(centre, run.road.to_world(s, d), atol=2e-6)  # Of six decimals.
         assert float(box.boundingbox.length) == pytest.approx(
             float(run.scenario.vehicles.length[0, slot]), abs=1e-4
         )
@@ -90,7 +90,7 @@ def test_the_road_of_the_file_is_the_road_of_the_simulation(runs, tmp_path):
     file = tmp_path / xosc.Scenario.parse(root).roadnetwork.road_file
     back = read_opendrive(file)
     assert back.lanes == runs.road.lanes
-    assert back.world(10.0, -3.0) == pytest.approx(runs.road.world(10.0, -3.0))
+    assert back.to_world(10.0, -3.0) == pytest.approx(runs.road.to_world(10.0, -3.0))
 
 
 def test_the_road_reaches_as_far_as_the_vehicles(runs, tmp_path):
@@ -100,16 +100,16 @@ def test_the_road_reaches_as_far_as_the_vehicles(runs, tmp_path):
     written(run.replace(states=dataclasses.replace(run.states, s=s)), tmp_path)
     back = read_opendrive(tmp_path / "simulation-000007.xodr")
     assert back.length == pytest.approx(71.0 + runs.road.length + 450.0, abs=1.0)
-    assert back.world(0.0, 0.0) == pytest.approx(runs.road.world(-71.0, 0.0))
+    assert back.to_world(0.0, 0.0) == pytest.approx(runs.road.to_world(-71.0, 0.0))
     assert back.centres == pytest.approx(runs.road.centres)
 
 
 def test_vehicles_come_and_go_with_the_recording(runs, tmp_path):
     run = one(runs)
-    present = run.state_valid.copy()
+    present = run.state_mask.copy()
     present[0, 1] = False
     present[0, 1, 10:20] = present[0, 1, 30] = True
-    root = written(run.replace(present=present), tmp_path)
+    root = written(run.replace(is_recorded=present), tmp_path)
     placed = {each.get("entityRef") for each in root.iter("Private")}
     assert "ego" in placed
     assert "vehicle1" not in placed

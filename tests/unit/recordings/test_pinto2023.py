@@ -14,11 +14,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from overtaking.model.course import Course, Limit
-from overtaking.model.drivers import Drivers
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
+from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import (
+from overtaking.model.trajectories import (
     NO_VEHICLE,
     Contacts,
     Percepts,
@@ -26,7 +25,7 @@ from overtaking.model.trajectory import (
     States,
     Trajectories,
 )
-from overtaking.model.vehicles import VehicleSpecs
+from overtaking.model.vehicles import DriverTraits, VehicleSpecs
 from overtaking.model.weather import Weather
 from overtaking.recordings.pinto2023 import COLUMNS, to_table, write_table
 from overtaking.recordings.pinto2023_schema import VEHICLE_COLUMNS
@@ -83,7 +82,7 @@ def scenario(num_simulations: int, valid: np.ndarray, **known) -> Scenario:
         "frame_interval_ms": 50,
         "index": np.arange(1, num_simulations + 1, dtype=np.uint64),
         "vehicles": filled(VehicleSpecs, shape, valid=valid, **bodies),
-        "drivers": filled(Drivers, shape),
+        "drivers": filled(DriverTraits, shape),
         "weather": filled(Weather, num_simulations, **weather),
         **known,
     }
@@ -229,8 +228,8 @@ def test_a_left_turn_of_wheel_and_body_is_negative_and_left_is_a_smaller_y():
 def test_mv_is_the_limit_where_the_ego_is():
     run = frame_70()
     states = run.states.replace(s=np.broadcast_to(np.arange(FRAME + 1) * 1000, run.states.s.shape))
-    lower = Limit(start=10.0, stop=30.0, speed=50 / 3.6)
-    road = dataclasses.replace(run.road, course=Course(limits=(lower,)))
+    lower = SpeedLimitSpan(start=10.0, stop=30.0, speed=50 / 3.6)
+    road = dataclasses.replace(run.road, course=RoadCourse(limits=(lower,)))
     scene = run.scenario.replace(road=road)
     found = to_table(run.replace(states=states, scenario=scene))["MV"].to_pylist()
     assert found == [90.0] * 10 + [50.0] * 20 + [90.0] * (FRAME + 1 - 30)

@@ -41,7 +41,7 @@ def frame() -> pd.DataFrame:
     """Traffic on a road that bends to the left, with all quantities, without contradiction."""
     table = {name: np.array(values) for name, values in states(MOVERS).items()}
     bend = Bend(curvature=1.0 / 500.0)
-    x, y, angle = bend.world(table["x"], table["y"])
+    x, y, angle = bend.to_world(table["x"], table["y"])
     heading = angle + np.radians(table["yaw"])
     speed = np.hypot(table["vx"], table["vy"]) * (1.0 - table["y"] / 500.0)
     made = pd.DataFrame({name: table[name] for name in ("id", "t", "length", "width", "kind")})

@@ -69,7 +69,7 @@ def check(read: Callable[[], object], name: str) -> None:
         )
         return
     run = found.trajectories(range(len(found)))
-    assert run.state_valid[:, 0].sum() == run.num_frames.sum()
+    assert run.state_mask[:, 0].sum() == run.num_frames.sum()
 
 
 def numbers_of(content: bytes) -> list[tuple[int, int]]:

@@ -13,7 +13,7 @@ from tests.support.recordings import RECORDING_META, TRACKS, TRACKS_META, whole
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Limit
+from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
 from overtaking.recordings import pinto2023
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
@@ -62,7 +62,7 @@ def same_lane(run, again, *, within_mm):
 def test_a_commonroad_scenario_comes_back_to_the_last_digit(runs, tmp_path, place):
     one = runs.select(slice(place, place + 1))
     rows = write_commonroad(one, np.array([place]), tmp_path)
-    assert rows == one.state_valid.sum()
+    assert rows == one.state_mask.sum()
     recording = read_commonroad(tmp_path / f"{scenario_id(place)}.xml")
     again = whole(recording, FIRST_OBSTACLE)
     assert again.num_frames[0] == one.num_frames[0]
@@ -90,7 +90,7 @@ def test_a_commonroad_scenario_comes_back_to_the_last_digit(runs, tmp_path, plac
 def test_a_highd_recording_comes_back_within_its_decimals(runs, tmp_path, place):
     one = runs.select(slice(place, place + 1))
     rows = write_highd(one, np.array([place]), tmp_path)
-    assert rows == one.state_valid.sum()
+    assert rows == one.state_mask.sum()
     again = whole(read_highd(tmp_path / f"{place + 1:02d}_tracks.csv"), 1)
     assert again.num_frames[0] == one.num_frames[0]
     for name in ("s", "d", "heading"):
@@ -207,8 +207,8 @@ def test_the_papers_table_comes_back_within_its_two_decimals(table_runs, table, 
     again = scenes.trajectories(range(len(scenes)))
     assert np.array_equal(again.num_frames, table_runs.num_frames)
     slots = again.states.x.shape[1]
-    there = again.state_valid
-    assert np.array_equal(there, table_runs.state_valid[:, :slots])
+    there = again.state_mask
+    assert np.array_equal(there, table_runs.state_mask[:, :slots])
     for name, tolerance in (("x", 5), ("y", 5), ("s", 8), ("d", 8), ("heading", 1), ("speed", 140)):
         off = getattr(again.states, name) - getattr(table_runs.states, name)[:, :slots]
         assert np.abs(off[there]).max() <= tolerance, name
@@ -259,8 +259,8 @@ def test_a_table_from_another_road_is_refused_unless_the_road_is_named(table, tm
 def test_limits_that_change_come_back_with_their_road_and_are_not_known_without(
     table_runs, tmp_path
 ):
-    lower = Limit(start=0.0, stop=250.0, speed=50 / 3.6)
-    road = dataclasses.replace(table_runs.road, course=Course(limits=(lower,)))
+    lower = SpeedLimitSpan(start=0.0, stop=250.0, speed=50 / 3.6)
+    road = dataclasses.replace(table_runs.road, course=RoadCourse(limits=(lower,)))
     scenario = table_runs.scenario.replace(road=road)
     told = pinto2023.to_table(table_runs.replace(scenario=scenario))
     assert set(told["MV"].to_pylist()) == {50.0, 90.0}
@@ -272,7 +272,7 @@ def test_limits_that_change_come_back_with_their_road_and_are_not_known_without(
     slower = told.set_column(told.schema.get_field_index("MV"), "MV", [[40.0] * told.num_rows])
     one = read_pinto2023(write(slower, tmp_path / "s.parquet"), road=road).recording
     assert one.road.speed_limit == pytest.approx(40 / 3.6)
-    assert one.road.course == Course()
+    assert one.road.course == RoadCourse()
 
 
 def test_a_stated_speed_limit_replaces_that_of_the_table(table, tmp_path):

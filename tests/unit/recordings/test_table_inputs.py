@@ -21,9 +21,9 @@ import overtaking as ot
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.model.events import Outcome
-from overtaking.model.labels import Verdict
+from overtaking.model.overtake_events import Outcome
 from overtaking.model.vehicles import VehicleKind
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.column_request import NUMBER, ColumnRequest
 from overtaking.recordings.findings import Check, Consequence
 from overtaking.recordings.formats import read_recording
@@ -454,7 +454,7 @@ def test_a_stated_speed_limit_is_that_of_the_road(tmp_path, frame, speed_limit, 
     labelled = ot.label(found.trajectories(range(1)))
     assert "speed_limit" not in found.unknown
     assert labelled.findings.verdict[0, labelled.findings.rules.index("L12")] == verdict
-    of_frame = ot.Trajectories.from_frame(frame, columns=MAP, speed_limit=speed_limit)
+    of_frame = ot.Trajectories.from_table(frame, columns=MAP, speed_limit=speed_limit)
     assert of_frame.road.speed_limit == found.road.speed_limit
 
 

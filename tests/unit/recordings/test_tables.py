@@ -29,9 +29,9 @@ import overtaking as ot
 from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.model.course import Course
-from overtaking.model.labels import Verdict
-from overtaking.model.line import Piece
+from overtaking.model.reference_line import CurveSegment
+from overtaking.model.road_course import RoadCourse
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.column_map import column_map, map_names, template
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.formats import read_recording
@@ -172,8 +172,8 @@ def test_units_are_converted_and_named(tmp_path):
     table = pd.DataFrame(states())
     feet = table.assign(x=table.x / 0.3048, y=table.y * 100.0, t=table.t * 1000.0)
     columns = {**COLUMNS, "x": "x [ft]", "y": "y [cm]", "time": "t [ms]"}
-    one = ot.Trajectories.from_frame(table, columns=COLUMNS)
-    two = ot.Trajectories.from_frame(feet, columns=columns)
+    one = ot.Trajectories.from_table(table, columns=COLUMNS)
+    two = ot.Trajectories.from_table(feet, columns=columns)
     for name in ("s", "d", "speed"):
         assert np.abs(np.subtract(getattr(one.states, name), getattr(two.states, name))).max() <= 1
 
@@ -181,7 +181,7 @@ def test_units_are_converted_and_named(tmp_path):
 def test_a_frame_of_pandas_arrow_or_plain_columns_is_the_same():
     table = states()
     runs = [
-        ot.Trajectories.from_frame(each, columns=COLUMNS)
+        ot.Trajectories.from_table(each, columns=COLUMNS)
         for each in (table, pd.DataFrame(table), pa.table(table))
     ]
     for other in runs[1:]:
@@ -192,15 +192,15 @@ def test_a_frame_of_pandas_arrow_or_plain_columns_is_the_same():
 @pytest.mark.parametrize("interval_ms", [1000 / 30, 1000 / 24, 77.0])
 def test_at_any_rate_states_are_interpolated_between_whole_milliseconds(interval_ms):
     table = states(TRAFFIC, interval_ms=interval_ms)
-    run = ot.Trajectories.from_frame(table, columns=COLUMNS, attempts_only=True)
+    run = ot.Trajectories.from_table(table, columns=COLUMNS, attempts_only=True)
     interval = round(interval_ms)
     assert run.scenario.frame_interval_ms == interval
-    speed = run.states.speed[run.state_valid]
+    speed = run.states.speed[run.state_mask]
     assert speed.min() > 19_000
     assert speed.max() < 33_500
     # A vehicle that never changes lane moves by as much in every frame.
     slot = int(np.flatnonzero(np.isclose(run.scenario.vehicles.length[0], 12.0))[0])
-    there = run.state_valid[0, slot]
+    there = run.state_mask[0, slot]
     steps = np.diff(run.states.s[0, slot][there])
     assert np.ptp(steps) <= 2
 
@@ -253,11 +253,11 @@ def test_a_road_that_bends_is_inferred_and_judged_as_the_straight_one(curvature)
     """Its traffic has the same ways along the right edge, and comes the other way besides."""
     table = states(CROWD)
     bend = Bend(curvature=curvature)
-    x, y, _ = bend.world(np.array(table["x"]), np.array(table["y"]))
-    bent = ot.Trajectories.from_frame(
+    x, y, _ = bend.to_world(np.array(table["x"]), np.array(table["y"]))
+    bent = ot.Trajectories.from_table(
         {**table, "x": x, "y": y}, columns=COLUMNS, attempts_only=True
     )
-    straight = ot.Trajectories.from_frame(table, columns=COLUMNS, attempts_only=True)
+    straight = ot.Trajectories.from_table(table, columns=COLUMNS, attempts_only=True)
     assert bent.road.bends
     assert not straight.road.bends
     assert np.allclose(np.diff(bent.road.boundaries), 3.5, atol=0.06)
@@ -275,12 +275,12 @@ def test_a_road_that_bends_is_inferred_and_judged_as_the_straight_one(curvature)
 
 def test_a_given_road_may_bend(tmp_path):
     """What is read back from the world is what was put there, oncoming vehicles left out."""
-    line = Piece(0.0, 0.0, 0.0, 1200.0, 1.0 / 400.0, 1.0 / 400.0)
+    line = CurveSegment(0.0, 0.0, 0.0, 1200.0, 1.0 / 400.0, 1.0 / 400.0)
     flat = read_highd(highd(tmp_path)).road
-    road = replace(flat, length=1200.0, course=Course(line=(line,)))
+    road = replace(flat, length=1200.0, course=RoadCourse(line=(line,)))
     table = states([*CROWD[:3], Mover(number=50, s=700.0, speed=-20.0, lane=3)])
     table = {name: np.array(each) for name, each in table.items()}
-    x, y = road.world(table["x"], table["y"] - 5.25)
+    x, y = road.to_world(table["x"], table["y"] - 5.25)
     found = recording_of(
         track_rows_from_table({**table, "x": x, "y": y}, column_map(COLUMNS)),
         column_map(COLUMNS),
@@ -339,7 +339,7 @@ def test_rows_can_be_chosen_by_the_value_of_a_column(tmp_path):
 )
 def test_a_wrong_map_is_refused_in_one_line(change, message):
     with pytest.raises((ConfigError, ImportFormatError), match=message) as caught:
-        ot.Trajectories.from_frame(states(), columns={**COLUMNS, **change})
+        ot.Trajectories.from_table(states(), columns={**COLUMNS, **change})
     assert "\n" not in str(caught.value)
 
 
@@ -356,14 +356,14 @@ def test_a_wrong_map_is_refused_in_one_line(change, message):
 )
 def test_a_map_is_checked_section_by_section(content, message):
     with pytest.raises(ConfigError, match=message):
-        ot.Trajectories.from_frame(states(), columns=content)
+        ot.Trajectories.from_table(states(), columns=content)
 
 
 def test_a_map_without_columns_is_refused(tmp_path):
     path = tmp_path / "map.toml"
     path.write_text('[recording]\nname = "bridge"\n', encoding="utf-8")
     with pytest.raises(ConfigError, match="columns: expected vehicle, got none"):
-        ot.Trajectories.from_frame(states(), columns=path)
+        ot.Trajectories.from_table(states(), columns=path)
 
 
 def test_a_column_whose_name_is_no_text_is_refused(tmp_path):
@@ -386,7 +386,7 @@ def test_a_bad_cell_is_named(tmp_path):
         wrong[column] = wrong[column].astype(float)
         wrong.loc[3, column] = value
         with pytest.raises(ImportFormatError, match=message):
-            ot.Trajectories.from_frame(wrong, columns=COLUMNS)
+            ot.Trajectories.from_table(wrong, columns=COLUMNS)
 
 
 def test_an_unlisted_type_is_refused_and_what_is_left_out_is_counted(tmp_path):

@@ -14,9 +14,9 @@ from tests.support.two_way import pair, road
 from tests.support.worlds import scenario
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.course import Course, Limit, Line
 from overtaking.model.road import RoadMark
-from overtaking.model.trajectory import STEPS
+from overtaking.model.road_course import CentreLineSpan, RoadCourse, SpeedLimitSpan
+from overtaking.model.trajectories import STATE_RESOLUTION
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.commonroad_write import FIRST_OBSTACLE, scenario_id, write_commonroad
 from overtaking.recordings.highd import read_highd
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
-SOLID = Line(start=1100.0, stop=1250.0, mark=RoadMark.SOLID_BROKEN)
-LINED = dataclasses.replace(road(), course=Course(lines=(SOLID,)))
+SOLID = CentreLineSpan(start=1100.0, stop=1250.0, mark=RoadMark.SOLID_BROKEN)
+LINED = dataclasses.replace(road(), course=RoadCourse(lines=(SOLID,)))
 LIMITED = dataclasses.replace(
     road(),
-    course=Course(
+    course=RoadCourse(
         limits=(
-            Limit(start=1100.0, stop=1250.0, speed=20.0),
-            Limit(start=1250.0, stop=1300.0, speed=10.0, direction=1),
-            Limit(start=1270.0, stop=1400.0, speed=15.0, direction=-1),
+            SpeedLimitSpan(start=1100.0, stop=1250.0, speed=20.0),
+            SpeedLimitSpan(start=1250.0, stop=1300.0, speed=10.0, direction=1),
+            SpeedLimitSpan(start=1270.0, stop=1400.0, speed=15.0, direction=-1),
         )
     ),
 )
@@ -54,7 +54,7 @@ def run_on(place: Road) -> Trajectories:
 
 
 def column(run: Trajectories, name: str, slot: int) -> np.ndarray:
-    return getattr(run.states, name)[0, slot, : run.num_frames[0]] * STEPS[name]
+    return getattr(run.states, name)[0, slot, : run.num_frames[0]] * STATE_RESOLUTION[name]
 
 
 def points(bound: ET.Element | None) -> np.ndarray:
@@ -74,14 +74,14 @@ def test_commonroad_has_the_lanes_of_both_directions_where_they_are(place: Road,
     middle = float(place.boundaries[-1])
     for lanelet in lanelets.values():
         left, right = (points(lanelet.find(name)) for name in ("leftBound", "rightBound"))
-        _, d = place.road_coordinates(*left.T)
-        _, e = place.road_coordinates(*right.T)
+        _, d = place.to_road(*left.T)
+        _, e = place.to_road(*right.T)
         halfway = 0.5 * (left[1:] + left[:-1])
-        off = np.abs(place.road_coordinates(*halfway.T)[1] - np.median(d))
+        off = np.abs(place.to_road(*halfway.T)[1] - np.median(d))
         assert off.max() < 0.005
         comes = np.median(d + e) * place.side > 2.0 * middle * place.side
         ahead = left[1] - left[0]
-        s = place.road_coordinates(*left[:1].T)[0]
+        s = place.to_road(*left[:1].T)[0]
         along = ahead @ np.array([np.cos(place.heading_at(s)), np.sin(place.heading_at(s))])
         assert (along[0] > 0) == (not comes)
         # Its own left is on its left, whichever way it goes.
@@ -205,12 +205,12 @@ def test_commonroad_posts_every_limit_where_it_holds(place: str, tmp_path: Path)
         sign = lanelet.find("trafficSignRef")
         assert sign is not None
         left, right = (points(lanelet.find(f"{side}Bound")) for side in ("left", "right"))
-        s, d = road.road_coordinates(*(0.5 * (left + right)).T)
+        s, d = road.to_road(*(0.5 * (left + right)).T)
         way = 1 if s[-1] > s[0] else -1
         assert (np.abs(d - road.centres[0]) < 0.01).all() == (way == 1)
         inside = np.clip(np.linspace(min(s) + 0.1, max(s) - 0.1, 50), 0.0, road.length - 0.1)
         expected = limits[sign.attrib["ref"]]
-        np.testing.assert_allclose(road.limit_at(inside, way), expected, atol=1e-6)
+        np.testing.assert_allclose(road.speed_limit_at(inside, way), expected, atol=1e-6)
         seen += 1
     assert seen == 2 * 6
 
@@ -220,9 +220,11 @@ def test_commonroad_is_read_back_with_its_limits(tmp_path: Path):
     found = read_commonroad(tmp_path / f"{scenario_id(0)}.xml", lanelet_id=1).road
     assert found.is_two_way
     s = np.arange(5.25, LIMITED.length - 5.0, 0.5)
-    there, _ = found.road_coordinates(*LIMITED.world(s, float(LIMITED.centres[0])))
+    there, _ = found.to_road(*LIMITED.to_world(s, float(LIMITED.centres[0])))
     for way in (1, -1):
-        np.testing.assert_allclose(found.limit_at(there, way), LIMITED.limit_at(s, way), rtol=1e-6)
+        np.testing.assert_allclose(
+            found.speed_limit_at(there, way), LIMITED.speed_limit_at(s, way), rtol=1e-6
+        )
 
 
 @pytest.mark.parametrize("place", [LINED, WINDING], ids=["lined", "winding"])
@@ -242,7 +244,7 @@ def test_openscenario_has_road_and_vehicles_in_the_plane_and_in_height(place: Ro
         behind = float(bodies.wheelbase[0, slot] - bodies.cg_to_front[0, slot])
         x = told["x"] + behind * np.cos(told["h"])
         y = told["y"] + behind * np.sin(told["h"])
-        s, d = back.road_coordinates(x, y)
+        s, d = back.to_road(x, y)
         np.testing.assert_allclose(s, column(run, "s", slot), atol=2e-2)
         np.testing.assert_allclose(d, column(run, "d", slot), atol=2e-2)
         heights = back.height_at(s) - back.height_at(0.0)
@@ -258,4 +260,4 @@ def test_a_road_of_the_export_is_the_road_of_the_simulation(place: Road, tmp_pat
     back = read_opendrive(tmp_path / "simulation-000000.xodr")
     assert back.is_two_way
     s = np.linspace(0.0, place.length, 50)
-    np.testing.assert_allclose(back.world(s, 1.0), place.world(s, 1.0), atol=1e-3)
+    np.testing.assert_allclose(back.to_world(s, 1.0), place.to_world(s, 1.0), atol=1e-3)

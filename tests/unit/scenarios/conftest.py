@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from overtaking.model.known_roads import known_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 
 SIMULATIONS = 50_000
 
@@ -16,4 +17,6 @@ def town06():
 
 @pytest.fixture(scope="session")
 def pinto(town06):
-    return sample(spec("pinto2023-physical"), town06, seed=2023, index=np.arange(SIMULATIONS))
+    return sample(
+        load_specification("pinto2023-physical"), town06, seed=2023, index=np.arange(SIMULATIONS)
+    )

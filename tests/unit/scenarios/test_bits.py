@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from overtaking.model.known_roads import known_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 
 pytestmark = pytest.mark.ci
 
@@ -29,7 +30,12 @@ PARTS = ("vehicles", "drivers", "weather", "starts")
 
 def hashes():
     """A hash for each part of a batch."""
-    batch = sample(spec("pinto2023-physical"), known_road("town06"), seed=1, index=np.arange(2_000))
+    batch = sample(
+        load_specification("pinto2023-physical"),
+        known_road("town06"),
+        seed=1,
+        index=np.arange(2_000),
+    )
     starts = [batch.start_s, batch.start_lane, batch.start_speed]
     return {
         part: digest(starts if part == "starts" else fields(getattr(batch, part))) for part in PARTS

@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
+from overtaking.knowledge.vehicle_classes import (
+    COLOUR_NAMES,
+    VEHICLE_CLASS_NAMES,
+    colours,
+    vehicle_classes,
+)
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 
 SMALLEST_P = 1e-3
 KINDS = tuple(VehicleKind)
@@ -20,8 +26,8 @@ def of_kind(pinto, kind):
 
 
 def test_names_and_codes_of_types_and_colours_agree():
-    assert tuple(kind.name for kind in VehicleKind) == VEHICLE_CLASS_ORDER
-    assert tuple(colour.name.lower() for colour in Colour) == COLOUR_ORDER
+    assert tuple(kind.name for kind in VehicleKind) == VEHICLE_CLASS_NAMES
+    assert tuple(colour.name.lower() for colour in Colour) == COLOUR_NAMES
 
 
 def test_types_come_as_often_as_their_weights_say(pinto):
@@ -38,7 +44,7 @@ def test_the_leader_is_of_any_type(pinto):
 
 
 def test_weights_change_types_and_colours(town06):
-    chosen = spec(
+    chosen = load_specification(
         "pinto2023-physical",
         {"traffic.types": "{T = 1, S = 3}", "traffic.ego_types": "V", "traffic.colours": "red"},
     )
@@ -144,7 +150,9 @@ def test_empty_slots_hold_finite_numbers(pinto):
 def test_as_many_trucks_pull_semitrailers_as_the_profile_says():
     road, index = load_road("rural"), np.arange(400, dtype=np.uint64)
     without, some = (
-        sample(spec("rural", {"traffic.semitrailers": share}), road, 1, index).vehicles
+        sample(
+            load_specification("rural", {"traffic.semitrailers": share}), road, 1, index
+        ).vehicles
         for share in (0.0, 0.25)
     )
     trucks = some.kind == VehicleKind.T

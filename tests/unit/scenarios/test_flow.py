@@ -8,9 +8,10 @@ import pytest
 from overtaking.core.errors import ConfigError
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.schema import IndependentWeather
-from overtaking.scenarios.schema_flow import Flow
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.specification import IndependentWeather
+from overtaking.scenarios.traffic_specification import FlowTraffic
 
 MOTORWAY = load_road("motorway")
 NUMBERS = np.arange(600, dtype=np.uint64)
@@ -18,7 +19,7 @@ NUMBERS = np.arange(600, dtype=np.uint64)
 
 @pytest.fixture(scope="module")
 def drawn():
-    return sample(spec("motorway"), MOTORWAY, 1, NUMBERS)
+    return sample(load_specification("motorway"), MOTORWAY, 1, NUMBERS)
 
 
 def test_the_ego_is_one_of_many_and_never_in_the_fastest_lane(drawn):
@@ -32,7 +33,7 @@ def test_the_ego_is_one_of_many_and_never_in_the_fastest_lane(drawn):
 
 
 def test_lanes_have_their_densities_and_their_kinds(drawn):
-    narrow = spec("motorway", {"traffic.density_per_km_lane": [10.0, 10.0]})
+    narrow = load_specification("motorway", {"traffic.density_per_km_lane": [10.0, 10.0]})
     batch = sample(narrow, MOTORWAY, 2, NUMBERS)
     for lane, share in enumerate((0.85, 1.15, 1.0)):
         spacings = []
@@ -68,8 +69,8 @@ def test_nobody_starts_too_near_too_fast_or_doomed(drawn):
 
 
 def test_the_ends_of_the_traffic_are_out_of_sight_at_first_and_until_the_deadline(drawn):
-    flow = spec("motorway").traffic
-    assert isinstance(flow, Flow)
+    flow = load_specification("motorway").traffic
+    assert isinstance(flow, FlowTraffic)
     back, front = flow.sight_m
     dense = drawn.num_vehicles == 32
     assert (drawn.attempt_deadline <= 50.0).all()
@@ -87,7 +88,7 @@ def test_the_ends_of_the_traffic_are_out_of_sight_at_first_and_until_the_deadlin
 
 
 def test_a_simulation_is_the_same_in_any_batch(drawn):
-    part = sample(spec("motorway"), MOTORWAY, 1, NUMBERS[[17, 3, 599]])
+    part = sample(load_specification("motorway"), MOTORWAY, 1, NUMBERS[[17, 3, 599]])
     for name in ("start_s", "start_speed", "start_lane", "attempt_deadline", "weight"):
         np.testing.assert_array_equal(getattr(part, name), getattr(drawn, name)[[17, 3, 599]])
     np.testing.assert_array_equal(part.drivers.time_gap, drawn.drivers.time_gap[[17, 3, 599]])
@@ -104,7 +105,7 @@ def test_who_wants_to_go_faster_than_the_slow_overtakes_on_the_left_for_a_reason
 
 def test_a_flow_that_does_not_fit_the_road_is_refused():
     with pytest.raises(ConfigError, match="5 lanes, as the road has"):
-        sample(spec("motorway"), load_road("town06"), 1, NUMBERS[:2])
+        sample(load_specification("motorway"), load_road("town06"), 1, NUMBERS[:2])
 
 
 @pytest.mark.parametrize(
@@ -119,14 +120,17 @@ def test_a_flow_that_does_not_fit_the_road_is_refused():
 )
 def test_a_mistake_is_one_line(key, value, remedy):
     with pytest.raises(ConfigError) as caught:
-        spec("motorway", {key: value})
+        load_specification("motorway", {key: value})
     assert remedy in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_a_scale_multiplies_what_is_drawn_for_everyone(drawn):
     scaled = sample(
-        spec("motorway", {"drivers.scale": {"patience": 2.0}}), MOTORWAY, 1, NUMBERS[:50]
+        load_specification("motorway", {"drivers.scale": {"patience": 2.0}}),
+        MOTORWAY,
+        1,
+        NUMBERS[:50],
     )
     np.testing.assert_allclose(scaled.drivers.patience, 2.0 * drawn.drivers.patience[:50])
     np.testing.assert_array_equal(scaled.drivers.time_gap, drawn.drivers.time_gap[:50])
@@ -136,11 +140,11 @@ def test_a_profile_may_be_based_on_another(tmp_path):
     path = tmp_path / "calm.toml"
     own = '[profile]\nname = "calm"\n[weather]\nfog_probability = 0.0\n'
     path.write_text('base = "motorway"\n' + own)
-    calm = spec(path)
+    calm = load_specification(path)
     assert calm.name == "calm"
-    assert calm.traffic == spec("motorway").traffic
+    assert calm.traffic == load_specification("motorway").traffic
     assert isinstance(calm.weather, IndependentWeather)
     assert calm.weather.fog_probability == 0.0
     path.write_text('base = "motorvay"\n')
     with pytest.raises(ConfigError, match="did you mean motorway"):
-        spec(path)
+        load_specification(path)

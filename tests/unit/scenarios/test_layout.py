@@ -13,7 +13,8 @@ from scipy import interpolate, stats
 from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.model.known_roads import known_road
 from overtaking.model.vehicles import VehicleKind
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 
 SMALLEST_P = 1e-3
 KMH = 3.6
@@ -148,7 +149,7 @@ def test_slot_1_is_the_next_ahead_of_the_ego(pinto):
 def test_starts_lie_in_the_zone_of_the_study(pinto):
     valid = pinto.vehicles.valid
     centres = pinto.road.centres[np.minimum(pinto.start_lane, 4)]
-    x, y = pinto.road.world(pinto.start_s, centres)
+    x, y = pinto.road.to_world(pinto.start_s, centres)
     assert x[valid].min() > 320 - 0.01
     assert x[valid].max() < 450 + 0.01
     # Lane centres are 1.4 to 2.4 m from the middle of the study's lanes, which it calls 238 to 258.
@@ -198,7 +199,7 @@ def test_no_start_is_doomed(pinto):
 
 
 def test_starts_as_drawn_are_often_doomed_so_the_check_can_fail(town06):
-    chosen = spec("pinto2023-physical", {"starts.allow_doomed": True})
+    chosen = load_specification("pinto2023-physical", {"starts.allow_doomed": True})
     drawn = sample(chosen, town06, seed=2023, index=np.arange(5_000))
     pairs = pairs_in_lanes(drawn)
     assert np.mean(smallest_gap_while_braking(drawn, pairs) < 0.0) > 0.05
@@ -207,12 +208,14 @@ def test_starts_as_drawn_are_often_doomed_so_the_check_can_fail(town06):
 
 def test_repairs_spare_who_is_alone_in_a_lane(town06):
     drawn = sample(
-        spec("pinto2023-physical", {"starts.allow_doomed": True}),
+        load_specification("pinto2023-physical", {"starts.allow_doomed": True}),
         town06,
         seed=4,
         index=np.arange(5_000),
     )
-    settled = sample(spec("pinto2023-physical"), town06, seed=4, index=np.arange(5_000))
+    settled = sample(
+        load_specification("pinto2023-physical"), town06, seed=4, index=np.arange(5_000)
+    )
     alone = drawn.vehicles.valid.copy()
     row, rear, front = pairs_in_lanes(drawn)
     alone[row, rear] = alone[row, front] = False
@@ -223,12 +226,14 @@ def test_repairs_spare_who_is_alone_in_a_lane(town06):
 
 def test_repairs_only_slow_down(town06):
     drawn = sample(
-        spec("pinto2023-physical", {"starts.allow_doomed": True}),
+        load_specification("pinto2023-physical", {"starts.allow_doomed": True}),
         town06,
         seed=4,
         index=np.arange(5_000),
     )
-    settled = sample(spec("pinto2023-physical"), town06, seed=4, index=np.arange(5_000))
+    settled = sample(
+        load_specification("pinto2023-physical"), town06, seed=4, index=np.arange(5_000)
+    )
     assert np.all(settled.start_speed <= drawn.start_speed)
     assert np.all(settled.start_s <= drawn.start_s + ROUNDING)
     np.testing.assert_array_equal(settled.start_lane, drawn.start_lane)
@@ -242,7 +247,7 @@ def test_starts_do_not_pile_up_at_the_end_of_the_zone(pinto):
 
 @pytest.mark.parametrize("zone", ["100..300", "100..200"])
 def test_eight_vehicles_find_room_where_a_lane_does_not_hold_them(town06, zone):
-    chosen = spec(
+    chosen = load_specification(
         "pinto2023-physical",
         {"traffic.vehicles": "8..8", "traffic.spawn_s_m": zone, "traffic.types": "{T=3, S=1}"},
     )
@@ -258,7 +263,7 @@ def test_eight_vehicles_find_room_where_a_lane_does_not_hold_them(town06, zone):
 
 
 def test_a_full_lane_sends_the_next_one_elsewhere(town06):
-    chosen = spec(
+    chosen = load_specification(
         "pinto2023-physical",
         {
             "traffic.vehicles": "8..8",
@@ -277,42 +282,56 @@ def test_what_cannot_be_placed_is_infeasible(town06):
     crowd = {"traffic.vehicles": "8..8", "traffic.types": "T", "traffic.spawn_s_m": "100..120"}
     with pytest.raises(InfeasibleError, match=r"traffic\.vehicles: .* ask for fewer vehicles"):
         sample(
-            spec("pinto2023-physical", crowd | {"starts.min_gap_m": 15}), town06, seed=1, index=[0]
+            load_specification("pinto2023-physical", crowd | {"starts.min_gap_m": 15}),
+            town06,
+            seed=1,
+            index=[0],
         )
     nowhere = {"traffic.spawn_s_m": "100..100", "traffic.vehicles": "2..2"}
     with pytest.raises(InfeasibleError, match="ask for fewer"):
-        sample(spec("pinto2023-physical", nowhere), town06, seed=1, index=[0])
+        sample(load_specification("pinto2023-physical", nowhere), town06, seed=1, index=[0])
 
 
 def test_a_truck_cannot_come_faster_than_its_governor(town06):
     fast = {"traffic.speed_kmh": "100..120"}
     with pytest.raises(InfeasibleError, match="type T reaches, 90 km/h"):
-        sample(spec("pinto2023-physical", fast), town06, seed=1, index=[0])
+        sample(load_specification("pinto2023-physical", fast), town06, seed=1, index=[0])
     without = fast | {"traffic.types.T": "0", "traffic.ego_types.T": "0"}
     assert (
-        sample(spec("pinto2023-physical", without), town06, seed=1, index=[0]).num_simulations == 1
+        sample(
+            load_specification("pinto2023-physical", without), town06, seed=1, index=[0]
+        ).num_simulations
+        == 1
     )
 
 
 def test_a_zone_off_the_road_is_refused(town06):
     with pytest.raises(ConfigError, match=r"spawn_s_m: .* --set traffic\.spawn_s_m=5\.\.105"):
         sample(
-            spec("pinto2023-physical", {"traffic.spawn_s_m": "0..100"}), town06, seed=1, index=[0]
+            load_specification("pinto2023-physical", {"traffic.spawn_s_m": "0..100"}),
+            town06,
+            seed=1,
+            index=[0],
         )
     with pytest.raises(ConfigError, match="spawn_x_m"):
         sample(
-            spec("pinto2023-physical", {"traffic.spawn_x_m": "500..700"}), town06, seed=1, index=[0]
+            load_specification("pinto2023-physical", {"traffic.spawn_x_m": "500..700"}),
+            town06,
+            seed=1,
+            index=[0],
         )
 
 
 def test_a_zone_for_another_road_is_refused_with_one_that_fits(town06):
     other = dataclasses.replace(town06, x0=town06.x0 + 5000.0)
     with pytest.raises(ConfigError) as caught:
-        sample(spec("pinto2023-physical"), other, seed=1, index=[0])
+        sample(load_specification("pinto2023-physical"), other, seed=1, index=[0])
     key, zone = str(caught.value).rsplit("add --set ", 1)[1].split("=")
     assert zone == "5..135"
     assert (
-        sample(spec("pinto2023-physical", {key: zone}), other, seed=1, index=[0]).num_simulations
+        sample(
+            load_specification("pinto2023-physical", {key: zone}), other, seed=1, index=[0]
+        ).num_simulations
         == 1
     )
 
@@ -320,15 +339,18 @@ def test_a_zone_for_another_road_is_refused_with_one_that_fits(town06):
 def test_the_lanes_of_a_road_are_looked_at_before_its_length(town06):
     narrow = dataclasses.replace(town06, lanes=town06.lanes[:1], length=20.0)
     with pytest.raises(ConfigError, match="a road with at least two lanes, got 1 lane"):
-        sample(spec("pinto2023-physical"), narrow, seed=1, index=[0])
+        sample(load_specification("pinto2023-physical"), narrow, seed=1, index=[0])
 
 
 def test_the_fastest_lane_is_refused_to_the_ego(town06):
     with pytest.raises(ConfigError, match="0 to 3, got \\[2, 4\\]; leave out the fastest lane"):
         sample(
-            spec("pinto2023-physical", {"traffic.ego_lanes": "[2, 4]"}), town06, seed=1, index=[0]
+            load_specification("pinto2023-physical", {"traffic.ego_lanes": "[2, 4]"}),
+            town06,
+            seed=1,
+            index=[0],
         )
-    chosen = spec("pinto2023-physical", {"traffic.ego_lanes": "[1, 3]"})
+    chosen = load_specification("pinto2023-physical", {"traffic.ego_lanes": "[1, 3]"})
     assert set(sample(chosen, town06, seed=1, index=np.arange(200)).start_lane[:, 0]) == {1, 3}
 
 
@@ -340,7 +362,7 @@ def test_the_road_reaches_as_far_as_anyone_can_drive(pinto, town06):
 
 def test_other_roads_and_their_mirror_images_work():
     motorway = known_road("motorway")
-    chosen = spec("pinto2023-physical", {"traffic.spawn_s_m": "50..180"})
+    chosen = load_specification("pinto2023-physical", {"traffic.spawn_s_m": "50..180"})
     here = sample(chosen, motorway, seed=1, index=np.arange(300))
     there = sample(chosen, motorway.mirrored(), seed=1, index=np.arange(300))
     assert here.start_lane[here.vehicles.valid].max() == motorway.num_lanes - 1

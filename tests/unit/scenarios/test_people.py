@@ -7,19 +7,19 @@ from pydantic import ValidationError
 from scipy import stats
 
 from overtaking.core.errors import KnowledgeError
-from overtaking.knowledge import vehicle_classes
-from overtaking.model.drivers import DRIVER_RANGES, Drivers
-from overtaking.model.vehicles import VehicleKind
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.people import sample_traits
-from overtaking.scenarios.populations import (
+from overtaking.knowledge.vehicle_classes import vehicle_classes
+from overtaking.model.vehicles import TRAIT_RANGES, DriverTraits, VehicleKind
+from overtaking.scenarios.driver_sampling import (
+    ALL_TRAITS,
     SPEED_TRAITS,
-    TRAITS,
-    drawn_range,
-    population,
+    load_population,
     population_names,
+    sample_traits,
+    trait_range,
 )
-from overtaking.scenarios.schema import FixedTraits, People
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.specification import DriversSection, FixedTraits
 
 SMALLEST_P = 1e-3
 
@@ -27,7 +27,7 @@ SMALLEST_P = 1e-3
 def traits(count=60_000, kind=VehicleKind.M, **keys):
     """Drivers of one type of vehicle, one in each simulation."""
     kinds = np.full((count, 1), kind, np.uint8)
-    people = People(population="mixed", **keys)
+    people = DriversSection(population="mixed", **keys)
     drawn = sample_traits(people, 7, np.arange(count, dtype=np.uint64), kinds)
     return {name: values[:, 0].astype(np.float64) for name, values in drawn.items()}
 
@@ -47,8 +47,8 @@ def moments(logarithms):
 
 
 def test_every_driver_parameter_is_drawn_or_made_from_what_is():
-    kept = TRAITS.keys() - SPEED_TRAITS.keys()
-    assert kept == Drivers.__dataclass_fields__.keys() - {"desired_speed"}
+    kept = ALL_TRAITS.keys() - SPEED_TRAITS.keys()
+    assert kept == DriverTraits.__dataclass_fields__.keys() - {"desired_speed"}
 
 
 def test_reaction_times_are_those_to_brake_lights_in_traffic(car_drivers):
@@ -120,7 +120,7 @@ RECKLESS_HAVE_MORE = {
 }
 
 
-@pytest.mark.parametrize("name", TRAITS)
+@pytest.mark.parametrize("name", ALL_TRAITS)
 def test_temper_moves_a_parameter_in_its_direction(name):
     careful = traits(20_000, temper=(0.0, 0.1))[name]
     reckless = traits(20_000, temper=(0.9, 1.0))[name]
@@ -136,7 +136,7 @@ def test_temper_moves_a_parameter_in_its_direction(name):
 def test_rural_drivers_misjudge_what_a_pass_takes_as_was_measured():
     # Off by 20 to 52 %, and six in ten to eight in ten too low (Gordon and Mast 1968).
     kinds = np.full((60_000, 1), VehicleKind.M, np.uint8)
-    people = People(population="rural")
+    people = DriversSection(population="rural")
     need = sample_traits(people, 7, np.arange(60_000, dtype=np.uint64), kinds)["need_factor"]
     assert 0.6 < (need < 1.0).mean() < 0.8
     error = np.abs(need.astype(np.float64) - 1.0)
@@ -169,7 +169,7 @@ def test_yes_or_no_is_as_likely_as_the_file_says():
     reckless = traits(temper=(1.0, 1.0))
     for drawn, end in ((careful, "careful"), (reckless, "reckless")):
         for name in ("uses_indicator", "wants_to_overtake"):
-            share = getattr(population("mixed"), end)[name].parameter("probability")
+            share = getattr(load_population("mixed"), end)[name].parameter("probability")
             count = int(drawn[name].sum())
             assert stats.binomtest(count, drawn[name].size, share).pvalue > SMALLEST_P
 
@@ -177,8 +177,8 @@ def test_yes_or_no_is_as_likely_as_the_file_says():
 def test_limits_hold_at_both_ends():
     for end, temper in (("careful", (0.0, 0.0)), ("reckless", (1.0, 1.0))):
         drawn = traits(20_000, temper=temper)
-        for name in TRAITS:
-            entry = getattr(population("mixed"), end)[name]
+        for name in ALL_TRAITS:
+            entry = getattr(load_population("mixed"), end)[name]
             assert drawn[name].min() >= entry.low - 1e-5
             assert drawn[name].max() <= entry.high + 1e-5
 
@@ -209,7 +209,7 @@ ALL_FIXED = dict.fromkeys(FixedTraits.model_fields, 0.5)
 
 def test_every_parameter_can_be_fixed():
     fixed = FixedTraits(**ALL_FIXED)
-    assert fixed.values().keys() == TRAITS.keys() - SPEED_TRAITS.keys() - FLAGS
+    assert fixed.values().keys() == ALL_TRAITS.keys() - SPEED_TRAITS.keys() - FLAGS
     drawn = traits(50, kind=VehicleKind.T, fixed=fixed)
     for name in fixed.values():
         assert set(drawn[name]) == {0.5}
@@ -217,9 +217,9 @@ def test_every_parameter_can_be_fixed():
 
 def test_what_may_be_fixed_is_what_drivers_may_have():
     names = dict(zip(FixedTraits.model_fields, FixedTraits(**ALL_FIXED).values(), strict=True))
-    assert set(names.values()) == set(DRIVER_RANGES) - {"desired_speed"}
+    assert set(names.values()) == set(TRAIT_RANGES) - {"desired_speed"}
     for key, name in names.items():
-        ends = (DRIVER_RANGES[name].low, float(DRIVER_RANGES[name].high))
+        ends = (TRAIT_RANGES[name].low, float(TRAIT_RANGES[name].high))
         for value in ends:
             FixedTraits(**{key: value})
         for value in (ends[0] - 0.001, ends[1] * 1.001):
@@ -228,26 +228,26 @@ def test_what_may_be_fixed_is_what_drivers_may_have():
 
 
 @pytest.mark.parametrize("name", population_names())
-@pytest.mark.parametrize("trait", sorted(set(DRIVER_RANGES) - {"desired_speed"}))
+@pytest.mark.parametrize("trait", sorted(set(TRAIT_RANGES) - {"desired_speed"}))
 def test_factors_keep_drivers_within_what_they_may_have(name, trait):
-    allowed, ends = DRIVER_RANGES[trait], drawn_range(name, trait)
+    allowed, ends = TRAIT_RANGES[trait], trait_range(name, trait)
     low, high = allowed.limits
     assert all(low <= end <= high for end in ends)
     assert not (allowed.low_is_open and low in ends)
     max_factor = high / ends[1] if ends[1] else math.inf
     if 1.001 * max_factor > 100.0:  # No factor is larger than 100.
-        assert People(population=name, scale={trait: 0.999 * min(max_factor, 100.0)})
+        assert DriversSection(population=name, scale={trait: 0.999 * min(max_factor, 100.0)})
         return
-    People(population=name, scale={trait: 0.999 * max_factor})
+    DriversSection(population=name, scale={trait: 0.999 * max_factor})
     with pytest.raises(ValidationError, match="factor that keeps"):
-        People(population=name, scale={trait: 1.001 * max_factor})
+        DriversSection(population=name, scale={trait: 1.001 * max_factor})
 
 
 def test_a_factor_on_what_is_fixed_keeps_it_within_what_drivers_may_have():
     fixed = {"signal_time_s": 30.0}
-    assert People(population="mixed", fixed=fixed, scale={"signal_time": 2.0})
+    assert DriversSection(population="mixed", fixed=fixed, scale={"signal_time": 2.0})
     with pytest.raises(ValidationError, match="factor that keeps 30 to 30 within 0 to 60 s"):
-        People(population="mixed", fixed=fixed, scale={"signal_time": 2.1})
+        DriversSection(population="mixed", fixed=fixed, scale={"signal_time": 2.1})
 
 
 def test_the_egos_of_the_study_want_to_be_faster_than_their_leader(pinto):
@@ -259,14 +259,14 @@ def test_the_egos_of_the_study_want_to_be_faster_than_their_leader(pinto):
 
 
 def test_some_egos_of_the_mixed_population_are_content_to_follow(town06):
-    chosen = spec("pinto2023-physical", {"drivers.population": "mixed"})
+    chosen = load_specification("pinto2023-physical", {"drivers.population": "mixed"})
     drawn = sample(chosen, town06, seed=3, index=np.arange(5_000)).drivers.desired_speed
     wanting = drawn[:, 0] > drawn[:, 1]
     assert 0.85 < wanting.mean() < 0.95
 
 
 def test_the_traffic_wants_about_the_speed_that_it_came_with(town06):
-    chosen = spec("pinto2023-physical", {"starts.allow_doomed": True})
+    chosen = load_specification("pinto2023-physical", {"starts.allow_doomed": True})
     drawn = sample(chosen, town06, seed=3, index=np.arange(5_000))
     others = drawn.vehicles.valid.copy()
     others[:, 0] = False
@@ -282,7 +282,7 @@ def test_nobody_wants_more_than_the_vehicle_can_do(pinto):
 
 
 def test_a_population_whose_ends_are_of_different_kinds_is_refused():
-    known = population("mixed")
+    known = load_population("mixed")
     mixed_up = {**known.reckless, "time_gap": known.reckless["accel"]}
     with pytest.raises(KnowledgeError, match="lognormal and constant"):
         dataclasses.replace(known, reckless=mixed_up)
@@ -290,4 +290,4 @@ def test_a_population_whose_ends_are_of_different_kinds_is_refused():
 
 def test_an_unknown_population_is_refused():
     with pytest.raises(KnowledgeError, match=r"drivers\.toml"):
-        population("nobody")
+        load_population("nobody")

@@ -9,19 +9,20 @@ import scipy.stats
 from overtaking.core.errors import ConfigError
 from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.proposal import Bending
-from overtaking.scenarios.schema_flow import Component
-from overtaking.scenarios.weather import sample_weather
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.random_draws import ProposalSampler
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.specification import Component
+from overtaking.scenarios.weather_sampling import sample_weather
 
 NUMBERS = np.arange(20_000, dtype=np.uint64)
 
 
 def bent(share: float, power: float) -> tuple[np.ndarray, np.ndarray]:
     proposal = Component(name="windy", share=share, powers={"wind": power})
-    bending = Bending((proposal,), 3, NUMBERS)
+    bending = ProposalSampler((proposal,), 3, NUMBERS)
     u = (np.random.default_rng(1).permutation(len(NUMBERS)) + 0.5) / len(NUMBERS)
-    return bending("wind", u.astype(np.float32)), bending.weight
+    return bending.transform("wind", u.astype(np.float32)), bending.weight_so_far
 
 
 @pytest.mark.parametrize(("share", "power"), [(0.8, 0.4), (0.5, 3.0), (0.95, 0.2)])
@@ -51,9 +52,9 @@ def test_a_power_below_one_favours_the_upper_end():
 def shifted(shift: float) -> tuple[np.ndarray, np.ndarray]:
     far = Component(name="far", share=0.4, shifts={"ego_time_gap": shift})
     near = Component(name="near", share=0.3, shifts={"ego_time_gap": -shift})
-    bending = Bending((far, near), 3, NUMBERS)
+    bending = ProposalSampler((far, near), 3, NUMBERS)
     z = scipy.stats.norm.ppf((np.random.default_rng(1).permutation(20_000) + 0.5) / 20_000)
-    return bending("ego_time_gap", z.astype(np.float32)), bending.weight
+    return bending.transform("ego_time_gap", z.astype(np.float32)), bending.weight_so_far
 
 
 @pytest.mark.parametrize("shift", [0.5, 1.5, 3.0])
@@ -68,9 +69,9 @@ def test_weighted_moments_of_shifted_numbers_are_those_of_the_normal_distributio
 
 def test_what_a_component_draws_from_a_part_is_there_and_weighted_back():
     low = Component(name="low", share=0.6, parts={"sun": (0.5, 0.65)})
-    bending = Bending((low,), 3, NUMBERS)
+    bending = ProposalSampler((low,), 3, NUMBERS)
     u = (np.random.default_rng(1).permutation(len(NUMBERS)) + 0.5) / len(NUMBERS)
-    v, weight = bending("sun", u.astype(np.float32)), bending.weight
+    v, weight = bending.transform("sun", u.astype(np.float32)), bending.weight_so_far
     inside = (v >= 0.5) & (v <= 0.65)
     assert inside.mean() == pytest.approx(0.6 + 0.4 * 0.15, abs=0.01)
     assert weight[~inside] == pytest.approx(2.5)
@@ -89,40 +90,46 @@ def test_a_tempered_component_is_a_mixture_of_its_copies():
     one = {"powers": {"wind": 0.2}, "shifts": {"ego_time_gap": 2.0}}
     whole = Component(name="both", share=0.6, tempers=(1.0, 0.5, 0.25), **one)
     powers, shifts = (0.2, 0.2**0.5, 0.2**0.25), (2.0, 1.0, 0.5)
-    bending = Bending((whole,), 3, NUMBERS)
+    bending = ProposalSampler((whole,), 3, NUMBERS)
     rng = np.random.default_rng(1)
     u = ((rng.permutation(len(NUMBERS)) + 0.5) / len(NUMBERS)).astype(np.float32)
     z = scipy.stats.norm.ppf((rng.permutation(len(NUMBERS)) + 0.5) / len(NUMBERS))
-    v, y = bending("wind", u), bending("ego_time_gap", z.astype(np.float32))
+    v, y = bending.transform("wind", u), bending.transform("ego_time_gap", z.astype(np.float32))
     # The densities are SciPy's: u^p has that of a beta distribution with a = 1 / p.
     drawn_from = 0.4 * scipy.stats.norm.pdf(y)
     for power, shift in zip(powers, shifts, strict=True):
         drawn_from += 0.2 * scipy.stats.beta.pdf(v, 1 / power, 1) * scipy.stats.norm.pdf(y - shift)
-    np.testing.assert_allclose(bending.weight, scipy.stats.norm.pdf(y) / drawn_from, rtol=1e-3)
-    assert bending.weight.mean() == pytest.approx(1.0, abs=5.0 * bending.weight.std() / 141.0)
+    np.testing.assert_allclose(
+        bending.weight_so_far, scipy.stats.norm.pdf(y) / drawn_from, rtol=1e-3
+    )
+    assert bending.weight_so_far.mean() == pytest.approx(
+        1.0, abs=5.0 * bending.weight_so_far.std() / 141.0
+    )
 
 
 @pytest.mark.ci
 def test_few_simulations_of_the_risk_profile_weigh_nothing():
-    weight = sample(spec("motorway-risk"), load_road("motorway"), 1, NUMBERS[:8000]).weight
+    weight = sample(
+        load_specification("motorway-risk"), load_road("motorway"), 1, NUMBERS[:8000]
+    ).weight
     assert (weight < 1e-6).mean() < 0.1
     assert weight.sum() ** 2 / (weight**2).sum() > 0.4 * len(weight)
     assert weight.mean() == pytest.approx(1.0, abs=4.0 * weight.std() / np.sqrt(len(weight)))
 
 
 def test_without_a_proposal_every_weight_is_one():
-    bending = Bending(None, 1, NUMBERS)
+    bending = ProposalSampler(None, 1, NUMBERS)
     u = np.full(len(NUMBERS), 0.25, np.float32)
-    assert bending("wind", u) is u
-    assert (bending.weight == 1.0).all()
+    assert bending.transform("wind", u) is u
+    assert (bending.weight_so_far == 1.0).all()
 
 
 def test_the_risk_profile_has_more_of_everything_and_weighs_it_back():
-    natural = sample_weather(spec("motorway").weather, 1, NUMBERS)
-    risk = spec("motorway-risk")
-    bending = Bending(risk.proposal, 1, NUMBERS)
-    weather = sample_weather(risk.weather, 1, NUMBERS, bending)
-    weight = bending.weight
+    natural = sample_weather(load_specification("motorway").weather, 1, NUMBERS)
+    risk = load_specification("motorway-risk")
+    bending = ProposalSampler(risk.proposal, 1, NUMBERS)
+    weather = sample_weather(risk.weather, 1, NUMBERS, bending.transform)
+    weight = bending.weight_so_far
     for often in ((lambda w: w.rain > 0), (lambda w: w.fog > 20), (lambda w: w.wind > 60)):
         plain, enriched = often(natural), often(weather)
         assert enriched.mean() > 1.5 * plain.mean()
@@ -134,10 +141,10 @@ def test_the_risk_profile_has_more_of_everything_and_weighs_it_back():
 
 def test_scenarios_carry_their_weights():
     road = load_road("motorway")
-    drawn = sample(spec("motorway-risk"), road, 1, NUMBERS[:400])
+    drawn = sample(load_specification("motorway-risk"), road, 1, NUMBERS[:400])
     assert drawn.weight.dtype == np.float64
     assert drawn.weight.min() < 0.5 < 2.0 < drawn.weight.max() <= 1.0 / 0.36 + 1e-9
-    natural = sample(spec("motorway"), road, 1, NUMBERS[:400])
+    natural = sample(load_specification("motorway"), road, 1, NUMBERS[:400])
     assert (natural.weight == 1.0).all()
 
 
@@ -156,20 +163,20 @@ def test_scenarios_carry_their_weights():
 )
 def test_a_wrong_component_is_refused(given, message):
     with pytest.raises(ConfigError, match=message):
-        spec("motorway-risk", {"proposal": [{"name": "windy"} | given]})
+        load_specification("motorway-risk", {"proposal": [{"name": "windy"} | given]})
 
 
 def test_components_that_leave_nothing_as_it_is_met_are_refused():
     half = {"name": "half", "share": 0.5}
     with pytest.raises(ConfigError, match="a sum below 1"):
-        spec("motorway-risk", {"proposal": [half, half]})
+        load_specification("motorway-risk", {"proposal": [half, half]})
 
 
 @pytest.mark.ci
 def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
     road = load_road("motorway")
-    natural = sample(spec("motorway"), road, 1, NUMBERS[:8000]).drivers
-    risk = sample(spec("motorway-risk"), road, 1, NUMBERS[:8000])
+    natural = sample(load_specification("motorway"), road, 1, NUMBERS[:8000]).drivers
+    risk = sample(load_specification("motorway-risk"), road, 1, NUMBERS[:8000])
     weight, far = risk.weight, 2.2
     for slot, more in ((Role.EGO, 1.5), (5, 1.05)):
         enriched, plain = (who.time_gap[:, slot] > far for who in (risk.drivers, natural))
@@ -181,8 +188,8 @@ def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
 @pytest.mark.ci
 def test_rural_risk_has_more_who_misjudge_and_heed_no_line_and_weighs_them_back():
     road = load_road("rural")
-    natural = sample(spec("rural"), road, 1, NUMBERS[:8000]).drivers
-    risk = sample(spec("rural-risk"), road, 1, NUMBERS[:8000])
+    natural = sample(load_specification("rural"), road, 1, NUMBERS[:8000]).drivers
+    risk = sample(load_specification("rural-risk"), road, 1, NUMBERS[:8000])
     weight = risk.weight
     assert weight.max() <= 1.0 / 0.36 + 1e-9
     for unusual in (lambda who: ~who.heeds_lines, lambda who: who.need_factor < 0.6):

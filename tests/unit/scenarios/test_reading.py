@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from overtaking.core.errors import ConfigError
-from overtaking.scenarios import Spec, profile_names, spec
-from overtaking.scenarios.reading import PROFILES
-from overtaking.scenarios.schema import FixedTraits, Starts, Traffic
+from overtaking.scenarios.profiles import PROFILE_FOLDER, load_specification, profile_names
+from overtaking.scenarios.specification import FixedTraits, Specification, StartsSection
+from overtaking.scenarios.traffic_specification import PlacedTraffic
 
 PINTO = "pinto2023-physical"
 
@@ -17,17 +17,17 @@ PINTO = "pinto2023-physical"
 def test_the_profiles_of_the_package_are_valid_and_carry_their_names():
     assert PINTO in profile_names()
     for name in profile_names():
-        assert spec(name).name == name
+        assert load_specification(name).name == name
 
 
-def traffic_of(overrides=None) -> Traffic:
-    traffic = spec(PINTO, overrides).traffic
-    assert isinstance(traffic, Traffic)
+def traffic_of(overrides=None) -> PlacedTraffic:
+    traffic = load_specification(PINTO, overrides).traffic
+    assert isinstance(traffic, PlacedTraffic)
     return traffic
 
 
 def test_the_profile_of_the_study_says_what_the_study_says():
-    study, traffic = spec(PINTO), traffic_of()
+    study, traffic = load_specification(PINTO), traffic_of()
     assert study.road == "town06"
     assert traffic.vehicles == (2, 6)
     assert traffic.speed_kmh == (50.0, 120.0)
@@ -51,30 +51,38 @@ def test_the_profile_of_the_study_says_what_the_study_says():
 
 
 def test_a_resolved_specification_is_read_back_as_itself():
-    given = spec(PINTO, {"weather.mode": "independent", "drivers.fixed.time_gap_s": "1.5"})
-    as_json = json.loads(json.dumps(given.resolved()))
-    assert spec(as_json) == given
-    assert spec(as_json).spec_hash == given.spec_hash
-    assert spec(given) == given
+    given = load_specification(
+        PINTO, {"weather.mode": "independent", "drivers.fixed.time_gap_s": "1.5"}
+    )
+    as_json = json.loads(json.dumps(given.to_dict()))
+    assert load_specification(as_json) == given
+    assert load_specification(as_json).specification_hash == given.specification_hash
+    assert load_specification(given) == given
 
 
 def test_the_hash_depends_on_what_is_said_and_not_on_how(tmp_path):
-    text = (PROFILES / f"{PINTO}.toml").read_text(encoding="utf-8")
+    text = (PROFILE_FOLDER / f"{PINTO}.toml").read_text(encoding="utf-8")
     shuffled = tmp_path / "shuffled.toml"
     shuffled.write_text("\n\n".join(reversed(text.split("\n\n"))), encoding="utf-8")
-    assert spec(shuffled).spec_hash == spec(PINTO).spec_hash
-    assert spec(PINTO, {"traffic.vehicles": "2..5"}).spec_hash != spec(PINTO).spec_hash
+    assert (
+        load_specification(shuffled).specification_hash
+        == load_specification(PINTO).specification_hash
+    )
+    assert (
+        load_specification(PINTO, {"traffic.vehicles": "2..5"}).specification_hash
+        != load_specification(PINTO).specification_hash
+    )
 
 
 def test_canonical_json_is_one_sorted_line():
-    text = spec(PINTO).canonical_json()
+    text = load_specification(PINTO).canonical_json()
     assert "\n" not in text
-    assert json.loads(text) == spec(PINTO).resolved()
+    assert json.loads(text) == load_specification(PINTO).to_dict()
     assert list(json.loads(text)) == sorted(json.loads(text))
 
 
 def test_a_specification_cannot_be_changed():
-    study = spec(PINTO)
+    study = load_specification(PINTO)
     with pytest.raises(ValueError, match="frozen"):
         study.profile.name = "other"
 
@@ -98,7 +106,7 @@ def test_a_specification_cannot_be_changed():
 )
 def test_an_override_may_be_a_text(key, text, expected):
     section, name = key.split(".")
-    assert getattr(getattr(spec(PINTO, {key: text}), section), name) == expected
+    assert getattr(getattr(load_specification(PINTO, {key: text}), section), name) == expected
 
 
 def test_an_override_may_change_one_weight():
@@ -112,16 +120,18 @@ def test_the_other_zone_replaces_the_first():
 
 
 def test_the_other_mode_of_the_weather_replaces_its_keys():
-    changed = spec(PINTO, {"weather.mode": "independent", "weather.rain_probability": "0.2"})
+    changed = load_specification(
+        PINTO, {"weather.mode": "independent", "weather.rain_probability": "0.2"}
+    )
     assert changed.weather.mode == "independent"
     assert changed.weather.rain_probability == 0.2
 
 
 def test_defaults_are_those_of_the_models(tmp_path):
-    table = tomllib.loads((PROFILES / f"{PINTO}.toml").read_text(encoding="utf-8"))
+    table = tomllib.loads((PROFILE_FOLDER / f"{PINTO}.toml").read_text(encoding="utf-8"))
     del table["starts"]
-    assert spec(table).starts == Starts()
-    assert Starts() == spec(PINTO, {"starts.min_gap_m": 10.0}).starts
+    assert load_specification(table).starts == StartsSection()
+    assert StartsSection() == load_specification(PINTO, {"starts.min_gap_m": 10.0}).starts
 
 
 MISTAKES = {
@@ -178,7 +188,7 @@ MISTAKES = {
 @pytest.mark.parametrize(("key", "value", "says"), MISTAKES.values(), ids=list(MISTAKES))
 def test_a_mistake_is_one_line_with_place_and_remedy(key, value, says):
     with pytest.raises(ConfigError) as caught:
-        spec(PINTO, {key: value})
+        load_specification(PINTO, {key: value})
     message = str(caught.value)
     assert "\n" not in message
     assert message.startswith(f"{PINTO}.toml: {key.split('.')[0]}")
@@ -191,7 +201,7 @@ def test_a_mistake_is_one_line_with_place_and_remedy(key, value, says):
 @pytest.mark.parametrize("profile", profile_names())
 @pytest.mark.parametrize("value", [1e308, -1e308, 10**30])
 def test_every_number_has_a_range(profile, value):
-    given = spec(profile).resolved()
+    given = load_specification(profile).to_dict()
     given["drivers"] |= PEOPLE
     for *way, last in numbers_in(given):
         table = part = copy.deepcopy(given)
@@ -199,7 +209,7 @@ def test_every_number_has_a_range(profile, value):
             part = part[key]
         part[last] = value
         with pytest.raises(ConfigError, match=f"got .*{re.escape(str(value))}"):
-            spec(table)
+            load_specification(table)
 
 
 PEOPLE = {
@@ -220,77 +230,77 @@ def numbers_in(table, way=()):
 
 def test_a_mistake_in_the_other_weather_is_found():
     with pytest.raises(ConfigError, match=r"weather\.fog_percent\.1: .* less than or equal to 100"):
-        spec(PINTO, {"weather.mode": "independent", "weather.fog_percent": "0..101"})
+        load_specification(PINTO, {"weather.mode": "independent", "weather.fog_percent": "0..101"})
     with pytest.raises(ConfigError, match="did you mean rain_percent"):
-        spec(PINTO, {"weather.mode": "independent", "weather.rain_prcent": "0..100"})
+        load_specification(PINTO, {"weather.mode": "independent", "weather.rain_prcent": "0..100"})
 
 
 def test_exactly_one_zone_is_wanted():
-    table = spec(PINTO).resolved()
+    table = load_specification(PINTO).to_dict()
     table["traffic"]["spawn_s_m"] = [1, 2]
     with pytest.raises(ConfigError, match="exactly one of spawn_x_m and spawn_s_m, got both"):
-        spec(table)
+        load_specification(table)
     del table["traffic"]["spawn_x_m"], table["traffic"]["spawn_s_m"]
     with pytest.raises(ConfigError, match="exactly one of spawn_x_m and spawn_s_m, got neither"):
-        spec(table)
+        load_specification(table)
 
 
 def test_a_missing_key_is_no_default():
-    table = spec(PINTO).resolved()
+    table = load_specification(PINTO).to_dict()
     del table["traffic"]["speed_kmh"]
     with pytest.raises(ConfigError, match=r"traffic\.speed_kmh: expected a value, got nothing"):
-        spec(table)
+        load_specification(table)
 
 
 @pytest.mark.parametrize("key", ["", ".", "traffic.", ".vehicles", "traffic..vehicles"])
 def test_an_override_needs_a_key(key):
     with pytest.raises(ConfigError, match="name section and key"):
-        spec(PINTO, {key: 1})
+        load_specification(PINTO, {key: 1})
 
 
 def test_an_override_cannot_reach_into_a_value():
     with pytest.raises(ConfigError, match="expected a table"):
-        spec(PINTO, {"profile.name.first": "x"})
+        load_specification(PINTO, {"profile.name.first": "x"})
 
 
 def test_an_unknown_profile_is_answered_with_the_known_one():
     with pytest.raises(ConfigError, match="did you mean pinto2023"):
-        spec("pinto-2023")
+        load_specification("pinto-2023")
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"mine\.toml: file: .* check the path"):
-        spec(tmp_path / "mine.toml")
+        load_specification(tmp_path / "mine.toml")
 
 
 def test_a_file_that_is_no_toml_is_refused(tmp_path):
     broken = tmp_path / "broken.toml"
     broken.write_text("[profile\n", encoding="utf-8")
     with pytest.raises(ConfigError, match="correct the file"):
-        spec(str(broken))
+        load_specification(str(broken))
 
 
 def test_a_file_is_read_like_a_profile(tmp_path):
     copy = tmp_path / "mine.toml"
-    copy.write_bytes((PROFILES / f"{PINTO}.toml").read_bytes())
-    assert spec(copy) == spec(str(copy)) == spec(PINTO)
-    assert isinstance(spec(copy), Spec)
+    copy.write_bytes((PROFILE_FOLDER / f"{PINTO}.toml").read_bytes())
+    assert load_specification(copy) == load_specification(str(copy)) == load_specification(PINTO)
+    assert isinstance(load_specification(copy), Specification)
 
 
 def test_a_profile_with_a_byte_order_mark_is_read(tmp_path):
     path = tmp_path / "mine.toml"
-    path.write_bytes(b"\xef\xbb\xbf" + (PROFILES / "motorway.toml").read_bytes())
-    assert spec(path) == spec("motorway")
+    path.write_bytes(b"\xef\xbb\xbf" + (PROFILE_FOLDER / "motorway.toml").read_bytes())
+    assert load_specification(path) == load_specification("motorway")
 
 
 def test_a_data_set_in_place_of_a_profile_is_named_as_such(workdir):
     folder = Path("a folder")  # A longer path would be cut off in the message.
     folder.mkdir()
     with pytest.raises(ConfigError, match="expected the name of a profile or a TOML file, got a f"):
-        spec(folder)
+        load_specification(folder)
     (folder / "dataset.json").write_text("{}", encoding="utf-8")
     with pytest.raises(ConfigError, match=f"got a data set; .*overtaking info '{folder}'"):
-        spec(str(folder))
+        load_specification(str(folder))
 
 
 @pytest.mark.parametrize(
@@ -298,16 +308,16 @@ def test_a_data_set_in_place_of_a_profile_is_named_as_such(workdir):
     [("weathers", "did you mean weather?"), ("traffics", "did you mean traffic?")],
 )
 def test_an_unknown_key_is_named_before_the_key_that_is_missing(key, advice):
-    table = spec(PINTO).resolved()
+    table = load_specification(PINTO).to_dict()
     table[key] = table.pop({"weathers": "weather", "traffics": "traffic"}[key])
     with pytest.raises(ConfigError, match=re.escape(f"{key}: expected a known key, got '{key}'")):
-        spec(table)
+        load_specification(table)
     with pytest.raises(ConfigError, match=re.escape(advice)):
-        spec(table)
+        load_specification(table)
 
 
 def test_an_unknown_key_of_a_section_without_a_mode_is_named():
-    table = spec(PINTO).resolved()
+    table = load_specification(PINTO).to_dict()
     table["weather"] = {"modes": "presets", "presets": ["ClearNoon"]}
     with pytest.raises(ConfigError, match=r"got the key modes; did you mean mode\?"):
-        spec(table)
+        load_specification(table)

@@ -2,13 +2,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from overtaking.knowledge import presets
+from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model.weather import NO_PRESET
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.weather import sample_weather
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.weather_sampling import sample_weather
 
 SMALLEST_P = 1e-3  # Seeds are fixed: a failure is a bug and not bad luck.
-NAMES = tuple(presets())
+NAMES = tuple(weather_presets())
 
 
 def spearman(one, other):
@@ -19,7 +20,7 @@ def spearman(one, other):
 def independent(road, **keys):
     overrides = {"weather.mode": "independent"} | {f"weather.{k}": v for k, v in keys.items()}
     return sample(
-        spec("pinto2023-physical", overrides), road, seed=5, index=np.arange(20_000)
+        load_specification("pinto2023-physical", overrides), road, seed=5, index=np.arange(20_000)
     ).weather
 
 
@@ -30,7 +31,9 @@ def test_the_eight_weathers_of_the_study_are_equally_likely(pinto):
 
 
 def test_weights_decide_how_often_a_weather_comes(town06):
-    chosen = spec("pinto2023-physical", {"weather.presets": "{ClearNoon = 3, WetNight = 1}"})
+    chosen = load_specification(
+        "pinto2023-physical", {"weather.presets": "{ClearNoon = 3, WetNight = 1}"}
+    )
     weather = sample(chosen, town06, seed=5, index=np.arange(8_000)).weather
     counts = np.bincount(weather.preset, minlength=len(NAMES))
     wanted = [counts[NAMES.index("ClearNoon")], counts[NAMES.index("WetNight")]]
@@ -61,7 +64,7 @@ def test_the_low_sun_dazzles_in_clear_sunset_and_nowhere_else(pinto):
 def test_every_number_of_a_preset_is_that_of_carla(pinto):
     weather = pinto.weather
     for code, name in enumerate(NAMES[:8]):
-        carla = presets()[name]
+        carla = weather_presets()[name]
         here = weather.select(weather.preset == code)
         assert set(here.rain) == {carla.precipitation_percent}
         assert set(here.puddles) == {carla.precipitation_deposits_percent}
@@ -145,7 +148,7 @@ def test_what_is_seldom_extreme_may_be_weibull(town06):
 
 def test_the_rain_of_the_profile_falls_as_often_as_that_of_western_iberia():
     index = np.arange(400_000, dtype=np.uint64)
-    weather = sample_weather(spec("motorway").weather, 5, index)
+    weather = sample_weather(load_specification("motorway").weather, 5, index)
     rate = 50.0 * (weather.rain.astype(np.float64) / 100.0) ** 2.5
     # ITU-R P.837-1, zones H and K: exceeded in 0.1 % and in 0.01 % of the time.
     assert 10.0 * 0.8 < np.quantile(rate, 0.999) < 12.0 * 1.2

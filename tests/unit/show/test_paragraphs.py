@@ -10,7 +10,7 @@ from overtaking import api
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, Text, policies_for
 from overtaking.labels.law.texts import words_of
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.show.paragraphs import paragraphs
 
 pytestmark = pytest.mark.ci

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.model.observation import AROUND, OWN
+from overtaking.model.driver_interface import EGO_COLUMNS, NEIGHBOUR_COLUMNS
 from overtaking.sim.beliefs import beliefs
 
 _MM = 1000.0
-_POSITION, _SPEED = list(OWN).index("position"), list(OWN).index("speed")
+_POSITION, _SPEED = list(EGO_COLUMNS).index("position"), list(EGO_COLUMNS).index("speed")
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_both_engines_tell_the_same(scenario: ot.Scenario):
 
 def test_what_is_not_seen_is_not_believed(scenario: ot.Scenario):
     told = beliefs(scenario)
-    detected, closing = (list(AROUND).index(name) for name in ("detected", "closing"))
+    detected, closing = (list(NEIGHBOUR_COLUMNS).index(name) for name in ("detected", "closing"))
     unseen = told.believed[..., detected] == 0
     assert (told.believed[..., closing][unseen] == 0).all()
     assert 0.2 < unseen.mean() < 1.0

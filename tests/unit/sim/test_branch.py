@@ -9,10 +9,10 @@ import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.actions import Actions
-from overtaking.model.changes import Change
+from overtaking.model.driver_interface import Actions
+from overtaking.model.scenario import Intervention
 from overtaking.sim import engine, reference
-from overtaking.sim.branch import Decision, branch
+from overtaking.sim.branch import ForcedDecision, branch
 
 
 def world(**changes: float):
@@ -41,8 +41,8 @@ def test_a_change_of_weather_takes_effect_from_its_frame_on():
 
 @pytest.mark.ci
 def test_engine_and_reference_branch_alike():
-    one = branch(world(), 20, decision=Decision.PULL_OUT)
-    two = branch(world(), 20, decision=Decision.PULL_OUT, run=reference.run)
+    one = branch(world(), 20, decision=ForcedDecision.PULL_OUT)
+    two = branch(world(), 20, decision=ForcedDecision.PULL_OUT, run=reference.run)
     np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
 
 
@@ -51,7 +51,7 @@ def test_a_branch_beyond_the_end_changes_nothing():
     undisturbed = engine.simulate(short)
     assert undisturbed.num_frames.tolist() == [101]
     np.testing.assert_array_equal(
-        branch(short, 150, decision=Decision.PULL_OUT).trace_hash, undisturbed.trace_hash
+        branch(short, 150, decision=ForcedDecision.PULL_OUT).trace_hash, undisturbed.trace_hash
     )
 
 
@@ -66,13 +66,13 @@ def traffic():
 
 
 CHANGES = (
-    Change(frame=20, decision=Decision.STAY),
-    Change(frame=30, vehicle=1, faster=-4.0),
-    Change(frame=50, decision=Decision.PULL_OUT),
-    Change(frame=60, without=("rain",)),
-    Change(frame=70, vehicle=2, ahead=-15.0),
-    Change(frame=80, traits={"time_gap": 0.5}),
-    Change(frame=120, vehicle=2, removed=True),
+    Intervention(frame=20, decision=ForcedDecision.STAY),
+    Intervention(frame=30, vehicle=1, faster=-4.0),
+    Intervention(frame=50, decision=ForcedDecision.PULL_OUT),
+    Intervention(frame=60, without=("rain",)),
+    Intervention(frame=70, vehicle=2, ahead=-15.0),
+    Intervention(frame=80, traits={"time_gap": 0.5}),
+    Intervention(frame=120, vehicle=2, removed=True),
 )
 
 
@@ -91,8 +91,8 @@ def test_a_branch_of_a_branch_is_a_branch_with_both_changes(cut: int):
     both = branch(first, changes=CHANGES[cut:])
     whole = branch(traffic(), changes=CHANGES)
     np.testing.assert_array_equal(both.trace_hash, whole.trace_hash)
-    assert both.branched is not None
-    assert both.branched.changes == CHANGES
+    assert both.branch_origin is not None
+    assert both.branch_origin.changes == CHANGES
 
 
 def test_the_order_in_which_changes_are_given_does_not_matter():
@@ -102,14 +102,16 @@ def test_the_order_in_which_changes_are_given_does_not_matter():
 
 @pytest.mark.parametrize("run", [engine.run, pytest.param(reference.run, marks=pytest.mark.ci)])
 def test_nothing_changed_is_the_undisturbed_simulation(run):
-    one = branch(traffic(), changes=[Change(frame=17), Change(frame=40)], run=run)
+    one = branch(traffic(), changes=[Intervention(frame=17), Intervention(frame=40)], run=run)
     np.testing.assert_array_equal(one.trace_hash, engine.simulate(traffic()).trace_hash)
-    assert one.branched is None
+    assert one.branch_origin is None
 
 
 def test_a_vehicle_is_moved_and_slowed_from_its_frame_on():
     before = engine.simulate(traffic()).states
-    after = branch(traffic(), changes=[Change(frame=40, vehicle=1, ahead=12.5, faster=-3.0)]).states
+    after = branch(
+        traffic(), changes=[Intervention(frame=40, vehicle=1, ahead=12.5, faster=-3.0)]
+    ).states
     np.testing.assert_array_equal(after.s[0, :, :40], before.s[0, :, :40])
     assert after.s[0, 1, 40] - before.s[0, 1, 40] == 12_500
     assert after.speed[0, 1, 40] - before.speed[0, 1, 40] == -3_000
@@ -121,17 +123,17 @@ def test_a_change_at_the_start_is_another_start():
     place = moved.start_s.copy()
     place[0, 1] += np.float32(7.0)
     moved = moved.replace(start_s=place)
-    one = branch(traffic(), changes=[Change(vehicle=1, ahead=7.0)])
+    one = branch(traffic(), changes=[Intervention(vehicle=1, ahead=7.0)])
     np.testing.assert_array_equal(one.trace_hash, engine.simulate(moved).trace_hash)
 
 
 def test_who_is_removed_is_not_there_and_met_by_nobody():
-    run = branch(traffic(), changes=[Change(frame=100, vehicle=1, removed=True)])
-    assert run.state_valid[0, 1, :100].all()
-    assert not run.state_valid[0, 1, 100:].any()
+    run = branch(traffic(), changes=[Intervention(frame=100, vehicle=1, removed=True)])
+    assert run.state_mask[0, 1, :100].all()
+    assert not run.state_mask[0, 1, 100:].any()
     assert not run.states.s[0, 1, 100:].any()
-    alone = branch(traffic(), changes=[Change(vehicle=1, removed=True)])
-    assert not alone.state_valid[0, 1].any()
+    alone = branch(traffic(), changes=[Intervention(vehicle=1, removed=True)])
+    assert not alone.state_mask[0, 1].any()
     # Behind the slower leader it cannot drive as it wants; alone it does.
     assert engine.simulate(traffic()).states.speed[0, 0, 250] < 30_000
     assert 34_000 < alone.states.speed[0, 0, 250] <= 35_000
@@ -140,26 +142,26 @@ def test_who_is_removed_is_not_there_and_met_by_nobody():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (Change(vehicle=5, removed=True), "vehicle: expected 0 to 2, got 5"),
-        (Change(removed=True), "vehicle: expected another one than the ego"),
-        (Change(traits={"mood": 1.0}), "trait: expected .*desired_speed.*got mood"),
-        (Change(without=("sun",)), "without: expected .*rain.*got sun"),
+        (Intervention(vehicle=5, removed=True), "vehicle: expected 0 to 2, got 5"),
+        (Intervention(removed=True), "vehicle: expected another one than the ego"),
+        (Intervention(traits={"mood": 1.0}), "trait: expected .*desired_speed.*got mood"),
+        (Intervention(without=("sun",)), "without: expected .*rain.*got sun"),
     ],
 )
-def test_a_change_that_cannot_be_made_is_refused(change: Change, message: str):
+def test_a_change_that_cannot_be_made_is_refused(change: Intervention, message: str):
     with pytest.raises(ConfigError, match=message):
         branch(traffic(), changes=[change])
 
 
-@pytest.mark.parametrize("change", [*CHANGES, Change(weather=traffic().weather.replace())])
-def test_a_change_survives_being_written_down(change: Change):
-    again = Change.from_json(json.loads(json.dumps(change.as_json())))
-    assert again.as_json() == change.as_json()
+@pytest.mark.parametrize("change", [*CHANGES, Intervention(weather=traffic().weather.replace())])
+def test_a_change_survives_being_written_down(change: Intervention):
+    again = Intervention.from_dict(json.loads(json.dumps(change.to_dict())))
+    assert again.to_dict() == change.to_dict()
     ran = [branch(traffic(), changes=[one]).trace_hash for one in (change, again)]
     np.testing.assert_array_equal(*ran)
 
 
 def test_a_simulation_that_a_policy_drives_is_not_branched():
-    driven = engine.simulate(traffic()).replace(actions=Actions.none(1))
+    driven = engine.simulate(traffic()).replace(actions=Actions.empty(1))
     with pytest.raises(ConfigError, match="expected one in which the model drives the ego"):
         branch(driven, 3)

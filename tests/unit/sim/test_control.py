@@ -7,7 +7,7 @@ import pytest
 from tests.support.minds import moment
 from tests.support.worlds import Vehicle
 
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference import control, dynamics, steering
 

@@ -8,7 +8,7 @@ from tests.support.bench import bench
 from tests.support.minds import Moment, moment
 from tests.support.worlds import Vehicle, wide_road
 
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.sim.reference import collisions
 
 EDGES = (-10.5, 0.0)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.core.errors import ConfigError, PolicyError
-from overtaking.model.observation import AROUND, ROLES
-from overtaking.model.trajectory import NO_VEHICLE, Lights, Stage
+from overtaking.core.errors import ConfigError, DriverError
+from overtaking.model.driver_interface import NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES
+from overtaking.model.trajectories import NO_VEHICLE, Lights, Stage
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.sensor import Sensing, Sensor
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 pytestmark = pytest.mark.ci
 
@@ -56,7 +56,7 @@ def speeds(run: ot.Trajectories) -> np.ndarray:
 def test_an_acceleration_is_carried_out_with_the_egos_jerk(scenes):
     run = ot.drive(scenes, constant(-1.0, 0.0), observe="truth")
     accel = run.states.accel_lon[:, 0, 60:-1] * 1e-3
-    sound = (run.collided_with == NO_VEHICLE) & run.frame_valid
+    sound = (run.collided_with == NO_VEHICLE) & run.frame_mask
     rolls = (speeds(run) > 2.0)[:, 60:-1] & sound[:, 60:-1]
     assert rolls.any(axis=1).sum() >= 5
     np.testing.assert_allclose(accel[rolls], -1.0, atol=0.05)
@@ -154,7 +154,7 @@ def test_who_steers_shows_what_it_asks_for(silent):
         return np.tile([0.0, 0.0, side], (len(seen.active), 1))
 
     run = ot.drive(silent, signals, observe="truth", action="accel_steer_signal")
-    sound = (run.stage != Stage.CRASHED) & run.frame_valid
+    sound = (run.stage != Stage.CRASHED) & run.frame_mask
     wanted = np.broadcast_to(sides[np.arange(sound.shape[1]) // 30 % 3], sound.shape)
     assert sound.sum() > 300
     np.testing.assert_array_equal(shown(run)[sound], wanted[sound])
@@ -175,7 +175,7 @@ def test_answers_beyond_the_limits_are_counted(scenes):
 
     run = ot.drive(scenes, often, observe="human", hold=4)
     assert run.actions
-    clipped = run.actions.clipped
+    clipped = run.actions.num_clipped
     assert clipped is not None
     asked = -(-(run.num_frames - 1) // 4)
     assert abs(int(clipped[0]) - asked[0] / 2) <= 1
@@ -258,7 +258,7 @@ def changes_its_mind(seen: ot.Observation) -> np.ndarray:
     ],
 )
 def test_what_is_no_answer_is_one_clear_error(scenes, policy, says):
-    with pytest.raises(PolicyError, match=says) as raised:
+    with pytest.raises(DriverError, match=says) as raised:
         ot.drive(scenes, policy, observe="human")
     assert "\n" not in str(raised.value)
 
@@ -295,14 +295,14 @@ class TestSensor:
         given = parameters(scenes)
         sensor = Sensor(**{name: getattr(RADAR, name) for name in RADAR.__slots__} | changes)
         sensing = Sensing(sensor, scenes, given)
-        truth = np.zeros((decisions, 6, len(ROLES), len(AROUND)), np.float32)
-        columns = dict(zip(AROUND, np.moveaxis(truth, -1, 0), strict=True))
+        truth = np.zeros((decisions, 6, len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS)), np.float32)
+        columns = dict(zip(NEIGHBOUR_COLUMNS, np.moveaxis(truth, -1, 0), strict=True))
         columns["detected"][...] = 1.0
         columns["gap"][...] = np.linspace(5.0, 200.0, decisions)[:, None, None]
         columns["closing"][...] = 5.0
         active = np.ones(6, bool)
         told = np.stack([sensing.sense(one, active, k) for k, one in enumerate(truth)])
-        return columns, dict(zip(AROUND, np.moveaxis(told, -1, 0), strict=True))
+        return columns, dict(zip(NEIGHBOUR_COLUMNS, np.moveaxis(told, -1, 0), strict=True))
 
     def test_it_sees_as_far_as_it_does(self, scenes):
         clear = scenes.replace(
@@ -311,7 +311,7 @@ class TestSensor:
             )
         )
         truth, told = self.sensed(clear, latency=0.0, missed=0.0, gap_error=0.0)
-        ahead = np.array([name.endswith(("lead", "oncoming")) for name in ROLES])
+        ahead = np.array([name.endswith(("lead", "oncoming")) for name in NEIGHBOUR_ROLES])
         half = parameters(clear).of_vehicles.of(0).half_length[:, None]
         within = truth["gap"] + half <= np.where(ahead, 150.0, 80.0)
         np.testing.assert_array_equal(told["detected"] > 0, within)

@@ -16,11 +16,11 @@ from overtaking.sim.reference import gaps
 if TYPE_CHECKING:
     from overtaking.model.road import Road
 
-from overtaking.model.trajectory import DecisionKind, Lights, Stage, Trajectories
+from overtaking.model.trajectories import Lights, ManoeuvreKind, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.sim import engine
-from overtaking.sim.branch import Decision, branch
-from overtaking.world.parameters import parameters
+from overtaking.sim.branch import ForcedDecision, branch
+from overtaking.world.step_parameters import parameters
 
 CAR = 4.4
 
@@ -161,8 +161,8 @@ def test_three_seconds_after_the_overtake_the_simulation_ends():
 def test_what_it_believed_is_written_down_at_each_decision():
     ran = told(ego(), other(80.0, 0, 20.0), other(-60.0, 1, 25.0))
     b = ran.percepts
-    kinds = [DecisionKind(k) for k in b.kind[0][b.valid[0]]]
-    assert kinds == [DecisionKind.PULL_OUT, DecisionKind.RETURN]
+    kinds = [ManoeuvreKind(k) for k in b.kind[0][b.valid[0]]]
+    assert kinds == [ManoeuvreKind.PULL_OUT, ManoeuvreKind.RETURN]
     out = int(b.time[0, 0]) // 50
     s, speed = ran.states.s[0, :, out] / 1000.0, ran.states.speed[0, :, out] / 1000.0
     # Leader: slot 1; nobody ahead in the next lane; slot 2 behind there.
@@ -244,7 +244,7 @@ def test_it_wants_to_pass_whoever_is_slow_and_near(distance: float, leader: floa
     assert bool(gaps.wants_to_pass(m.given, view)[0]) is wanted
 
 
-def branched(decision: Decision, seconds: float, *vehicles: Vehicle) -> Trajectories:
+def branched(decision: ForcedDecision, seconds: float, *vehicles: Vehicle) -> Trajectories:
     world = scenario(list(vehicles), road=wide_road(), horizon=40.0)
     return branch(world, round(seconds * 20.0), decision=decision)
 
@@ -253,12 +253,12 @@ STORY = (ego(), other(80.0, 0, 20.0))
 
 
 def test_a_branch_can_forbid_the_overtake():
-    assert stages(branched(Decision.STAY, 0.0, *STORY)) == [Stage.FOLLOW]
+    assert stages(branched(ForcedDecision.STAY, 0.0, *STORY)) == [Stage.FOLLOW]
 
 
 def test_a_branch_can_force_it_on_who_does_not_want_to():
     content = (ego(passing_gain=1e6), other(80.0, 0, 25.0))
-    ran = branched(Decision.PULL_OUT, 2.0, *content)
+    ran = branched(ForcedDecision.PULL_OUT, 2.0, *content)
     # It takes effect at the first instant that allows it, after the indicator has been on.
     assert first(ran, Stage.PULL_OUT) * 0.05 == pytest.approx(3.0, abs=0.11)
 
@@ -266,7 +266,7 @@ def test_a_branch_can_force_it_on_who_does_not_want_to():
 def test_a_branch_can_make_it_give_up():
     undisturbed = engine.simulate(scenario(list(STORY), road=wide_road(), horizon=40.0))
     out = first(undisturbed, Stage.PULL_OUT)
-    ran = branched(Decision.ABORT, out * 0.05 + 0.5, *STORY)
+    ran = branched(ForcedDecision.ABORT, out * 0.05 + 0.5, *STORY)
     assert stages(ran)[:3] == [Stage.FOLLOW, Stage.PULL_OUT, Stage.ABORT]
     assert ran.states.lane[0, 0, out + 200] == 0
 
@@ -289,6 +289,6 @@ def test_a_branch_can_force_the_return_into_the_other_who_makes_room_only_if_war
     s = undisturbed.states.s[0]
     beside = int(np.argmin(np.abs(s[0] - s[1])[: undisturbed.num_frames[0]]))
     assert undisturbed.stage[0, beside] == Stage.PASS
-    ran = branched(Decision.RETURN, beside * 0.05 - 1.0, *story)
+    ran = branched(ForcedDecision.RETURN, beside * 0.05 - 1.0, *story)
     assert ran.contacts.partner[0, 0] == partner
     assert (stages(ran)[-1] == Stage.CRASHED) is (partner == 1)

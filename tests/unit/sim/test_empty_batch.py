@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.core.memory import Buffers
+from overtaking.core.arrays import Buffers
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import SCHEMAS
 
@@ -49,5 +49,5 @@ def test_a_negative_frame_is_refused_for_an_empty_batch():
 
 def test_empty_arrays_of_one_layout_have_different_addresses():
     layout = (("first", (0, 3), np.int32), ("second", (0, 3), np.int32))
-    arrays = Buffers().together("both", layout)
+    arrays = Buffers().arrays("both", layout)
     assert arrays["first"].ctypes.data != arrays["second"].ctypes.data

@@ -14,10 +14,10 @@ from overtaking.sim import engine
 from overtaking.sim.reference import control, mobil
 from overtaking.sim.reference.state import LEAD
 from overtaking.sim.reference.steering import begin_path
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 if TYPE_CHECKING:
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 WILLING = {"lane_change_threshold": 0.1, "right_bias": 0.2, "politeness": 0.2}
 FAR_AWAY = Vehicle(s=5000.0, lane=0)

@@ -12,7 +12,7 @@ from tests.support.worlds import Vehicle, wide_road
 
 from overtaking.sim.reference.perception import looks_around
 from overtaking.sim.reference.state import FAST_LEAD, FAST_REAR, LEAD, REAR
-from overtaking.world.parameters import Effects
+from overtaking.world.constants import EnabledEffects
 
 UNSEEN = 1000.0
 CAR = 4.4  # Length of both cars [m].
@@ -33,7 +33,7 @@ def seen(m: Moment, decisions: int = 1) -> bool:
     return bool(m.look().detected[LEAD, 0, 0])
 
 
-def range_of_sight(effects: Effects, weather: dict[str, float], **options) -> float:
+def range_of_sight(effects: EnabledEffects, weather: dict[str, float], **options) -> float:
     """Largest gap at which a leader is noticed, once there has been time enough [m]."""
     low, high = 1.0, 20_000.0
     for _ in range(24):
@@ -228,7 +228,7 @@ def test_distances_are_misjudged_by_a_lognormal_factor():
 def test_distances_are_harder_to_judge_at_night_and_in_fog(
     weather: dict[str, float], spread: float
 ):
-    m = moment([Vehicle()], effects=Effects(), weather=weather)
+    m = moment([Vehicle()], effects=EnabledEffects(), weather=weather)
     assert float(m.q.distance_error[0]) == pytest.approx(spread)
     assert float(m.q.speed_error[0]) == pytest.approx(0.20)
 

@@ -9,13 +9,13 @@ import pytest
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge import presets
-from overtaking.model.events import NEVER
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import Lights, Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim import engine
-from overtaking.world.conditions import acting
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
+from overtaking.world.weather_parameters import with_effective_weather
 
 COUNT, SEED = 64, 5
 SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 2.0}
@@ -37,13 +37,13 @@ def test_without_a_push_storm_and_rain_are_a_clear_night(preset: str):
 
 def test_physics_is_as_it_was_for_a_profile_without_pushes():
     scenario = ot.sample("motorway", 8, SEED)
-    assert acting(scenario) is scenario
+    assert with_effective_weather(scenario) is scenario
     assert not parameters(scenario).of_simulations.push_accel.any()
 
 
 @pytest.mark.parametrize("preset", ["ClearNight", "SoftRainNight", "MidRainyNight", "HardRainNoon"])
 def test_the_interval_is_the_stated_one_over_the_mean_of_rain_and_wind(preset: str):
-    one = presets()[preset]
+    one = weather_presets()[preset]
     share = (one.precipitation_percent + one.wind_intensity_percent) / 200.0
     q = parameters(drawn(preset, **{"weather.pushes.interval_s": 0.8})).of_simulations
     assert 0.05 / q.push_rate == pytest.approx(0.8 / share, rel=1e-5)
@@ -118,13 +118,13 @@ def test_egos_that_are_told_look_at_nobody_beside_them():
 
 def test_egos_that_are_told_give_nothing_up():
     runs = ot.simulate(ot.sample("pinto2023", 1024, SEED))
-    assert not ((runs.stage == Stage.ABORT) & runs.frame_valid).any()
-    assert ((runs.stage == Stage.DONE) & runs.frame_valid).any()
+    assert not ((runs.stage == Stage.ABORT) & runs.frame_mask).any()
+    assert ((runs.stage == Stage.DONE) & runs.frame_mask).any()
 
 
 def _pulls_out(runs: ot.Trajectories) -> Any:
     """The first frame of the lane change, -1 without one."""
-    is_out = (runs.stage == Stage.PULL_OUT) & runs.frame_valid
+    is_out = (runs.stage == Stage.PULL_OUT) & runs.frame_mask
     return np.where(is_out.any(axis=1), is_out.argmax(axis=1), -1)
 
 

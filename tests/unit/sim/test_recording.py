@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.model.trajectory import Lights
+from overtaking.model.trajectories import Lights
 from overtaking.sim import engine
 from overtaking.sim.reference.recording import rounded, wrapped
 

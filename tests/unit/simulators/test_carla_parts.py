@@ -11,8 +11,8 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 
 from overtaking import api
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge import VEHICLE_CLASS_ORDER, presets
-from overtaking.knowledge.blueprints import blueprints
+from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
+from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
 from overtaking.model.road import DrivingSide
 from overtaking.sim.reference.state import initial_state
 from overtaking.simulators.carla import manager, replay, world
@@ -21,23 +21,23 @@ from overtaking.simulators.carla.own import HARDEST, check_interval, take_over
 from overtaking.simulators.carla.processes import joined
 from overtaking.simulators.carla.stage import Reading
 from overtaking.simulators.carla_server.world import SCENARIO_NAME
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 
-@pytest.mark.parametrize("kind", VEHICLE_CLASS_ORDER)
+@pytest.mark.parametrize("kind", VEHICLE_CLASS_NAMES)
 def test_every_class_is_played_by_a_vehicle_of_its_own(kind: str):
     given = scenario([Vehicle(kind=kind)])
     name = world.blueprint_for(given, 0)
-    assert blueprints()[name].vehicle_class == kind
+    assert carla_vehicles()[name].vehicle_class == kind
     length = float(given.vehicles.length[0, 0])
-    assert blueprints()[name].size[0] == pytest.approx(length, abs=1.2)
+    assert carla_vehicles()[name].size[0] == pytest.approx(length, abs=1.2)
 
 
 def test_a_preset_goes_to_carla_as_it_is_there():
     given = api.sample("pinto2023-physical", 8, 1)
     for row in range(8):
         one = given.select(slice(row, row + 1))
-        base = list(presets().values())[int(one.weather.preset[0])].carla_fields()
+        base = list(weather_presets().values())[int(one.weather.preset[0])].carla_fields()
         fields = world.weather_fields(one)
         assert {k: v for k, v in fields.items() if k != "sun_azimuth_angle"} == {
             k: v for k, v in base.items() if k != "sun_azimuth_angle"

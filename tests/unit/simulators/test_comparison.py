@@ -11,8 +11,8 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 from overtaking.cli import comparison
 from overtaking.labels.label import label
 from overtaking.model.batch import concatenate
-from overtaking.model.events import Outcome
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.overtake_events import Outcome
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.sim import engine
 from overtaking.simulators.comparison import (
     TOGETHER,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.model.trajectory import NO_VEHICLE, UNKNOWNS, Lights
+from overtaking.model.trajectories import NO_VEHICLE, UNKNOWNS, Lights
 from overtaking.simulators.sumo.recording import RAW, UNKNOWN, Recording, Run
 
 BLINKER_RIGHT, BLINKER_LEFT, BRAKE = 1, 2, 8

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.simulators.sumo.stage import Sight, Watch
 
 AHEAD, BEHIND = frozenset(), frozenset({1})

@@ -7,7 +7,7 @@ import pytest
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking.data.tables.derived import derived_weather
-from overtaking.knowledge import friction_table
+from overtaking.knowledge.friction import friction_table
 from overtaking.simulators.sumo.traffic import distance_error, is_wet, lane_friction
 
 SKIES = [{}, {"rain": 30.0}, {"rain": 100.0}, {"puddles": 50.0}, {"puddles": 10.0}]

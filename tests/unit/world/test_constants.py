@@ -10,12 +10,14 @@ import pytest
 import scipy.constants
 
 import overtaking
-from overtaking.knowledge import Quantity, friction_table, quantities
-from overtaking.world.constants import CONSTANT_FIELDS, constants
+from overtaking.knowledge.friction import friction_table
+from overtaking.knowledge.quantities import Quantity
+from overtaking.knowledge.toml_reader import all_quantities
+from overtaking.world.constants import CONSTANT_NAMES, model_constants
 
 
 def number(file: str, name: str) -> float:
-    entry = quantities(f"{file}.toml")[name]
+    entry = all_quantities(f"{file}.toml")[name]
     assert isinstance(entry, Quantity)
     return float(entry.number)
 
@@ -31,24 +33,24 @@ def number(file: str, name: str) -> float:
     ],
 )
 def test_a_constant_is_the_entry_of_the_knowledge_base(name: str, file: str, entry: str):
-    value = getattr(constants(), name)
+    value = getattr(model_constants(), name)
     assert value == np.float32(number(file, entry))
 
 
 def test_every_constant_is_a_finite_float32():
-    for name in CONSTANT_FIELDS:
-        value = getattr(constants(), name)
+    for name in CONSTANT_NAMES:
+        value = getattr(model_constants(), name)
         assert isinstance(value, np.float32), name
         assert np.isfinite(value), name
 
 
 def test_a_decision_is_a_whole_number_of_steps():
-    c = constants()
+    c = model_constants()
     assert float(c.decision) / float(c.step) == pytest.approx(5.0, rel=1e-6)
 
 
 def test_derived_constants_are_what_their_names_say():
-    c = constants()
+    c = model_constants()
     assert float(c.half_air_density) == pytest.approx(0.5 * 1.2)
     assert float(c.inverse_puddle_wave_1) == pytest.approx(
         1.0 / number("weather", "puddles.first_wave")
@@ -57,22 +59,22 @@ def test_derived_constants_are_what_their_names_say():
 
 
 def test_the_friction_table_is_kept_whole():
-    c, table = constants(), friction_table()
+    c, table = model_constants(), friction_table()
     np.testing.assert_allclose(c.friction_new, table.new, rtol=1e-7)
     np.testing.assert_allclose(c.friction_worn, table.worn, rtol=1e-7)
     assert (len(c.friction_speeds), len(c.friction_films)) == (3, 4)
 
 
 def test_a_change_touches_only_what_is_named():
-    changed = constants().replace(restitution=0.5)
+    changed = model_constants().replace(restitution=0.5)
     assert changed.restitution == np.float32(0.5)
-    assert constants().restitution == np.float32(0.1)
-    assert changed.replace(restitution=float(constants().restitution)) == constants()
+    assert model_constants().restitution == np.float32(0.1)
+    assert changed.replace(restitution=float(model_constants().restitution)) == model_constants()
 
 
 def test_a_name_that_does_not_exist_is_refused():
     with pytest.raises(TypeError, match="bounce"):
-        constants().replace(bounce=1.0)
+        model_constants().replace(bounce=1.0)
 
 
 def test_every_entry_of_the_model_is_read_somewhere():
@@ -80,7 +82,7 @@ def test_every_entry_of_the_model_is_read_somewhere():
     text = "".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
     # Some are read in a row, as in f"model.perception.detection_time_{light}".
     places = [re.sub(r"{\w+}", r"\\w+", each) for each in re.findall(r'"model\.([\w.{}]+)"', text)]
-    names = list(quantities("model.toml"))
+    names = list(all_quantities("model.toml"))
     unread = [name for name in names if not any(re.fullmatch(each, name) for each in places)]
     assert len(names) > 50
     assert unread == []

@@ -10,13 +10,9 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
-from overtaking.world.parameters import (
-    SIMULATION_FIELDS,
-    Effects,
-    parameters,
-    road_parameters,
-    with_command,
-)
+from overtaking.world.constants import EnabledEffects
+from overtaking.world.road_parameters import road_parameters
+from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters, with_command
 
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
@@ -31,7 +27,7 @@ STORM: dict[str, float] = {
 }
 
 
-def step_fields(world: Scenario, effects: Effects | None = None) -> tuple[Any, Any]:
+def step_fields(world: Scenario, effects: EnabledEffects | None = None) -> tuple[Any, Any]:
     """Vehicle and simulation parameters by name."""
     given = parameters(world, effects)
     return given.of_vehicles, given.of_simulations
@@ -81,7 +77,7 @@ def test_an_effect_that_is_switched_off_is_gone_and_the_others_stay(
 ):
     world = scenario([Vehicle()], weather=STORM)
     _, whole = step_fields(world)
-    _, without = step_fields(world, Effects(**{effect: False}))
+    _, without = step_fields(world, EnabledEffects(**{effect: False}))
     assert float(getattr(whole, field)[0]) != off
     assert float(getattr(without, field)[0]) == off
     untouched = {"film": "wind_across", "gusts": "film_rain"}.get(effect, "gust_gain")
@@ -95,7 +91,7 @@ def test_ablations_of_constants_touch_only_theirs():
         ("gusts", "turbulence_intensity"), ("wake", "shelter_factor"),
         ("looming", "looming_threshold"), ("delay", "detection_growth"),
     ):  # fmt: skip
-        values = dataclasses.asdict(parameters(world, Effects(**{effect: False})).constants)
+        values = dataclasses.asdict(parameters(world, EnabledEffects(**{effect: False})).constants)
         assert {key for key in whole if whole[key] != values[key]} == {name}
 
 

@@ -6,17 +6,26 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.weather import NO_PRESET
+from overtaking.model.weather import (
+    NO_PRESET,
+    REMOVABLE_FACTORS,
+    bright,
+    clear,
+    dry,
+    still,
+    undazzled,
+    without,
+)
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
-from overtaking.world.parameters import parameters
-from overtaking.world.skies import WITHOUT, bright, clear, dry, still, undazzled, without
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
+from overtaking.world.step_parameters import parameters
 
 
 @pytest.fixture(scope="module")
 def drawn():
     """Scenarios under all presets."""
-    given = spec("pinto2023-physical")
+    given = load_specification("pinto2023-physical")
     return sample(given, load_road(given.road), 3, np.arange(200))
 
 
@@ -50,7 +59,7 @@ def test_wind_fog_night_and_a_low_sun_go_alone(drawn):
     )
     assert weather.horizon_line.any()
     assert not undazzled(weather).horizon_line.any()
-    for take in WITHOUT.values():
+    for take in REMOVABLE_FACTORS.values():
         assert (take(weather).preset == NO_PRESET).all()
 
 

@@ -99,13 +99,12 @@ impl Outcome {
 fn attempt(scene: &Scene<'_>, target: u8, begun: usize) -> Attempt {
     let (lane, other) = (scene.lane[begun], scene.beside(target));
     let (left, right) = (scene.left_line(lane), scene.right_line(lane));
-    let crossed = (begun..scene.driven).find(|&frame| scene.left_reach[frame] > left);
+    let crossed = (begun..scene.driven).find(|&frame| scene.left_edge[frame] > left);
     let undone = undone(scene, begun, scene.driven)
         .filter(|&frame| crossed.is_none_or(|crossed| frame < crossed));
     let end = undone.unwrap_or(scene.driven);
     let from = |start: Option<usize>| start.unwrap_or(end)..end;
-    let is_home =
-        |frame: usize| scene.right_reach[frame] >= right && scene.left_reach[frame] <= left;
+    let is_home = |frame: usize| scene.right_edge[frame] >= right && scene.left_edge[frame] <= left;
     let overlap_begin = (begun..end).find(|&frame| other.overlaps(frame));
     let overlap_end = from(overlap_begin).find(|&frame| other.is_past(frame));
     let out = crossed.zip(overlap_end).map(|(one, two)| one.max(two));
@@ -138,7 +137,7 @@ fn earlier(one: Option<usize>, other: Option<usize>) -> Option<usize> {
 /// Where a movement that began at a frame is undone, before another.
 fn undone(scene: &Scene<'_>, begun: usize, until: usize) -> Option<usize> {
     let limits = scene.limits;
-    let shift = |frame: usize| scene.lateral[frame] - scene.lateral[begun];
+    let shift = |frame: usize| scene.lateral_position[frame] - scene.lateral_position[begun];
     let moved = (begun..until).find(|&frame| shift(frame) >= limits.least_shift)?;
     (moved..until).find(|&frame| shift(frame) <= limits.settled_shift)
 }
@@ -148,7 +147,7 @@ fn turning(scene: &Scene<'_>, begun: usize, end: Option<usize>) -> Option<usize>
     let until = end.map_or(scene.driven, |frame| (frame + 1).min(scene.driven));
     let mut farthest = begun;
     for frame in begun + 1..until {
-        if scene.lateral[frame] > scene.lateral[farthest] {
+        if scene.lateral_position[frame] > scene.lateral_position[farthest] {
             farthest = frame;
         }
     }

@@ -51,14 +51,14 @@ impl Scene<'_> {
     pub(super) fn is_fast(&self, one: Movement) -> bool {
         (one.begin..=one.end).any(|frame| {
             let later = (frame + self.limits.advance).min(one.end);
-            self.lateral[later] - self.lateral[frame] >= self.least_advance
+            self.lateral_position[later] - self.lateral_position[frame] >= self.least_advance
         })
     }
 
     /// Whether a movement lasts and leads far enough to be noticed.
     pub(super) fn is_wide(&self, one: Movement, sign: f32) -> bool {
         one.end - one.begin + 1 >= self.limits.least_frames
-            && sign * (self.lateral[one.end] - self.median_before(one.begin))
+            && sign * (self.lateral_position[one.end] - self.median_before(one.begin))
                 >= self.limits.least_shift
     }
 
@@ -67,8 +67,8 @@ impl Scene<'_> {
         let earliest = frame.saturating_sub(self.limits.window);
         // Before the recording it was where it was at first.
         let missing = self.limits.window - (frame - earliest);
-        let mut places = vec![self.lateral[0]; missing];
-        places.extend_from_slice(&self.lateral[earliest..=frame]);
+        let mut places = vec![self.lateral_position[0]; missing];
+        places.extend_from_slice(&self.lateral_position[earliest..=frame]);
         let middle = places.len() / 2;
         let is_odd = !places.len().is_multiple_of(2);
         let (lower, upper, _) = places.select_nth_unstable_by(middle, f32::total_cmp);

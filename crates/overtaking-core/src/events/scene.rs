@@ -80,10 +80,10 @@ pub(super) struct Scene<'a> {
     pub(super) spin: Option<usize>,
     pub(super) hit: &'a [u8],
     pub(super) lane: &'a [u8],
-    pub(super) lateral: &'a [f32],
+    pub(super) lateral_position: &'a [f32],
     pub(super) lateral_speed: &'a [f32],
-    pub(super) right_reach: &'a [f32],
-    pub(super) left_reach: &'a [f32],
+    pub(super) right_edge: &'a [f32],
+    pub(super) left_edge: &'a [f32],
     pub(super) least_advance: f32,
     speed: &'a [f32],
     leader: &'a [u8],
@@ -121,10 +121,10 @@ impl<'a> Scene<'a> {
             spin,
             hit,
             lane,
-            lateral: seen.lateral,
+            lateral_position: seen.lateral_position,
             lateral_speed: seen.lateral_speed,
-            right_reach: seen.right_reach,
-            left_reach: seen.left_reach,
+            right_edge: seen.right_edge,
+            left_edge: seen.left_edge,
             least_advance: limits.least_advance[simulation],
             speed: seen.speed,
             leader: seen.neighbour(LEADER),
@@ -158,7 +158,7 @@ impl<'a> Scene<'a> {
     }
 
     fn is_over(&self, frame: usize) -> bool {
-        self.left_reach[frame] > self.left_line(self.lane[frame]) + self.limits.over_line
+        self.left_edge[frame] > self.left_line(self.lane[frame]) + self.limits.over_line
     }
 
     /// Whether the whole left side was in the lane for long enough since the centre came, or at first; a recording may

@@ -182,10 +182,10 @@ impl<S: Simd> Chunk<'_, S> {
         self.frames.store(out.accel, accel * METRES);
         self.frames
             .store_bytes(out.lane, self.frames.load(self.frames.recording.lane[ego]));
-        self.frames.store(out.lateral, across);
+        self.frames.store(out.lateral_position, across);
         self.frames.store(out.speed, speed);
-        self.frames.store(out.right_reach, across - reach);
-        self.frames.store(out.left_reach, across + reach);
+        self.frames.store(out.right_edge, across - reach);
+        self.frames.store(out.left_edge, across + reach);
         self.frames.store(out.friction, self.friction(ego, speed));
         let (lit, unlit) = self.sights(speed, lamps);
         self.frames.store(out.sight_lit, lit);
@@ -304,7 +304,7 @@ impl<S: Simd> Chunk<'_, S> {
                 }
             }
         }
-        for (row, known) in out.vehicle.chunks_mut(r.frames).zip(nearest) {
+        for (row, known) in out.neighbour_slot.chunks_mut(r.frames).zip(nearest) {
             self.frames.store_bytes(row, known.vehicle);
         }
     }

@@ -13,13 +13,13 @@ signal_outputs! {
     /// Whether there is a target in that frame.
     valid: bool, 1;
     /// Centre of the ego minus that of the target along the road [m].
-    lead: f32, 1;
+    ego_lead: f32, 1;
     /// Whether they overlap along the road.
     overlaps: bool, 1;
     /// Gap between the bumpers [m].
     gap: f32, 1;
     /// Position across the road, to the left [m].
-    lateral: f32, 1;
+    lateral_position: f32, 1;
     /// Gap between the sides [m].
     lateral_gap: f32, 1;
     /// Lane.
@@ -94,7 +94,7 @@ impl<S: Simd> Frames<'_, S> {
         let half = 0.5 * (r.length[self.slot(0)] + r.length[slot]);
         let speed: V<S> = self.load(r.speed[slot]).to_float();
         let accel: V<S> = self.load(r.accel[slot]).to_float();
-        self.store(out.lead, lead);
+        self.store(out.ego_lead, lead);
         self.store(out.gap, lead.abs() - half);
         self.store(out.speed, speed * METRES);
         self.store(out.accel, accel * METRES);
@@ -104,7 +104,7 @@ impl<S: Simd> Frames<'_, S> {
     #[inline(always)]
     fn across(&self, slot: usize, seen: &Seen<'_>, out: &mut Target<'_>) {
         let (across, aside) = self.aside(slot, seen);
-        self.store(out.lateral, across);
+        self.store(out.lateral_position, across);
         self.store(out.lateral_gap, aside);
         self.store_bytes(out.lane, self.load(self.recording.lane[slot]));
     }
@@ -113,8 +113,8 @@ impl<S: Simd> Frames<'_, S> {
     #[inline(always)]
     pub(super) fn aside(&self, slot: usize, seen: &Seen<'_>) -> (V<S>, V<S>) {
         let (across, reach) = self.footprint(slot);
-        let own_reach = (self.own(seen.left_reach) - self.own(seen.right_reach)) * 0.5;
-        let aside = (across - self.own(seen.lateral)).abs() - (own_reach + reach);
+        let own_reach = (self.own(seen.left_edge) - self.own(seen.right_edge)) * 0.5;
+        let aside = (across - self.own(seen.lateral_position)).abs() - (own_reach + reach);
         (across, aside)
     }
 

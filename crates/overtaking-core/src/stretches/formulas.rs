@@ -1,4 +1,4 @@
-//! The formulas of `overtaking.world.measures` and `overtaking.labels.law.distances`, same operations.
+//! The formulas of `overtaking.world.surrogate_safety` and `overtaking.labels.law.distances`, same operations.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

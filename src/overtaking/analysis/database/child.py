@@ -19,15 +19,14 @@ import pyarrow as pa
 
 from overtaking.analysis.database.query import BEGUN, too_large
 from overtaking.analysis.database.views import SCHEMA, VIEWS
-from overtaking.core import processors
-from overtaking.core.bounds import room_after
-from overtaking.core.confinement import confine
+from overtaking.core import process_limits
 from overtaking.core.errors import ConfigError
+from overtaking.core.process_limits import limit_process, remaining_answer_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from overtaking.core.parent import Parent
+    from overtaking.core.worker_process import ParentConnection
 
 _MOST_THREADS = 8
 _OVERHEAD_MIB = 256
@@ -60,7 +59,7 @@ class _WithoutPandas(MetaPathFinder):
             raise ModuleNotFoundError(fullname, name=fullname)
 
 
-def main(parent: Parent) -> None:
+def main(parent: ParentConnection) -> None:
     """Answer one request."""
     sys.meta_path.insert(0, _WithoutPandas())
     asked = next(iter(parent))
@@ -83,13 +82,13 @@ def _answer(asked: dict[str, Any], send: Callable[[object], None]) -> None:
     os.chdir(asked["folder"])
     connection = _connected(asked["tables"], memory_mib)
     statement = _only_statement(connection, asked["sql"])
-    confine(memory_mib + _OVERHEAD_MIB)
+    limit_process(memory_mib + _OVERHEAD_MIB)
     send(BEGUN)
     found = connection.execute(statement)
     send(tuple(column[0] for column in found.description or ()))
     left, room = asked["max_rows"], None
     while rows := found.fetchmany(min(_ROWS_AT_A_TIME, left + 1)):
-        room = room_after(room, rows, "sql", memory_mib)
+        room = remaining_answer_bytes(room, rows, "sql", memory_mib)
         send(rows[:left])
         if len(rows) > left:
             break
@@ -101,7 +100,7 @@ def _connected(tables: dict[str, tuple[list[str], Any]], memory_mib: int) -> Any
     """A database with the tables and the paper's views, locked."""
     import pyarrow.dataset as arrow
 
-    threads = min(_MOST_THREADS, processors.wanted())
+    threads = min(_MOST_THREADS, process_limits.processors_to_use())
     pa.set_cpu_count(threads)
     pa.set_io_thread_count(threads)
     connection: Any = duckdb.connect(":memory:", config={"threads": threads})

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 from overtaking.analysis.database.entities import Attribute, Relation, entities, relations
-from overtaking.core.checks import check_name
+from overtaking.core.errors import check_choice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -40,7 +40,7 @@ def diagram(form: str) -> str:
     Raises:
         ConfigError: There is no such form.
     """
-    check_name(form, FORMATS, what="--format", where="er")
+    check_choice(form, FORMATS, what="--format", where="er")
     return mermaid() if form == "mermaid" else svg()
 
 

@@ -18,12 +18,11 @@ from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.database.views import VIEWS
-from overtaking.core.bounds import check_bounds, over
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, MissingExtraError
-from overtaking.core.plain import plain
-from overtaking.core.summary import ShownAsTable
-from overtaking.core.worker import ENDED, Worker
+from overtaking.core.process_limits import check_query_limits, query_limit_error
+from overtaking.core.representation import ShownAsTable, json_values
+from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +62,7 @@ class Answer(ShownAsTable, ContentEquality):
 
     def values(self) -> dict[str, Any]:
         """The answer for JSON."""
-        return plain(self)
+        return json_values(self)
 
     def to_pandas(self) -> pd.DataFrame:
         """The rows as a DataFrame; null is NaN in columns of floats, NA in columns of integers."""
@@ -79,7 +78,7 @@ class Answer(ShownAsTable, ContentEquality):
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.columns)
-        writer.writerows(plain(self.rows))
+        writer.writerows(json_values(self.rows))
         return text.getvalue()
 
 
@@ -110,7 +109,7 @@ def query(
         MissingExtraError: DuckDB is not installed.
     """
     _refuse_without_duckdb()
-    check_bounds("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
+    check_query_limits("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
     request = {
         "sql": sql,
         **_tables(data, sql),
@@ -118,15 +117,15 @@ def query(
         "memory_mib": memory_mib,
     }
     # The default pool of Arrow reserves a gigabyte of addresses.
-    with Worker(_MODULE, variables={"ARROW_DEFAULT_MEMORY_POOL": "system"}) as worker:
+    with WorkerProcess(_MODULE, variables={"ARROW_DEFAULT_MEMORY_POOL": "system"}) as worker:
         worker.send(request)
         try:
             return _answer(worker, timeout_s, cancelled or Event())
         except TimeoutError:
             bound = f"an answer within {timeout_s:g} s"
-            raise over("sql", bound, "one that takes longer") from None
+            raise query_limit_error("sql", bound, "one that takes longer") from None
         except EOFError:
-            ending = worker.ending()
+            ending = worker.describe_exit()
             if "exit status 1" in ending and "MemoryError" not in ending:
                 raise RuntimeError(ending) from None  # A fault of our own.
             raise too_large(memory_mib) from None
@@ -144,7 +143,7 @@ def _to_series(cells: tuple[Any, ...]) -> pd.Series[Any]:
     return pd.Series(cells)
 
 
-def _answer(worker: Worker, timeout_s: float, cancelled: Event) -> Answer:
+def _answer(worker: WorkerProcess, timeout_s: float, cancelled: Event) -> Answer:
     """The answer of the process, which begins with the names of the columns or an error.
 
     Raises:
@@ -159,7 +158,7 @@ def _answer(worker: Worker, timeout_s: float, cancelled: Event) -> Answer:
         message = _next_message(worker, end, cancelled)
         if message == BEGUN:
             end = time.monotonic() + timeout_s
-        elif message is ENDED:
+        elif message is WORKER_ENDED:
             raise EOFError
         elif isinstance(message, ConfigError):
             raise message
@@ -171,7 +170,7 @@ def _answer(worker: Worker, timeout_s: float, cancelled: Event) -> Answer:
             rows += message
 
 
-def _next_message(worker: Worker, end: float, cancelled: Event) -> Any:
+def _next_message(worker: WorkerProcess, end: float, cancelled: Event) -> Any:
     """The next message of the process.
 
     Args:
@@ -240,4 +239,4 @@ def _refuse_without_duckdb() -> None:
 
 def too_large(memory_mib: int) -> ConfigError:
     """The error of a query that exceeds its memory [MiB]."""
-    return over("sql", f"at most {memory_mib} MiB of memory", "one that needs more")
+    return query_limit_error("sql", f"at most {memory_mib} MiB of memory", "one that needs more")

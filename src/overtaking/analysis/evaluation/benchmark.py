@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from overtaking import scenarios
 from overtaking.analysis.evaluation.endpoints import PRIMARY
 from overtaking.analysis.evaluation.run import evaluate
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
-from overtaking.core.summary import Summarized
-from overtaking.scenarios.complaints import advice
+from overtaking.core.representation import CompactRepr
+from overtaking.scenarios import profiles
+from overtaking.scenarios.specification_values import suggestion
 from overtaking.sim.version import MODEL_VERSION
 
 if TYPE_CHECKING:
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.evaluation.run import Contestant
-    from overtaking.core.steps import Progress
+    from overtaking.core.progress import ProgressCallback
     from overtaking.model.road import Road
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 FOLDER: Final = Path(__file__).with_name("benchmarks")
 _MOST_BYTES: Final = 1 << 20
@@ -69,7 +69,7 @@ class Benchmark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchmarkResult(Summarized, ContentEquality):
+class BenchmarkResult(CompactRepr, ContentEquality):
     """The evaluations of a benchmark.
 
     Attributes:
@@ -93,9 +93,9 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
-def hash_of(spec: Spec) -> str:
+def hash_of(spec: Specification) -> str:
     """SHA-256 over everything that a specification says."""
-    return hashlib.sha256(json.dumps(spec.resolved(), sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(spec.to_dict(), sort_keys=True).encode()).hexdigest()
 
 
 def read(source: str | Path) -> Benchmark:
@@ -110,7 +110,7 @@ def read(source: str | Path) -> Benchmark:
     """
     path = FOLDER / f"{source}.toml" if source in names() else Path(source)
     if path.suffix != ".toml":
-        raise ConfigError.not_among("benchmark", "evaluate", names(), str(source))
+        raise ConfigError.unknown_choice("benchmark", "evaluate", names(), str(source))
     try:
         table = read_toml(path, _MOST_BYTES)
         _check_keys(path, table)
@@ -147,7 +147,7 @@ def _check(found: Benchmark, path: Path) -> None:
     if found.model_version != MODEL_VERSION:
         raise _refused(path, f"model {MODEL_VERSION}, which is here", found.model_version)
     for one in found.parts:
-        if (known := hash_of(scenarios.spec(one.profile))) != one.sha256:
+        if (known := hash_of(profiles.load_specification(one.profile))) != one.sha256:
             expected = f"the profile {one.profile} that is here, {known[:16]}"
             raise _refused(path, expected, one.sha256[:16])
 
@@ -165,7 +165,7 @@ def _check_keys(path: Path, table: Iterable[str]) -> None:
                 where=path.name,
                 expected="a known key",
                 got=repr(key),
-                next_step=advice(key, _KEYS),
+                next_step=suggestion(key, _KEYS),
             )
 
 
@@ -185,7 +185,7 @@ def run(
     references: Sequence[Contestant],
     stay: Contestant,
     road_of: Callable[[str], Road],
-    progress: Progress | None,
+    progress: ProgressCallback | None,
 ) -> BenchmarkResult:
     """Evaluate a policy in every part of a benchmark.
 
@@ -207,7 +207,7 @@ def run(
             if progress is not None:
                 progress(done + number, total)
 
-        spec = scenarios.spec(part.profile)
+        spec = profiles.load_specification(part.profile)
         found.append(
             evaluate(
                 spec,

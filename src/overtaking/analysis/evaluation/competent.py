@@ -16,7 +16,7 @@ from overtaking.analysis.evaluation.lane_changes import of
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
     from overtaking.core.arrays import F64
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 GRAVITY = 9.81
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from overtaking.analysis.validation.changes import Measured, lane_changes, measure
 from overtaking.analysis.validation.places import Moments, next_to
-from overtaking.knowledge import number
-from overtaking.model.trajectory import Lights
+from overtaking.knowledge.toml_reader import number
+from overtaking.model.trajectories import Lights
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array

@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.labels.law import PORTUGAL, policy
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array

@@ -1,4 +1,4 @@
-"""What a driver did in each scene, as columns: numbers of shape (scene,)."""
+"""A driver's actions in each scene, as columns: numbers of shape (scene,)."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.analysis.validation.conflicts import episodes, near_crashes, reactions
 from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.labels.law import policy
-from overtaking.model.events import NEVER, Detail
-from overtaking.model.labels import Belief, OvertakeClass, Verdict
+from overtaking.model.overtake_events import NEVER, OutcomeDetail
+from overtaking.model.verdicts import Belief, OvertakeClass, Verdict
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
     from overtaking.core.arrays import F64
     from overtaking.labels.label import Labelled
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 Columns = dict[str, "F64"]
 
@@ -34,7 +34,7 @@ def columns(labelled: Labelled, stay: Trajectories) -> Columns:
     """Everything that endpoints are made of.
 
     Args:
-        labelled: What the driver did.
+        labelled: The simulations that the driver drove, with labels.
         stay: The same scenes with an ego that stays in its lane.
     """
     batch = Batch.of(labelled.trajectories)
@@ -57,7 +57,7 @@ def columns(labelled: Labelled, stay: Trajectories) -> Columns:
 
 def _clipped(runs: Trajectories) -> Array:
     """Answers of the policy that were beyond the limits, shape (scene,)."""
-    counted = runs.actions and runs.actions.clipped
+    counted = runs.actions and runs.actions.num_clipped
     return np.zeros(runs.scenario.num_simulations) if counted is None else counted
 
 
@@ -72,7 +72,7 @@ def _outcome(labelled: Labelled) -> dict[str, Array]:
         "open": kind == OvertakeClass.CENSORED,
         "departed": events.lost,
         "collision": events.collision != NEVER,
-        "struck": labels.detail == Detail.STRUCK_BY_OTHER,
+        "struck": labels.detail == OutcomeDetail.STRUCK_BY_OTHER,
         "lawful": kind == OvertakeClass.SUCCESS_L,
     }
 

@@ -16,7 +16,7 @@ import numpy as np
 from overtaking.analysis.evaluation import competent
 from overtaking.analysis.evaluation.lane_changes import of
 from overtaking.analysis.validation.places import Moments, next_to
-from overtaking.model.trajectory import NO_VEHICLE, Lights
+from overtaking.model.trajectories import NO_VEHICLE, Lights
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from overtaking.analysis.evaluation.bootstrap import FEW, LEVEL
 from overtaking.analysis.evaluation.endpoints import POLICY
 from overtaking.core.equality import ContentEquality
-from overtaking.core.plain import plain
-from overtaking.core.summary import Summarized
+from overtaking.core.representation import CompactRepr, json_values
 
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.endpoints import Endpoint
@@ -54,13 +53,13 @@ class Rate(ContentEquality):
             "endpoint": self.endpoint.name,
             "weather": self.weather,
             "driver": self.driver,
-            "value": plain(self.value),
-            "low": plain(self.low),
-            "high": plain(self.high),
+            "value": json_values(self.value),
+            "low": json_values(self.low),
+            "high": json_values(self.high),
             "unit": self.endpoint.unit,
             "scenes": self.scenes,
             "effective_scenes": round(self.effective, 1),
-            "largest_weight_share": plain(self.largest),
+            "largest_weight_share": json_values(self.largest),
         }
 
 
@@ -110,13 +109,13 @@ class Contrast(ContentEquality):
             "endpoint": self.endpoint.name,
             "weather": self.weather,
             "reference": self.reference,
-            "difference": plain(self.difference),
-            "low": plain(self.low),
-            "high": plain(self.high),
+            "difference": json_values(self.difference),
+            "low": json_values(self.low),
+            "high": json_values(self.high),
             "unit": self.endpoint.unit,
             "differing_pairs": self.pairs,
-            "p": plain(self.p),
-            "p_adjusted": plain(self.adjusted),
+            "p": json_values(self.p),
+            "p_adjusted": json_values(self.adjusted),
             "primary": self.is_primary,
             "verdict": self.verdict,
         }
@@ -163,7 +162,7 @@ class Worst(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluation(Summarized, ContentEquality):
+class Evaluation(CompactRepr, ContentEquality):
     """A policy beside references in the same scenes.
 
     Attributes:
@@ -239,11 +238,11 @@ class Evaluation(Summarized, ContentEquality):
             "seed": self.seed,
             "model_version": self.model_version,
             "effective_scenes": round(self.effective, 1),
-            "largest_weight_share": plain(self.largest),
+            "largest_weight_share": json_values(self.largest),
             "rates": [one.values() for one in self.rates],
             "contrasts": [one.values() for one in self.contrasts],
-            "margins": [plain(asdict(one)) for one in self.margins],
-            "counts": plain(self.counts),
+            "margins": [json_values(asdict(one)) for one in self.margins],
+            "counts": json_values(self.counts),
             "worst": [{"scene": one.scene, "what": one.what} for one in self.worst],
             "claims_conformity": False,
         }

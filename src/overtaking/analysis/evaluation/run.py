@@ -13,9 +13,9 @@ from overtaking.analysis.evaluation.margins import MARGINS, of_batch
 from overtaking.analysis.evaluation.measures import Columns, columns
 from overtaking.analysis.evaluation.results import Contrast, Evaluation, Margin, Rate, Worst
 from overtaking.analysis.validation.overtakes import STRATA, strata
-from overtaking.core.steps import Progress, Steps
+from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.labels.label import label
-from overtaking.scenarios import sample
+from overtaking.scenarios.sampler import sample
 from overtaking.sim.version import MODEL_VERSION
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F64
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
-    from overtaking.scenarios import Spec
+    from overtaking.model.trajectories import Trajectories
+    from overtaking.scenarios.specification import Specification
 
     Simulate = Callable[[Scenario], Trajectories]
 
@@ -67,7 +67,7 @@ class _Seen:
     worst: list[Worst] = field(default_factory=list)
 
 
-def scenes_of(spec: Spec) -> Spec:
+def scenes_of(spec: Specification) -> Specification:
     """A specification whose proposal bends the scene and the others, and nothing of the ego.
 
     Its density is the marginal of that of the profile: traits of the ego are drawn as they are met,
@@ -75,12 +75,12 @@ def scenes_of(spec: Spec) -> Spec:
     """
     if spec.proposal is None:
         return spec
-    bent = tuple(one.of_the_scene() for one in spec.proposal)
+    bent = tuple(one.without_ego_quantities() for one in spec.proposal)
     return spec.model_copy(update={"proposal": bent})
 
 
 def evaluate(
-    spec: Spec,
+    spec: Specification,
     road: Road,
     simulations: int,
     seed: int,
@@ -88,7 +88,7 @@ def evaluate(
     policy: Contestant,
     references: Iterable[Contestant],
     stay: Contestant,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Evaluation:
     """Simulate the same scenes with a policy and its references.
 
@@ -104,7 +104,7 @@ def evaluate(
     """
     against = list(references)
     every = {one.name: one for one in (stay, policy, *against)}
-    step = Steps(simulations * len(every), progress)
+    step = ProgressCounter(simulations * len(every), progress)
     seen = {name: _Seen() for name in every}
     drawn_from, weights, weathers = scenes_of(spec), [], []
     for first in range(0, simulations, CHUNK):
@@ -149,7 +149,7 @@ def _drive(
     scenario: Scenario,
     every: Mapping[str, Contestant],
     seen: Mapping[str, _Seen],
-    step: Steps,
+    step: ProgressCounter,
     policy: str,
 ) -> None:
     """Add what each driver does in a batch of scenes; the one that stays comes first."""

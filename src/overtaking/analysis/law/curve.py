@@ -10,8 +10,8 @@ import numpy as np
 from overtaking.core.equality import ContentEquality
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.law.policies import breaches, duration
-from overtaking.model.events import Outcome
-from overtaking.model.labels import Verdict
+from overtaking.model.overtake_events import Outcome
+from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import Mask
     from overtaking.labels.label import Labelled
     from overtaking.labels.law import Pack, Policy
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 STEPS = {
     "distance": ("m", "m", (0.0, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0)),

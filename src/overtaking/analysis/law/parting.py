@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from overtaking.labels.law.policies import breaches
-from overtaking.model.events import Outcome
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.overtake_events import Outcome
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from overtaking.labels.label import Labelled
     from overtaking.labels.law import Pack, Policy
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 EXAMPLES = 5
 """Simulations that are named for each way to part."""

@@ -17,7 +17,7 @@ from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.schemas import SCHEMAS
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.toml_reader import load_toml
 
 Column = Callable[[str], F64]
 """A column of `decisions` by its name, NaN where there is no value."""
@@ -87,7 +87,7 @@ class Attribute:
         return bool(self.levels)
 
 
-_DECLARED = load(Path(__file__).with_suffix(".toml"))
+_DECLARED = load_toml(Path(__file__).with_suffix(".toml"))
 _SCALES = {name: Scale(**one) for name, one in _DECLARED["scales"].items()}
 
 

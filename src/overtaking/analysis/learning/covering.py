@@ -26,7 +26,7 @@ import numpy as np
 from overtaking.analysis.learning.conditions import Condition, Rule, RuleSet
 from overtaking.analysis.learning.examples import Examples
 from overtaking.core.arrays import F32, F64, Mask
-from overtaking.core.steps import Progress, Steps
+from overtaking.core.progress import ProgressCallback, ProgressCounter
 
 Numbers = tuple[int, ...]
 """A rule as the indices of its conditions."""
@@ -61,7 +61,7 @@ def cover(
     *,
     max_rules: int = MAX_RULES,
     max_conditions: int = MAX_CONDITIONS,
-    on_round: Progress | None = None,
+    on_round: ProgressCallback | None = None,
 ) -> RuleSet:
     """Learn a set of rules with a high F-measure.
 
@@ -79,7 +79,7 @@ def cover(
     if not conditions or not positive.any():
         return RuleSet(rules=(), is_negated=False)
     searches = _searches(examples, positive, conditions, (max_rules, max_conditions))
-    step = Steps(len(searches) + min(_BETTERED, len(searches)), on_round)
+    step = ProgressCounter(len(searches) + min(_BETTERED, len(searches)), on_round)
 
     def found(search: _Search, rules: list[Numbers]) -> _Found:
         step()

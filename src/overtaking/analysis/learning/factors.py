@@ -17,9 +17,8 @@ from overtaking.analysis.stats.columns import ALL_CLASSES
 from overtaking.core.arrays import F64, I64
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import DatasetError
-from overtaking.core.plain import plain
-from overtaking.core.steps import Progress, Steps
-from overtaking.core.summary import Summarized
+from overtaking.core.progress import ProgressCallback, ProgressCounter
+from overtaking.core.representation import CompactRepr, json_values
 
 LEAST = 40
 """Least examples with, and without, the most frequent outcome."""
@@ -93,7 +92,7 @@ class Leakage(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FactorsFound(Summarized, ContentEquality):
+class FactorsFound(CompactRepr, ContentEquality):
     """Models and factors of a target.
 
     Attributes:
@@ -124,7 +123,7 @@ class FactorsFound(Summarized, ContentEquality):
 
     def values(self) -> dict[str, Any]:
         """Everything for JSON."""
-        return plain(self)
+        return json_values(self)
 
 
 def learn_factors(
@@ -135,7 +134,7 @@ def learn_factors(
     seed: int = 1,
     repeats: int = 1,
     leaks: Mapping[str, tuple[str, F64]] | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> FactorsFound:
     """Fit models of a target and rank the factors.
 
@@ -156,7 +155,9 @@ def learn_factors(
     factors = _known(factors, examples)
     seen = asked.with_attributes(tuple(name for names in factors.values() for name in names))
     parts = known, kept = ml.split(seen.groups, seed)
-    step = Steps(len(MODELS) + num_fits(len(factors), repeats) + len(leaks or {}), progress)
+    step = ProgressCounter(
+        len(MODELS) + num_fits(len(factors), repeats) + len(leaks or {}), progress
+    )
     models = tuple(_tested(name, seen, outcomes, parts, seed, step) for name in MODELS)
     ranking = Ranking(
         examples=seen, outcomes=outcomes, factors=factors, parts=parts, seed=seed, step=step
@@ -219,7 +220,7 @@ def _most_frequent(outcomes: Outcomes) -> str:
 
 
 def _tested(
-    name: str, seen: Examples, outcomes: Outcomes, parts: Split, seed: int, step: Steps
+    name: str, seen: Examples, outcomes: Outcomes, parts: Split, seed: int, step: ProgressCounter
 ) -> ModelFound:
     """A model before and after calibration, on held-out examples."""
     known, kept = parts
@@ -304,7 +305,7 @@ def _leakage(
     parts: Split,
     leaks: Mapping[str, tuple[str, F64]],
     seed: int,
-    step: Steps,
+    step: ProgressCounter,
 ) -> tuple[Leakage, ...]:
     """The accuracy that each leak would fake."""
     if not leaks:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import Attribute
 from overtaking.core.arrays import F64, I64, Mask
-from overtaking.core.checks import check_name
-from overtaking.core.errors import MissingExtraError
+from overtaking.core.errors import MissingExtraError, check_choice
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -164,7 +163,7 @@ def model_of(name: str, attributes: Attributes, seed: int) -> "BaseEstimator":
         MissingExtraError: scikit-learn is not installed.
     """
     require_models()
-    check_name(name, MODELS, what="model", where="learn")
+    check_choice(name, MODELS, what="model", where="learn")
     return MODELS[name](attributes, seed)
 
 

@@ -18,7 +18,7 @@ from overtaking.analysis.learning.covering import MAX_CONDITIONS, MAX_RULES
 from overtaking.analysis.learning.examples import Examples, refuse_too_few
 from overtaking.analysis.learning.targets import Target
 from overtaking.core.arrays import Mask
-from overtaking.core.folders import put_file, whole_folder
+from overtaking.core.files import atomic_folder, write_new_file
 
 MAX_PREDICATES = 60
 """Predicates of the body: Popper's search grows with every one."""
@@ -54,11 +54,13 @@ def write_popper(examples: Examples, target: Target, out: Path) -> int:
         f"{'pos' if is_so else 'neg'}({head}({constant(number)}))."
         for number, is_so in zip(asked.simulations, positive, strict=True)
     ]
-    with whole_folder(out) as folder:
-        put_file(folder / "bias.pl", _lines(_bias(head, found)))
-        put_file(folder / "bk.pl", _lines([f"% {target.question}", *background]))
+    with atomic_folder(out) as folder:
+        write_new_file(folder / "bias.pl", _lines(_bias(head, found)))
+        write_new_file(folder / "bk.pl", _lines([f"% {target.question}", *background]))
         # Popper reads examples of one kind after those of the other.
-        put_file(folder / "exs.pl", _lines(sorted(said, key=lambda line: line.startswith("neg"))))
+        write_new_file(
+            folder / "exs.pl", _lines(sorted(said, key=lambda line: line.startswith("neg")))
+        )
     return sum(1 for line in background if not line.startswith("%")) + len(said)
 
 

@@ -14,8 +14,8 @@ from overtaking.analysis.learning.scores import Score, best_threshold, score
 from overtaking.analysis.learning.targets import Target
 from overtaking.core.arrays import F64, Mask
 from overtaking.core.equality import ContentEquality
-from overtaking.core.steps import Progress
-from overtaking.core.summary import Summarized
+from overtaking.core.progress import ProgressCallback
+from overtaking.core.representation import CompactRepr
 
 LEAST = 20
 """Least examples of each kind."""
@@ -60,7 +60,7 @@ class LearnedRule(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RulesFound(Summarized, ContentEquality):
+class RulesFound(CompactRepr, ContentEquality):
     """The rules for a target.
 
     Attributes:
@@ -116,7 +116,7 @@ def learn_rules(
     seed: int = 1,
     max_rules: int = MAX_RULES,
     max_conditions: int = MAX_CONDITIONS,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> RulesFound:
     """Learn rules for a target, and compare them.
 

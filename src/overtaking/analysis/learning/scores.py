@@ -7,8 +7,8 @@ import numpy as np
 
 from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.equality import ContentEquality
-from overtaking.core.intervals import wilson
-from overtaking.core.plain import plain
+from overtaking.core.intervals import wilson_interval
+from overtaking.core.representation import json_values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,12 +65,12 @@ class Score(ContentEquality):
     @property
     def interval(self) -> tuple[float, float]:
         """95 % confidence interval of the accuracy (Wilson)."""
-        return wilson(self.accuracy, self.num)
+        return wilson_interval(self.accuracy, self.num)
 
     def values(self) -> dict[str, Any]:
         """Everything for JSON; undefined scores are null."""
         low, high = self.interval
-        return plain(
+        return json_values(
             {
                 "name": self.name,
                 "examples": self.num,
@@ -124,16 +124,16 @@ def grouped_interval(right: Mask, groups: I64) -> tuple[float, float]:
     """
     number = len(right)
     if not number:
-        return wilson(0.0, 0.0)
+        return wilson_interval(0.0, 0.0)
     share = float(right.mean())
     _, indices = np.unique(groups, return_inverse=True)
     deviations = np.bincount(indices, right - share)
     clusters = len(deviations)
     plain = share * (1.0 - share) / number
     if clusters < 2 or plain == 0.0:
-        return wilson(share, float(clusters))
+        return wilson_interval(share, float(clusters))
     spread = clusters / (clusters - 1) * float((deviations**2).sum()) / number**2
-    return wilson(share, number / max(spread / plain, 1.0))
+    return wilson_interval(share, number / max(spread / plain, 1.0))
 
 
 def best_threshold(probability: F64, positive: Mask) -> float:

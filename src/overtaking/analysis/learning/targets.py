@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from overtaking.core.arrays import Mask
-from overtaking.core.checks import check_name
-from overtaking.model.labels import OvertakeClass
+from overtaking.core.errors import check_choice
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +80,7 @@ def target_of(name: str, others: tuple[str, ...] = ()) -> Target:
     Raises:
         ConfigError: There is no such target.
     """
-    check_name(name, (*others, *TARGETS), what="--about", where="learn")
+    check_choice(name, (*others, *TARGETS), what="--about", where="learn")
     return TARGETS[name]
 
 

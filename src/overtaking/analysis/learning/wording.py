@@ -3,7 +3,7 @@
 import math
 
 from overtaking.analysis.learning.attributes import UNITS, Attribute
-from overtaking.knowledge.terms import terms
+from overtaking.knowledge.glossary import terms
 
 _TYPES = {name: f"a {term.title}" for name, term in terms("vehicles").items()}
 

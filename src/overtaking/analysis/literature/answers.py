@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.literature import reading
 from overtaking.analysis.literature.records import MEMBERS, DrivingDataset
-from overtaking.core.checks import check_name
+from overtaking.core.errors import check_choice
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
@@ -51,7 +51,7 @@ def answer(
     Raises:
         ConfigError: There is no such table or condition.
     """
-    check_name(table, TABLES, what="table", where="literature")
+    check_choice(table, TABLES, what="table", where="literature")
     read = getattr(reading, table)
     has_corrections = table in ("systems", "datasets")
     found = list((read(is_corrected=is_corrected) if has_corrections else read()).values())
@@ -83,7 +83,7 @@ def select(rows: Iterable[DrivingDataset], wanted: Collection[str]) -> list[Driv
         ConfigError: There is no such condition.
     """
     for word in wanted:
-        check_name(word, WORDS, what="condition", where="literature datasets")
+        check_choice(word, WORDS, what="condition", where="literature datasets")
     return [row for row in rows if all(_has(row, word) for word in wanted)]
 
 

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from overtaking.analysis.literature import records
 from overtaking.core.errors import KnowledgeError
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.toml_reader import load_toml
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,7 +65,7 @@ def _table(cls: type[Record], name: str, *, is_corrected: bool = True) -> Mappin
     file = f"literature/{name}.toml"
     printed: dict[str, Any] = {}
     corrected: dict[str, Any] = {}
-    for key, row in load(file).items():
+    for key, row in load_toml(file).items():
         printed[key] = {"id": key} | {name: row[name] for name in row if name != "corrections"}
         corrected[key] = _corrected(printed[key], row.get("corrections", {}))
     found = _checked(cls, file, printed)  # Also if it is corrected: both must be valid.

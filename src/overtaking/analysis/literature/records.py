@@ -9,8 +9,8 @@ from typing import Annotated, Literal, get_args
 from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-from overtaking.knowledge.quantity import SOURCE_KINDS
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.quantities import SOURCE_KINDS
+from overtaking.knowledge.toml_reader import load_toml
 
 Mark = Literal["--", "-", "+", "++"]
 """The paper's marks of comfort and safety, from little to much."""
@@ -43,7 +43,7 @@ def _among(known: Callable[[], Collection[str]]) -> AfterValidator:
     return AfterValidator(check)
 
 
-Cited = Annotated[str, _among(lambda: load("literature/sources.toml"))]
+Cited = Annotated[str, _among(lambda: load_toml("literature/sources.toml"))]
 """The id of a reference."""
 
 _CHECKED = ConfigDict(extra="forbid", strict=True)
@@ -56,7 +56,7 @@ class Reference:
     Attributes:
         id: Short name by which records cite it.
         citation: Author, year, title, and a DOI or an official number.
-        kind: One of `knowledge.quantity.SOURCE_KINDS`.
+        kind: One of `knowledge.quantities.SOURCE_KINDS`.
         checked: Whether we read the values in the source itself.
     """
 

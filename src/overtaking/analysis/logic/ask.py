@@ -16,16 +16,16 @@ from overtaking.analysis.logic.reasoning import (
     Reasoner,
 )
 from overtaking.analysis.logic.source import groups
-from overtaking.core.bounds import room_after
-from overtaking.core.checks import check_least
 from overtaking.core.equality import ContentEquality
-from overtaking.core.summary import ShownAsTable
+from overtaking.core.errors import check_in_range
+from overtaking.core.process_limits import remaining_answer_bytes
+from overtaking.core.representation import ShownAsTable
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from overtaking.core.arrays import I64
-    from overtaking.core.steps import Progress
+    from overtaking.core.progress import ProgressCallback
     from overtaking.data.load import Dataset
 
 Value = int | str
@@ -65,7 +65,7 @@ def ask(
     max_rows: int = MAX_ROWS,
     timeout_s: float = TIMEOUT_S,
     memory_mib: int = MEMORY_MIB,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Answers:
     """Ask a data set a question; each simulation is asked on its own.
 
@@ -84,7 +84,7 @@ def ask(
         DatasetError: A file of the data set is damaged.
         MissingExtraError: clingo is not installed.
     """
-    check_least(every, 1, what="--every", where="logic", unit="frame")
+    check_in_range(every, 1, what="--every", where="logic", unit="frame")
     asked = question(text)
     rows: list[tuple[Value, ...]] = []
     num_asked, interval, room = 0, 0, None
@@ -98,7 +98,7 @@ def ask(
         for group in groups(data, chosen):
             interval = group.case.signals.frame_interval_ms
             found = _answers(reasoner, group_text(group, asked.demand, every))
-            room = room_after(room, found, "ask", memory_mib)
+            room = remaining_answer_bytes(room, found, "ask", memory_mib)
             rows += found
             num_asked += len(group.numbers)
             if progress is not None:

@@ -6,20 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import clingo
 
-from overtaking.core.confinement import confine
+from overtaking.core.process_limits import limit_process
 
 if TYPE_CHECKING:
-    from overtaking.core.parent import Parent
+    from overtaking.core.worker_process import ParentConnection
 
 
-def main(parent: Parent) -> None:
+def main(parent: ParentConnection) -> None:
     """Answer groups of facts. The first message is what `_rows` needs, each further one facts.
 
     The answers are dictionaries, with `rows` or with `error`, after which the process ends.
     """
     messages = iter(parent)
     asked = next(messages)
-    confine(asked["memory_mib"], open_files=3)  # Standard input, output and error are open.
+    limit_process(asked["memory_mib"], open_files=3)  # Standard input, output and error are open.
     for facts in messages:
         answer = _answer(asked, facts)
         parent.send(answer)

@@ -11,14 +11,14 @@ import numpy as np
 
 from overtaking.analysis.logic import facts as writing
 from overtaking.analysis.logic.source import Group, groups
-from overtaking.core.checks import check_least
-from overtaking.core.folders import put_file, whole_folder
+from overtaking.core.errors import check_in_range
+from overtaking.core.files import atomic_folder, write_new_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from overtaking.core.arrays import I64
-    from overtaking.core.steps import Progress
+    from overtaking.core.progress import ProgressCallback
     from overtaking.data.load import Dataset
 
 PROGRAMS = Path(__file__).with_name("programs")
@@ -36,7 +36,7 @@ def write_facts(
     chosen: I64 | None = None,
     every: int = writing.EVERY,
     with_law: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> int:
     """Write simulations as facts: one file for each thousand numbers, and the theory.
 
@@ -57,11 +57,11 @@ def write_facts(
         DatasetError: The data set is damaged.
         OSError: A file cannot be written.
     """
-    check_least(every, 1, what="--every", where="logic", unit="frame")
+    check_in_range(every, 1, what="--every", where="logic", unit="frame")
     demand, num_facts = writing.everything(with_law=with_law), 0
     title = f"Simulations of {data.profile}, data set {data.content_hash}"
     head = writing.header(title, demand, language).encode()
-    with whole_folder(out) as folder:
+    with atomic_folder(out) as folder:
         for number, parts in groupby(_parts(groups(data, chosen)), key=_file_of):
             path = folder / f"facts-{number:05d}{writing.LANGUAGES[language]}"
             with path.open("xb") as file:
@@ -77,7 +77,7 @@ def write_facts(
                 os.fsync(file.fileno())
         for name in _THEORIES[language]:
             if with_law or name != "law.lp":
-                put_file(folder / name, (PROGRAMS / name).read_text(encoding="utf-8"))
+                write_new_file(folder / name, (PROGRAMS / name).read_text(encoding="utf-8"))
     return num_facts
 
 

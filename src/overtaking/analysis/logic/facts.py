@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.analysis.logic.source import Group
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 Pattern = tuple[str | None, ...]
 """The constants that arguments must be; None: any value."""

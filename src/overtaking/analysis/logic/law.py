@@ -14,7 +14,7 @@ from overtaking.analysis.logic.facts import group_text
 from overtaking.analysis.logic.reasoning import MEMORY_MIB, TIMEOUT_S, Reasoner
 from overtaking.analysis.logic.vocabulary import CODES, MAX_FRAME, RULE, VERDICT
 from overtaking.labels.law import PORTUGAL
-from overtaking.model.events import NEVER
+from overtaking.model.overtake_events import NEVER
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class Verdicts:
     """Verdicts of the program; arrays have shape (simulation, rule of `PROGRAMS`).
 
     Attributes:
-        verdict: `model.labels.Verdict`, or `NO_VERDICT`.
+        verdict: `model.verdicts.Verdict`, or `NO_VERDICT`.
         first: First frame of a breach, `NEVER` without one.
     """
 

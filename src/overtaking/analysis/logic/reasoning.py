@@ -6,8 +6,8 @@ import time
 from typing import TYPE_CHECKING, Any, Self
 
 from overtaking.analysis.logic.clauses import reasoner
-from overtaking.core.bounds import check_bounds, over
-from overtaking.core.worker import ENDED, Worker
+from overtaking.core.process_limits import check_query_limits, query_limit_error
+from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
 
 if TYPE_CHECKING:
     from overtaking.analysis.logic.vocabulary import Signature
@@ -48,7 +48,7 @@ class Reasoner:
             MissingExtraError: clingo is not installed.
         """
         reasoner()
-        check_bounds("ask", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
+        check_query_limits("ask", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
         self._left, self._timeout, self._memory = timeout_s, timeout_s, memory_mib
         self._asked = {
             "program": program,
@@ -59,8 +59,8 @@ class Reasoner:
         self._read = 0
         self._worker = self._started()
 
-    def _started(self) -> Worker:
-        worker = Worker("overtaking.analysis.logic.child")
+    def _started(self) -> WorkerProcess:
+        worker = WorkerProcess("overtaking.analysis.logic.child")
         worker.send(self._asked)
         return worker
 
@@ -88,14 +88,16 @@ class Reasoner:
         try:
             answer: Any = self._worker.receive(self._left)
         except TimeoutError:
-            raise over(
+            raise query_limit_error(
                 "ask", f"an answer within {self._timeout:g} s", "one that takes longer"
             ) from None
         self._left -= time.monotonic() - begin
-        if answer is ENDED:
+        if answer is WORKER_ENDED:
             answer = {"error": "memory"}  # clingo aborts where it cannot allocate.
         if answer.get("error") == "memory":
-            raise over("ask", f"at most {self._memory} MiB of memory", "one that needs more")
+            raise query_limit_error(
+                "ask", f"at most {self._memory} MiB of memory", "one that needs more"
+            )
         if "error" in answer:
             raise ProgramError(" ".join(answer["said"]))
         return answer["rows"]

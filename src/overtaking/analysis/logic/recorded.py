@@ -15,14 +15,14 @@ from overtaking.labels.law.distances import lawful_gap, sure_decel
 from overtaking.labels.law.opposite import coming, over_its_edge
 from overtaking.labels.law.others import back_indicator, others_at, out_indicator
 from overtaking.labels.law.places import target_reach
-from overtaking.model.course import MAX_LENGTH
-from overtaking.model.events import NEVER
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
 from overtaking.model.road import DrivingSide, RoadMark
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE
+from overtaking.model.road_course import MAX_LENGTH
+from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION
 from overtaking.model.vehicles import Role
-from overtaking.world.measures import drac
-from overtaking.world.sight import places_for
+from overtaking.world.sight_distance import all_zones_for
+from overtaking.world.surrogate_safety import drac
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.source import Group
     from overtaking.core.arrays import F32, IndexArray, Mask
     from overtaking.model.road import Lane, Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 Columns = tuple[NDArray[np.integer], ...]
 """The arguments of the facts of one predicate; constants as their codes."""
@@ -49,7 +49,7 @@ _MOST_BRAKING = np.float32(words.BRAKING.high * 1e-3)
 
 _WEATHER = ("night", "rain", "fog", "wind")
 
-_AHEAD = (Around.LEADER, Around.LEFT_LEADER, Around.RIGHT_LEADER)
+_AHEAD = (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER, NeighbourRole.RIGHT_LEADER)
 """The neighbours that are ahead of the ego."""
 
 
@@ -117,21 +117,21 @@ def _lines_along(road: Road) -> Columns:
 
 
 def _lower_limits(road: Road) -> Columns:
-    limits = road.course.limits_for(1) if road.course else ()
+    limits = road.course.speed_limits_for(1) if road.course else ()
     table = np.array([(one.start, one.stop, one.speed) for one in limits]).reshape(-1, 3)
     return _first_behind(table[:, 0]), _first_behind(table[:, 1]), nearest(table[:, 2])
 
 
 def _first_behind(stations: NDArray[np.float64]) -> NDArray[np.int64]:
     """The first recorded positions that are not before some stations [mm]."""
-    first = np.ceil(stations / METRES_PER_STEP).astype(np.int64)
+    first = np.ceil(stations / POSITION_RESOLUTION).astype(np.int64)
     # A quotient may be a whole number and the station not, or the other way round.
-    first -= (first - 1) * METRES_PER_STEP >= stations
-    return first + (first * METRES_PER_STEP < stations)
+    first -= (first - 1) * POSITION_RESOLUTION >= stations
+    return first + (first * POSITION_RESOLUTION < stations)
 
 
 def _places(road: Road) -> Columns:
-    places = places_for(road, 1)
+    places = all_zones_for(road, 1)
     codes = [words.PLACE_KIND.names.index(one.kind.name.lower()) for one in places]
     ends = np.array([(one.start, one.stop) for one in places]).reshape(-1, 2)
     return np.array(codes, np.int64), nearest(ends[:, 0]), nearest(ends[:, 1])
@@ -224,27 +224,27 @@ class _Recorded:
         return self._numbers[row], slot
 
     def present(self) -> Columns:
-        row, slot, _, first, last = runs(np.zeros_like(self._states.lane), self._run.state_valid)
+        row, slot, _, first, last = runs(np.zeros_like(self._states.lane), self._run.state_mask)
         return self._numbers[row], slot, first, last
 
     def lane(self) -> Columns:
         # As signed numbers, so that what is beyond the slow edge, 255, is lane -1.
         lanes = self._states.lane.view(np.int8)
-        row, slot, lane, first, last = runs(lanes, self._run.state_valid)
+        row, slot, lane, first, last = runs(lanes, self._run.state_mask)
         return self._numbers[row], slot, lane, first, last
 
     def indicator(self) -> Columns:
         parts: list[Columns] = []
         for side, bit in enumerate((back_indicator(self._case), out_indicator(self._case))):
-            on = self._run.state_valid & ((self._states.lights & np.uint8(bit)) != 0)
+            on = self._run.state_mask & ((self._states.lights & np.uint8(bit)) != 0)
             row, slot, _, first, last = runs(np.zeros(on.shape, np.uint8), on)
             parts.append((self._numbers[row], slot, np.full(len(row), side), first, last))
         return _joined(parts, 5)
 
     def neighbour(self) -> Columns:
         seen = self._seen
-        there = seen.valid[:, None, :] & (seen.vehicle != NO_VEHICLE)
-        row, neighbour, vehicle, first, last = runs(seen.vehicle, there)
+        there = seen.valid[:, None, :] & (seen.neighbour_slot != NO_VEHICLE)
+        row, neighbour, vehicle, first, last = runs(seen.neighbour_slot, there)
         return self._numbers[row], neighbour, vehicle, first, last
 
     def contact(self) -> Columns:
@@ -296,7 +296,7 @@ class _Recorded:
         s, reach = self._states.s, REACH_MM
         if self._run.road.is_two_way:
             reach = np.where(oncoming(self._run), ONCOMING_REACH_MM, REACH_MM)[:, :, None]
-        return self._run.state_valid & (np.abs(s - s[:, [Role.EGO]]) <= reach)
+        return self._run.state_mask & (np.abs(s - s[:, [Role.EGO]]) <= reach)
 
     @cached_property
     def _written(self) -> Mask:
@@ -333,7 +333,7 @@ class _Recorded:
 
     def reach(self) -> Columns:
         at = row, frame = np.nonzero(self._seen.valid)
-        right, left = down(self._seen.right_reach[at]), up(self._seen.left_reach[at])
+        right, left = down(self._seen.right_edge[at]), up(self._seen.left_edge[at])
         return self._numbers[row], frame, right, left
 
     def spacing(self) -> Columns:
@@ -343,7 +343,7 @@ class _Recorded:
     def _spacing(self, code: int) -> Columns:
         """Lawful gaps at one position; the follower, ego or neighbour, must keep the gap."""
         seen, target = self._seen, self._case.target
-        is_target, is_ahead = code == len(Around), code in _AHEAD
+        is_target, is_ahead = code == len(NeighbourRole), code in _AHEAD
         cells = row, frame = self._frames_with_vehicle(code)
         here = (row, code, frame)
         gap = target.gap[cells] if is_target else seen.gap[here]
@@ -354,7 +354,7 @@ class _Recorded:
             closing = seen.closing_speed[here]
             rear = seen.speed[cells] if is_ahead else seen.speed[cells] + closing
         lawful = lawful_gap(rear, closing, sure_decel(seen.friction[cells]))
-        other = target.vehicle[row] if is_target else seen.vehicle[here]
+        other = target.slot[row] if is_target else seen.neighbour_slot[here]
         speed = self._states.speed
         own, others = speed[row, Role.EGO, frame], speed[row, other.astype(np.intp), frame]
         exact = own - others if is_ahead else others - own
@@ -363,19 +363,23 @@ class _Recorded:
 
     def _frames_with_vehicle(self, code: int) -> tuple[IndexArray, IndexArray]:
         """Simulations and frames with a vehicle at a position around the ego."""
-        if code == len(Around):
+        if code == len(NeighbourRole):
             row, frame = np.nonzero(self._case.target.valid)
         else:
-            row, frame = np.nonzero(self._seen.valid & (self._seen.vehicle[:, code] != NO_VEHICLE))
+            row, frame = np.nonzero(
+                self._seen.valid & (self._seen.neighbour_slot[:, code] != NO_VEHICLE)
+            )
         return row, frame
 
     def forced_braking(self) -> Columns:
         behind = [
-            one for one in Around if one not in _AHEAD and one.name.lower() in self._neighbours
+            one
+            for one in NeighbourRole
+            if one not in _AHEAD and one.name.lower() in self._neighbours
         ]
         return _joined([self._forced(one) for one in behind], 4)
 
-    def _forced(self, neighbour: Around) -> Columns:
+    def _forced(self, neighbour: NeighbourRole) -> Columns:
         row, frame = self._frames_with_vehicle(neighbour)
         closing = self._seen.closing_speed[row, neighbour, frame]
         closes = closing > 0
@@ -394,7 +398,7 @@ class _Recorded:
 
     def _at_target(self) -> tuple[IndexArray, IndexArray, IndexArray]:
         row, frame = np.nonzero(self._case.target.valid)
-        return row, self._case.target.vehicle[row].astype(np.intp), frame
+        return row, self._case.target.slot[row].astype(np.intp), frame
 
     def ego_place(self) -> Columns:
         road = self._run.road
@@ -433,13 +437,13 @@ class _Recorded:
         return self._numbers[row[leaves]], frame[leaves], slot[leaves], over[leaves]
 
     def target_reach(self) -> Columns:
-        events, target = self._case.events, self._case.target.vehicle
+        events, target = self._case.events, self._case.target.slot
         row = np.flatnonzero((events.attempt != NEVER) & (target != NO_VEHICLE))
         return self._numbers[row], up(target_reach(self._case)[row])
 
     def slow_vehicle(self) -> Columns:
         s, speed = self._states.s, self._states.speed
-        slow = self._run.state_valid & (speed < _SLOW)
+        slow = self._run.state_mask & (speed < _SLOW)
         slow[:, Role.EGO] = False
         at = row, slot, frame = np.nonzero(slow)
         away = np.abs(s[at] - s[row, Role.EGO, frame])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from overtaking.core.arrays import I64
     from overtaking.data.load import Dataset
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 
 GROUP_SIZE = 64

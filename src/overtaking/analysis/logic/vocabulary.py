@@ -11,16 +11,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.law import POLICIES
-from overtaking.model.course import PlaceKind
-from overtaking.model.events import Outcome
-from overtaking.model.labels import OvertakeClass, Verdict
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import Outcome
 from overtaking.model.road import RoadMark
+from overtaking.model.road_course import ZoneKind
 from overtaking.model.scenario import MAX_VEHICLES
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import UNKNOWNS
+from overtaking.model.trajectories import UNKNOWNS
 from overtaking.model.vehicles import VehicleKind
+from overtaking.model.verdicts import OvertakeClass, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -60,7 +60,7 @@ EVENTS = (
     *("return_begin", "return_end", "abort", "back"),
     *("collision", "road_departure", "spin", "drift"),
 )
-"""Attributes of `model.events.Events` that become facts; `first` and `last` always happen."""
+"""Attributes of `OvertakeEvents` that become facts; `first` and `last` always happen."""
 
 SIDES = ("right", "left")
 CODES = (
@@ -86,10 +86,10 @@ SPEED = Type("mm_per_s", "speed in millimetres per second", -MAX_SPEED, MAX_SPEE
 BRAKING = Type("mm_per_s2", "deceleration in millimetres per second squared", 0, 1_000_000)
 KIND = _constants("kind", "class of vehicle", *(one.name for one in VehicleKind))
 EVENT = _constants("event", "what happened, see the page on events", *EVENTS)
-PLACE = _constants("place", "place around the ego", *(one.name for one in Around), "target")
+PLACE = _constants("place", "place around the ego", *(one.name for one in NeighbourRole), "target")
 SIDE = _constants("side", "left is where one overtakes", *SIDES)
 MARK = _constants("mark", "line as seen from one side", *(one.name for one in RoadMark))
-PLACE_KIND = _constants("place_kind", "what a stretch of road is", *(one.name for one in PlaceKind))
+PLACE_KIND = _constants("place_kind", "what a stretch of road is", *(one.name for one in ZoneKind))
 ROAD = _constants("road", "kind of road", "motorway", "other", "town")
 POLICY = _constants("policy", "which rules count", *(one.name for one in POLICIES))
 CLASS = _constants("class", "class of a simulation", *(one.title for one in OvertakeClass))
@@ -156,7 +156,7 @@ def _declared(group: str) -> tuple[Predicate, ...]:
             tuple((label, TYPES[of]) for label, of in one["arguments"].items()),
             {label: tuple(names) for label, names in one.get("never", {}).items()},
         )
-        for name, one in load(Path(__file__).with_suffix(".toml"))[group].items()
+        for name, one in load_toml(Path(__file__).with_suffix(".toml"))[group].items()
     )
 
 

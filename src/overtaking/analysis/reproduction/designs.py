@@ -9,23 +9,24 @@ from overtaking.analysis.stats.associations import ALPHA
 from overtaking.analysis.stats.columns import FEATURES
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge import presets
+from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.recordings.pinto2023_schema import COLUMNS
-from overtaking.scenarios.schema import PresetWeather, Traffic
+from overtaking.scenarios.specification import PresetWeather
+from overtaking.scenarios.traffic_specification import PlacedTraffic
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 
-def designs(spec: Spec, road: Road) -> dict[str, float]:
+def designs(spec: Specification, road: Road) -> dict[str, float]:
     """Our inputs by their names in `paper.toml`, in SI.
 
     Raises:
         ConfigError: The specification places no vehicles, or takes no weather from presets.
     """
     traffic, weather = spec.traffic, spec.weather
-    if not isinstance(traffic, Traffic) or not isinstance(weather, PresetWeather):
+    if not isinstance(traffic, PlacedTraffic) or not isinstance(weather, PresetWeather):
         raise ConfigError.of(
             what="profile",
             where="reproduce",
@@ -33,7 +34,7 @@ def designs(spec: Spec, road: Road) -> dict[str, float]:
             got=spec.name,
             next_step="reproduce pinto2023",
         )
-    named = [presets()[name] for name, weight in weather.presets.items() if weight > 0.0]
+    named = [weather_presets()[name] for name, weight in weather.presets.items() if weight > 0.0]
     nights = sum(one.sun_altitude_deg < 0.0 for one in named)
     spawn = traffic.spawn_x_m or (float("nan"), float("nan"))
     return {

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from overtaking.analysis.reproduction.statements import statements
 from overtaking.core.equality import ContentEquality
-from overtaking.knowledge import presets
-from overtaking.knowledge.paper import statements
-from overtaking.model.labels import OvertakeClass
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,15 +63,19 @@ class Lawful(ContentEquality):
 
 def inferences() -> tuple[Inference, ...]:
     """The inferences of the classes whose mean fog is printed."""
-    found = [one for one in statements().values() if one.of == "FOG" and one.measure == "mean"]
-    return tuple(_inference(one.scope) for one in found)
+    found = [one for one in statements().values() if one.feature == "FOG" and one.measure == "mean"]
+    return tuple(_inference(one.outcome_class) for one in found)
 
 
 def _inference(scope: str) -> Inference:
     """Every split of a class over the paper's weathers that has its printed means."""
-    about = [one for one in statements().values() if one.scope == scope]
+    about = [one for one in statements().values() if one.outcome_class == scope]
     size = next(round(one.quoted) for one in about if one.measure == "count")
-    printed = {one.of: one for one in about if one.measure == "mean" and one.of in ("FOG", "PREC")}
+    printed = {
+        one.feature: one
+        for one in about
+        if one.measure == "mean" and one.feature in ("FOG", "PREC")
+    }
     kinds = weathers(tuple(printed))
     numbers = splits(len(kinds), size)
     fits = np.ones(len(numbers), bool)
@@ -98,7 +102,7 @@ def weathers(features: tuple[str, ...]) -> tuple[tuple[float, ...], ...]:
         The features of each [%], and last 1 for a night and 0 for a day.
     """
     kinds: set[tuple[float, ...]] = set()
-    for one in presets().values():
+    for one in weather_presets().values():
         if one.in_pinto2023:
             known = {"FOG": one.fog_density_percent, "PREC": one.precipitation_percent}
             night = float(one.sun_altitude_deg < 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from overtaking.analysis.reproduction.replicates import SIZE, Replicates, members
-from overtaking.knowledge.paper import Measure, Statement
+from overtaking.analysis.reproduction.statements import Statement, Statistic
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import F64, Mask
@@ -28,21 +28,21 @@ def measured(of: Replicates, statement: Statement) -> F64:
     Returns:
         Shape (replicate,), in SI; NaN where a replicate has nothing to measure.
     """
-    inside = members(of.classes[POLICY], statement.scope)
-    if statement.measure == Measure.COUNT:
+    inside = members(of.classes[POLICY], statement.outcome_class)
+    if statement.measure == Statistic.COUNT:
         return inside.sum(axis=1).astype(np.float64)
-    values = np.where(inside, of.columns[statement.of], np.nan)
-    if statement.measure == Measure.MEAN:
+    values = np.where(inside, of.columns[statement.feature], np.nan)
+    if statement.measure == Statistic.MEAN:
         return _mean(values)
-    if statement.measure == Measure.SUM:
+    if statement.measure == Statistic.SUM:
         return np.nansum(values, axis=1)
-    if statement.measure == Measure.WITHIN:
+    if statement.measure == Statistic.WITHIN:
         return _within(values, statement).sum(axis=1).astype(np.float64)
-    other = np.where(inside, of.columns[statement.against], np.nan)
-    if statement.measure == Measure.RATIO:
+    other = np.where(inside, of.columns[statement.other_feature], np.nan)
+    if statement.measure == Statistic.RATIO:
         return _mean(values) / _mean(other)
     rho = spearman(values, other)
-    return rho if statement.measure == Measure.SPEARMAN else p_value(rho, SIZE)
+    return rho if statement.measure == Statistic.SPEARMAN else p_value(rho, SIZE)
 
 
 def _within(values: F64, statement: Statement) -> Mask:

@@ -9,19 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.analysis.validation.overtakes import flying
-from overtaking.data.ahead import in_order
+from overtaking.core.process_limits import ordered_map
 from overtaking.data.plan import CHUNK_SIZE, runs
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import POLICIES
-from overtaking.model.labels import OvertakeClass
-from overtaking.scenarios import sample
+from overtaking.model.verdicts import OvertakeClass
+from overtaking.scenarios.sampler import sample
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from overtaking.data.recipe import Simulator
     from overtaking.model.road import Road
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 Array = NDArray[Any]
 
@@ -70,7 +70,7 @@ class Replicates:
 
 
 def replicates(
-    spec: Spec,
+    spec: Specification,
     road: Road,
     seed: int,
     number: int,
@@ -95,7 +95,7 @@ def replicates(
 
     size = min(CHUNK_SIZE, simulator.chunk_size)
     parts: list[dict[str, Array]] = []
-    for part in in_order(work, runs(0, total, size), simulator.threads):
+    for part in ordered_map(work, runs(0, total, size), simulator.threads):
         parts.append(part)
         if step is not None:
             step(len(part["SE"]))

@@ -14,6 +14,13 @@ from overtaking.analysis.reproduction import hidden
 from overtaking.analysis.reproduction.designs import designs
 from overtaking.analysis.reproduction.measures import POLICY, measured
 from overtaking.analysis.reproduction.replicates import SIZE, Replicates, replicates
+from overtaking.analysis.reproduction.statements import (
+    COUNTS,
+    Statement,
+    Statistic,
+    calibration,
+    statements,
+)
 from overtaking.analysis.reproduction.variants import (
     PUSHES,
     Collided,
@@ -23,21 +30,18 @@ from overtaking.analysis.reproduction.variants import (
     other_starts,
     pushed,
 )
-from overtaking.core.checks import check_least
 from overtaking.core.equality import ContentEquality
-from overtaking.core.errors import ConfigError
-from overtaking.core.plain import plain
-from overtaking.core.steps import Progress, Steps
-from overtaking.core.summary import Summarized
-from overtaking.knowledge.paper import COUNTS, Measure, Statement, calibration, statements
-from overtaking.knowledge.reader import load
-from overtaking.scenarios import spec as checked_spec
+from overtaking.core.errors import ConfigError, check_in_range
+from overtaking.core.progress import ProgressCallback, ProgressCounter
+from overtaking.core.representation import CompactRepr, json_values
+from overtaking.knowledge.toml_reader import load_toml
+from overtaking.scenarios.profiles import load_specification as checked_spec
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import F64
     from overtaking.data.recipe import Simulator
     from overtaking.model.road import Road
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 
 STUDIES = ("pinto2023",)
@@ -78,7 +82,7 @@ class Comparison(ContentEquality):
     @property
     def is_design(self) -> bool:
         """Whether it is an input."""
-        return self.statement.measure == Measure.DESIGN
+        return self.statement.measure == Statistic.DESIGN
 
     @property
     def is_count(self) -> bool:
@@ -123,7 +127,7 @@ class Comparison(ContentEquality):
     def values(self) -> dict[str, Any]:
         """The comparison for JSON."""
         one, (low, high) = self.statement, self.interval
-        return plain(
+        return json_values(
             {
                 "name": self.name,
                 **{name: getattr(one, name) for name in ("about", "text", "scope", "standing")},
@@ -144,7 +148,7 @@ class Comparison(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reproduction(Summarized, ContentEquality):
+class Reproduction(CompactRepr, ContentEquality):
     """A study and our replicates of its data set.
 
     Attributes:
@@ -191,22 +195,22 @@ class Reproduction(Summarized, ContentEquality):
             "parameters_sha256": self.parameters_sha256,
             "frozen": self.is_frozen,
             "numbers": [one.values() for one in self.comparisons],
-            "inferences": plain(self.inferences),
-            "lawful": plain(self.lawful),
-            "starts": plain(self.starts),
-            "pushes": plain(self.pushes),
-            "collided": plain(self.collided),
-            "farther": plain(self.farther),
+            "inferences": json_values(self.inferences),
+            "lawful": json_values(self.lawful),
+            "starts": json_values(self.starts),
+            "pushes": json_values(self.pushes),
+            "collided": json_values(self.collided),
+            "farther": json_values(self.farther),
         }
 
 
 def reproduce(
-    spec: Spec,
+    spec: Specification,
     road: Road,
     num_replicates: int,
     seed: int,
     simulator: Simulator,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Reproduction:
     """Simulate replicates of the paper's data set, and compare its numbers with theirs.
 
@@ -225,9 +229,9 @@ def reproduce(
     inputs, beside = designs(spec, road), checked_spec(PHYSICAL)
     few = -(-num_replicates // _OTHERS)
     pushes = {one: found for one in PUSHES if (found := pushed(spec, one)) is not None}
-    step = Steps((2 * num_replicates + (1 + len(pushes)) * few) * SIZE, progress)
+    step = ProgressCounter((2 * num_replicates + (1 + len(pushes)) * few) * SIZE, progress)
 
-    def run(one: Spec, number: int) -> Replicates:
+    def run(one: Specification, number: int) -> Replicates:
         return replicates(one, road, seed, number, simulator, step)
 
     found, physical = run(spec, num_replicates), run(beside, num_replicates)
@@ -258,8 +262,8 @@ def _compared(
     """Every number of the paper beside ours."""
     comparisons: list[Comparison] = []
     for name, one in statements().items():
-        if one.measure == Measure.DESIGN:
-            ours = beside = np.array([inputs[one.of]], np.float64)
+        if one.measure == Statistic.DESIGN:
+            ours = beside = np.array([inputs[one.feature]], np.float64)
         else:
             ours, beside = measured(found, one), measured(physical, one)
         known = beside[~np.isnan(beside)] / one.factor
@@ -274,18 +278,18 @@ def _compared(
     return tuple(comparisons)
 
 
-def parameter_hash(spec: Spec) -> str:
+def parameter_hash(spec: Specification) -> str:
     """SHA-256 over the drivers and the profile of a specification, in hexadecimal."""
     decided = {
-        "population": load("drivers.toml")[spec.drivers.population],
-        "profile": spec.resolved(),
+        "population": load_toml("drivers.toml")[spec.drivers.population],
+        "profile": spec.to_dict(),
     }
     text = json.dumps(decided, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _check(num_replicates: int, seed: int) -> None:
-    check_least(num_replicates, 1, MOST_REPLICATES, what="replicates", where="reproduce")
+    check_in_range(num_replicates, 1, MOST_REPLICATES, what="replicates", where="reproduce")
     if seed in calibration().seeds:
         used = ", ".join(f"{one:g}" for one in calibration().seeds)
         raise ConfigError.of(

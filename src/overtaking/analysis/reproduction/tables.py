@@ -5,12 +5,12 @@ import math
 import pandas as pd
 
 from overtaking.analysis.reproduction.run import PHYSICAL, Comparison, Reproduction
+from overtaking.analysis.reproduction.statements import ALL, Statistic, statements
 from overtaking.analysis.reproduction.variants import COLLISION, Variant
 from overtaking.analysis.stats.columns import PAPER_CLASSES
 from overtaking.analysis.stats.table import Style, Table
-from overtaking.knowledge.paper import ALL, Measure, statements
 
-_COEFFICIENTS = (Measure.SPEARMAN, Measure.P_VALUE)
+_COEFFICIENTS = (Statistic.SPEARMAN, Statistic.P_VALUE)
 
 
 def numbers(found: Reproduction) -> Table:
@@ -41,7 +41,7 @@ def numbers(found: Reproduction) -> Table:
 
 def scope(one: Comparison) -> str:
     """The class that a number is about; empty for all."""
-    return "" if one.statement.scope == ALL else one.statement.scope
+    return "" if one.statement.outcome_class == ALL else one.statement.outcome_class
 
 
 def percent(percentile: float) -> str:
@@ -118,9 +118,9 @@ def collided(found: Reproduction) -> Table:
     """Distance and speeds of the collided."""
     names = {None: "all", False: "touch before pulling out", True: "touch after pulling out"}
     stated = {
-        one.of: one.quoted
+        one.feature: one.quoted
         for one in statements().values()
-        if one.scope == COLLISION and one.measure == Measure.MEAN
+        if one.outcome_class == COLLISION and one.measure == Statistic.MEAN
     }
     total = found.collided[0].simulations
     share = {one.begun: one.simulations / total if total else math.nan for one in found.collided}
@@ -175,7 +175,9 @@ def starts(found: Reproduction) -> Table:
 
 def _variants(name: str, title: str, note: str, variants: dict[str, Variant]) -> Table:
     """Shares of the classes of the paper, and of some variants."""
-    counts = {one.scope: one.quoted for one in statements().values() if one.measure == "count"}
+    counts = {
+        one.outcome_class: one.quoted for one in statements().values() if one.measure == "count"
+    }
     total = sum(counts.values())
     shares = {"paper": {name: counts[name] / total for name in PAPER_CLASSES}}
     shares |= {name: one.shares for name, one in variants.items()}

@@ -10,14 +10,14 @@ import numpy as np
 
 from overtaking.analysis.reproduction.measures import POLICY, measured
 from overtaking.analysis.reproduction.replicates import Replicates, members
+from overtaking.analysis.reproduction.statements import Statement, Statistic, statements
 from overtaking.analysis.stats.columns import PAPER_CLASSES
 from overtaking.core.equality import ContentEquality
-from overtaking.knowledge.paper import Measure, Statement, statements
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import F64
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 PUSHES = (0.0, 0.5, 1.0, 2.0)
 """Factors on the pushes of the profile: their size is a choice."""
@@ -50,13 +50,13 @@ class Variant(ContentEquality):
         return cls(value=value, simulations=classes.size, shares=shares)
 
 
-def other_starts(spec: Spec) -> Spec:
+def other_starts(spec: Specification) -> Specification:
     """The same specification with the other treatment of starts."""
     starts = spec.starts.model_copy(update={"allow_doomed": not spec.starts.allow_doomed})
     return spec.model_copy(update={"starts": starts})
 
 
-def pushed(spec: Spec, factor: float) -> Spec | None:
+def pushed(spec: Specification, factor: float) -> Specification | None:
     """The same specification with pushes so much stronger; None if weather acts by physics."""
     given = spec.weather.pushes
     if given is None:
@@ -122,9 +122,9 @@ def _stated() -> dict[str, Statement]:
     every = [
         one
         for one in statements().values()
-        if one.scope == COLLISION and one.measure == Measure.MEAN
+        if one.outcome_class == COLLISION and one.measure == Statistic.MEAN
     ]
-    return {name: next(one for one in every if one.of == name) for name in _JOINT}
+    return {name: next(one for one in every if one.feature == name) for name in _JOINT}
 
 
 def _mean(values: F64) -> float:

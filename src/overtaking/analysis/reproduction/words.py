@@ -4,9 +4,9 @@ from overtaking.analysis.reproduction.hidden import Inference
 from overtaking.analysis.reproduction.measures import POLICY
 from overtaking.analysis.reproduction.replicates import SIZE
 from overtaking.analysis.reproduction.run import PHYSICAL, Comparison, Reproduction
+from overtaking.analysis.reproduction.statements import StatementRole, calibration
 from overtaking.analysis.reproduction.variants import COLLISION
-from overtaking.knowledge.paper import Standing, calibration
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 _SHORT = 16  # Digits of a hash: enough to compare, short enough to read.
 
@@ -49,14 +49,17 @@ def _missed_shares(found: Reproduction) -> str:
     """The classes whose number lies outside of our replicates."""
     counts = [one for one in found.comparisons if one.statement.measure == "count"]
     return ", ".join(
-        f"{one.statement.scope} ({one.ours:.0f} against {one.statement.quoted:.0f} of {SIZE})"
+        f"{one.statement.outcome_class} "
+        f"({one.ours:.0f} against {one.statement.quoted:.0f} of {SIZE})"
         for one in counts
         if one.is_inside is False
     )
 
 
 def _title(one: Comparison) -> str:
-    return " ".join(part for part in (one.statement.text, _class(one.statement.scope)) if part)
+    return " ".join(
+        part for part in (one.statement.text, _class(one.statement.outcome_class)) if part
+    )
 
 
 def _class(scope: str) -> str:
@@ -84,7 +87,7 @@ def notes(found: Reproduction) -> list[str]:
 
 def standings() -> list[tuple[str, str]]:
     """Each standing and what it means."""
-    return [(str(one), one.meaning) for one in Standing]
+    return [(str(one), one.meaning) for one in StatementRole]
 
 
 def remarks_on_numbers(found: Reproduction) -> list[tuple[str, str]]:

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from overtaking.knowledge import terms
-from overtaking.model.labels import OvertakeClass
+from overtaking.knowledge.glossary import terms
 from overtaking.model.vehicles import VehicleKind
+from overtaking.model.verdicts import OvertakeClass
 
 CLASS = "CLASS"
 """Column of the class."""
@@ -63,7 +63,7 @@ FEATURES = tuple(
     Feature(
         name=name,
         title=term.title,
-        unit=term.shown_in,
+        unit=term.display_unit,
         levels=_LEVELS.get(name, ()),
         is_static=name in _STATIC,
     )

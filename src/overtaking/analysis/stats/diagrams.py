@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F64
-from overtaking.model.events import NEVER, Events
+from overtaking.model.overtake_events import NEVER, OvertakeEvents
 from overtaking.model.road import RoadMark
-from overtaking.model.trajectory import METRES_PER_STEP, NO_VEHICLE, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION, Trajectories
 from overtaking.model.vehicles import Role
 
 _MS_PER_S = 1000.0
@@ -104,7 +104,7 @@ class Diagram:
     has_contact: bool
 
 
-def diagram(trajectories: Trajectories, events: Events) -> Diagram:
+def diagram(trajectories: Trajectories, events: OvertakeEvents) -> Diagram:
     """The numbers of the diagrams of one simulation.
 
     Args:
@@ -115,7 +115,7 @@ def diagram(trajectories: Trajectories, events: Events) -> Diagram:
     time = trajectories.time_ms[:frames] / _MS_PER_S
     target = int(events.target[0])
     followed = Role.EGO if target == NO_VEHICLE else target
-    s = trajectories.states.s[0, :, :frames].astype(np.float64) * METRES_PER_STEP
+    s = trajectories.states.s[0, :, :frames].astype(np.float64) * POSITION_RESOLUTION
     share = np.linspace(0.0, 1.0, frames, dtype=np.float64)
     mark = s[followed, 0] + (s[followed, -1] - s[followed, 0]) * share
     duration = float(time[-1]) if frames > 1 else 0.0
@@ -140,7 +140,7 @@ _NEAR = 250.0  # Metres from the ego: farther vehicles have no part in the overt
 def _shown(trajectories: Trajectories, s: F64, target: int) -> list[int]:
     """Slots of the ego, of the target, and of those that come near the ego, the nearest first."""
     present = np.flatnonzero(trajectories.scenario.vehicles.valid[0])
-    there = trajectories.state_valid[0, :, : s.shape[1]]
+    there = trajectories.state_mask[0, :, : s.shape[1]]
     nearest = np.where(there, np.abs(s - s[Role.EGO]), np.inf).min(axis=1)
     others = [
         int(slot)
@@ -154,8 +154,8 @@ def _shown(trajectories: Trajectories, s: F64, target: int) -> list[int]:
 def _track(trajectories: Trajectories, slot: int, ahead: F64, target: int) -> Track:
     """One vehicle."""
     road, vehicles = trajectories.road, trajectories.scenario.vehicles
-    d = trajectories.states.d[0, slot, : len(ahead)].astype(np.float64) * METRES_PER_STEP
-    there = trajectories.state_valid[0, slot, : len(ahead)]
+    d = trajectories.states.d[0, slot, : len(ahead)].astype(np.float64) * POSITION_RESOLUTION
+    there = trajectories.state_mask[0, slot, : len(ahead)]
     ahead, d = (np.where(there, one, np.nan) for one in (ahead, d))
     return Track(
         slot=slot,
@@ -178,7 +178,7 @@ def _lines(trajectories: Trajectories) -> tuple[tuple[float, bool], ...]:
     return tuple((float(place), known) for place, known in zip(across, is_solid, strict=True))
 
 
-def _phases(events: Events, time: F64) -> tuple[Phase, ...]:
+def _phases(events: OvertakeEvents, time: F64) -> tuple[Phase, ...]:
     """The actions of the ego, from its events; without an attempt it follows all the time."""
     starts = [("follows", int(events.first[0]))]
     starts += [
@@ -195,7 +195,7 @@ def _phases(events: Events, time: F64) -> tuple[Phase, ...]:
     )
 
 
-def _marks(events: Events, time: F64) -> tuple[tuple[str, float], ...]:
+def _marks(events: OvertakeEvents, time: F64) -> tuple[tuple[str, float], ...]:
     """The instants of the events that happened."""
     found = [(symbol, int(getattr(events, name)[0])) for name, symbol in MARKS]
     return tuple((symbol, float(time[frame])) for symbol, frame in found if frame != NEVER)

@@ -11,7 +11,7 @@ from overtaking.analysis.stats.columns import BY_NAME
 from overtaking.analysis.stats.results import Statistics
 from overtaking.analysis.stats.survival import Survival
 from overtaking.analysis.stats.table import Style, Table, write
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
 
 FORMATS = ("text", "csv", "json", "latex")
 """The formats of statistics."""

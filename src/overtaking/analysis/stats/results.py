@@ -12,14 +12,13 @@ from overtaking.analysis.stats.survival import Survival, waiting_time
 from overtaking.analysis.stats.table import Table
 from overtaking.analysis.stats.tables import class_table, dynamic_table, static_table
 from overtaking.core.equality import ContentEquality
-from overtaking.core.plain import plain
-from overtaking.core.summary import Summarized
+from overtaking.core.representation import CompactRepr, json_values
 
 _DECENT_SHARE = 0.3  # Below this share of effective simulations, weighted numbers are coarse.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Statistics(Summarized, ContentEquality):
+class Statistics(CompactRepr, ContentEquality):
     """The statistics of a labelled data set.
 
     Attributes:
@@ -156,6 +155,6 @@ def _waiting_values(waiting: Survival | None) -> dict[str, Any] | None:
     return {
         "events": waiting.num_events,
         "censored": waiting.num_censored,
-        "median_s": plain(waiting.median),
+        "median_s": json_values(waiting.median),
         "curve": waiting.rows().to_dict(orient="list"),
     }

@@ -9,7 +9,7 @@ from typing import Any, Self
 import pandas as pd
 
 from overtaking.core.equality import ContentEquality
-from overtaking.core.plain import plain
+from overtaking.core.representation import json_values
 
 NO_VALUE = "–"
 
@@ -97,7 +97,7 @@ class Table(ContentEquality):
 
     def records(self) -> list[dict[str, Any]]:
         """Every row as plain values for JSON; null where there is none."""
-        return plain(self.rows.to_dict(orient="records"))
+        return json_values(self.rows.to_dict(orient="records"))
 
 
 def write(value: Any, style: Style) -> str:

@@ -15,7 +15,7 @@ from overtaking.analysis.stats.moments import Moments, moments
 from overtaking.analysis.stats.sample import Sample, effective_size
 from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.arrays import Mask
-from overtaking.core.intervals import wilson
+from overtaking.core.intervals import wilson_interval
 
 ALL = "All"
 """Column of all simulations together."""
@@ -35,7 +35,7 @@ def class_table(sample: Sample) -> Table:
         shares = np.nan, np.nan, np.nan
         if total and name != CENSORED:
             share = float(sample.weight[members].sum()) / total
-            shares = share, *wilson(share, size)
+            shares = share, *wilson_interval(share, size)
         rows.append((name, int(members.sum()), *shares))
     weighted = "The shares are weighted, the counts are not. " if sample.is_weighted else ""
     return Table.of(

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.analysis.validation.traffic import limit
-from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
+from overtaking.knowledge.toml_reader import constant
+from overtaking.model.trajectories import (
+    ANGLE_RESOLUTION,
     NO_VEHICLE,
-    RADIANS_PER_STEP,
+    SPEED_RESOLUTION,
     Trajectories,
 )
-from overtaking.world.constants import known
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -144,7 +144,7 @@ def _contacts(runs: Trajectories, simulation: int, touched: Array) -> list[Accid
                 vehicles=tuple(slots),
                 time=1e-3 * float(time[slots[0]]),
                 delta_v=float(changes.max()),
-                closing_speed=METRES_PER_SECOND_PER_STEP * closing,
+                closing_speed=SPEED_RESOLUTION * closing,
             )
         )
     return found
@@ -157,15 +157,15 @@ def _is_off(runs: Trajectories) -> Array:
 
 def _is_across(runs: Trajectories) -> Array:
     """Where a vehicle stands so far across the road that it has spun, same shape."""
-    half_turn = round(np.pi / RADIANS_PER_STEP)
-    headings, direction = runs.headings
-    turned = headings.astype(np.int32) - round(direction / RADIANS_PER_STEP)
+    half_turn = round(np.pi / ANGLE_RESOLUTION)
+    headings, direction = runs.headings_and_origin
+    turned = headings.astype(np.int32) - round(direction / ANGLE_RESOLUTION)
     angle = np.abs((turned + half_turn) % (2 * half_turn) - half_turn)
-    return (angle > float(known("model.departure.spin_angle")) / RADIANS_PER_STEP) & _seen(runs)
+    return (angle > float(constant("model.departure.spin_angle")) / ANGLE_RESOLUTION) & _seen(runs)
 
 
 def _seen(runs: Trajectories) -> Array:
-    return runs.scenario.vehicles.valid[:, :, None] & runs.frame_valid[:, None, :]
+    return runs.scenario.vehicles.valid[:, :, None] & runs.frame_mask[:, None, :]
 
 
 def _first(holds: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from overtaking.analysis.validation import paths
 from overtaking.analysis.validation.places import Moments, next_to
 from overtaking.analysis.validation.traffic import Batch, limit
-from overtaking.model.trajectory import Lights
+from overtaking.model.trajectories import Lights
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array, Tally

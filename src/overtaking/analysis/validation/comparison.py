@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from overtaking.analysis.validation.overtakes import STRATA, cell
 from overtaking.analysis.validation.tally import GROUPS, Tally, ratio
 from overtaking.core.equality import ContentEquality
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -124,7 +124,7 @@ def _candidates(of: Iterable[Definition]) -> list[_Candidate]:
     """The figures that are properties of the traffic, and the classes in each stratum."""
     found = [
         _Candidate(
-            one.target.what,
+            one.target.description,
             one.statistic,
             one.counts,
             unit=one.target.unit,

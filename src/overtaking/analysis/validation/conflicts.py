@@ -8,7 +8,7 @@ import numpy as np
 
 from overtaking.analysis.validation.places import Moments, next_to
 from overtaking.analysis.validation.traffic import limit
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectories import NO_VEHICLE
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array, Tally

@@ -24,12 +24,12 @@ from overtaking.analysis.validation.changes import (
 )
 from overtaking.analysis.validation.poisson import poisson_limits
 from overtaking.analysis.validation.tally import Tally, quantile, ratio
+from overtaking.analysis.validation.targets import FigureTarget, TargetRole, targets
 from overtaking.analysis.validation.traffic import ACCEL_WIDTH, GAP_WIDTH, limit
 from overtaking.core.equality import ContentEquality
-from overtaking.core.intervals import wilson
-from overtaking.core.plain import plain
-from overtaking.knowledge.validation import Standing, Target, targets
-from overtaking.model.labels import OvertakeClass
+from overtaking.core.intervals import wilson_interval
+from overtaking.core.representation import json_values
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from overtaking.core.arrays import F64
@@ -58,7 +58,7 @@ class Figure(ContentEquality):
 
     name: str
     title: str
-    standing: Standing
+    standing: TargetRole
     unit: str
     value: float
     low: float
@@ -91,7 +91,7 @@ class Figure(ContentEquality):
 
     def values(self) -> dict[str, Any]:
         """The figure for JSON."""
-        return plain(self) | {"met": self.met, "sure": self.is_sure}
+        return json_values(self) | {"met": self.met, "sure": self.is_sure}
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ class Definition:
     is_signed: bool = False
 
     @property
-    def target(self) -> Target:
+    def target(self) -> FigureTarget:
         """Its description, unit, limits and standing."""
         return targets(self.of)[self.name]
 
@@ -129,11 +129,11 @@ class Definition:
         target = self.target
         estimate = self._estimate(tally)
         value, low, high = (float(target.scale * number) for number in estimate)
-        least = target.least_distance.number if target.least_distance else 0.0
+        least = target.min_distance.number if target.min_distance else 0.0
         lacks = tally.total("metres").sum() < least
         return Figure(
             name=self.name,
-            title=target.what,
+            title=target.description,
             standing=target.standing,
             unit=target.unit,
             value=value,
@@ -159,7 +159,7 @@ class Definition:
         if not squares > 0.0:
             return math.nan, math.nan, math.nan
         share, least, most = tally.estimate(self.statistic)
-        low, high = wilson(share, float(total * total / squares))
+        low, high = wilson_interval(share, float(total * total / squares))
         return share, np.fmin(low, least), min(np.fmax(high, most), 1.0)
 
     def _rare(self, tally: Tally) -> tuple[float, float, float]:

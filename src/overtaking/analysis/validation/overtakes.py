@@ -8,9 +8,9 @@ import numpy as np
 
 from overtaking.analysis.validation.traffic import CARS, Batch, limit
 from overtaking.labels.label import label
-from overtaking.model.events import NEVER, Events
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import UNDER_WAY, Stage, Trajectories
+from overtaking.model.overtake_events import NEVER, OvertakeEvents
+from overtaking.model.trajectories import OVERTAKING_STAGES, Stage, Trajectories
+from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array, Tally
@@ -36,7 +36,7 @@ def count(tally: Tally, batch: Batch) -> None:
     _edges(tally, batch)
 
 
-def count_classes(tally: Tally, batch: Batch) -> Events:
+def count_classes(tally: Tally, batch: Batch) -> OvertakeEvents:
     """Add attempts, how they end, and their classes by weather; returns the events."""
     runs = batch.runs
     labelled = label(runs)
@@ -46,7 +46,7 @@ def count_classes(tally: Tally, batch: Batch) -> Events:
     tally.add("attempts", batch.group, batch.weight * begun)
     tally.add("attempts_squares", batch.group, batch.weight**2 * begun)
     last = runs.stage[np.arange(len(runs.num_frames)), runs.num_frames - 1]
-    tally.add("open", batch.group, batch.weight * np.isin(last, UNDER_WAY))
+    tally.add("open", batch.group, batch.weight * np.isin(last, OVERTAKING_STAGES))
     for number, inside in enumerate(strata(runs.scenario.weather)):
         group, weight, place = (
             batch.group[inside],
@@ -74,7 +74,7 @@ def strata(weather: Weather) -> list[Array]:
     return [np.ones_like(dry_day), dry_day, weather.night, rain, fog, wind, weather.horizon_line]
 
 
-def _passing(tally: Tally, batch: Batch, events: Events) -> None:
+def _passing(tally: Tally, batch: Batch, events: OvertakeEvents) -> None:
     """Add the speed difference of a car and the car that it begins to pass."""
     kind = batch.runs.scenario.vehicles.kind
     at = np.flatnonzero(events.overlap_begin != NEVER)
@@ -87,7 +87,7 @@ def _passing(tally: Tally, batch: Batch, events: Events) -> None:
     tally.add("passing_speed", group, weight * faster[cars])
 
 
-def _approach(tally: Tally, batch: Batch, events: Events) -> None:
+def _approach(tally: Tally, batch: Batch, events: OvertakeEvents) -> None:
     """Add overtakes whose approach is seen from its begin, and those of them that were flying.
 
     An overtake that follows from the start has waited for an unknown time, and long waits are met
@@ -101,7 +101,7 @@ def _approach(tally: Tally, batch: Batch, events: Events) -> None:
     tally.add("flying", batch.group[at], batch.weight[at] * is_flying)
 
 
-def flying(runs: Trajectories, events: Events) -> tuple[Array, Array]:
+def flying(runs: Trajectories, events: OvertakeEvents) -> tuple[Array, Array]:
     """Overtakes whose ego never slowed down to the speed of its target before it pulled out.
 
     Args:
@@ -123,7 +123,7 @@ def flying(runs: Trajectories, events: Events) -> tuple[Array, Array]:
 def _edges(tally: Tally, batch: Batch) -> None:
     """Add frames, and those in which the ego sees where the traffic ends."""
     runs = batch.runs
-    frames = runs.frame_valid
+    frames = runs.frame_mask
     s, there = runs.states.s, runs.scenario.vehicles.valid[:, :, None] & frames[:, None, :]
     ahead = np.where(there, s, np.iinfo(np.int32).min).max(axis=1).astype(np.int64) - s[:, 0]
     behind = s[:, 0] - np.where(there, s, np.iinfo(np.int32).max).min(axis=1).astype(np.int64)

@@ -13,10 +13,10 @@ import numpy as np
 
 from overtaking.analysis.validation.tally import ratio
 from overtaking.analysis.validation.traffic import Batch, limit
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Stage, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Stage, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.lanes import road_parameters
-from overtaking.world.sight import sight_at
+from overtaking.world.road_parameters import road_parameters
+from overtaking.world.sight_distance import sight_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -161,7 +161,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     out = np.flatnonzero(runs.stage[row, :frames] == Stage.PULL_OUT)
     start = int(out[np.flatnonzero(np.diff(out, prepend=-9) > 1)[-1]])
     kind, valid = runs.percepts.kind[row], runs.percepts.valid[row]
-    decided = np.flatnonzero(valid & (kind == DecisionKind.PULL_OUT))
+    decided = np.flatnonzero(valid & (kind == ManoeuvreKind.PULL_OUT))
     target = int(runs.percepts.vehicle[row, decided[-1], 0]) if decided.size else NO_VEHICLE
     offset = road.side * 1e-3 * states.d[row, Role.EGO, start:frames]
     line = road.side * float(road.boundaries[-1])
@@ -197,7 +197,9 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
         margin=float(times[1]),
         left=behind / max(float(speed[target, last]), 1.0),
         zone=_zone(runs, float(s[Role.EGO, start])),
-        too_fast=bool((speed[Role.EGO, while_out] > road.limit_at(s[Role.EGO, while_out])).any()),
+        too_fast=bool(
+            (speed[Role.EGO, while_out] > road.speed_limit_at(s[Role.EGO, while_out])).any()
+        ),
         is_truck=bool(specs.kind[row, target] == VehicleKind.T),
         single=int((along & (s[:, first] > s[0, first]) & (s[:, last] < s[0, last])).sum()) == 1,
     )
@@ -360,7 +362,7 @@ def _refused(tally: Tally, batch: Batch) -> None:
     motorcycle comes, and by whether the ego goes, for the acceptance.
     """
     runs = batch.runs
-    waits = np.logical_and.accumulate(runs.stage == Stage.FOLLOW, axis=1) & runs.frame_valid
+    waits = np.logical_and.accumulate(runs.stage == Stage.FOLLOW, axis=1) & runs.frame_mask
     stop = waits.sum(axis=1)
     beyond = np.minimum(stop, runs.num_frames - 1)
     goes_at = runs.stage[np.arange(len(stop)), beyond] == Stage.PULL_OUT

@@ -16,7 +16,7 @@ from overtaking.analysis.validation.places import Moments, next_to
 from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import OvertakingError
-from overtaking.core.plain import plain
+from overtaking.core.representation import json_values
 from overtaking.data.import_report import report_frame
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.vehicles import Role
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.validation.tally import Array
     from overtaking.model.road import Road
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 RINGS = 24
 """Rings for all recordings together."""
@@ -73,7 +73,7 @@ class Likeness(ContentEquality):
 
     def values(self) -> dict[str, Any]:
         """The comparison for JSON."""
-        return plain(asdict(self))
+        return json_values(asdict(self))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +110,7 @@ class Comparison(ContentEquality):
         }
 
 
-def compare(spec: Spec, road: Road, seed: int, path: Path) -> Comparison:
+def compare(spec: Specification, road: Road, seed: int, path: Path) -> Comparison:
     """Compare a profile with recordings in CommonRoad's format.
 
     Args:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from overtaking import scenarios
 from overtaking.analysis.validation.changes import count_rate
 from overtaking.analysis.validation.traffic import Batch
-from overtaking.core.memory import Buffers
+from overtaking.core.arrays import Buffers
 from overtaking.model.vehicles import Role
+from overtaking.scenarios import profiles, sampler
 from overtaking.sim import engine
-from overtaking.world.parameters import Parameters, parameters, with_ring
+from overtaking.world.step_parameters import Parameters, parameters, with_ring
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F32
     from overtaking.model.road import Road
     from overtaking.model.scenario import Scenario
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 DENSITIES = (15.0, 25.0)
 """Vehicles per kilometre and lane."""
@@ -53,7 +53,7 @@ _DRY_DAY = {
 }
 
 
-def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> None:
+def count(tally: Tally, spec: Specification, road: Road, seed: int, simulations: int) -> None:
     """Add lane changes and distances on rings to a tally.
 
     Args:
@@ -69,7 +69,9 @@ def count(tally: Tally, spec: Spec, road: Road, seed: int, simulations: int) -> 
         count_rate(tally, batch, counted)
 
 
-def batches(spec: Spec, road: Road, seed: int, density: F32) -> Iterator[tuple[Batch, Array]]:
+def batches(
+    spec: Specification, road: Road, seed: int, density: F32
+) -> Iterator[tuple[Batch, Array]]:
     """Rings with traffic of given densities.
 
     Args:
@@ -82,7 +84,7 @@ def batches(spec: Spec, road: Road, seed: int, density: F32) -> Iterator[tuple[B
         Some of the rings, and which vehicles and frames count: not the egos, not the warm-up. Both
         are valid until the next ones.
     """
-    settled = scenarios.spec(
+    settled = profiles.load_specification(
         spec,
         _DRY_DAY
         | {
@@ -94,7 +96,7 @@ def batches(spec: Spec, road: Road, seed: int, density: F32) -> Iterator[tuple[B
     buffers = Buffers()
     for first in range(0, len(density), CHUNK):
         index = np.arange(first, min(first + CHUNK, len(density)), dtype=np.uint64)
-        drawn = scenarios.sample(settled, road, seed, index)
+        drawn = sampler.sample(settled, road, seed, index)
         scenario, given = on_ring(drawn, density[first : first + CHUNK])
         batch = Batch.of(engine.run(scenario, given, buffers=buffers))
         counted = batch.sound.copy()

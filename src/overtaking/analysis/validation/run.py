@@ -27,16 +27,14 @@ from overtaking.analysis.validation.figures import (
 )
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch
+from overtaking.core.arrays import Buffers
 from overtaking.core.equality import ContentEquality
-from overtaking.core.memory import Buffers
-from overtaking.core.plain import plain
-from overtaking.core.steps import Progress, Steps
-from overtaking.core.summary import Summarized
-from overtaking.model.labels import OvertakeClass
-from overtaking.scenarios import sample
-from overtaking.scenarios.schema_flow import Flow
-from overtaking.scenarios.schema_ways import TwoWay
-from overtaking.scenarios.ways import flows
+from overtaking.core.progress import ProgressCallback, ProgressCounter
+from overtaking.core.representation import CompactRepr, json_values
+from overtaking.model.verdicts import OvertakeClass
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.traffic_specification import FlowTraffic, TwoWayTraffic
+from overtaking.scenarios.two_way_traffic import flows_per_second
 from overtaking.sim import engine
 
 if TYPE_CHECKING:
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.validation.recorded import Comparison
     from overtaking.model.road import Road
-    from overtaking.scenarios import Spec
+    from overtaking.scenarios.specification import Specification
 
 CHUNK = 48
 """Simulations at a time."""
@@ -78,7 +76,7 @@ class Stratum(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Validation(Summarized, ContentEquality):
+class Validation(CompactRepr, ContentEquality):
     """The figures of a profile, its classes by weather, and its weights.
 
     Attributes:
@@ -135,11 +133,11 @@ class Validation(Summarized, ContentEquality):
 
 
 def validate(
-    spec: Spec,
+    spec: Specification,
     road: Road,
     simulations: int,
     seed: int,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     recordings: Path | None = None,
 ) -> Validation:
     """Simulate a profile and compute every figure.
@@ -156,10 +154,10 @@ def validate(
     """
     natural = natural_of(spec)
     runs = [(spec, seed)] + ([(natural, seed + 1)] if natural else [])
-    step = Steps(len(runs) * simulations, progress)
+    step = ProgressCounter(len(runs) * simulations, progress)
     tallies = [_counted(drawn, road, simulations, own_seed, step) for drawn, own_seed in runs]
-    tally, two_way = tallies[0], isinstance(spec.traffic, TwoWay)
-    rings = Tally() if isinstance(spec.traffic, Flow) else None
+    tally, two_way = tallies[0], isinstance(spec.traffic, TwoWayTraffic)
+    rings = Tally() if isinstance(spec.traffic, FlowTraffic) else None
     if rings is not None:
         ring.count(rings, spec, road, seed, max(1, simulations // RING_SHARE))
     return Validation(
@@ -179,19 +177,21 @@ def validate(
     )
 
 
-def natural_of(spec: Spec) -> Spec | None:
+def natural_of(spec: Specification) -> Specification | None:
     """The specification without its proposal, None if it has none."""
     return spec.model_copy(update={"proposal": None}) if spec.proposal else None
 
 
-def _counted(spec: Spec, road: Road, simulations: int, seed: int, step: Steps) -> Tally:
+def _counted(
+    spec: Specification, road: Road, simulations: int, seed: int, step: ProgressCounter
+) -> Tally:
     """The tally of the simulations of a specification."""
     tally, buffers = Tally(), Buffers()
-    two_way = isinstance(spec.traffic, TwoWay)
+    two_way = isinstance(spec.traffic, TwoWayTraffic)
     for first in range(0, simulations, CHUNK):
         index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
         runs = engine.simulate(sample(spec, road, seed, index), buffers=buffers)
-        batch = Batch.of(runs, flows(spec, seed, index) if two_way else None)
+        batch = Batch.of(runs, flows_per_second(spec, seed, index) if two_way else None)
         for count in COUNTED_OF_PASSES if two_way else COUNTED:
             count(tally, batch)
         step(len(index))
@@ -208,7 +208,7 @@ def _strata(tally: Tally) -> tuple[Stratum, ...]:
             Stratum(
                 name=name,
                 counts={kind.title: int(numbers[kind]) for kind in OvertakeClass},
-                shares={kind.title: plain(weights[kind] / total) for kind in OvertakeClass},
+                shares={kind.title: json_values(weights[kind] / total) for kind in OvertakeClass},
             )
         )
     return tuple(found)

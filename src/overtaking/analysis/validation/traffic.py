@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from overtaking.analysis.validation.tally import GROUPS, Array, Tally
-from overtaking.knowledge import number
-from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.knowledge.toml_reader import number
+from overtaking.model.trajectories import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import VehicleKind
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ class Batch:
             runs=runs,
             group=(scenario.index % np.uint64(GROUPS)).astype(np.int64),
             weight=scenario.weight,
-            sound=runs.state_valid & before & (runs.states.lane < runs.road.num_lanes),
+            sound=runs.state_mask & before & (runs.states.lane < runs.road.num_lanes),
             interval_s=1e-3 * scenario.frame_interval_ms,
             flows=flows,
         )
@@ -105,7 +105,7 @@ def _distances(tally: Tally, batch: Batch) -> None:
     tally.add_binned("lateral", group, place, weight, ACCEL_BINS)
     hardest = 1e3 * limit("hardest")
     along, across = (values.astype(np.float32) for values in (states.accel_lon, states.accel_lat))
-    impossible = (along * along + across * across > hardest**2) & batch.runs.frame_valid[:, None]
+    impossible = (along * along + across * across > hardest**2) & batch.runs.frame_mask[:, None]
     tally.add("impossible", batch.group, batch.weight * impossible.any(axis=(1, 2)))
     tally.add("simulations", batch.group, batch.weight)
     metres = batch.weight * batch.metres()

@@ -18,26 +18,24 @@ from numpy.typing import NDArray
 from overtaking.analysis.whatif.futures import Futures, copies
 from overtaking.analysis.whatif.scenes import Scene
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.philox import Stream
-from overtaking.model.changes import Change
-from overtaking.model.drivers import Drivers
-from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_STEP,
-    DecisionKind,
+from overtaking.core.random_numbers import Stream
+from overtaking.model.scenario import Intervention, Scenario
+from overtaking.model.trajectories import (
+    POSITION_RESOLUTION,
+    SPEED_RESOLUTION,
+    ManoeuvreKind,
     Trajectories,
 )
-from overtaking.model.vehicles import Role
-from overtaking.scenarios import flow as lanes_of_flow
-from overtaking.scenarios import spec
-from overtaking.scenarios.bodies import top_speeds
-from overtaking.scenarios.noise import Noise
-from overtaking.scenarios.people import drivers_with, sample_traits
-from overtaking.scenarios.schema_flow import Flow
+from overtaking.model.vehicles import DriverTraits, Role
+from overtaking.scenarios import motorway_traffic as lanes_of_flow
+from overtaking.scenarios.driver_sampling import drivers_with_speed, sample_traits
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.random_draws import RandomStream
+from overtaking.scenarios.traffic_specification import FlowTraffic
+from overtaking.scenarios.vehicle_sampling import top_speeds
 from overtaking.sim.branch import changed
-from overtaking.world.constants import constants
-from overtaking.world.parameters import parameters
+from overtaking.world.constants import model_constants
+from overtaking.world.step_parameters import parameters
 
 _AROUND = 400.0
 """How far from the ego vehicles that it has not noticed may be [m]."""
@@ -82,11 +80,10 @@ class Percept:
         return cls(
             detected=seen.detected[at],
             vehicle=seen.vehicle[at].astype(np.int64),
-            gap=seen.gap[at].astype(np.float64) * METRES_PER_STEP,
-            closing=seen.closing_speed[at].astype(np.float64) * METRES_PER_SECOND_PER_STEP,
-            true_gap=seen.true_gap[at].astype(np.float64) * METRES_PER_STEP,
-            true_closing=seen.true_closing_speed[at].astype(np.float64)
-            * METRES_PER_SECOND_PER_STEP,
+            gap=seen.gap[at].astype(np.float64) * POSITION_RESOLUTION,
+            closing=seen.closing_speed[at].astype(np.float64) * SPEED_RESOLUTION,
+            true_gap=seen.true_gap[at].astype(np.float64) * POSITION_RESOLUTION,
+            true_closing=seen.true_closing_speed[at].astype(np.float64) * SPEED_RESOLUTION,
         )
 
     def is_shared_by(self, run: Trajectories) -> Mask:
@@ -94,8 +91,8 @@ class Percept:
         rows = _starts(run)
         place, seen = (np.arange(len(rows)), rows.clip(0)), run.percepts
         detected = seen.detected[place]
-        gap = seen.gap[place] * METRES_PER_STEP
-        closing = seen.closing_speed[place] * METRES_PER_SECOND_PER_STEP
+        gap = seen.gap[place] * POSITION_RESOLUTION
+        closing = seen.closing_speed[place] * SPEED_RESOLUTION
         near = np.abs(gap - self.gap) <= _GAP_TOLERANCE + _GAP_SHARE * np.abs(self.gap)
         alike = near & (np.abs(closing - self.closing) <= _SPEED_TOLERANCE)
         same = (detected == self.detected) & (alike | ~self.detected)
@@ -115,11 +112,11 @@ def proposals(
         count: How many.
     """
     many = copies(scene.world, frame, count)
-    noise = Noise(scene.scenario.seed, many.index, int(Stream.POLICY))
+    noise = RandomStream(scene.scenario.seed, many.index, int(Stream.EXTERNAL_DRIVER))
     judged = np.stack([noise.normal(), noise.normal()])
     # Position and speed of every vehicle in one frame, shape (vehicle,).
-    place = stayed.states.s[0, :, frame].astype(np.float64) * METRES_PER_STEP
-    speed = stayed.states.speed[0, :, frame].astype(np.float64) * METRES_PER_SECOND_PER_STEP
+    place = stayed.states.s[0, :, frame].astype(np.float64) * POSITION_RESOLUTION
+    speed = stayed.states.speed[0, :, frame].astype(np.float64) * SPEED_RESOLUTION
     ahead, faster = _errors_undone(many.scenario, percept, judged)
     hidden = _unnoticed(stayed, frame, percept)
     for slot in hidden:
@@ -131,13 +128,13 @@ def proposals(
     scenario = many.scenario.replace(start_s=moved, start_speed=driven, drivers=drivers)
     for one in scene.world.changes:  # Who was made another person is no other one.
         if one.frame <= frame and one.traits:
-            scenario = changed(scenario, Change(vehicle=one.vehicle, traits=one.traits))
+            scenario = changed(scenario, Intervention(vehicle=one.vehicle, traits=one.traits))
     return Futures(scenario=scenario, index=many.index, judged=judged)
 
 
 def _starts(run: Trajectories) -> NDArray[np.int64]:
     """Row of the percept before the start of an overtake, -1 without one, shape (simulation,)."""
-    is_start = run.percepts.valid & (run.percepts.kind == DecisionKind.PULL_OUT)
+    is_start = run.percepts.valid & (run.percepts.kind == ManoeuvreKind.PULL_OUT)
     return np.where(is_start.any(axis=1), is_start.argmax(axis=1), -1)
 
 
@@ -145,7 +142,7 @@ def _errors_undone(
     scenario: Scenario, percept: Percept, judged: F32
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """How far ahead [m] and faster [m/s] the noticed are if the ego errs so, (future, vehicle)."""
-    step, c = parameters(scenario.select(slice(0, 1))).of_simulations, constants()
+    step, c = parameters(scenario.select(slice(0, 1))).of_simulations, model_constants()
     of_gap = np.exp(float(step.distance_error[0]) * judged[0].astype(np.float64)) - 1.0
     of_speed = float(step.speed_error[0]) * judged[1].astype(np.float64)
     shape = (judged.shape[1], scenario.num_slots)
@@ -163,7 +160,7 @@ def _errors_undone(
 def _unnoticed(stayed: Trajectories, frame: int, percept: Percept) -> list[int]:
     """Slots of the vehicles that are there and that the ego does not notice when it begins."""
     noticed = {int(Role.EGO), *percept.vehicle[percept.detected].tolist()}
-    there = np.flatnonzero(stayed.state_valid[0, :, frame]).tolist()
+    there = np.flatnonzero(stayed.state_mask[0, :, frame]).tolist()
     return [slot for slot in there if slot not in noticed]
 
 
@@ -183,7 +180,7 @@ def _room(
     """How far ahead all are, (future, vehicle) [m]: who would stand in another is far behind."""
     lane, length = stayed.states.lane[0, :, frame], scene.scenario.vehicles.length[0]
     for slot in hidden:
-        others = np.flatnonzero(stayed.state_valid[0, :, frame] & (lane == lane[slot]))
+        others = np.flatnonzero(stayed.state_mask[0, :, frame] & (lane == lane[slot]))
         for other in others[others != slot]:
             least = 0.5 * (length[slot] + length[other]) + _ROOM
             hits = np.abs(wanted[:, slot] - wanted[:, other]) < least
@@ -193,23 +190,23 @@ def _room(
 
 def _others(
     scene: Scene, many: Futures, lane: NDArray[np.uint8], speed: NDArray[np.float64]
-) -> Drivers:
+) -> DriverTraits:
     """Other people in the other vehicles, who drive as fast as these do."""
-    given, kind = spec(scene.data.manifest.identity.spec), many.scenario.vehicles.kind
+    given, kind = load_specification(scene.data.manifest.identity.spec), many.scenario.vehicles.kind
     traits = sample_traits(given.drivers, scene.scenario.seed, many.index, kind)
     driven, top = speed.astype(np.float32), top_speeds()[kind]
-    if isinstance(given.traffic, Flow):
+    if isinstance(given.traffic, FlowTraffic):
         lanes = np.minimum(lane, scene.scenario.road.num_lanes - 1)
-        free = lanes_of_flow.wishes(
+        free = lanes_of_flow.desired_speeds(
             given.traffic, traits["cruise_factor"], kind, np.broadcast_to(lanes, kind.shape)
         )
         wish = np.maximum(free, driven)
     else:
         wish = driven * traits["cruise_factor"]
-    drawn = drivers_with(traits, np.minimum(wish, top))
+    drawn = drivers_with_speed(traits, np.minimum(wish, top))
     own = many.scenario.drivers
     rows = {}
-    for name in Drivers.__slots__:
+    for name in DriverTraits.__slots__:
         rows[name] = getattr(drawn, name).copy()
         rows[name][:, Role.EGO] = getattr(own, name)[:, Role.EGO]
     return own.replace(**rows)

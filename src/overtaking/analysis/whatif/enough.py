@@ -13,23 +13,19 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.whatif.beliefs import Percept
 from overtaking.analysis.whatif.scenes import Scene, class_of, pull_out
-from overtaking.core.checks import check_name
 from overtaking.core.equality import ContentEquality
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, check_choice
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.batch import concatenate
-from overtaking.model.changes import Change
-from overtaking.model.decision import Decision
-from overtaking.model.drivers import DRIVER_RANGES
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.scenario import Scenario
-from overtaking.model.vehicles import Role
+from overtaking.model.scenario import ForcedDecision, Intervention, Scenario
+from overtaking.model.vehicles import TRAIT_RANGES, Role
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.sim import engine
 from overtaking.sim.branch import branch, changed
-from overtaking.world.lanes import has_two_directions
+from overtaking.world.road_parameters import has_two_directions
 
 ACCIDENTS = (OvertakeClass.UNSUCCESS_COL, OvertakeClass.UNSUCCESS_DEP)
 
@@ -56,7 +52,7 @@ class Quantity:
     name: str
     unit: str
     steps: Values
-    change: Callable[[Scenario, float], Change] | None
+    change: Callable[[Scenario, float], Intervention] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,11 +118,11 @@ def enough_of(
         ConfigError: There is no such goal or policy, the simulation is a branch, or it has reached
             the goal as it was.
     """
-    check_name(goal, GOALS, what="goal", where="enough")
+    check_choice(goal, GOALS, what="goal", where="enough")
     policy = choose_policy(policy, scene.scenario.profile)
     policy_named(policy)
     was = class_of(label(scene.run), policy)
-    if scene.run.branched is not None:
+    if scene.run.branch_origin is not None:
         raise _refused("one as it was drawn", "a branch", "take what it branches from")
     if was in [one.title for one in GOALS[goal]]:
         raise _refused(f"one that was not {goal}", was, "choose another simulation or --goal")
@@ -227,9 +223,9 @@ def _others(scene: Scene) -> list[tuple[str, int]]:
     return [(name, slot) for name, slot in found if slot < last]
 
 
-def _trait(name: str, size: float, scenario: Scenario, value: float) -> Change:
+def _trait(name: str, size: float, scenario: Scenario, value: float) -> Intervention:
     """The ego's driver with another trait."""
-    return Change(traits={name: _own_trait(scenario, name) + size * value})
+    return Intervention(traits={name: _own_trait(scenario, name) + size * value})
 
 
 def _own_trait(scenario: Scenario, name: str) -> float:
@@ -238,19 +234,19 @@ def _own_trait(scenario: Scenario, name: str) -> float:
 
 def _within_range(scenario: Scenario, name: str, size: float, steps: Values) -> Values:
     """The changes that leave a trait in its range; at 0 some mean another kind of driver."""
-    low, high = DRIVER_RANGES[name].limits
+    low, high = TRAIT_RANGES[name].limits
     values = _own_trait(scenario, name) + size * steps
     return steps[(values > low) & (values <= high)]
 
 
-def _ahead(slot: int, scenario: Scenario, value: float) -> Change:
+def _ahead(slot: int, scenario: Scenario, value: float) -> Intervention:
     del scenario
-    return Change(vehicle=slot, ahead=value)
+    return Intervention(vehicle=slot, ahead=value)
 
 
-def _faster(slot: int, scenario: Scenario, value: float) -> Change:
+def _faster(slot: int, scenario: Scenario, value: float) -> Intervention:
     del scenario
-    return Change(vehicle=slot, faster=_KMH * value)
+    return Intervention(vehicle=slot, faster=_KMH * value)
 
 
 def _drivable(scenario: Scenario, slot: int, steps: Values) -> Values:
@@ -261,7 +257,7 @@ def _drivable(scenario: Scenario, slot: int, steps: Values) -> Values:
     return steps[slowest + _KMH * steps > 0.0]
 
 
-def _weather(name: str, scenario: Scenario, value: float) -> Change:
+def _weather(name: str, scenario: Scenario, value: float) -> Intervention:
     """Less rain with the puddles that it leaves, less fog, or less wind."""
     weather = scenario.weather
     before = getattr(weather, name)
@@ -269,7 +265,7 @@ def _weather(name: str, scenario: Scenario, value: float) -> Change:
     found = weather.replace(**{name: after})
     if name == "rain":
         found = found.replace(puddles=weather.puddles * (after / before))
-    return Change(weather=found)
+    return Intervention(weather=found)
 
 
 def _classes(scene: Scene, one: Quantity, policy: str) -> tuple[Values, NDArray[np.uint8]]:
@@ -288,10 +284,12 @@ def _later_classes(scene: Scene, policy: str) -> tuple[Values, NDArray[np.uint8]
     found: dict[float, int] = {}
     for step in _LATER:
         frame = was + round(step * scene.rate)
-        stay = Change(frame=was, decision=Decision.STAY)
+        stay = Intervention(frame=was, decision=ForcedDecision.STAY)
         if frame >= int(scene.run.num_frames[0]):
             break
-        run = branch(scene.run, changes=[stay, Change(frame=frame, decision=Decision.PULL_OUT)])
+        run = branch(
+            scene.run, changes=[stay, Intervention(frame=frame, decision=ForcedDecision.PULL_OUT)]
+        )
         began = pull_out(run)
         if began is not None:
             found[(began - was) / scene.rate] = _code(label(run), policy)

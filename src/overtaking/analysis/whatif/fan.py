@@ -10,15 +10,15 @@ from overtaking.analysis.whatif.beliefs import Percept, proposals
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.arrays import I64
-from overtaking.core.checks import check_name
 from overtaking.core.equality import ContentEquality
-from overtaking.core.intervals import wilson
+from overtaking.core.errors import check_choice
+from overtaking.core.intervals import wilson_interval
 from overtaking.labels.label import label
 from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
-from overtaking.model.decision import Decision
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.scenario import ForcedDecision
+from overtaking.model.trajectories import Stage, Trajectories
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.sim.branch import branch
 
 GIVEN = ("truth", "belief")
@@ -78,7 +78,7 @@ class Fan(ContentEquality):
     def interval(self, code: OvertakeClass) -> NDArray[np.float64]:
         """Wilson's 95 % interval of the share of a class, NaN with too few, (instant, 2)."""
         rows = zip(self.shares[:, code], self.futures, strict=True)
-        limits = np.array([wilson(share, size) for share, size in rows])
+        limits = np.array([wilson_interval(share, size) for share, size in rows])
         return np.where(self.is_enough[:, None], limits, np.nan)
 
 
@@ -111,10 +111,10 @@ def fan_of(
     Raises:
         ConfigError: There is no such policy.
     """
-    check_name(given, GIVEN, what="given", where="fan")
+    check_choice(given, GIVEN, what="given", where="fan")
     policy = choose_policy(policy, scene.scenario.profile)
     policy_named(policy)
-    stayed = branch(scene.scenario, decision=Decision.STAY, changes=scene.world.changes)
+    stayed = branch(scene.scenario, decision=ForcedDecision.STAY, changes=scene.world.changes)
     step = max(round(every * scene.rate), 1)
     frames = np.arange(0, _sound_frames(stayed), step)
     counts = np.zeros((len(frames), len(OvertakeClass)), np.int64)

@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from overtaking.core.arrays import F32, U64
-from overtaking.model.changes import Branched, Change
-from overtaking.model.decision import Decision
-from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.scenario import BranchOrigin, ForcedDecision, Intervention, Scenario
+from overtaking.model.trajectories import Trajectories
 from overtaking.sim import engine
 from overtaking.sim.branch import as_changed, changed, run_versions, versions
 
@@ -23,7 +21,7 @@ class Futures:
     Attributes:
         scenario: The scenarios, shape (future,).
         index: Numbers by which later decisions are drawn, (future,).
-        judged: As in `world.parameters.Parameters`.
+        judged: As in `world.step_parameters.Parameters`.
     """
 
     scenario: Scenario
@@ -31,7 +29,7 @@ class Futures:
     judged: F32 | None = None
 
 
-def copies(world: Branched, frame: int, count: int) -> Futures:
+def copies(world: BranchOrigin, frame: int, count: int) -> Futures:
     """Futures in which all are as they are; the first has the simulation's own numbers.
 
     Args:
@@ -46,7 +44,7 @@ def copies(world: Branched, frame: int, count: int) -> Futures:
     return Futures(scenario=many, index=many.index + _APART * np.arange(count, dtype=np.uint64))
 
 
-def started(world: Branched, frame: int, many: Futures) -> Trajectories:
+def started(world: BranchOrigin, frame: int, many: Futures) -> Trajectories:
     """Futures in which the ego stays in its lane until a frame, and then begins an overtake.
 
     Args:
@@ -55,10 +53,10 @@ def started(world: Branched, frame: int, many: Futures) -> Trajectories:
         many: What the simulation is from there on, until the next change.
     """
     before = world.scenario.select(np.zeros(len(many.index), np.int64))
-    stays = (Change(decision=Decision.STAY), *world.changes)
+    stays = (Intervention(decision=ForcedDecision.STAY), *world.changes)
     stages = [one for one in versions(before, stays) if one.frame < frame]
     later = (one for one in world.changes if one.frame > frame)
-    starts = (Change(frame=frame, decision=Decision.PULL_OUT), *later)
+    starts = (Intervention(frame=frame, decision=ForcedDecision.PULL_OUT), *later)
     stages += [
         replace(one, index=many.index, judged=many.judged)
         for one in versions(many.scenario, starts)

@@ -8,11 +8,10 @@ from overtaking.core.errors import ConfigError
 from overtaking.data.branches import branch_again, drawn
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled
-from overtaking.model.changes import Branched, Change
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.scenario import BranchOrigin, Intervention, Scenario
+from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.sim.branch import branch
 
 SIMULATED_BY = ("engine", "reference")
@@ -41,15 +40,15 @@ class Scene:
     @property
     def scenario(self) -> Scenario:
         """Its scenario, before any change."""
-        branched = self.run.branched
+        branched = self.run.branch_origin
         return self.run.scenario if branched is None else branched.scenario
 
     @property
-    def world(self) -> Branched:
+    def world(self) -> BranchOrigin:
         """Its scenario, and what is changed in it but the decisions of the ego."""
-        branched = self.run.branched or Branched(scenario=self.run.scenario, changes=())
+        branched = self.run.branch_origin or BranchOrigin(scenario=self.run.scenario, changes=())
         changes = (replace(one, decision=None) for one in branched.changes)
-        meant = tuple(one for one in changes if one != Change(frame=one.frame))
+        meant = tuple(one for one in changes if one != Intervention(frame=one.frame))
         return branched.replace(changes=meant)
 
     @property
@@ -73,17 +72,17 @@ class Scene:
             raise ConfigError.out_of_range("time", "what if", 0.0, last / self.rate, time)
         return frame
 
-    def branch(self, *changes: Change) -> Trajectories:
+    def branch(self, *changes: Intervention) -> Trajectories:
         """The simulation with something changed."""
         return branch(self.run, changes=changes)
 
-    def redrawn(self, change: Change) -> Trajectories:
+    def redrawn(self, change: Intervention) -> Trajectories:
         """The simulation drawn again from the same numbers, with something changed before.
 
         Raises:
             ConfigError: It is a branch already.
         """
-        if self.run.branched is not None:
+        if self.run.branch_origin is not None:
             raise ConfigError.of(
                 what="simulation",
                 where="what if from the start",
@@ -103,7 +102,7 @@ class Scene:
             ConfigError: There is no such name.
         """
         if name not in DRIVERS:
-            raise ConfigError.not_among("driver", "what if", DRIVERS, name)
+            raise ConfigError.unknown_choice("driver", "what if", DRIVERS, name)
         tempers = {"drivers.temper": [DRIVERS[name]] * 2}
         theirs = drawn(self.data, int(self.scenario.index[0]), overrides=tempers).drivers
         rows = {field: getattr(theirs, field)[0, Role.EGO] for field in theirs.__slots__}

@@ -12,9 +12,8 @@ from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.data.branches import Told
 from overtaking.labels.label import Labelled, label
-from overtaking.model.changes import Change
-from overtaking.model.decision import Decision
-from overtaking.model.trajectory import STEPS, States, Trajectories
+from overtaking.model.scenario import ForcedDecision, Intervention
+from overtaking.model.trajectories import STATE_RESOLUTION, States, Trajectories
 from overtaking.model.vehicles import Role
 
 MOST_DELAY = 60.0
@@ -93,7 +92,7 @@ class Wish:
     """What a twin shall have different.
 
     Attributes:
-        without: What is taken away from the weather, names in `world.skies.WITHOUT`.
+        without: What is taken away from the weather, names in `model.weather.REMOVABLE_FACTORS`.
         driver: Temper of the ego's driver, a name in `scenes.DRIVERS`; None for its own.
         stays: Whether the ego never begins an overtake.
         delay: By how much later it begins the overtake; None for not at all [s].
@@ -104,7 +103,7 @@ class Wish:
     driver: str | None = None
     stays: bool = False
     delay: float | None = None
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Intervention, ...] = ()
 
     @property
     def title(self) -> str:
@@ -139,12 +138,12 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
         )
     frame = scene.frame_at(at)
     traits = scene.traits_of(wish.driver) if wish.driver else {}
-    first = Change(frame=frame, without=wish.without, traits=traits)
+    first = Intervention(frame=frame, without=wish.without, traits=traits)
     if from_start:
         run, redrawn = scene.redrawn(first), first
     else:
         run, redrawn = scene.branch(*_changes(scene, wish, first)), None
-    made = run.branched.changes if run.branched else ()
+    made = run.branch_origin.changes if run.branch_origin else ()
     told = (
         Told(title="as it was", run=scene.run),
         Told(title=wish.title, run=run, redrawn=redrawn),
@@ -162,17 +161,19 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
     )
 
 
-def _changes(scene: Scene, wish: Wish, first: Change) -> list[Change]:
+def _changes(scene: Scene, wish: Wish, first: Intervention) -> list[Intervention]:
     """What is different from which frame on."""
     changes = [*wish.changes, *([first] if first.without or first.traits else [])]
     if wish.stays:
-        changes.append(Change(frame=first.frame, decision=Decision.STAY))
+        changes.append(Intervention(frame=first.frame, decision=ForcedDecision.STAY))
     if wish.delay is not None:
         changes += later_start(scene, wish.delay, changes)
     return changes
 
 
-def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tuple[Change, ...]:
+def later_start(
+    scene: Scene, delay: float, others: Iterable[Intervention] = ()
+) -> tuple[Intervention, ...]:
     """Changes by which the ego pulls out later, without regard to the gaps then.
 
     How long it has to signal before depends on what it showed, so starts are tried. The one that
@@ -195,10 +196,10 @@ def later_start(scene: Scene, delay: float, others: Iterable[Change] = ()) -> tu
     wanted = was + round(delay * scene.rate)
     if wanted == was:
         return ()
-    found: dict[int, tuple[Change, ...]] = {}
-    stay = Change(frame=was, decision=Decision.STAY)
+    found: dict[int, tuple[Intervention, ...]] = {}
+    stay = Intervention(frame=was, decision=ForcedDecision.STAY)
     for frame in range(max(wanted - _STEADY, was + 1), wanted + 1):
-        pair = (stay, Change(frame=frame, decision=Decision.PULL_OUT))
+        pair = (stay, Intervention(frame=frame, decision=ForcedDecision.PULL_OUT))
         began = pull_out(scene.branch(*others, *pair))
         if began is not None and began >= wanted:
             found.setdefault(began, pair)
@@ -226,7 +227,7 @@ def parting(before: Trajectories, after: Trajectories) -> Parting | None:
         time=frame * interval / 1000,
         vehicle=slot,
         quantity=name,
-        by=(values[1] - values[0]) * STEPS.get(name, 1.0),
+        by=(values[1] - values[0]) * STATE_RESOLUTION.get(name, 1.0),
         ego_time=int(own[0]) * interval / 1000 if len(own) else None,
     )
 
@@ -254,7 +255,7 @@ def lamps_differ(before: Trajectories, after: Trajectories) -> float | None:
     return int(found[0]) * before.scenario.frame_interval_ms / 1000 if len(found) else None
 
 
-def _words(change: Change) -> str:
+def _words(change: Intervention) -> str:
     """Another change in a few words."""
     parts = [f"without {one}" for one in change.without]
     who = "ego" if change.vehicle == Role.EGO else f"vehicle {change.vehicle}"

@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from overtaking.core.units import STEPS, SUFFIXES
+from overtaking.core.units import INTEGER_UNITS, NAME_SUFFIXES
 from overtaking.data.tables.arrow import missing_in, to_numpy
 from overtaking.model.batch import Batch, BatchField, batch_fields
 
@@ -38,8 +38,8 @@ class Column:
         index: Index on the last axis of the attribute; None if the table has every axis of it.
         present: Attribute that tells where there is a value, dotted; empty if there always is one.
         nothing: Value of `present` where the column is null.
-        needs: Names among `model.trajectory.UNKNOWNS`. The column is null throughout in recordings
-            that do not tell one of them.
+        needs: Names among `model.trajectories.UNKNOWNS`. The column is null throughout in
+            recordings that do not tell one of them.
         is_key: Whether it is one of the columns that identify a row.
         since: Version of the tables that it came with; older tables do not have it.
     """
@@ -101,7 +101,7 @@ def column(
     if flags:
         metadata["flags"] = json.dumps(flags)
     return Column(
-        field=pa.field(name + SUFFIXES[unit], kind, nullable=nullable, metadata=metadata),
+        field=pa.field(name + NAME_SUFFIXES[unit], kind, nullable=nullable, metadata=metadata),
         path=path or name,
         present=present,
         nothing=nothing,
@@ -221,9 +221,9 @@ def flags_of(field: pa.Field) -> Names:
 def si_name(field: pa.Field) -> str:
     """The name under which a column comes back as an SI number."""
     unit = unit_of(field)
-    if unit not in STEPS:
+    if unit not in INTEGER_UNITS:
         return field.name
-    return field.name.removesuffix(SUFFIXES[unit]) + SUFFIXES[STEPS[unit][0]]
+    return field.name.removesuffix(NAME_SUFFIXES[unit]) + NAME_SUFFIXES[INTEGER_UNITS[unit][0]]
 
 
 def codes(values: pa.ChunkedArray | pa.Array, names: Names) -> NDArray[np.int64]:

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from overtaking.core.units import STEPS
+from overtaking.core.units import INTEGER_UNITS
 from overtaking.data.tables.columns import codes, flags_of, names_of, si_name, unit_of
 
 
@@ -29,10 +29,10 @@ def decode(table: pa.Table) -> pd.DataFrame:
 
 def _column(values: pa.ChunkedArray, field: pa.Field) -> pd.Series:
     unit = unit_of(field)
-    if unit in STEPS:
+    if unit in INTEGER_UNITS:
         # A division rounds correctly, so 123 mm is the double nearest to 0.123; a product need not.
         floats = values.to_numpy(zero_copy_only=False).astype(np.float64)
-        return pd.Series(floats / STEPS[unit][1])
+        return pd.Series(floats / INTEGER_UNITS[unit][1])
     if names := names_of(field):
         known = pd.CategoricalDtype(list(names))
         return pd.Series(pd.Categorical.from_codes(codes(values, names), dtype=known))

@@ -3,15 +3,16 @@
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.compiled import exp, maximum, minimum
+from overtaking.core.native import exp, maximum, minimum
 from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge.toml_reader import constant
 from overtaking.model.scenario import Scenario
-from overtaking.world import film
-from overtaking.world.conditions import acting, mean_wind, outlook
-from overtaking.world.constants import constants, known
-from overtaking.world.friction import peak_friction
-from overtaking.world.lanes import road_parameters
+from overtaking.world import road_surface
+from overtaking.world.constants import model_constants
+from overtaking.world.road_parameters import road_parameters
+from overtaking.world.road_surface import peak_friction
 from overtaking.world.visibility import contrast_range, lamp_range, meteorological_range
+from overtaking.world.weather_parameters import mean_wind, weather_effects, with_effective_weather
 
 FRICTION_SPEED = np.float32(mps_from_kmh(100.0))
 FRICTION_WEAR = np.float32(0.5)
@@ -23,15 +24,17 @@ _METRES_PER_MM = np.float32(1e-3)
 
 def derived_weather(scenario: Scenario) -> dict[str, F32]:
     """The derived columns of the `weather` table, each of shape (simulation,)."""
-    c = constants()
-    felt = acting(scenario)
-    ahead = outlook(scenario)
+    c = model_constants()
+    felt = with_effective_weather(scenario)
+    ahead = weather_effects(scenario)
     sight, water = ahead.sight, ahead.film
     zero = np.zeros(scenario.num_simulations, dtype=np.float32)
     path = road_parameters(scenario.road).film_path[0]
-    film_mm = film.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
+    film_mm = road_surface.lane_film(
+        water["least_film"], water["film_rain"], path, water["texture"]
+    )
     extinction = sight["fog_extinction"] + sight["rain_extinction"]
-    lamp = known("weather.lamps.rear_position")
+    lamp = constant("weather.lamps.rear_position")
     unlit = contrast_range(extinction, exp(sight["sight_front"]) * CONTRAST, zero + np.float32(1.0))
     lit = lamp_range(extinction, zero + lamp, sight["lamp_threshold"])
     along, across = mean_wind(felt)

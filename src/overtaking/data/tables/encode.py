@@ -18,12 +18,12 @@ from overtaking.data.tables.schemas import (
     RECORDED_TABLES,
     schema_of,
 )
-from overtaking.knowledge import presets
-from overtaking.model.actions import Actions
-from overtaking.model.trajectory import METRES_PER_STEP, Stage, Trajectories
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.model.driver_interface import Actions
+from overtaking.model.trajectories import POSITION_RESOLUTION, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.model.weather import NO_PRESET
-from overtaking.world.clock import STEP_MS, SUBSTEPS
+from overtaking.world.constants import STEP_MS, SUBSTEPS
 
 Numbers = NDArray[np.int64]
 """Numbers of the simulations in their data set, shape (simulation,)."""
@@ -72,7 +72,7 @@ def simulations(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
 
 def weather(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation: each has weather of its own."""
-    preset, names = trajectories.scenario.weather.preset, tuple(presets())
+    preset, names = trajectories.scenario.weather.preset, tuple(weather_presets())
     unnamed = preset == NO_PRESET
     computed = {
         "weather": numbers,
@@ -105,10 +105,10 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
 
 def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and frame: values common to all vehicles, and the ego's lane."""
-    simulation, frame = np.nonzero(trajectories.frame_valid)
+    simulation, frame = np.nonzero(trajectories.frame_mask)
     at = simulation, Role.EGO, frame
     lane, about = trajectories.states.lane[at], lane_columns(trajectories.road)
-    limit = trajectories.road.limit_at(trajectories.states.s[at] * METRES_PER_STEP)
+    limit = trajectories.road.speed_limit_at(trajectories.states.s[at] * POSITION_RESOLUTION)
     off_road = about["lane_id"].missing[lane]
     computed = {
         "simulation": numbers[simulation],
@@ -127,7 +127,7 @@ def overtaking(trajectories: Trajectories) -> Mask:
 
     Shape (simulation, time); false beyond the last recorded frame.
     """
-    stage, valid = trajectories.stage, trajectories.frame_valid
+    stage, valid = trajectories.stage, trajectories.frame_mask
     pulled_out = np.logical_or.accumulate((stage == Stage.PULL_OUT) & valid, axis=1)
     returned = np.logical_or.accumulate((stage == Stage.RETURN) & valid & pulled_out, axis=1)
     first = np.zeros_like(valid)
@@ -167,8 +167,8 @@ def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
 
 def actions(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and change of what another driver did with the ego."""
-    done = trajectories.actions or Actions.none(len(numbers))
-    simulation, action = np.nonzero(done.changes)
+    done = trajectories.actions or Actions.empty(len(numbers))
+    simulation, action = np.nonzero(done.is_change)
     values = done.values[simulation, action]
     known = {part.name: values[:, index] for index, part in enumerate(done.parts)}
     action = action.astype(np.int32)
@@ -214,8 +214,8 @@ def _state_rows(
         Index in the batch, slot and frame of each, shape (row,); and what takes them from an array
         of shape (simulation, vehicle, time).
     """
-    if run.present is not None:
-        mask = run.state_valid
+    if run.is_recorded is not None:
+        mask = run.state_mask
         simulation, vehicle, frame = np.nonzero(mask)
         rows = simulation, vehicle.astype(np.uint8), frame.astype(np.int32)
         return *rows, lambda values: values[mask]

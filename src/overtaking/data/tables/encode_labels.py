@@ -18,12 +18,12 @@ from overtaking.labels.instants import slot_of
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.batch import concatenate
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Check, Verdict
-from overtaking.model.safety import MANOEUVRE_MEASURES, MOMENTS
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE, Trajectories
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.safety_measures import MEASURED_MOMENTS, WHOLE_MANOEUVRE_MEASURES
+from overtaking.model.trajectories import NO_VEHICLE, Trajectories
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import Finding, Verdict
 
 Weights = NDArray[np.float64]
 
@@ -144,7 +144,7 @@ def _kept_findings(labelled: Labelled) -> Labelled:
         return labelled
     found, two_way = labelled.findings, {one.code for one in PORTUGAL.rules if one.two_way}
     kept = [column for column, code in enumerate(found.rules) if code not in two_way]
-    columns = {one.name: getattr(found, one.name)[:, kept] for one in fields(Check)}
+    columns = {one.name: getattr(found, one.name)[:, kept] for one in fields(Finding)}
     rules = tuple(found.rules[column] for column in kept)
     return labelled.replace(findings=found.replace(rules=rules, **columns))
 
@@ -186,7 +186,7 @@ def _of_known_kinds(labelled: Labelled) -> dict[str, Given]:
     if run.is_kind_known is None:
         return {}
     rows = np.arange(len(found.frame))
-    ahead = labelled.signals.vehicle[rows, Around.LEADER, np.maximum(found.frame, 0)]
+    ahead = labelled.signals.neighbour_slot[rows, NeighbourRole.LEADER, np.maximum(found.frame, 0)]
     is_known = {
         "ego": run.known_kinds[:, Role.EGO],
         "law": run.known_kinds[:, Role.EGO],
@@ -209,13 +209,15 @@ def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
     """One row per simulation and moment that came."""
     found, unknown = labelled.safety, labelled.trajectories.unknown
     came = np.flatnonzero(found.frame != NEVER)
-    simulation, moment = np.divmod(came, len(MOMENTS))
+    simulation, moment = np.divmod(came, len(MEASURED_MOMENTS))
 
     def rows(values: Array) -> Array:
         return values.reshape(-1).take(came) if values.ndim > 1 else values.take(simulation)
 
-    once = [one for one in COLUMNS["safety"] if one.path.partition(".")[0] in MANOEUVRE_MEASURES]
-    others = moment != MOMENTS.index("manoeuvre")
+    once = [
+        one for one in COLUMNS["safety"] if one.path.partition(".")[0] in WHOLE_MANOEUVRE_MEASURES
+    ]
+    others = moment != MEASURED_MOMENTS.index("manoeuvre")
     computed = {
         "simulation": numbers[simulation],
         "moment": moment,

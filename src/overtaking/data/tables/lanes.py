@@ -10,7 +10,7 @@ from overtaking.core.errors import SchemaError
 from overtaking.data.tables.arrow import Masked, missing_in, to_numpy
 from overtaking.data.tables.names import MARKS
 from overtaking.model.road import DrivingSide, Lane, Road
-from overtaking.model.trajectory import BEYOND_SLOW_EDGE
+from overtaking.model.trajectories import BEYOND_KERB_EDGE
 
 NUM_LANE_CODES = 256
 """Number of values that `States.lane` can have."""
@@ -52,7 +52,7 @@ def start_lane_ids(road: Road, start_lane: NDArray[np.integer]) -> NDArray[np.in
 
 def start_lane_codes(road: Road, ids: NDArray[np.integer]) -> NDArray[np.uint8]:
     """The lanes that `start_lane_ids` was given; `BEYOND_SLOW_EDGE` for other ids."""
-    code = np.full(ids.shape, BEYOND_SLOW_EDGE, np.uint8)
+    code = np.full(ids.shape, BEYOND_KERB_EDGE, np.uint8)
     for lane in range(road.num_lanes + road.is_two_way):
         code[ids == start_lane_ids(road, np.array(lane))] = lane
     return code
@@ -85,7 +85,7 @@ def lane_codes(road: Road, lane_id: pa.Array, d: NDArray[np.integer]) -> NDArray
     code = order[np.searchsorted(ids, given, sorter=order)].astype(np.uint8)
     middle = (road.boundaries[0] + road.boundaries[-1]) * 0.5
     is_fast = road.side * (np.asarray(d) - middle * 1000.0) > 0
-    outside = np.where(is_fast, np.uint8(road.num_lanes), np.uint8(BEYOND_SLOW_EDGE))
+    outside = np.where(is_fast, np.uint8(road.num_lanes), np.uint8(BEYOND_KERB_EDGE))
     return np.where(missing, outside, code)
 
 

@@ -1,19 +1,19 @@
 """The names that enumeration columns can hold, in the order of their codes in memory."""
 
 from overtaking.labels.law import POLICIES, PORTUGAL
-from overtaking.model.actions import Move
-from overtaking.model.events import Detail, Outcome
-from overtaking.model.labels import Belief, OvertakeClass, Severity, Verdict
+from overtaking.model.driver_interface import Move
+from overtaking.model.overtake_events import Outcome, OutcomeDetail
 from overtaking.model.road import RoadMark
-from overtaking.model.trajectory import DecisionKind, Stage
+from overtaking.model.trajectories import ManoeuvreKind, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
+from overtaking.model.verdicts import Belief, OvertakeClass, Severity, Verdict
 
 ROLES = ("ego", "other")
 KINDS = tuple(kind.name for kind in VehicleKind)
 COLOURS = tuple(colour.name.lower() for colour in Colour)
 MARKS = tuple(mark.value for mark in RoadMark)
 STAGES = tuple(stage.name for stage in Stage)
-DECISIONS = tuple(kind.name for kind in DecisionKind)
+DECISIONS = tuple(kind.name for kind in ManoeuvreKind)
 MOVES = tuple(move.name for move in Move)
 INDICATORS = ("off", "left", "right", "both")
 """In the order of the two indicator bits of `Lights`."""
@@ -29,7 +29,7 @@ EVENTS = (
     *("return_begin", "return_end", "abort", "back"),
     *("collision", "road_departure", "spin", "drift", "under_way"),
 )
-"""The attributes of `model.events.Events` that have a row each if they happened."""
+"""Attributes of `OvertakeEvents`, each of which has a row if it happened."""
 
 RULES = PORTUGAL.codes
 ARTICLES = tuple(dict.fromkeys(rule.law for rule in PORTUGAL.rules))
@@ -39,5 +39,5 @@ VERDICTS = tuple(one.name.lower() for one in Verdict)
 BELIEFS = tuple(one.name.lower() for one in Belief)
 SEVERITIES = tuple(one.name.lower() for one in Severity)
 OUTCOMES = tuple(one.name.lower() for one in Outcome)
-DETAILS = tuple(one.name.lower() for one in Detail)
+DETAILS = tuple(one.name.lower() for one in OutcomeDetail)
 CLASSES = tuple(one.title for one in OvertakeClass)

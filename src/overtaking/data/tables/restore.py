@@ -15,38 +15,36 @@ from overtaking.data.tables.columns import Column, codes, names_of
 from overtaking.data.tables.lanes import lane_codes, start_lane_codes
 from overtaking.data.tables.names import INDICATORS, KINDS, STAGES
 from overtaking.data.tables.schemas import COLUMNS, NUM_INDICATOR_BITS
-from overtaking.knowledge import presets
-from overtaking.model import actions
-from overtaking.model.actions import MOST_PARTS, Actions
-from overtaking.model.drivers import Drivers
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.model import driver_interface
+from overtaking.model.driver_interface import MAX_ACTION_PARTS, Actions
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_DURATION, MAX_VEHICLES, Scenario, slots_for
-from overtaking.model.trajectory import (
-    METRES_PER_STEP,
+from overtaking.model.trajectories import (
     NO_VEHICLE,
+    POSITION_RESOLUTION,
     Contacts,
     Percepts,
     States,
     Trajectories,
 )
-from overtaking.model.vehicles import Role, VehicleSpecs
-from overtaking.model.weather import NO_PRESET, Pushes, Weather
-from overtaking.scenarios.assumed import (
-    KIND,
-    assumed_bodies,
-    assumed_drivers,
-    assumed_weather,
+from overtaking.model.vehicles import DriverTraits, Role, VehicleSpecs
+from overtaking.model.weather import NO_PRESET, LateralPushes, Weather
+from overtaking.scenarios.recording_defaults import (
+    DEFAULT_KIND,
+    default_drivers,
+    default_vehicles,
+    default_weather,
     kinds_by_length,
 )
-from overtaking.world.clock import DECISIONS_PER_SECOND
-from overtaking.world.constants import constants
+from overtaking.world.constants import DECISIONS_PER_SECOND, model_constants
 
 Array = NDArray[Any]
 Tables = Mapping[str, pa.Table]
 
 
 def restore_scenario(
-    tables: Tables, road: Road, unknown: Collection[str] = (), pushes: Pushes | None = None
+    tables: Tables, road: Road, unknown: Collection[str] = (), pushes: LateralPushes | None = None
 ) -> Scenario:
     """The scenarios of some simulations.
 
@@ -77,10 +75,10 @@ def restore_scenario(
         attempt_deadline=_numbers(rows, "attempt_deadline_s"),
         weight=_numbers(rows, "weight"),
         vehicles=_bodies(tables["vehicles"], vehicles, unknown),
-        drivers=assumed_drivers((vehicles.shape[0], vehicles.shape[1]))
+        drivers=default_drivers((vehicles.shape[0], vehicles.shape[1]))
         if "drivers" in unknown
-        else Drivers(**_read("vehicles", tables, "scenario.drivers", vehicles.like_ego)),
-        weather=assumed_weather(len(rows)) if "weather" in unknown else _weather(tables),
+        else DriverTraits(**_read("vehicles", tables, "scenario.drivers", vehicles.like_ego)),
+        weather=default_weather(len(rows)) if "weather" in unknown else _weather(tables),
         start_s=vehicles.like_ego(_numbers(tables["vehicles"], "start_s_m")),
         start_lane=vehicles.like_ego(lane),
         start_speed=vehicles.like_ego(_numbers(tables["vehicles"], "start_speed_mps")),
@@ -89,7 +87,7 @@ def restore_scenario(
 
 
 def restore(
-    tables: Tables, road: Road, unknown: Collection[str] = (), pushes: Pushes | None = None
+    tables: Tables, road: Road, unknown: Collection[str] = (), pushes: LateralPushes | None = None
 ) -> Trajectories:
     """The recorded simulations that `encode` has made tables of.
 
@@ -127,15 +125,15 @@ def restore(
         is_kind_known=_known_kinds(tables["vehicles"], in_vehicles, unknown),
         actions=restore_actions(tables),
     )
-    if tables["states"].num_rows == np.count_nonzero(restored.state_valid):
+    if tables["states"].num_rows == np.count_nonzero(restored.state_mask):
         return restored
     present = _Grid.of(tables, "states", "vehicle", "frame").present
-    if present.shape != restored.state_valid.shape:
+    if present.shape != restored.state_mask.shape:
         expected = "states of the last vehicle and in the last frame"
         raise _refused("states", "vehicle", expected, f"{tables['states'].num_rows} states")
-    recorded = restored.replace(present=present)
+    recorded = restored.replace(is_recorded=present)
     # Events and rules read the ego in every frame; other vehicles may appear later or leave.
-    num_ego_states = recorded.state_valid[:, Role.EGO].sum(axis=1)
+    num_ego_states = recorded.state_mask[:, Role.EGO].sum(axis=1)
     if (is_short := num_ego_states != recorded.num_frames).any():
         expected = f"{recorded.num_frames[is_short][0]} states of vehicle {int(Role.EGO)}"
         raise _refused("states", "vehicle", expected, int(num_ego_states[is_short][0]))
@@ -160,11 +158,11 @@ def restore_actions(tables: Tables) -> Actions | None:
         return None
     table, grid = tables["actions"], _Grid.of(tables, "actions", "action")
     columns = {one.path: one for one in COLUMNS["actions"]}
-    known = actions.KINDS.items()
+    known = driver_interface.ACTION_KINDS.items()
     named = [kind for kind, parts in known if _has(table, [columns[p.name] for p in parts])]
-    kind = max(named, key=lambda one: len(actions.KINDS[one]))
-    rows = np.zeros((table.num_rows, MOST_PARTS), np.int32)
-    for at, part in enumerate(actions.KINDS[kind]):
+    kind = max(named, key=lambda one: len(driver_interface.ACTION_KINDS[one]))
+    rows = np.zeros((table.num_rows, MAX_ACTION_PARTS), np.int32)
+    for at, part in enumerate(driver_interface.ACTION_KINDS[kind]):
         rows[:, at] = _values(table, columns[part.name], 0)
     # Each holds until the next.
     last = np.maximum.accumulate(np.where(grid.present, np.arange(grid.shape[1]), 0), axis=1)
@@ -351,9 +349,11 @@ def _bodies(table: pa.Table, grid: _Grid, unknown: Collection[str]) -> VehicleSp
             nothing = np.zeros(length.shape, np.bool_)
             kind = kinds_by_length(length, is_truck=nothing, is_car=nothing)
         else:
-            kind = grid.like_ego(_codes(table, "kind", KINDS, KIND))
-        return assumed_bodies(grid.present, kind, length, width)
-    read = _read("vehicles", {"vehicles": table}, "scenario.vehicles", grid.like_ego, kind=KIND)
+            kind = grid.like_ego(_codes(table, "kind", KINDS, DEFAULT_KIND))
+        return default_vehicles(grid.present, kind, length, width)
+    read = _read(
+        "vehicles", {"vehicles": table}, "scenario.vehicles", grid.like_ego, kind=DEFAULT_KIND
+    )
     return VehicleSpecs(valid=grid.present, **read)
 
 
@@ -361,7 +361,7 @@ def _weather(tables: Tables) -> Weather:
     key = _numbers(tables["simulations"], "weather")
     rows = _row_indices(_numbers(tables["weather"], "weather"), key, "simulations", "weather")
     table = tables["weather"].take(to_arrow(rows))
-    code = {name: number for number, name in enumerate(presets())} | {None: NO_PRESET}
+    code = {name: number for number, name in enumerate(weather_presets())} | {None: NO_PRESET}
     named = table["preset"].to_pylist()
     if unknown := [name for name in named if name not in code]:
         raise _refused("weather", "preset", "a preset of this version, or null", unknown[0])
@@ -385,6 +385,6 @@ def _states(tables: Tables, road: Road) -> States:
 
 def _percepts(tables: Tables) -> Percepts:
     grid = _Grid.of(tables, "percepts", "decision")
-    unseen_mm = round(float(constants().unseen_gap) / METRES_PER_STEP)
+    unseen_mm = round(float(model_constants().unseen_gap) / POSITION_RESOLUTION)
     read = _read("percepts", tables, "percepts", grid.filled, gap=unseen_mm)
     return Percepts(valid=grid.present, **read)

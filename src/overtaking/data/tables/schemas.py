@@ -26,21 +26,20 @@ from overtaking.data.tables.columns import (
     column,
     declared,
 )
-from overtaking.model.decisions import (
-    LawAhead,
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.overtake_features import (
+    EgoState,
+    LawMarginsOnPullOut,
+    LeaderState,
     LeftLane,
-    OtherSide,
-    OwnState,
-    Surround,
-    VehicleAhead,
+    OncomingState,
+    PaperFeatures,
+    RoadAndWeather,
 )
-from overtaking.model.drivers import Drivers
-from overtaking.model.events import NEVER
-from overtaking.model.features import Features
-from overtaking.model.safety import MOMENTS, Safety
+from overtaking.model.safety_measures import MEASURED_MOMENTS, SafetyMeasures
 from overtaking.model.scenario import MAX_VEHICLES
-from overtaking.model.trajectory import NO_VEHICLE, Lights, States
-from overtaking.model.vehicles import VehicleSpecs
+from overtaking.model.trajectories import NO_VEHICLE, Lights, States
+from overtaking.model.vehicles import DriverTraits, VehicleSpecs
 from overtaking.model.weather import Weather
 
 FORMAT = "overtaking"
@@ -171,7 +170,7 @@ _RECORDED: dict[str, list[Column]] = {
             without=["valid", "kind", "colour", "length", "width"],
             needs=["bodies"],
         ),
-        *declared("scenario.drivers", Drivers, needs=["drivers"]),
+        *declared("scenario.drivers", DriverTraits, needs=["drivers"]),
         *attributes(
             "scenario",
             column("start_s", FLOAT, "Position along the road before the first step", "m"),
@@ -318,7 +317,7 @@ _LABELS: dict[str, list[Column]] = {
         _key("policy", names.READINGS, "The paper's way of measuring, or alike in every class"),
         *declared(
             "",
-            Features,
+            PaperFeatures,
             units={"left_occupancy": "%"},
             nullable=["waiting_time", "overtaking_time"],
         ),
@@ -327,14 +326,17 @@ _LABELS: dict[str, list[Column]] = {
     "decisions": [
         _SIMULATION,
         column("frame", INT, "Frame of the attempt, or of what stands for it"),
-        *declared("ego", OwnState, nullable=True),
-        *declared("ahead", VehicleAhead, nullable=True),
+        *declared("ego", EgoState, nullable=True),
+        *declared("ahead", LeaderState, nullable=True),
         *declared("left", LeftLane, nullable=True),
-        *declared("oncoming", OtherSide, nullable=True),
+        *declared("oncoming", OncomingState, nullable=True),
         *declared(
-            "around", Surround, nullable=True, kinds={"lane_width": DOUBLE, "speed_limit": DOUBLE}
+            "around",
+            RoadAndWeather,
+            nullable=True,
+            kinds={"lane_width": DOUBLE, "speed_limit": DOUBLE},
         ),
-        *declared("law", LawAhead, nullable=True),
+        *declared("law", LawMarginsOnPullOut, nullable=True),
         _optional(
             "believed_age",
             FLOAT,
@@ -350,9 +352,9 @@ _LABELS: dict[str, list[Column]] = {
     ],
     "safety": [
         _SIMULATION,
-        _key("moment", MOMENTS, "The worst of the manoeuvre, or at an event"),
+        _key("moment", MEASURED_MOMENTS, "The worst of the manoeuvre, or at an event"),
         column("frame", INT, "Frame of the event, or the first of the manoeuvre"),
-        *declared("", Safety, nullable=True),
+        *declared("", SafetyMeasures, nullable=True),
     ],
 }
 
@@ -393,7 +395,7 @@ def schema_of(table: str, unknown: Collection[str] = (), *, recorded: bool = Fal
 
     Args:
         table: Name of one of the `SCHEMAS`.
-        unknown: Names of `model.trajectory.UNKNOWNS`.
+        unknown: Names of `model.trajectories.UNKNOWNS`.
         recorded: Whether it holds recordings, which have no seed.
 
     Returns:
@@ -440,7 +442,7 @@ def most_rows(num_steps: int, num_frames: int) -> dict[str, int]:
         "findings": len(names.RULES),
         "features": len(names.READINGS),
         "decisions": 1,
-        "safety": len(MOMENTS),
+        "safety": len(MEASURED_MOMENTS),
     }
 
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, IndexArray
 from overtaking.labels.law import Rule
-from overtaking.model.labels import Belief, Case, Severity
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Belief, Case, Severity
 
 
 class Quantity(StrEnum):
@@ -144,9 +144,9 @@ class BreachFacts:
         """All frames from the first to the last one of the breach, shape (frame,)."""
         return np.arange(self.first, self.last + 1)
 
-    def beside(self, neighbour: Around) -> IndexArray:
+    def beside(self, neighbour: NeighbourRole) -> IndexArray:
         """Frames of the breach in which the ego has this neighbour, shape (frame,)."""
-        vehicle = self.case.signals.vehicle[0, neighbour, self.frames]
+        vehicle = self.case.signals.neighbour_slot[0, neighbour, self.frames]
         return self.frames[vehicle != NO_VEHICLE]
 
     def keep_within(self, frames: IndexArray) -> IndexArray:
@@ -171,4 +171,4 @@ class BreachFacts:
     @property
     def target(self) -> int:
         """Slot of the vehicle that is overtaken."""
-        return int(self.case.target.vehicle[0])
+        return int(self.case.target.slot[0])

@@ -12,7 +12,7 @@ from overtaking.labels.explain.thoughts import Thought, thoughts
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule, Text
 from overtaking.labels.signals import target_signals
-from overtaking.model.labels import Belief, Case, Severity, Verdict
+from overtaking.model.verdicts import Belief, Case, Severity, Verdict
 
 ALL_REMEDIES = REMEDIES | GERMAN
 """The remedies for the rules of both laws, by the check of the rule."""

@@ -3,7 +3,8 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy, sole
 from overtaking.labels.law.beliefs import Margin
 from overtaking.labels.law.distances import margin_behind, margin_of_gap, sure_decel
@@ -12,11 +13,10 @@ from overtaking.labels.law.frames import after_cut_ins
 from overtaking.labels.law.opposite import gap_to_return, on_the_other_side, room_and_time
 from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.speeds import speed_limits
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.constants import known
-from overtaking.world.friction import stoppable_speed
-from overtaking.world.measures import drac
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.world.road_surface import stoppable_speed
+from overtaking.world.surrogate_safety import drac
 
 _TWO = np.float32(2.0)
 _NONE = np.float32(-1.0)
@@ -25,20 +25,20 @@ _NONE = np.float32(-1.0)
 
 def safe_distance(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L3: more distance throughout, or so much slower at the same distances."""
-    frames = facts.beside(Around.LEADER)
+    frames = facts.beside(NeighbourRole.LEADER)
     frames = frames[~after_cut_ins(facts.case)[0, frames]]
-    margins = _margins(facts, Around.LEADER, frames, margin_of_gap)
+    margins = _margins(facts, NeighbourRole.LEADER, frames, margin_of_gap)
     worst, broken = int(margins.argmin()), frames[margins < 0]
-    farther = more_distance(facts, Around.LEADER, frames[worst], margins[worst])
+    farther = more_distance(facts, NeighbourRole.LEADER, frames[worst], margins[worst])
     return *farther, *facts.slower(broken, _followable(facts, broken))
 
 
 def room_ahead(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L4: more distance to the one ahead on the left, or slower."""
-    neighbour, frames = Around.LEFT_LEADER, np.array([facts.first])
+    neighbour, frames = NeighbourRole.LEFT_LEADER, np.array([facts.first])
     gap, closing = _gaps(facts, neighbour, frames)
     ahead = facts.case.signals.speed[0, frames] - closing
-    in_time = ahead + gap / known("law.entry.ttc")
+    in_time = ahead + gap / constant("law.entry.ttc")
     allowed = np.minimum(_lawful_speed(gap, ahead, _decel(facts, frames)), in_time)
     farther = more_distance(facts, neighbour, facts.first, facts.margin)
     return *farther, *facts.slower(frames, np.where(gap < 0, _NONE, allowed))
@@ -46,7 +46,7 @@ def room_ahead(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def room_behind(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L5: more distance to the one behind on the left, or faster where the limit allows it."""
-    neighbour, frames = Around.LEFT_FOLLOWER, np.array([facts.first])
+    neighbour, frames = NeighbourRole.LEFT_FOLLOWER, np.array([facts.first])
     farther = more_distance(facts, neighbour, facts.first, facts.margin)
     gap, closing = _gaps(facts, neighbour, frames)
     rear = facts.case.signals.speed[0, frames] + closing
@@ -59,19 +59,22 @@ def room_behind(facts: BreachFacts) -> tuple[Remedy, ...]:
 def safe_return(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L8: more distance to those in the lane of the return, to both if both were too near."""
     frame, changes = np.array([facts.first]), list[Change]()
-    for neighbour, margin in ((Around.FOLLOWER, margin_behind), (Around.LEADER, margin_of_gap)):
+    for neighbour, margin in (
+        (NeighbourRole.FOLLOWER, margin_behind),
+        (NeighbourRole.LEADER, margin_of_gap),
+    ):
         found = float(_margins(facts, neighbour, frame, margin)[0])
-        if facts.case.signals.vehicle[0, neighbour, facts.first] != NO_VEHICLE and found < 0:
+        if facts.case.signals.neighbour_slot[0, neighbour, facts.first] != NO_VEHICLE and found < 0:
             changes += more_distance(facts, neighbour, facts.first, found)[0]
     return (tuple(changes),)
 
 
 def no_obstruction(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L23: so much more distance to the one behind that it need not brake hard."""
-    neighbour, limit = Around.FOLLOWER, known("law.obstruction.braking")
+    neighbour, limit = NeighbourRole.FOLLOWER, constant("law.obstruction.braking")
     frames = facts.beside(neighbour)
     gap, closing = _gaps(facts, neighbour, frames)
-    forced = np.minimum(drac(gap, closing), known("law.obstruction.most"))
+    forced = np.minimum(drac(gap, closing), constant("law.obstruction.most"))
     needed = closing * closing / (_TWO * limit)
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
     lacking = np.where(np.isclose(limit - forced, facts.margin), needed - gap, -np.inf)
@@ -105,17 +108,17 @@ def to_return(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def slow_vehicle(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L28: farther behind the vehicle ahead."""
-    frames = facts.beside(Around.LEADER)
-    gap, _ = _gaps(facts, Around.LEADER, frames)
+    frames = facts.beside(NeighbourRole.LEADER)
+    gap, _ = _gaps(facts, NeighbourRole.LEADER, frames)
     # The smallest gap may lie in a frame in which the ego is too fast for the rule (above 40 km/h).
     # The frame that decides is the one whose gap gives the margin of the finding.
-    worst = int(np.abs(gap - known("law.slow.distance") - facts.margin).argmin())
-    return more_distance(facts, Around.LEADER, frames[worst], facts.margin)
+    worst = int(np.abs(gap - constant("law.slow.distance") - facts.margin).argmin())
+    return more_distance(facts, NeighbourRole.LEADER, frames[worst], facts.margin)
 
 
 def _followable(facts: BreachFacts, frames: IndexArray) -> F32:
     """Highest speed that each gap to the leader allows, negative where none does [m/s]."""
-    gap, closing = _gaps(facts, Around.LEADER, frames)
+    gap, closing = _gaps(facts, NeighbourRole.LEADER, frames)
     ahead = facts.case.signals.speed[0, frames] - closing
     return np.where(gap < 0, _NONE, _lawful_speed(gap, ahead, _decel(facts, frames)))
 
@@ -123,33 +126,40 @@ def _followable(facts: BreachFacts, frames: IndexArray) -> F32:
 def _lawful_speed(gap: F32, ahead: F32, decel: F32) -> F32:
     """Highest speed that a gap to a vehicle of speed `ahead` allows, as `lawful_gap` [m/s]."""
     way = np.maximum(gap, np.float32(0.0)) + ahead * ahead / (_TWO * decel)
-    return stoppable_speed(way, as_f32(known("law.safe_distance.reaction_time")), decel)
+    return stoppable_speed(way, as_f32(constant("law.safe_distance.reaction_time")), decel)
 
 
 def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
     """Lowest speed at a gap before a vehicle of speed `rear`, as `margin_behind` [m/s]."""
-    reaction = known("law.safe_distance.reaction_time")
+    reaction = constant("law.safe_distance.reaction_time")
     square = rear * rear + _TWO * decel * (rear * reaction - gap)
-    calm = rear - np.sqrt(_TWO * known("law.entry.braking") * gap)
+    calm = rear - np.sqrt(_TWO * constant("law.entry.braking") * gap)
     return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), calm)
 
 
 def more_distance(
-    facts: BreachFacts, neighbour: Around, frame: int | np.integer, margin: float | np.floating
+    facts: BreachFacts,
+    neighbour: NeighbourRole,
+    frame: int | np.integer,
+    margin: float | np.floating,
 ) -> tuple[Remedy]:
     """More distance to a neighbour, by what the margin lacks."""
-    seen, ahead = facts.case.signals, neighbour in (Around.LEADER, Around.LEFT_LEADER)
+    seen, ahead = facts.case.signals, neighbour in (NeighbourRole.LEADER, NeighbourRole.LEFT_LEADER)
     quantity = Quantity.GAP_AHEAD if ahead else Quantity.GAP_BEHIND
     gap = float(seen.gap[0, neighbour, frame])
-    return sole(quantity, gap, gap - float(margin), frame, int(seen.vehicle[0, neighbour, frame]))
+    return sole(
+        quantity, gap, gap - float(margin), frame, int(seen.neighbour_slot[0, neighbour, frame])
+    )
 
 
-def _margins(facts: BreachFacts, neighbour: Around, frames: IndexArray, margin: Margin) -> F32:
+def _margins(
+    facts: BreachFacts, neighbour: NeighbourRole, frames: IndexArray, margin: Margin
+) -> F32:
     gap, closing = _gaps(facts, neighbour, frames)
     return margin(gap, facts.case.signals.speed[0, frames], closing, _decel(facts, frames))
 
 
-def _gaps(facts: BreachFacts, neighbour: Around, frames: IndexArray) -> tuple[F32, F32]:
+def _gaps(facts: BreachFacts, neighbour: NeighbourRole, frames: IndexArray) -> tuple[F32, F32]:
     """Gap and closing speed of a neighbour, shape (frame,)."""
     seen = facts.case.signals
     return seen.gap[0, neighbour, frames], seen.closing_speed[0, neighbour, frames]

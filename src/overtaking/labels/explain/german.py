@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import Quantity, sole
 from overtaking.labels.explain.remedies import (
@@ -41,8 +42,7 @@ from overtaking.labels.law.germany.overtaking import (
     motor_vehicle_distance,
 )
 from overtaking.labels.law.lamps import L19
-from overtaking.model.signals import Around
-from overtaking.world.constants import known
+from overtaking.model.neighbours import NeighbourRole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,20 +50,20 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F32
     from overtaking.labels.explain.breach import BreachFacts, Remedy
     from overtaking.labels.explain.remedies import Find
-    from overtaking.labels.law import Check
-    from overtaking.model.labels import Case
+    from overtaking.labels.law import Finding
+    from overtaking.model.verdicts import Case
 
 
 def _more_distance_ahead(required: Callable[[F32], F32]) -> Find:
     """A1, A3 and A4: more distance to the leader, in the frame with the smallest margin."""
 
     def find(facts: BreachFacts) -> tuple[Remedy, ...]:
-        frames = facts.beside(Around.LEADER)
+        frames = facts.beside(NeighbourRole.LEADER)
         frames = frames[~after_cut_ins(facts.case)[0, frames]]
         seen = facts.case.signals
-        margins = seen.gap[0, Around.LEADER, frames] - required(seen.speed[0, frames])
+        margins = seen.gap[0, NeighbourRole.LEADER, frames] - required(seen.speed[0, frames])
         worst = frames[int(np.abs(margins - facts.margin).argmin())]
-        return gaps.more_distance(facts, Around.LEADER, worst, facts.margin)
+        return gaps.more_distance(facts, NeighbourRole.LEADER, worst, facts.margin)
 
     return find
 
@@ -76,7 +76,7 @@ def _at_limit(facts: BreachFacts) -> tuple[Remedy, ...]:
 def _slower(facts: BreachFacts) -> tuple[Remedy, ...]:
     """V3: slower, down to the speed allowed in fog."""
     fastest = facts.frames[int(facts.case.signals.speed[0, facts.frames].argmax())]
-    return facts.speed(fastest, known("law_de.fog.speed"))
+    return facts.speed(fastest, constant("law_de.fog.speed"))
 
 
 def _faster(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -87,7 +87,7 @@ def _faster(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def _more_optical_range(facts: BreachFacts) -> tuple[Remedy, ...]:
     """O5: the meteorological optical range that trucks need to overtake."""
-    needed = known("law_de.pass.truck_sight")
+    needed = constant("law_de.pass.truck_sight")
     return sole(Quantity.SIGHT, float(needed) + facts.margin, needed, facts.first)
 
 
@@ -96,23 +96,23 @@ def _fined_gap(facts: BreachFacts) -> tuple[Remedy, ...]:
 
     The margin of the rule is a time, so the missing distance is computed here.
     """
-    frames = facts.beside(Around.LEADER)
+    frames = facts.beside(NeighbourRole.LEADER)
     signals = facts.case.signals
     # Between two parts of a breach there may be frames that the rule exempts.
-    is_fast = signals.speed[0, frames] > known("law_de.distance.fined_above")
+    is_fast = signals.speed[0, frames] > constant("law_de.distance.fined_above")
     frames = frames[is_fast & ~after_cut_ins(facts.case)[0, frames]]
-    gaps_ahead, speed = signals.gap[0, Around.LEADER, frames], signals.speed[0, frames]
+    gaps_ahead, speed = signals.gap[0, NeighbourRole.LEADER, frames], signals.speed[0, frames]
     lacking = fined_distance(speed) - gaps_ahead
     worst = int(lacking.argmax())
-    return gaps.more_distance(facts, Around.LEADER, frames[worst], -lacking[worst])
+    return gaps.more_distance(facts, NeighbourRole.LEADER, frames[worst], -lacking[worst])
 
 
-def _behind(neighbour: Around) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
+def _behind(neighbour: NeighbourRole) -> Callable[[BreachFacts], tuple[Remedy, ...]]:
     """O6 and O12: more distance to the vehicle behind."""
     return lambda facts: gaps.more_distance(facts, neighbour, facts.first, facts.margin)
 
 
-GERMAN: dict[Callable[[Case], Check], Find] = {
+GERMAN: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
         (A1, _more_distance_ahead(courts_distance)),
@@ -122,11 +122,11 @@ GERMAN: dict[Callable[[Case], Check], Find] = {
         (O1, pass_on_the_left),
         (O2, _faster),
         (O5, _more_optical_range),
-        (O6, _behind(Around.LEFT_FOLLOWER)),
+        (O6, _behind(NeighbourRole.LEFT_FOLLOWER)),
         (O7, more_lateral_distance(motor_vehicle_distance)),
         (O9, elsewhere),
         (O10, more_lateral_distance(bicycle_distance)),
-        (O12, _behind(Around.FOLLOWER)),
+        (O12, _behind(NeighbourRole.FOLLOWER)),
         (O16, see_oncoming_traffic),
         (O17, elsewhere),
         (V2, _at_limit),

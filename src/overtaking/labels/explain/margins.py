@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import F32, F64
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import Labelled
-from overtaking.labels.law import PORTUGAL, Check, Pack
+from overtaking.labels.law import PORTUGAL, Finding, Pack
 from overtaking.labels.law.alongside import (
     L10,
     LateralDistance,
@@ -21,9 +21,9 @@ from overtaking.labels.law.gaps import L3
 from overtaking.labels.law.germany import distances, driving, overtaking
 from overtaking.labels.law.sight import L14, L14s
 from overtaking.labels.law.speeds import L12, Limits, rounded, speed_limits
-from overtaking.model.labels import Case, Verdict
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Case, Verdict
 
 
 def margins(labelled: Labelled, pack: Pack = PORTUGAL) -> dict[str, F64]:
@@ -49,7 +49,7 @@ def margins(labelled: Labelled, pack: Pack = PORTUGAL) -> dict[str, F64]:
 
 
 def _safe_distance(case: Case) -> F64:
-    signals, neighbour = case.signals, Around.LEADER
+    signals, neighbour = case.signals, NeighbourRole.LEADER
     gap, closing = signals.gap[:, neighbour], signals.closing_speed[:, neighbour]
     margin = margin_of_gap(gap, signals.speed, closing, sure_decel(signals.friction))
     return _behind_leader(case, margin)
@@ -60,14 +60,14 @@ def _leader_distance(required: Callable[[F32], F32]) -> Callable[[Case], F64]:
 
     def margins_of(case: Case) -> F64:
         signals = case.signals
-        return _behind_leader(case, signals.gap[:, Around.LEADER] - required(signals.speed))
+        return _behind_leader(case, signals.gap[:, NeighbourRole.LEADER] - required(signals.speed))
 
     return margins_of
 
 
 def _behind_leader(case: Case, margin: F32) -> F64:
     """Keep margins [m] in frames with a leader, except shortly after it cut in."""
-    has_leader = case.signals.vehicle[0, Around.LEADER] != NO_VEHICLE
+    has_leader = case.signals.neighbour_slot[0, NeighbourRole.LEADER] != NO_VEHICLE
     is_judged = has_leader & ~after_cut_ins(case)[0]
     return np.where(is_judged, _within(settled(case), margin), np.nan)
 
@@ -89,7 +89,7 @@ def _speed_limit(limits: Limits) -> Callable[[Case], F64]:
 
 
 def _stop_within(sight: str) -> Callable[[Case], F64]:
-    """Margins of a sight, named by its field of `Signals`, over the stopping distance [m]."""
+    """Margins of a sight, named by its field of `EgoSignals`, over the stopping distance [m]."""
 
     def margins_of(case: Case) -> F64:
         signals = case.signals
@@ -99,7 +99,7 @@ def _stop_within(sight: str) -> Callable[[Case], F64]:
     return margins_of
 
 
-_MARGINS: dict[Callable[[Case], Check], Callable[[Case], F64]] = {
+_MARGINS: dict[Callable[[Case], Finding], Callable[[Case], F64]] = {
     L3.check: _safe_distance,
     L10.check: _lateral_distance(motor_vehicle_distance),
     L12.check: _speed_limit(speed_limits),

@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray, Mask
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain import gaps
 from overtaking.labels.explain.breach import BreachFacts, Quantity, Remedy, sole
-from overtaking.labels.law import Check, Rule
+from overtaking.labels.law import Finding, Rule
 from overtaking.labels.law.alongside import (
     L1,
     L10,
@@ -30,9 +31,8 @@ from overtaking.labels.law.places import L17, L29, target_keeps_its_side
 from overtaking.labels.law.sight import L14, L15, L14s, L15s, passing_margin, passing_sight
 from overtaking.labels.law.speeds import L12, L13, speed_limits
 from overtaking.labels.law.when import L6, L7, L9, L21
-from overtaking.model.labels import Case
-from overtaking.world.constants import known
-from overtaking.world.friction import stoppable_speed
+from overtaking.model.verdicts import Case
+from overtaking.world.road_surface import stoppable_speed
 
 Find = Callable[[BreachFacts], tuple[Remedy, ...]]
 """A function that finds the remedies for a breach."""
@@ -120,7 +120,7 @@ def at_limit(facts: BreachFacts, limits: F32) -> tuple[Remedy, ...]:
 
 def not_too_slow(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L13: at the lowest speed of motorways."""
-    lowest = known("law.minimum.speed")
+    lowest = constant("law.minimum.speed")
     margins = facts.case.signals.speed[0, facts.frames] - lowest
     return facts.speed(facts.worst(margins), lowest)
 
@@ -132,7 +132,7 @@ def _stop(facts: BreachFacts, sight: F32) -> tuple[Remedy, ...]:
     """
     frames = facts.frames
     decel = full_decel(facts.case.signals.friction[0, frames])
-    reaction = as_f32(known("law.sight.reaction_time"))
+    reaction = as_f32(constant("law.sight.reaction_time"))
     return facts.slower(frames, stoppable_speed(sight[0, frames], reaction, decel))
 
 
@@ -142,7 +142,7 @@ def see_farther(facts: BreachFacts) -> tuple[Remedy, ...]:
         clear = float(passing_margin(facts.case)[0])
         if abs(clear - facts.margin) < _SAME:
             return see_oncoming_traffic(facts)
-    return _more_sight(facts, known("law.sight.least"))
+    return _more_sight(facts, constant("law.sight.least"))
 
 
 def see_oncoming_traffic(facts: BreachFacts) -> tuple[Remedy, ...]:
@@ -163,13 +163,13 @@ def wider(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def return_in_time(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L9: back in the original lane within the time that the rule allows."""
-    return _excess(facts, Quantity.TIME_OUT, float(known("law.return.within")))
+    return _excess(facts, Quantity.TIME_OUT, float(constant("law.return.within")))
 
 
 def slow_lanes(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L20: in the faster of the two slowest lanes."""
     lanes = lane_index(facts.case.signals.lane)[0, facts.frames]
-    worst, needed = int(lanes.argmax()), int(known("law.trucks.lanes")) - 1
+    worst, needed = int(lanes.argmax()), int(constant("law.trucks.lanes")) - 1
     return sole(Quantity.LANE, lanes[worst], needed, facts.frames[worst])
 
 
@@ -181,7 +181,7 @@ def next_slower_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def target_keeps_speed(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L22: a target that accelerates less."""
-    limit = float(known("law.overtaken.accel"))
+    limit = float(constant("law.overtaken.accel"))
     margins = np.float32(limit) - facts.case.target.accel[0, facts.frames]
     frame = facts.worst(margins)
     return _excess(facts, Quantity.TARGET_ACCEL, limit, frame, facts.target)
@@ -200,7 +200,7 @@ def _excess(
 
 def target_keeps_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L7: a target that does not move to the left."""
-    most = float(known("law.others.lateral_speed"))
+    most = float(constant("law.others.lateral_speed"))
     return _excess(facts, Quantity.TARGET_DRIFT, most, facts.first, facts.target)
 
 
@@ -224,23 +224,23 @@ def elsewhere_or_target_in_lane(facts: BreachFacts) -> tuple[Remedy, ...]:
 
 def oncoming_drives_on(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L26: less braking of who comes, or no way out of its lane, whichever is the breach."""
-    limit = float(known("law.obstruction.braking"))
+    limit = float(constant("law.obstruction.braking"))
     rows, frames, slot = nearest_coming(facts.case)
     accel = facts.case.trajectories.states.accel_lon[rows, slot, frames] * 1e-3
     over = over_its_edge(facts.case, rows, frames, slot)
     braked, left = int(accel.argmin()), int(over.argmax())
-    if over[left] > known("law.line.tolerance") and limit + accel[braked] >= -limit:
+    if over[left] > constant("law.line.tolerance") and limit + accel[braked] >= -limit:
         return sole(Quantity.EVASION, over[left], 0.0, frames[left], int(slot[left]))
     return sole(Quantity.ONCOMING_BRAKING, -accel[braked], limit, frames[braked], int(slot[braked]))
 
 
 def let_them_pass(facts: BreachFacts) -> tuple[Remedy, ...]:
     """L6: the next one on the left farther away in time; 0 for one that has begun."""
-    least = float(known("law.others.arrival"))
+    least = float(constant("law.others.arrival"))
     return sole(Quantity.ARRIVAL, least + facts.margin, least, facts.first)
 
 
-REMEDIES: dict[Callable[[Case], Check], Find] = {
+REMEDIES: dict[Callable[[Case], Finding], Find] = {
     rule.check: find
     for rule, find in (
         (L1, pass_in_next_lane),
@@ -283,7 +283,7 @@ laws with the same check have the same remedy."""
 def remedies_of(
     rule: Rule,
     facts: BreachFacts,
-    remedies: Mapping[Callable[[Case], Check], Find] = REMEDIES,
+    remedies: Mapping[Callable[[Case], Finding], Find] = REMEDIES,
 ) -> tuple[Remedy, ...]:
     """Find the changes that would have kept a broken rule, all else unchanged.
 

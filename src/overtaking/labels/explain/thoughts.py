@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from overtaking.labels.law import Check, Pack
+from overtaking.labels.law import Finding, Pack
 from overtaking.labels.law.beliefs import (
     FRONT,
     LEADER,
@@ -17,15 +17,15 @@ from overtaking.labels.law.beliefs import (
 )
 from overtaking.labels.law.distances import margin_ahead, margin_behind, margin_of_gap
 from overtaking.labels.law.gaps import L3, L4, L5, L8
-from overtaking.model.labels import Belief, Case
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
+from overtaking.model.verdicts import Belief, Case
 
-_MARGINS: dict[tuple[DecisionKind, int], tuple[Callable[[Case], Check], Margin]] = {
-    (DecisionKind.PULL_OUT, LEADER): (L3.check, margin_of_gap),
-    (DecisionKind.PULL_OUT, FRONT): (L4.check, margin_ahead),
-    (DecisionKind.PULL_OUT, REAR): (L5.check, margin_behind),
-    (DecisionKind.RETURN, FRONT): (L8.check, margin_of_gap),
-    (DecisionKind.RETURN, REAR): (L8.check, margin_behind),
+_MARGINS: dict[tuple[ManoeuvreKind, int], tuple[Callable[[Case], Finding], Margin]] = {
+    (ManoeuvreKind.PULL_OUT, LEADER): (L3.check, margin_of_gap),
+    (ManoeuvreKind.PULL_OUT, FRONT): (L4.check, margin_ahead),
+    (ManoeuvreKind.PULL_OUT, REAR): (L5.check, margin_behind),
+    (ManoeuvreKind.RETURN, FRONT): (L8.check, margin_of_gap),
+    (ManoeuvreKind.RETURN, REAR): (L8.check, margin_behind),
 }
 """By the kind of decision and the neighbour, the check that judges the gap, and its margin."""
 
@@ -67,7 +67,7 @@ def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
         return ()
     comparisons = list[Thought]()
     for row in np.flatnonzero(percepts.valid[0]).tolist():
-        kind = DecisionKind(int(percepts.kind[0, row]))
+        kind = ManoeuvreKind(int(percepts.kind[0, row]))
         for whom in (LEADER, FRONT, REAR):
             has_neighbour = percepts.vehicle[0, row, whom] != NO_VEHICLE
             if has_neighbour and (kind, whom) in _MARGINS:

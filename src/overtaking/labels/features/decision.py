@@ -7,7 +7,8 @@ number comes from one frame, that of the instant, or from a decision before it.
 import numpy as np
 
 from overtaking.core.arrays import F32, I32, IndexArray, Mask
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.features.oncoming import next_oncomer
 from overtaking.labels.features.safety import stop_margins
 from overtaking.labels.features.study import moment, unless_under_way
@@ -32,25 +33,24 @@ from overtaking.labels.law.distances import (
 from overtaking.labels.law.lanes import closed_borders, is_closed_at
 from overtaking.labels.law.sight import shown_sight
 from overtaking.labels.law.speeds import speed_limits
-from overtaking.model.decisions import (
-    Believed,
-    Decisions,
-    LawAhead,
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_features import (
+    AttemptFeatures,
+    BeliefsAtPullOut,
+    EgoState,
+    LawMarginsOnPullOut,
+    LeaderState,
     LeftLane,
-    OtherSide,
-    OwnState,
-    Surround,
-    VehicleAhead,
+    OncomingState,
+    RoadAndWeather,
 )
-from overtaking.model.labels import Case
-from overtaking.model.safety import Encounter
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import METRES_PER_STEP, DecisionKind, Lights
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.trajectories import POSITION_RESOLUTION, Lights, ManoeuvreKind
 from overtaking.model.vehicles import Role
-from overtaking.world.conditions import outlook
-from overtaking.world.constants import known
-from overtaking.world.measures import looming, ttc_accel
+from overtaking.model.verdicts import Case
+from overtaking.world.surrogate_safety import looming, mttc
 from overtaking.world.visibility import meteorological_range
+from overtaking.world.weather_parameters import weather_effects
 
 _INDICATORS = np.uint8(Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT)
 _PERCEIVED = 3
@@ -60,12 +60,12 @@ _PERCENT = np.float32(0.01)
 _ZERO = np.float32(0.0)
 
 
-def decision_features(case: Case) -> Decisions:
+def decision_features(case: Case) -> AttemptFeatures:
     """The features of a batch at each attempt, or at the instant that stands for it."""
     return features_at(case, moment(case))
 
 
-def features_at(case: Case, frame: I32) -> Decisions:
+def features_at(case: Case, frame: I32) -> AttemptFeatures:
     """The features of a batch at one frame each, whatever happens later.
 
     Args:
@@ -79,14 +79,14 @@ def features_at(case: Case, frame: I32) -> Decisions:
     limit = at(speed_limits(case)[1], frame)
     decel = sure_decel(around.friction)
     margins = stop_margins(ego.speed, around.friction, around.sight_lit, around.sight_unlit)
-    return Decisions(
+    return AttemptFeatures(
         frame=frame,
         ego=ego,
         ahead=ahead,
         left=left,
         oncoming=_other_side(case, frame),
         around=around,
-        law=LawAhead(
+        law=LawMarginsOnPullOut(
             follow=margin_of_gap(*_pair(ahead.encounter, ego), decel),
             entry_front=margin_ahead(*_pair(left.front, ego), decel),
             entry_rear=margin_behind(*_pair(left.rear, ego), decel),
@@ -113,41 +113,41 @@ def available_accel(case: Case, speed: F32) -> F32:
         for name in ("mass", "power", "launch_accel", "drag_area", "rolling_resistance")
     }
     engine = own["power"] / (own["mass"] * np.maximum(speed, _LEAST_SPEED))
-    pressure = np.float32(0.5) * known("model.nature.air_density") * speed * speed
+    pressure = np.float32(0.5) * constant("model.nature.air_density") * speed * speed
     drag = pressure * own["drag_area"] / own["mass"]
-    rolling = own["rolling_resistance"] * known("model.nature.gravity")
+    rolling = own["rolling_resistance"] * constant("model.nature.gravity")
     return np.minimum(engine, own["launch_accel"]) - drag - rolling
 
 
-def _pair(one: Encounter, ego: OwnState) -> tuple[F32, F32, F32]:
+def _pair(one: Encounter, ego: EgoState) -> tuple[F32, F32, F32]:
     """Gap, speed of the ego and closing speed, as the margins of the law take them."""
     return one.gap, ego.speed, one.closing_speed
 
 
-def _ego(case: Case, rows: IndexArray, frames: IndexArray) -> OwnState:
+def _ego(case: Case, rows: IndexArray, frames: IndexArray) -> EgoState:
     scenario, seen = case.trajectories.scenario, case.signals
     speed = seen.speed[rows, frames]
     waited = np.maximum(frames - case.events.follow, 0).astype(np.int32)
-    return OwnState(
+    return EgoState(
         kind=scenario.vehicles.kind[:, Role.EGO],
         speed=speed,
         accel=seen.accel[rows, frames],
         available_accel=available_accel(case, speed),
         desired_speed=scenario.drivers.desired_speed[:, Role.EGO],
         waiting_time=unless_under_way(case, seconds_of(case, waited)),
-        lateral_offset=seen.lateral[rows, frames] - _lane_centre(case, rows, frames),
+        lateral_offset=seen.lateral_position[rows, frames] - _lane_centre(case, rows, frames),
     )
 
 
-def _ahead(case: Case, rows: IndexArray, frames: IndexArray, ego: OwnState) -> VehicleAhead:
+def _ahead(case: Case, rows: IndexArray, frames: IndexArray, ego: EgoState) -> LeaderState:
     run, bodies = case.trajectories, case.trajectories.scenario.vehicles
-    one = beside(case, Around.LEADER, frames)
-    slot = slot_of(case.signals.vehicle[rows, Around.LEADER, frames])
+    one = beside(case, NeighbourRole.LEADER, frames)
+    slot = slot_of(case.signals.neighbour_slot[rows, NeighbourRole.LEADER, frames])
     length, speed = bodies.length[rows, slot], ego.speed - one.closing_speed
     has_next, return_gap = _next_ahead(case, slot, frames)
     time, distance = _overtaking(case, one, ego, length, frames)
     across = side_of(run.road) * as_f32(run.states.d[rows, slot, frames]) * METRES
-    return VehicleAhead(
+    return LeaderState(
         encounter=one,
         kind=bodies.kind[rows, slot],
         length=length,
@@ -164,7 +164,7 @@ def _ahead(case: Case, rows: IndexArray, frames: IndexArray, ego: OwnState) -> V
 
 
 def _overtaking(
-    case: Case, encounter: Encounter, ego: OwnState, length: F32, frames: IndexArray
+    case: Case, encounter: Encounter, ego: EgoState, length: F32, frames: IndexArray
 ) -> tuple[F32, F32]:
     """Least time and way to be ahead of the vehicle ahead [s], [m].
 
@@ -175,7 +175,7 @@ def _overtaking(
     decel = sure_decel(at(case.signals.friction, frames))
     clear = lawful_gap(ego.speed - encounter.closing_speed, np.float32(0.0), decel)
     distance = np.maximum(encounter.gap, np.float32(0.0)) + lengths + clear
-    time = ttc_accel(distance, encounter.closing_speed, ego.available_accel)
+    time = mttc(distance, encounter.closing_speed, ego.available_accel)
     finite = np.where(np.isfinite(time), time, np.float32(0.0))
     return time, finite * (ego.speed + np.float32(0.5) * ego.available_accel * finite)
 
@@ -187,18 +187,18 @@ def _lane_centre(case: Case, rows: IndexArray, frames: IndexArray) -> F32:
     return centres[np.minimum(case.signals.lane[rows, frames], road.num_lanes - 1)]
 
 
-def _believed(case: Case, frame: I32) -> Believed:
+def _believed(case: Case, frame: I32) -> BeliefsAtPullOut:
     """What was believed at the last decision to pull out that is not later than a frame."""
     percepts, interval = case.trajectories.percepts, case.signals.frame_interval_ms
     count, now = len(frame), frame * np.int32(interval)
-    fits = percepts.valid & (percepts.kind == DecisionKind.PULL_OUT)
+    fits = percepts.valid & (percepts.kind == ManoeuvreKind.PULL_OUT)
     fits &= percepts.time <= now[:, None]
     if "percepts" in case.trajectories.unknown or not fits.shape[1]:
         return _nothing(count)
     row = fits.shape[1] - 1 - fits[:, ::-1].argmax(axis=1)
     entry = (np.arange(count), row)
     exists = fits[entry]
-    return Believed(
+    return BeliefsAtPullOut(
         exists=exists,
         age=as_f32(now - percepts.time[entry]) / np.float32(1000.0),
         detected=percepts.detected[entry] & exists[:, None],
@@ -207,13 +207,15 @@ def _believed(case: Case, frame: I32) -> Believed:
     )
 
 
-def _nothing(count: int) -> Believed:
+def _nothing(count: int) -> BeliefsAtPullOut:
     """Nothing believed in any simulation."""
     zero, wide = np.zeros(count, np.float32), np.zeros((count, _PERCEIVED), np.float32)
-    return Believed(exists=zero > 0, age=zero, detected=wide > 0, gap=wide, closing_speed=wide)
+    return BeliefsAtPullOut(
+        exists=zero > 0, age=zero, detected=wide > 0, gap=wide, closing_speed=wide
+    )
 
 
-def _lane_around(case: Case, frames: IndexArray) -> Surround:
+def _lane_around(case: Case, frames: IndexArray) -> RoadAndWeather:
     """Road, weather and light of each simulation at one frame each."""
     run, seen = case.trajectories, case.signals
     road, weather = run.road, run.scenario.weather
@@ -221,17 +223,17 @@ def _lane_around(case: Case, frames: IndexArray) -> Surround:
     lane, s = seen.lane[rows, frames], run.states.s[rows, Role.EGO, frames]
     on_road = lane < road.num_lanes
     widths = np.array([one.width for one in road.lanes])
-    return Surround(
+    return RoadAndWeather(
         on_road=on_road,
         lane=lane,
         lanes_to_left=np.where(on_road, road.num_lanes - 1 - np.int32(lane), 0).astype(np.uint8),
         lane_width=widths[np.minimum(lane, road.num_lanes - 1)],
-        speed_limit=road.limit_at(s * METRES_PER_STEP),
+        speed_limit=road.speed_limit_at(s * POSITION_RESOLUTION),
         night=weather.night,
         low_sun=weather.horizon_line,
-        rain=outlook(run.scenario).rain_rate,
+        rain=weather_effects(run.scenario).rain_rate,
         optical_range=meteorological_range(weather.fog),
-        wind=known("weather.wind.full_speed") * (weather.wind * _PERCENT),
+        wind=constant("weather.wind.full_speed") * (weather.wind * _PERCENT),
         friction=seen.friction[rows, frames],
         sight_lit=seen.sight_lit[rows, frames],
         sight_unlit=seen.sight_unlit[rows, frames],
@@ -248,8 +250,8 @@ def _left_lane(case: Case, frames: IndexArray) -> LeftLane:
     count, total = inside.sum(axis=1), _sum(speed, inside)
     return LeftLane(
         exists=lane + 1 < run.road.num_lanes,
-        front=beside(case, Around.LEFT_LEADER, frames),
-        rear=beside(case, Around.LEFT_FOLLOWER, frames),
+        front=beside(case, NeighbourRole.LEFT_LEADER, frames),
+        rear=beside(case, NeighbourRole.LEFT_FOLLOWER, frames),
         occupancy=left_lane_at(run, frames).occupancy,
         count=count.astype(np.uint8),
         space_mean_speed=total / as_f32(np.maximum(count, 1)),
@@ -259,12 +261,12 @@ def _left_lane(case: Case, frames: IndexArray) -> LeftLane:
     )
 
 
-def _other_side(case: Case, frame: I32) -> OtherSide:
+def _other_side(case: Case, frame: I32) -> OncomingState:
     """The side of oncoming traffic of each simulation at one frame each."""
     road, count = case.trajectories.road, len(frame)
     nothing, nobody = np.zeros(count, np.float32), np.zeros(count, np.bool_)
     if not road.is_two_way:
-        return OtherSide(
+        return OncomingState(
             exists=nobody,
             comes=nobody,
             kind=np.zeros(count, np.uint8),
@@ -275,7 +277,7 @@ def _other_side(case: Case, frame: I32) -> OtherSide:
             crossable=nobody,
         )
     gap, both, slot = next_oncomer(case, frame)
-    return OtherSide(
+    return OncomingState(
         exists=~nobody,
         comes=np.isfinite(gap),
         kind=case.trajectories.scenario.vehicles.kind[np.arange(count), slot],

@@ -10,15 +10,15 @@ from overtaking.labels.law.opposite import on_the_other_side
 from overtaking.labels.law.others import coming, others_at
 from overtaking.labels.law.sight import shown_sight, unseen_speed
 from overtaking.model.batch import batch_fields
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.oncoming import Oncoming
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.safety_measures import PassingSafety
+from overtaking.model.verdicts import Case
 
 _NONE = np.float32(np.nan)
 _LEAST_SPEED = np.float32(0.1)  # Keeps times finite [m/s].
 
 
-def oncoming_measures(case: Case) -> Oncoming:
+def oncoming_measures(case: Case) -> PassingSafety:
     """The measures of a batch."""
     if not case.trajectories.road.is_two_way:
         return _nothing(case.signals.num_simulations)
@@ -29,7 +29,7 @@ def oncoming_measures(case: Case) -> Oncoming:
     begin = np.maximum(began, 0)
     own, sight = at(case.signals.speed, begin), shown_sight(case, begin)
     unseen = sight / np.maximum(own + unseen_speed(case, begin), _LEAST_SPEED)
-    return Oncoming(
+    return PassingSafety(
         exists=out.exists,
         **{f"distance_{name}": distance for name, (distance, _) in gaps.items()},
         **{f"time_{name}": time for name, (_, time) in gaps.items()},
@@ -41,13 +41,13 @@ def oncoming_measures(case: Case) -> Oncoming:
     )
 
 
-def _nothing(count: int) -> Oncoming:
+def _nothing(count: int) -> PassingSafety:
     """Nothing measured in any simulation."""
     empty: dict[str, Any] = {
         name: np.zeros(count, np.bool_) if field.is_flag else np.full(count, _NONE)
-        for name, field in batch_fields(Oncoming).items()
+        for name, field in batch_fields(PassingSafety).items()
     }
-    return Oncoming(**empty)
+    return PassingSafety(**empty)
 
 
 def _moments(began: I32, abreast: I32, ended: I32) -> tuple[tuple[str, I32], ...]:

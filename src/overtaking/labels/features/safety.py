@@ -7,32 +7,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I32, U8, IndexArray
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.features.oncoming import oncoming_measures
 from overtaking.labels.instants import METRES, at, half_lengths, slot_of
 from overtaking.labels.law.distances import margin_of_gap, stop_distance, sure_decel
 from overtaking.labels.law.frames import Span, conduct, stretches
 from overtaking.labels.signals import encounter
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.safety import MOMENTS, Encounter, Safety
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.safety_measures import MEASURED_MOMENTS, Encounter, SafetyMeasures
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import Role
-from overtaking.world.constants import known
-from overtaking.world.measures import headway, picud, rss_longitudinal
+from overtaking.model.verdicts import Case
+from overtaking.world.surrogate_safety import picud, rss_safe_gap, time_headway
 
-_LEFT = (Around.LEFT_LEADER, Around.LEFT_FOLLOWER)
-_RIGHT = (Around.RIGHT_LEADER, Around.RIGHT_FOLLOWER)
+_LEFT = (NeighbourRole.LEFT_LEADER, NeighbourRole.LEFT_FOLLOWER)
+_RIGHT = (NeighbourRole.RIGHT_LEADER, NeighbourRole.RIGHT_FOLLOWER)
 _INTO = {"attempt": _LEFT, "line_crossed": _LEFT, "return_begin": _RIGHT}
 """The vehicles ahead and behind in the lane that the ego moves into."""
 
-_ENTERS = np.array([name in _INTO for name in MOMENTS[1:]])
-_ENTERED = np.array([_INTO.get(name, _LEFT) for name in MOMENTS[1:]], np.intp)
+_ENTERS = np.array([name in _INTO for name in MEASURED_MOMENTS[1:]])
+_ENTERED = np.array([_INTO.get(name, _LEFT) for name in MEASURED_MOMENTS[1:]], np.intp)
 """The same by event: whether a lane is entered, and these places, shape (event, 2)."""
 
 
-def safety_measures(case: Case) -> Safety:
+def safety_measures(case: Case) -> SafetyMeasures:
     """The measures of a batch: over the manoeuvre, and at the events of the overtake.
 
     The manoeuvre is the window of the law: from 3 s before the attempt to 3 s after its end, or all
@@ -40,21 +40,21 @@ def safety_measures(case: Case) -> Safety:
     """
     span, seen = conduct(case), case.signals
     worst = _worst(case, span)
-    frame = np.column_stack([getattr(case.events, name) for name in MOMENTS[1:]])
+    frame = np.column_stack([getattr(case.events, name) for name in MEASURED_MOMENTS[1:]])
     rows, event = np.nonzero(frame != NEVER)  # Most events do not come.
     frames = frame[rows, event].astype(np.intp)
-    cells = rows * len(MOMENTS) + event + 1  # The manoeuvre is the first moment.
+    cells = rows * len(MEASURED_MOMENTS) + event + 1  # The manoeuvre is the first moment.
     enters = np.flatnonzero(_ENTERS[event])
     ahead, behind = _ENTERED[event[enters]].T
     entered, own = (rows[enters], frames[enters]), (rows, frames)
-    front = encounter(case, Around.LEADER, *own)
+    front = encounter(case, NeighbourRole.LEADER, *own)
     margins = front_margins(case, front, *own) | stop_margins(
         seen.speed[own], seen.friction[own], seen.sight_lit[own], seen.sight_unlit[own]
     )
 
     def table(name: str, values: NDArray[Any], cells: IndexArray) -> NDArray[Any]:
         """A measure as a table (simulation, moment): its worst, and at events; 0 elsewhere."""
-        whole = np.zeros((seen.num_simulations, len(MOMENTS)), values.dtype)
+        whole = np.zeros((seen.num_simulations, len(MEASURED_MOMENTS)), values.dtype)
         whole.reshape(-1)[cells] = values
         whole[:, 0] = worst.get(name, 0)
         return whole
@@ -69,10 +69,10 @@ def safety_measures(case: Case) -> Safety:
             }
         )
 
-    return Safety(
+    return SafetyMeasures(
         frame=np.column_stack([np.where(span.exists, span.start, NEVER), frame]).astype(np.int32),
         front=tables("front", front, cells),
-        rear=tables("rear", encounter(case, Around.FOLLOWER, *own), cells),
+        rear=tables("rear", encounter(case, NeighbourRole.FOLLOWER, *own), cells),
         entered_front=tables("entered", encounter(case, ahead, *entered), cells[enters]),
         entered_rear=tables("entered", encounter(case, behind, *entered), cells[enters]),
         **{name: table(name, values, cells) for name, values in margins.items()},
@@ -109,7 +109,7 @@ def entry_encroachment(case: Case) -> F32:
     """
     frame = case.events.line_crossed
     row = np.arange(len(frame))
-    behind = case.signals.vehicle[row, Around.LEFT_FOLLOWER, np.maximum(frame, 0)]
+    behind = case.signals.neighbour_slot[row, NeighbourRole.LEFT_FOLLOWER, np.maximum(frame, 0)]
     lane = at(case.signals.lane, frame) + np.uint8(1)
     return _encroachment(case, behind, frame, lane, stretches(case).entry_arrival)
 
@@ -158,27 +158,30 @@ def front_margins(
 ) -> dict[str, F32]:
     """Further measures of the vehicle ahead."""
     seen = case.signals
-    speed, slot = seen.speed[rows, frames], slot_of(seen.vehicle[rows, Around.LEADER, frames])
+    speed, slot = (
+        seen.speed[rows, frames],
+        slot_of(seen.neighbour_slot[rows, NeighbourRole.LEADER, frames]),
+    )
     length = case.trajectories.scenario.vehicles.length[rows, slot]
     lead_speed = speed - front.closing_speed
-    decel = known("labels.safety.picud_decel")
-    safe = rss_longitudinal(
+    decel = constant("event_detection.safety.picud_decel")
+    safe = rss_safe_gap(
         speed,
         lead_speed,
-        reaction_time=known("law.rss.reaction_time"),
-        accel=known("law.rss.accel"),
-        rear_decel=known("law.rss.rear_decel"),
-        lead_decel=known("law.rss.lead_decel"),
+        reaction_time=constant("law.rss.reaction_time"),
+        accel=constant("law.rss.accel"),
+        follower_decel=constant("law.rss.rear_decel"),
+        leader_decel=constant("law.rss.lead_decel"),
     )
     return {
-        "headway": headway(front.gap, length, speed),
+        "headway": time_headway(front.gap, length, speed),
         "picud": picud(
             front.gap,
             speed,
             lead_speed,
-            reaction_time=known("labels.safety.picud_reaction_time"),
-            rear_decel=decel,
-            lead_decel=decel,
+            reaction_time=constant("event_detection.safety.picud_reaction_time"),
+            follower_decel=decel,
+            leader_decel=decel,
         ),
         "rss_margin": front.gap - safe,
         "lawful_margin": margin_of_gap(

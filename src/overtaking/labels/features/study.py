@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I32
-from overtaking.core.compiled import Draws
-from overtaking.core.elementary import as_f32, maximum
-from overtaking.core.philox import Stream
-from overtaking.knowledge import Quantity, quantities
+from overtaking.core.float32_math import as_f32, maximum
+from overtaking.core.native import PhiloxStream
+from overtaking.core.random_numbers import Stream
+from overtaking.knowledge.quantities import Quantity
+from overtaking.knowledge.toml_reader import all_quantities
 from overtaking.labels.instants import (
     METRES,
     LeftLane,
@@ -26,15 +27,15 @@ from overtaking.labels.instants import (
     vehicle_at,
 )
 from overtaking.labels.law.frames import stretches
-from overtaking.model.events import NEVER
-from overtaking.model.features import Features
-from overtaking.model.labels import Case
-from overtaking.model.once import once
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.batch import cached_per_batch
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.overtake_features import PaperFeatures
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import Case
 
 
-def paper_features(case: Case) -> Features:
+def paper_features(case: Case) -> PaperFeatures:
     """The features of a batch under the paper's reading.
 
     The waiting time counts from the first frame, and without an attempt is the whole duration. The
@@ -49,7 +50,7 @@ def paper_features(case: Case) -> Features:
     lasted = np.where(attempted, ended - events.attempt, np.int32(0))
     instant, mean = _instant(case), _means(case)
     measured = {name: np.where(attempted, instant[name], mean[name]) for name in instant}
-    return Features(
+    return PaperFeatures(
         policy="paper",
         waiting_time=unless_under_way(case, seconds_of(case, waited)),
         overtaking_time=unless_under_way(case, seconds_of(case, lasted)),
@@ -59,7 +60,7 @@ def paper_features(case: Case) -> Features:
     )
 
 
-def matched_features(case: Case) -> Features:
+def matched_features(case: Case) -> PaperFeatures:
     """The features of a batch, measured at `t_a` or at an instant that stands for it.
 
     The waiting time counts from the frame in which the ego closes up to the target, the difference
@@ -75,7 +76,7 @@ def matched_features(case: Case) -> Features:
     own = at(case.signals.speed, frame)
     target = _of_target(case, frame)
     has_target = events.target != NO_VEHICLE
-    return Features(
+    return PaperFeatures(
         policy="matched",
         waiting_time=unless_under_way(case, seconds_of(case, waited)),
         overtaking_time=unless_under_way(case, seconds_of(case, lasted)),
@@ -98,7 +99,7 @@ def _instant(case: Case) -> dict[str, F32]:
         "ego_speed": own,
         "target_speed": target["speed"],
         "speed_difference": np.abs(own - target["speed"]),
-        "distance": np.abs(target["lead"]),
+        "distance": np.abs(target["ego_lead"]),
         "left_occupancy": as_f32(left.count) / as_f32(others),
     }
 
@@ -123,20 +124,20 @@ def _means(case: Case) -> dict[str, F32]:
     }
 
 
-@once
+@cached_per_batch
 def moment(case: Case) -> I32:
     """The attempt, or the instant that stands for it, shape (simulation,)."""
     attempt = np.where(case.events.attempted, case.events.attempt, pseudo_attempt(case))
     return attempt.astype(np.int32, copy=False)
 
 
-@once
+@cached_per_batch
 def left_lane_then(case: Case) -> LeftLane:
     """The lane to the left at that moment."""
     return left_lane_at(case.trajectories, np.maximum(moment(case), 0))
 
 
-@once
+@cached_per_batch
 def pseudo_attempt(case: Case) -> I32:
     """The instant that stands for `t_a` where nothing was attempted, shape (simulation,).
 
@@ -145,7 +146,7 @@ def pseudo_attempt(case: Case) -> I32:
     """
     scenario, events = case.trajectories.scenario, case.events
     quantiles = _waiting_times(scenario.profile)
-    draw = Draws(scenario.seed, scenario.index, Stream.LABEL).uniform()
+    draw = PhiloxStream(scenario.seed, scenario.index, Stream.MATCHED_INSTANT).uniform()
     end = _end_of(case, events.collision)
     longest = seconds_of(case, np.maximum(end - events.follow, 0))
     waited = _quantile(quantiles, draw * _share_below(quantiles, longest))
@@ -156,7 +157,7 @@ def pseudo_attempt(case: Case) -> I32:
 
 def _waiting_times(profile: str) -> F32:
     """Minimum, deciles and maximum of the waiting times of a profile's attempts [s]."""
-    table, known = "matched.waiting_time_quantiles", quantities("labels.toml")
+    table, known = "matched.waiting_time_quantiles", all_quantities("event_detection.toml")
     found = known.get(f"{table}.{profile}", known[f"{table}.pinto2023-physical"])
     assert isinstance(found, Quantity)
     return as_f32(found.value)
@@ -199,7 +200,7 @@ def _of_target(case: Case, frame: I32) -> dict[str, F32]:
     0 where there is no target; NaN where it is not recorded in that frame, and for lead and gap
     where the attempt began before the recording.
     """
-    vehicle = case.target.vehicle
+    vehicle = case.target.slot
     along = vehicle_at(case.trajectories, vehicle, np.arange(len(frame)), frame)
     missing = np.where(vehicle == NO_VEHICLE, np.float32(0.0), np.float32(np.nan))
 
@@ -208,13 +209,13 @@ def _of_target(case: Case, frame: I32) -> dict[str, F32]:
 
     return {
         "speed": known(along.speed),
-        "lead": unless_under_way(case, known(along.lead)),
+        "ego_lead": unless_under_way(case, known(along.lead)),
         "gap": unless_under_way(case, known(along.gap)),
     }
 
 
 def _static(case: Case) -> dict[str, NDArray[Any]]:
-    """What does not change during a simulation, by field of `Features`."""
+    """What does not change during a simulation, by field of `PaperFeatures`."""
     scenario, target = case.trajectories.scenario, case.events.target
     weather, kind = scenario.weather, scenario.vehicles.kind
     has_target = target != NO_VEHICLE

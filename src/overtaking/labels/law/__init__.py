@@ -14,8 +14,8 @@ from overtaking.labels.law.policies import (
 )
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import (
-    Check,
     Errors,
+    Finding,
     Grade,
     Pack,
     Rule,
@@ -34,8 +34,8 @@ __all__ = [
     "PACKS",
     "POLICIES",
     "PORTUGAL",
-    "Check",
     "Errors",
+    "Finding",
     "Grade",
     "Legality",
     "Pack",

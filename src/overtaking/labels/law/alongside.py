@@ -6,18 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, U8, IndexArray, Mask
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import across_at, at, slot_of, vehicle_at
 from overtaking.labels.law.errors import lane_error
 from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import num_slow, target_may_be
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
+from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread
 from overtaking.labels.signals import beside_target
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.once import once
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.constants import known
+from overtaking.model.batch import cached_per_batch
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Case
 
 _HALF_LANE = np.float32(0.5)
 _LANE_AND_HALF = np.float32(1.5)
@@ -43,7 +43,7 @@ class Alongside:
     lateral_gap: F32
     accel: F32
 
-    def check(self, case: Case, margin: F32, about: Mask | None = None) -> Check:
+    def check(self, case: Case, margin: F32, about: Mask | None = None) -> Finding:
         """A margin of these frames that may never be negative, in the simulations that count."""
         rows, frames = self.rows, self.frames
         if about is not None:
@@ -52,12 +52,12 @@ class Alongside:
         return always_at(margin, rows, frames, case.signals.num_simulations)
 
 
-@once
+@cached_per_batch
 def alongside(case: Case) -> Alongside:
     """The frames in which ego and target overlap, in the overtake."""
     events, end = case.events, driving_end(case)
     over = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, end), end)
-    begun = (events.overlap_begin != NEVER) & (case.target.vehicle != NO_VEHICLE)
+    begun = (events.overlap_begin != NEVER) & (case.target.slot != NO_VEHICLE)
     return overlaps(case, Span(start=np.where(begun, events.overlap_begin, over + 1), stop=over))
 
 
@@ -72,7 +72,7 @@ def lane_index(lane: U8) -> np.ndarray:
     return lane.view(np.int8)
 
 
-def _on_the_left(case: Case) -> Check:
+def _on_the_left(case: Case) -> Finding:
     """While alongside the target the ego is in the lane to its left, unless both are in queues."""
     found = alongside(case)
     own = lane_index(case.signals.lane)[found.rows, found.frames]
@@ -100,14 +100,14 @@ TARGET_KEEPS_SPEED = (
 
 def in_queue(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     """Whether queues go on side by side at different speeds, which is no overtaking (42)."""
-    below, reach = float(known("law.queue.speed")), float(known("law.queue.reach"))
+    below, reach = float(constant("law.queue.speed")), float(constant("law.queue.reach"))
     slow = num_slow(case, rows, frames, below=below, reach=reach)
-    target = vehicle_at(case.trajectories, case.target.vehicle[rows], rows, frames)
+    target = vehicle_at(case.trajectories, case.target.slot[rows], rows, frames)
     faster = case.signals.speed[rows, frames] - target.speed
-    return (slow >= known("law.queue.vehicles")) & (faster <= known("law.queue.faster"))
+    return (slow >= constant("law.queue.vehicles")) & (faster <= constant("law.queue.faster"))
 
 
-def _lane_of_both(case: Case, found: Check, errors: Errors) -> F32:
+def _lane_of_both(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of being left of the target: by the ways of both centres to the next border [lanes].
 
     A breach is sure where one of its frames is; no breach is sure where all frames are.
@@ -115,11 +115,11 @@ def _lane_of_both(case: Case, found: Check, errors: Errors) -> F32:
     over, run = alongside(case), case.trajectories
     rows, frames = over.rows, over.frames
     borders = (run.road.side * run.road.boundaries).astype(np.float32)
-    slot = slot_of(case.target.vehicle)[rows]
+    slot = slot_of(case.target.slot)[rows]
     target = across_at(run, case.signals, rows, slot, frames)[0]
     away = [
         np.abs(centre[:, None] - borders).min(axis=1)
-        for centre in (case.signals.lateral[rows, frames], target)
+        for centre in (case.signals.lateral_position[rows, frames], target)
     ]
     nearest = np.minimum(*away)
     low = np.full(len(found.margin), ENDLESS)
@@ -159,21 +159,21 @@ LateralDistance = Callable[[Case], np.float32]
 def motor_vehicle_distance(case: Case) -> np.float32:
     """Smallest lawful distance to the side of a motor vehicle [m]."""
     del case
-    return known("law.side.motor")
+    return constant("law.side.motor")
 
 
 def bicycle_distance(case: Case) -> np.float32:
     """Smallest lawful distance to the side of a bicycle [m]."""
     del case
-    return known("law.side.bicycle")
+    return constant("law.side.bicycle")
 
 
-def _apart_from_motor(case: Case) -> Check:
+def _apart_from_motor(case: Case) -> Finding:
     """Check the lateral distance to a motor vehicle."""
     return check_lateral_distance(case, motor_vehicle_distance, bicycle=False)
 
 
-def check_lateral_distance(case: Case, distance: LateralDistance, *, bicycle: bool) -> Check:
+def check_lateral_distance(case: Case, distance: LateralDistance, *, bicycle: bool) -> Finding:
     """Check the lateral distance to the target.
 
     Args:
@@ -186,7 +186,7 @@ def check_lateral_distance(case: Case, distance: LateralDistance, *, bicycle: bo
     return frames_alongside.check(case, margin, target_may_be(case, bicycle=bicycle))
 
 
-def _of_two_places(case: Case, found: Check, errors: Errors) -> F32:
+def _of_two_places(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of a distance across the road [m]."""
     del case
     return np.full_like(found.margin, np.sqrt(2.0) * errors.position)
@@ -210,7 +210,7 @@ L10 = Rule(
 )
 
 
-def _apart_from_bicycle(case: Case) -> Check:
+def _apart_from_bicycle(case: Case) -> Finding:
     """Alongside a bicycle, the bodies are 1.5 m apart and the ego no faster than at the start."""
     frames_alongside, speed, limit = alongside(case), case.signals.speed, bicycle_distance(case)
     start = np.maximum(at(speed, case.events.attempt), _LEAST_SPEED)[frames_alongside.rows]
@@ -219,7 +219,7 @@ def _apart_from_bicycle(case: Case) -> Check:
     return frames_alongside.check(case, np.minimum(room, slower), target_may_be(case, bicycle=True))
 
 
-def _bicycle_error(case: Case, found: Check, errors: Errors) -> F32:
+def _bicycle_error(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of the share of room or of speed, whichever decides [1]."""
     over, limit = alongside(case), bicycle_distance(case)
     room = np.full(len(found.margin), ENDLESS)
@@ -255,10 +255,10 @@ L11 = Rule(
 )
 
 
-def _target_keeps_speed(case: Case) -> Check:
+def _target_keeps_speed(case: Case) -> Finding:
     """While ego and target overlap, the target accelerates at no more than 0.3 m/s^2."""
     found = alongside(case)
-    return found.check(case, known("law.overtaken.accel") - found.accel)
+    return found.check(case, constant("law.overtaken.accel") - found.accel)
 
 
 L22 = Rule(

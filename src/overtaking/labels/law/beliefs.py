@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
 from overtaking.labels.instants import METRES, at
 from overtaking.labels.law.distances import sure_decel
 from overtaking.labels.law.frames import frames_of
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Belief, Case
-from overtaking.model.once import once
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind, Percepts
+from overtaking.model.batch import cached_per_batch
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Percepts
+from overtaking.model.verdicts import Belief, Case
 
 LEADER, FRONT, REAR = 0, 1, 2
 """Whom percepts are about: the leader, and the two in the lane that is entered."""
@@ -43,19 +43,19 @@ class Decision:
     decel: F32
 
 
-@once
+@cached_per_batch
 def pull_out(case: Case) -> Decision:
     """The decision to pull out that led to the attempt."""
     events = case.events
     seen = events.attempt + frames_of(case, _LATEST_PULL_OUT)
     until = np.where(events.line_crossed != NEVER, events.line_crossed, seen)
-    return _last(case, DecisionKind.PULL_OUT, np.where(events.attempted, until, NEVER))
+    return _last(case, ManoeuvreKind.PULL_OUT, np.where(events.attempted, until, NEVER))
 
 
-@once
+@cached_per_batch
 def going_back(case: Case) -> Decision:
     """The decision to return that ended in the original lane."""
-    return _last(case, DecisionKind.RETURN, case.events.return_end)
+    return _last(case, ManoeuvreKind.RETURN, case.events.return_end)
 
 
 def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
@@ -114,7 +114,7 @@ def decision_at(case: Case, row: IndexArray, exists: Mask, time_ms: I32) -> Deci
     return Decision(row=row, exists=exists, speed=at(case.signals.speed, frame), decel=decel)
 
 
-def _last(case: Case, kind: DecisionKind, until: I32) -> Decision:
+def _last(case: Case, kind: ManoeuvreKind, until: I32) -> Decision:
     """The last decision of a kind up to a frame; none where that is `NEVER`."""
     percepts, interval = case.trajectories.percepts, case.signals.frame_interval_ms
     limit = np.where(until != NEVER, until, -1)[:, None] * interval

@@ -6,38 +6,40 @@ from functools import partial
 import numpy as np
 
 from overtaking.core.arrays import F32, F32Like
-from overtaking.core.elementary import as_f32, clamp, maximum, minimum
+from overtaking.core.float32_math import as_f32, clamp, maximum, minimum
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import Frames, at, spread_over
 from overtaking.labels.signals import encounter
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.safety import Encounter
-from overtaking.model.signals import Around
-from overtaking.world.constants import known
-from overtaking.world.friction import stopping_distance
-from overtaking.world.measures import safe_distance, usable_decel
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.verdicts import Case
+from overtaking.world.road_surface import stopping_distance
+from overtaking.world.surrogate_safety import assumed_decel, safe_distance
 
 
 def sure_decel(friction: F32) -> F32:
     """Deceleration that both vehicles are thought capable of on the ego's friction [m/s^2]."""
     # Beyond the end of a recording there is no friction, and none of this counts.
-    return usable_decel(
-        np.maximum(friction, known("friction.table.floor")),
-        share=known("friction.table.usable_share"),
-        limit=known("law.safe_distance.decel_limit"),
-        gravity=known("model.nature.gravity"),
+    return assumed_decel(
+        np.maximum(friction, constant("friction.table.floor")),
+        share=constant("friction.table.usable_share"),
+        limit=constant("law.safe_distance.decel_limit"),
+        gravity=constant("model.nature.gravity"),
     )
 
 
 def full_decel(friction: F32) -> F32:
     """Deceleration with all the grip that a driver may count on, for rules about sight [m/s^2]."""
-    grip = np.maximum(friction, known("friction.table.floor"))
-    return known("friction.table.usable_share") * known("model.nature.gravity") * grip
+    grip = np.maximum(friction, constant("friction.table.floor"))
+    return constant("friction.table.usable_share") * constant("model.nature.gravity") * grip
 
 
 def stop_distance(speed: F32, friction: F32) -> F32:
     """Distance in which the ego stops, as L14 reckons it [m]."""
-    return stopping_distance(speed, as_f32(known("law.sight.reaction_time")), full_decel(friction))
+    return stopping_distance(
+        speed, as_f32(constant("law.sight.reaction_time")), full_decel(friction)
+    )
 
 
 def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
@@ -51,9 +53,9 @@ def lawful_gap(rear_speed: F32Like, closing_speed: F32Like, decel: F32) -> F32:
     return safe_distance(
         rear_speed,
         rear_speed - closing_speed,
-        reaction_time=known("law.safe_distance.reaction_time"),
-        rear_decel=decel,
-        lead_decel=decel,
+        reaction_time=constant("law.safe_distance.reaction_time"),
+        follower_decel=decel,
+        leader_decel=decel,
     )
 
 
@@ -67,7 +69,7 @@ def margin_ahead(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
 
     The time to collision is at least 3 s where the gap is at least 3 s of closing speed.
     """
-    soon = known("law.entry.ttc") * closing_speed
+    soon = constant("law.entry.ttc") * closing_speed
     return gap - np.maximum(lawful_gap(speed, closing_speed, decel), soon)
 
 
@@ -82,11 +84,11 @@ def margin_behind(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
     """
     approach = np.maximum(closing_speed, np.float32(0.0))
     # Braking of v^2 / (2 gap) is within the limit where the gap is at least v^2 / (2 limit).
-    braked = approach * approach / (np.float32(2.0) * known("law.entry.braking"))
+    braked = approach * approach / (np.float32(2.0) * constant("law.entry.braking"))
     return gap - np.maximum(lawful_gap(speed + closing_speed, closing_speed, decel), braked)
 
 
-def beside(case: Case, place: Around, frame: Frames) -> Encounter:
+def beside(case: Case, place: NeighbourRole, frame: Frames) -> Encounter:
     """The neighbour in a place at one frame of each simulation; nobody where that is `NEVER`."""
     rows = np.flatnonzero(frame != NEVER)
     found = encounter(case, place, rows, frame[rows].astype(np.intp))
@@ -107,8 +109,8 @@ def slow_lane_room(case: Case, frame: Frames) -> F32:
         frame: A frame of each simulation; nobody is there where that is `NEVER`.
     """
     speed, decel = at(case.signals.speed, frame), sure_decel(at(case.signals.friction, frame))
-    ahead = beside(case, Around.RIGHT_LEADER, frame)
-    behind = beside(case, Around.RIGHT_FOLLOWER, frame)
+    ahead = beside(case, NeighbourRole.RIGHT_LEADER, frame)
+    behind = beside(case, NeighbourRole.RIGHT_FOLLOWER, frame)
     return room_beside(speed, decel, ahead, behind)
 
 
@@ -121,8 +123,8 @@ def room_beside(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> 
         ahead: The neighbour ahead.
         behind: The neighbour behind.
     """
-    reach = known("law.return.reach")
-    soon = known("law.return.free_time") * ahead.closing_speed
+    reach = constant("law.return.reach")
+    soon = constant("law.return.free_time") * ahead.closing_speed
     before = maximum(lawful_gap(speed, ahead.closing_speed, decel), soon)
     after = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
     room = np.full(len(speed), reach, np.float32)

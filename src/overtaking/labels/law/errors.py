@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from overtaking.core.arrays import F32, I32, IndexArray
-from overtaking.core.elementary import as_f32, maximum
+from overtaking.core.float32_math import as_f32, maximum
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import METRES, at, seconds_of, vehicle_at
 from overtaking.labels.law.distances import (
     beside,
@@ -40,11 +41,10 @@ from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, coming, others_at
 from overtaking.labels.law.rule import Errors, Spread
 from overtaking.labels.signals import encounter
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case, Check
-from overtaking.model.safety import Encounter
-from overtaking.model.signals import Around
-from overtaking.world.constants import known
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.verdicts import Case, Finding
 
 Margin = Callable[[F32, F32, F32, F32], F32]
 """Margin from gap, speed of the ego, closing speed and sure deceleration."""
@@ -73,7 +73,7 @@ def standard_error(margin: Callable[..., F32], *sizes: float) -> F32:
     return np.sqrt(total)
 
 
-def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], checked: Check) -> I32:
+def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], checked: Finding) -> I32:
     """The frame of a span at which a margin is the one that was found, shape (simulation,)."""
     rows, frames = span.frames()
     decide = np.maximum(span.start, 0).astype(np.int32)
@@ -86,11 +86,15 @@ def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], checke
     return decide
 
 
-def gap_error(case: Case, place: Around, frame: I32, margin: Margin, errors: Errors) -> F32:
+def gap_error(case: Case, place: NeighbourRole, frame: I32, margin: Margin, errors: Errors) -> F32:
     """Error of a margin of the gap to a neighbour, from positions and speeds of both."""
     other, seen = beside(case, place, frame), case.signals
     speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
-    is_ahead = place in (Around.LEADER, Around.LEFT_LEADER, Around.RIGHT_LEADER)
+    is_ahead = place in (
+        NeighbourRole.LEADER,
+        NeighbourRole.LEFT_LEADER,
+        NeighbourRole.RIGHT_LEADER,
+    )
 
     def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
         near = moved_neighbour(other, own, its, faster, its_faster, is_ahead=is_ahead)
@@ -124,18 +128,18 @@ def of_both(errors: Errors) -> tuple[float, float, float, float]:
     return errors.position, errors.position, errors.speed, errors.speed
 
 
-def _following(case: Case, found: Check, errors: Errors) -> F32:
+def _following(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the gap to the leader, in the frame in which it lacks most."""
 
     def margin(rows: IndexArray, frames: IndexArray) -> F32:
-        ahead = encounter(case, Around.LEADER, rows, frames)
+        ahead = encounter(case, NeighbourRole.LEADER, rows, frames)
         decel = sure_decel(case.signals.friction[rows, frames])
         speed = case.signals.speed[rows, frames]
         value = margin_of_gap(ahead.gap, speed, ahead.closing_speed, decel)
         return np.where(ahead.valid, value, ENDLESS)
 
     frame = deciding(settled(case), margin, found)
-    error = gap_error(case, Around.LEADER, frame, margin_of_gap, errors)
+    error = gap_error(case, NeighbourRole.LEADER, frame, margin_of_gap, errors)
     leaving = _leaving(case, frame, errors)
     return np.sqrt(error * error + leaving * leaving)
 
@@ -147,26 +151,28 @@ def _leaving(case: Case, frame: I32, errors: Errors) -> F32:
     """
     seen, next_one = case.signals, np.minimum(frame + 1, case.events.last)
     leaves = at(seen.lane, next_one) != at(seen.lane, frame)
-    closing = beside(case, Around.LEADER, frame).closing_speed
+    closing = beside(case, NeighbourRole.LEADER, frame).closing_speed
     across = np.maximum(np.abs(at(seen.lateral_speed, frame)), _SLOW)
     return np.where(leaves, closing * np.float32(errors.position) / across, np.float32(0.0))
 
 
-def _entering(place: Around, margin: Margin) -> Callable[[Case, Check, Errors], F32]:
+def _entering(place: NeighbourRole, margin: Margin) -> Callable[[Case, Finding, Errors], F32]:
     """Of the gap to a neighbour in the entered lane as the line is crossed."""
 
-    def of(case: Case, found: Check, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: Errors) -> F32:
         del found
         return gap_error(case, place, case.events.line_crossed, margin, errors)
 
     return of
 
 
-def _returning(case: Case, found: Check, errors: Errors) -> F32:
+def _returning(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the smaller of the gaps behind and ahead at the end of the return."""
     del found
     frame, seen = case.events.return_end, case.signals
-    behind, ahead = (beside(case, place, frame) for place in (Around.FOLLOWER, Around.LEADER))
+    behind, ahead = (
+        beside(case, place, frame) for place in (NeighbourRole.FOLLOWER, NeighbourRole.LEADER)
+    )
     speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
 
     def moved(*by: F32) -> F32:
@@ -182,7 +188,7 @@ def _returning(case: Case, found: Check, errors: Errors) -> F32:
     return _finite(standard_error(moved, *[errors.position] * 3, *[errors.speed] * 3))
 
 
-def _keeping_right(case: Case, found: Check, errors: Errors) -> F32:
+def _keeping_right(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the room in the slower lane at the first frame."""
     del found
     return _room_error(case, np.maximum(case.events.first, 0), errors)
@@ -190,7 +196,7 @@ def _keeping_right(case: Case, found: Check, errors: Errors) -> F32:
 
 def _room_error(case: Case, frame: I32, errors: Errors) -> F32:
     """Error of `slow_lane_room` [m]."""
-    places = (Around.RIGHT_LEADER, Around.RIGHT_FOLLOWER)
+    places = (NeighbourRole.RIGHT_LEADER, NeighbourRole.RIGHT_FOLLOWER)
     ahead, behind = (beside(case, place, frame) for place in places)
     speed = at(case.signals.speed, frame)
     decel = sure_decel(at(case.signals.friction, frame))
@@ -204,20 +210,20 @@ def _room_error(case: Case, frame: I32, errors: Errors) -> F32:
     return standard_error(moved, *[errors.position] * 3, *[errors.speed] * 3)
 
 
-def _braking(case: Case, found: Check, errors: Errors) -> F32:
+def _braking(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the braking that is forced on the follower, where it is hardest."""
 
     def hard(behind: Encounter) -> F32:
         closing = np.maximum(behind.closing_speed, np.float32(0.0))
         gap = np.maximum(behind.gap, METRES)
-        most = known("law.obstruction.most")
+        most = constant("law.obstruction.most")
         return np.minimum(closing * closing / (np.float32(2.0) * gap), most)
 
     def margin(rows: IndexArray, frames: IndexArray) -> F32:
-        behind = encounter(case, Around.FOLLOWER, rows, frames)
-        return np.where(behind.valid, known("law.obstruction.braking") - hard(behind), ENDLESS)
+        behind = encounter(case, NeighbourRole.FOLLOWER, rows, frames)
+        return np.where(behind.valid, constant("law.obstruction.braking") - hard(behind), ENDLESS)
 
-    other = beside(case, Around.FOLLOWER, deciding(manoeuvre(case), margin, found))
+    other = beside(case, NeighbourRole.FOLLOWER, deciding(manoeuvre(case), margin, found))
 
     def moved(*by: F32) -> F32:
         return hard(moved_neighbour(other, *by, is_ahead=False))
@@ -245,13 +251,13 @@ def oncoming_margins(case: Case, others: Others, speed_error: F32 | None = None)
     """
     speed = at(case.signals.speed, back_frame(case))[:, None]
     speed = speed if speed_error is None else speed + speed_error
-    closing_distance = known("law.oncoming.time") * (others.speed + speed)
-    encroachment_distance = known("law.oncoming.encroachment") * others.speed
+    closing_distance = constant("law.oncoming.time") * (others.speed + speed)
+    encroachment_distance = constant("law.oncoming.encroachment") * others.speed
     needed = maximum(closing_distance, encroachment_distance)
     return np.where(coming(others), others.gap - needed, ENDLESS)
 
 
-def _meeting(case: Case, found: Check, errors: Errors) -> F32:
+def _meeting(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the gap to the oncoming vehicle that lacks most, when the ego is back."""
     del found
     others = others_at(case, back_frame(case))
@@ -263,11 +269,11 @@ def _meeting(case: Case, found: Check, errors: Errors) -> F32:
     return _finite(standard_error(moved, *of_both(errors)))
 
 
-def _due(case: Case, found: Check, errors: Errors) -> F32:
+def _due(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the time for which a return was due: how much later the target is far enough behind."""
     del found
     frame = stretches(case).due[0]
-    rows, target = np.arange(len(frame)), case.target.vehicle
+    rows, target = np.arange(len(frame)), case.target.slot
     there = vehicle_at(case.trajectories, target, rows, frame)
     speed = at(case.signals.speed, frame)
     decel = sure_decel(at(case.signals.friction, frame))
@@ -275,7 +281,9 @@ def _due(case: Case, found: Check, errors: Errors) -> F32:
     def moved(own: F32, its: F32, faster: F32, its_faster: F32) -> F32:
         its_speed = there.speed + its_faster
         needed = lawful_gap(its_speed, its_speed - speed - faster, decel)
-        return there.gap + own - its - np.maximum(known("law.return.time_gap") * its_speed, needed)
+        return (
+            there.gap + own - its - np.maximum(constant("law.return.time_gap") * its_speed, needed)
+        )
 
     opening = np.maximum(speed - there.speed, _SLOW)
     error = standard_error(moved, *of_both(errors)) / opening
@@ -290,10 +298,10 @@ def _due(case: Case, found: Check, errors: Errors) -> F32:
     return np.where(frame != NEVER, np.sqrt(error * error + late * late), np.float32(0.0))
 
 
-def _stopping(sight: str) -> Callable[[Case, Check, Errors], F32]:
+def _stopping(sight: str) -> Callable[[Case, Finding, Errors], F32]:
     """Of the stopping distance where it comes nearest to the sight."""
 
-    def of(case: Case, found: Check, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: Errors) -> F32:
         seen = case.signals
 
         def margin(rows: IndexArray, frames: IndexArray) -> F32:
@@ -302,19 +310,19 @@ def _stopping(sight: str) -> Callable[[Case, Check, Errors], F32]:
 
         frame = deciding(conduct(case), margin, found)
         speed = at(seen.speed, frame)
-        time = known("law.sight.reaction_time") + speed / full_decel(at(seen.friction, frame))
+        time = constant("law.sight.reaction_time") + speed / full_decel(at(seen.friction, frame))
         return time * np.float32(errors.speed)
 
     return of
 
 
-def _of_speed(case: Case, found: Check, errors: Errors) -> F32:
+def _of_speed(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the ego's speed."""
     del case
     return np.full_like(found.margin, errors.speed)
 
 
-def _of_place(case: Case, found: Check, errors: Errors) -> F32:
+def _of_place(case: Case, found: Finding, errors: Errors) -> F32:
     """Of one position across the road."""
     del case
     return np.full_like(found.margin, errors.position)
@@ -330,14 +338,14 @@ def lane_error(distance: F32, errors: Errors) -> F32:
     return np.float32(0.5 * errors.position) / np.maximum(np.abs(distance), METRES)
 
 
-def _slow_lanes(case: Case, found: Check, errors: Errors) -> F32:
+def _slow_lanes(case: Case, found: Finding, errors: Errors) -> F32:
     """Of being in the two slowest lanes, by the way to the border of the third."""
     del found
     road, span = case.trajectories.road, conduct(case)
-    border = as_f32(road.side * road.boundaries)[int(known("law.trucks.lanes"))]
+    border = as_f32(road.side * road.boundaries)[int(constant("law.trucks.lanes"))]
     rows, frames = span.frames()
     over = np.full(len(span.start), -ENDLESS, np.float32)
-    np.maximum.at(over, rows, case.signals.lateral[rows, frames] - border)
+    np.maximum.at(over, rows, case.signals.lateral_position[rows, frames] - border)
     return lane_error(over, errors)
 
 
@@ -361,11 +369,11 @@ FOLLOWING = Spread(
 ENTERING_AHEAD = Spread(
     formula=f"{_GAP}, or sqrt(2 sp^2 + 2 ({amount('law.entry.ttc')})^2 sv^2) where the time to "
     "collision decides",
-    of=_entering(Around.LEFT_LEADER, margin_ahead),
+    of=_entering(NeighbourRole.LEFT_LEADER, margin_ahead),
 )
 ENTERING_BEHIND = Spread(
     formula=f"{_GAP}, or {_BRAKED}",
-    of=_entering(Around.LEFT_FOLLOWER, margin_behind),
+    of=_entering(NeighbourRole.LEFT_FOLLOWER, margin_behind),
 )
 RETURNING = Spread(
     formula=f"behind: {_GAP}, or {_BRAKED}; ahead: {_GAP}; of the three, the one that decides",

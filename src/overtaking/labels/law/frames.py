@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from overtaking import _core
 from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
+from overtaking.core.native import simd_level
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import frames_within
-from overtaking.labels.law.rule import Check, decided
+from overtaking.labels.law.rule import Finding, decided
 from overtaking.labels.signals import Arrays, adjacent, pack_seen, packed
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.once import once
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.compiled import chosen_level
-from overtaking.world.constants import known
+from overtaking.model.batch import cached_per_batch
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Case
 
 ENDLESS = np.float32(3.0e38)
 """Larger than any margin."""
@@ -64,7 +64,7 @@ def frames_of(case: Case, seconds: float | np.floating) -> int:
     return round(float(seconds) * 1000.0 / case.signals.frame_interval_ms)
 
 
-@once
+@cached_per_batch
 def driving_end(case: Case) -> I32:
     """Last frame in which the ego is driven: before a collision, off the road or a spin."""
     events = case.events
@@ -74,15 +74,15 @@ def driving_end(case: Case) -> I32:
     return end
 
 
-@once
+@cached_per_batch
 def manoeuvre(case: Case) -> Span:
     """From 3 s before the attempt to 3 s after its end; empty without an attempt.
 
     An overtake that is not completed ends when the ego is back, or with the recording.
     """
     events = case.events
-    before = frames_of(case, known("law.window.before"))
-    after = frames_of(case, known("law.window.after"))
+    before = frames_of(case, constant("law.window.before"))
+    after = frames_of(case, constant("law.window.after"))
     given_up = np.where(events.back != NEVER, events.back, events.last)
     over = np.where(events.return_end != NEVER, events.return_end + after, given_up)
     stop = np.minimum(over, driving_end(case))
@@ -92,7 +92,7 @@ def manoeuvre(case: Case) -> Span:
     )
 
 
-@once
+@cached_per_batch
 def conduct(case: Case) -> Span:
     """The manoeuvre, or all that was driven where there was no attempt."""
     attempted, within = case.events.attempted, manoeuvre(case)
@@ -102,7 +102,7 @@ def conduct(case: Case) -> Span:
     )
 
 
-@once
+@cached_per_batch
 def settled(case: Case) -> Span:
     """`conduct` without the time in which a distance that another has taken may be regained.
 
@@ -112,7 +112,7 @@ def settled(case: Case) -> Span:
     return Span(start=np.maximum(span.start, begin), stop=span.stop)
 
 
-@once
+@cached_per_batch
 def passed(case: Case) -> Span:
     """From the frame in which the target was passed to the end of the manoeuvre."""
     end, stop = case.events.overlap_end, manoeuvre(case).stop
@@ -121,10 +121,10 @@ def passed(case: Case) -> Span:
 
 def time_to_regain(case: Case) -> int:
     """Number of frames in which a distance that another has taken may be regained."""
-    return frames_of(case, known("law.safe_distance.recapture"))
+    return frames_of(case, constant("law.safe_distance.recapture"))
 
 
-@once
+@cached_per_batch
 def after_cut_ins(case: Case) -> Mask:
     """Whether the leader has cut in so lately that it may be too near, shape (simulation, time).
 
@@ -132,14 +132,14 @@ def after_cut_ins(case: Case) -> Mask:
     its own.
     """
     run, lane = case.trajectories, case.signals.lane
-    leader = case.signals.vehicle[:, Around.LEADER]
+    leader = case.signals.neighbour_slot[:, NeighbourRole.LEADER]
     lately = np.zeros(leader.shape, np.bool_)
     new = (leader[:, 1:] != leader[:, :-1]) & (leader[:, 1:] != NO_VEHICLE)
     rows, before = np.nonzero(new & (lane[:, 1:] == lane[:, :-1]))
     slots = leader[rows, before + 1]
     came = run.states.lane[rows, slots, before] != lane[rows, before]
-    if run.present is not None:
-        came &= run.present[rows, slots, before]
+    if run.is_recorded is not None:
+        came &= run.is_recorded[rows, slots, before]
     for row, frame, slot in zip(rows[came], before[came] + 1, slots[came], strict=True):
         since = slice(frame, frame + 1 + time_to_regain(case))
         lately[row, since] |= leader[row, since] == slot
@@ -209,7 +209,7 @@ class Stretches:
     sums: dict[str, NDArray[np.int64]]
 
 
-@once
+@cached_per_batch
 def stretches(case: Case) -> Stretches:
     """All that rules and features ask about stretches of frames."""
     events = case.events
@@ -244,7 +244,7 @@ def answers(case: Case, spans: dict[str, Span]) -> Stretches:
         moments=np.concatenate(moments, dtype=np.int32),
         numbers=_numbers(case),
         out=out,
-        level=chosen_level(),
+        level=simd_level(),
     )
     said: dict[str, Arrays] = {
         name: dict(zip(names[name], rows, strict=True)) for name, rows in out.items()
@@ -279,23 +279,23 @@ _NUMBERS = {
     "reach": "law.return.reach",
     "allowed_braking": "law.obstruction.braking",
     "most_braking": "law.obstruction.most",
-    "picud_reaction_time": "labels.safety.picud_reaction_time",
-    "picud_decel": "labels.safety.picud_decel",
+    "picud_reaction_time": "event_detection.safety.picud_reaction_time",
+    "picud_decel": "event_detection.safety.picud_decel",
     "rss_reaction_time": "law.rss.reaction_time",
     "rss_accel": "law.rss.accel",
     "rss_rear_decel": "law.rss.rear_decel",
     "rss_lead_decel": "law.rss.lead_decel",
-    "critical_ttc": "labels.safety.critical_ttc",
+    "critical_ttc": "event_detection.safety.critical_ttc",
 }
 
 
 def _numbers(case: Case) -> dict[str, Any]:
-    usable = known("friction.table.usable_share") * known("model.nature.gravity")
+    usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
     return {
-        **{name: float(known(path)) for name, path in _NUMBERS.items()},
+        **{name: float(constant(path)) for name, path in _NUMBERS.items()},
         "usable": float(usable),
         "regain": time_to_regain(case),
-        "lasting": frames_of(case, known("law.obstruction.duration")),
+        "lasting": frames_of(case, constant("law.obstruction.duration")),
     }
 
 
@@ -366,7 +366,7 @@ def limited(signal: F32, limit: F32 | np.float32, span: Span, *, is_most: bool) 
         is_most=is_most,
         low=low,
         frames=frames,
-        level=chosen_level(),
+        level=simd_level(),
     )
     first, last, longest = frames
     return Stretch(low=low, first=first, last=last, longest=longest)
@@ -384,7 +384,7 @@ def bits_within(values: U8, span: Span) -> tuple[U8, U8]:
     return out[0], out[1]
 
 
-def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> Check:
+def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> Finding:
     """A margin that may never be negative: its smallest value, and the frames in which it is.
 
     Args:
@@ -396,12 +396,12 @@ def never_negative(found: Stretch, span: Span, *, belief: U8 | None = None) -> C
     return decided(about, found.low, found.first, found.last, longest=found.longest, belief=belief)
 
 
-def always(margin: F32, span: Span) -> Check:
+def always(margin: F32, span: Span) -> Finding:
     """`never_negative` of a margin of shape (simulation, time)."""
     return never_negative(stretch(margin, span), span)
 
 
-def always_at(margin: F32, rows: IndexArray, frames: IndexArray, num_simulations: int) -> Check:
+def always_at(margin: F32, rows: IndexArray, frames: IndexArray, num_simulations: int) -> Finding:
     """The same of a margin at single frames; the rule applies to simulations that have any.
 
     Args:
@@ -426,7 +426,7 @@ def instant(
     *,
     doubtful: Mask | None = None,
     belief: U8 | None = None,
-) -> Check:
+) -> Finding:
     """A margin that counts at one frame; the other arguments are those of `decided`."""
     there = applies & (frame != NEVER)
     return decided(there, margin, frame, frame, doubtful=doubtful, belief=belief)

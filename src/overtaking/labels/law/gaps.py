@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from overtaking.core.elementary import minimum
+from overtaking.core.float32_math import minimum
 from overtaking.labels.instants import at
 from overtaking.labels.law.beliefs import FRONT, LEADER, REAR, belief, going_back, pull_out
 from overtaking.labels.law.distances import (
@@ -32,10 +32,10 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import coming, others_at
-from overtaking.labels.law.rule import Check, Grade, Rule, inapplicable
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.signals import Around
+from overtaking.labels.law.rule import Finding, Grade, Rule, inapplicable
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.verdicts import Case
 
 _REACTION_AND_DECEL = (
     f"t = {amount('law.safe_distance.reaction_time')}, b = "
@@ -61,7 +61,7 @@ SAFE_RETURN = (
 """The predicate of `L8` for laws without a formula for the safe distance."""
 
 
-def _follows_safely(case: Case) -> Check:
+def _follows_safely(case: Case) -> Finding:
     """The gap to the leader is lawful, but for 3 s after it cut in or all began."""
     believed = belief(case, pull_out(case), {LEADER: margin_of_gap})
     return never_negative(stretches(case).follow, settled(case), belief=believed)
@@ -88,10 +88,13 @@ L3 = Rule(
 )
 
 
-def _room_ahead(case: Case) -> Check:
+def _room_ahead(case: Case) -> Finding:
     """When the line is crossed, the leader on the left is at a lawful gap, 3 s or more away."""
     seen, frame = case.signals, case.events.line_crossed
-    other, decel = beside(case, Around.LEFT_LEADER, frame), sure_decel(at(seen.friction, frame))
+    other, decel = (
+        beside(case, NeighbourRole.LEFT_LEADER, frame),
+        sure_decel(at(seen.friction, frame)),
+    )
     margin = margin_ahead(other.gap, at(seen.speed, frame), other.closing_speed, decel)
     believed = belief(case, pull_out(case), {FRONT: margin_ahead})
     return instant(frame, margin, other.valid, belief=believed)
@@ -116,10 +119,13 @@ L4 = Rule(
 )
 
 
-def _room_behind(case: Case) -> Check:
+def _room_behind(case: Case) -> Finding:
     """When the line is crossed, the follower on the left has a lawful gap and need not brake."""
     seen, frame = case.signals, case.events.line_crossed
-    other, decel = beside(case, Around.LEFT_FOLLOWER, frame), sure_decel(at(seen.friction, frame))
+    other, decel = (
+        beside(case, NeighbourRole.LEFT_FOLLOWER, frame),
+        sure_decel(at(seen.friction, frame)),
+    )
     margin = margin_behind(other.gap, at(seen.speed, frame), other.closing_speed, decel)
     believed = belief(case, pull_out(case), {REAR: margin_behind})
     return instant(frame, margin, other.valid, belief=believed)
@@ -144,11 +150,13 @@ L5 = Rule(
 )
 
 
-def _safe_return(case: Case) -> Check:
+def _safe_return(case: Case) -> Finding:
     """When the ego is back, the gaps behind and ahead of it are lawful."""
     seen, frame = case.signals, case.events.return_end
     speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
-    behind, ahead = (beside(case, place, frame) for place in (Around.FOLLOWER, Around.LEADER))
+    behind, ahead = (
+        beside(case, place, frame) for place in (NeighbourRole.FOLLOWER, NeighbourRole.LEADER)
+    )
     room_behind = margin_behind(behind.gap, speed, behind.closing_speed, decel)
     room_ahead = margin_of_gap(ahead.gap, speed, ahead.closing_speed, decel)
     margin = minimum(
@@ -177,7 +185,7 @@ L8 = Rule(
 )
 
 
-def _no_hard_braking(case: Case) -> Check:
+def _no_hard_braking(case: Case) -> Finding:
     """For 3 s after the ego has come into a lane, it forces no hard braking on its follower."""
     return never_negative(stretches(case).braking, manoeuvre(case))
 
@@ -196,7 +204,7 @@ L23 = Rule(
 )
 
 
-def _back_before_oncoming(case: Case) -> Check:
+def _back_before_oncoming(case: Case) -> Finding:
     """When the ego is back, the first oncoming vehicle is 1 s of both speeds and 2 s away."""
     if not case.trajectories.road.is_two_way:
         return inapplicable(case.signals.num_simulations)

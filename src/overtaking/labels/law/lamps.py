@@ -3,6 +3,7 @@
 import numpy as np
 
 from overtaking.core.arrays import I32, U8, IndexArray, Mask
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law.frames import (
     Span,
@@ -16,15 +17,14 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import back_indicator, others_at, out_indicator
-from overtaking.labels.law.rule import Check, Grade, Rule, decided
+from overtaking.labels.law.rule import Finding, Grade, Rule, decided
 from overtaking.labels.law.sight import optical_range
 from overtaking.labels.signals import encounter
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import Lights
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import Lights
 from overtaking.model.vehicles import Role
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case
 
 HIGH = int(Lights.HIGH_BEAM)
 BEAMS = int(Lights.LOW_BEAM) | HIGH
@@ -43,7 +43,7 @@ NO_DAZZLE = (
 )
 
 
-def _indicates(case: Case) -> Check:
+def _indicates(case: Case) -> Finding:
     """The indicator is on from 2 s before either line is crossed to 1 s after."""
     out, back = case.events.line_crossed, _return_crossed(case)
     dark = _dark(case, out, out_indicator(case)), _dark(case, back, back_indicator(case))
@@ -66,13 +66,13 @@ def _return_crossed(case: Case) -> I32:
     # Of the lane in which the return begins, the border on its slow side.
     lane = np.minimum(at(case.signals.lane, begin), road.num_lanes)
     border = (road.side * road.boundaries).astype(np.float32)[lane]
-    return limited(case.signals.right_reach, border, span, is_most=False).first
+    return limited(case.signals.right_edge, border, span, is_most=False).first
 
 
 def _dark(case: Case, crossed: I32, bit: int) -> tuple[IndexArray, IndexArray]:
     """Frames around a crossing without a lamp of the ego: simulation and frame of each."""
-    before = frames_of(case, known("law.signal.before"))
-    after = frames_of(case, known("law.signal.after"))
+    before = frames_of(case, constant("law.signal.before"))
+    after = frames_of(case, constant("law.signal.after"))
     around = Span(
         start=np.where(crossed != NEVER, np.maximum(crossed - before, case.events.first), 0),
         stop=np.where(crossed != NEVER, np.minimum(crossed + after, driving_end(case)), NEVER),
@@ -97,9 +97,9 @@ L18 = Rule(
 )
 
 
-def _right_lamps(case: Case) -> Check:
+def _right_lamps(case: Case) -> Finding:
     """Low beam by night and in thick fog, fog lamps in that alone, no high beam that dazzles."""
-    span, thick = conduct(case), optical_range(case) < known("law.lamps.sight")
+    span, thick = conduct(case), optical_range(case) < constant("law.lamps.sight")
     lights = case.trajectories.states.lights[:, Role.EGO]
     needed = case.trajectories.scenario.weather.night | thick
     rows = np.flatnonzero(span.exists & _suspect(lights, span, needed, thick))
@@ -124,11 +124,11 @@ def _suspect(lights: U8, span: Span, needed: Mask, thick: Mask) -> Mask:
 
 def dazzles(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     """Whether high beam would dazzle a driver ahead or oncoming, at single frames."""
-    ahead = encounter(case, Around.LEADER, rows, frames)
-    behind = ahead.valid & (ahead.gap < known("law.lamps.high_beam_behind"))
+    ahead = encounter(case, NeighbourRole.LEADER, rows, frames)
+    behind = ahead.valid & (ahead.gap < constant("law.lamps.high_beam_behind"))
     others = others_at(case, frames.astype(np.int32), rows)
     meets = others.valid & others.oncoming & (others.lead < 0)
-    near = others.gap < known("law.lamps.high_beam_oncoming")
+    near = others.gap < constant("law.lamps.high_beam_oncoming")
     return behind | (meets & near).any(axis=1)
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray, Mask
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.alongside import lane_index
 from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
 from overtaking.labels.law.frames import (
@@ -17,12 +18,11 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import ego_may_be
-from overtaking.labels.law.rule import Check, Grade, Rule, decided, inapplicable
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case, Severity, Verdict
+from overtaking.labels.law.rule import Finding, Grade, Rule, decided, inapplicable
+from overtaking.model.overtake_events import NEVER
 from overtaking.model.road import DrivingSide, Road, RoadMark
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case, Severity, Verdict
 
 _HALF = np.float32(0.5)
 _CLOSED = frozenset(
@@ -39,7 +39,7 @@ OFF_THE_LINE = (
 )
 
 
-def _off_the_line(case: Case) -> Check:
+def _off_the_line(case: Case) -> Finding:
     """No corner of the ego is beyond a line that is continuous for it."""
     road, span = case.trajectories.road, conduct(case)
     if "marks" in case.trajectories.unknown:
@@ -47,7 +47,7 @@ def _off_the_line(case: Case) -> Check:
         return decided(span.exists, np.zeros(len(never), np.float32), never, never)
     if not (closed := closed_borders(road)):
         return inapplicable(case.signals.num_simulations)
-    tolerance = known("law.line.tolerance")
+    tolerance = constant("law.line.tolerance")
     clear = [_lowest_clearance(case, span, k, sides) for k, sides in closed.items()]
     low = np.minimum.reduce(clear) + tolerance
     rows = np.flatnonzero(span.exists & (low < 0))
@@ -83,9 +83,9 @@ def _lowest_clearance(case: Case, span: Span, k: int, sides: tuple[bool, bool]) 
     seen, road = case.signals, case.trajectories.road
     border = as_f32(road.side * road.boundaries)[k]
     if k == 0:
-        return limited(seen.right_reach, border, span, is_most=False).low
+        return limited(seen.right_edge, border, span, is_most=False).low
     if k == road.num_lanes and len(road.fast_edge_marks) == 1:
-        return limited(seen.left_reach, border, span, is_most=True).low
+        return limited(seen.left_edge, border, span, is_most=True).low
     every = np.arange(seen.num_simulations)
     return reduced(np.minimum, _clearance(case, every, k, sides), span)
 
@@ -98,7 +98,7 @@ def _clearance(case: Case, rows: IndexArray, k: int, sides: tuple[bool, bool]) -
     """
     seen, road = case.signals, case.trajectories.road
     border = as_f32(road.side * road.boundaries)[k]
-    on_right, on_left = border - seen.left_reach[rows], seen.right_reach[rows] - border
+    on_right, on_left = border - seen.left_edge[rows], seen.right_edge[rows] - border
     if k == 0:
         return on_left
     if k == road.num_lanes:
@@ -144,12 +144,12 @@ L2 = Rule(
 )
 
 
-def _wide_enough(case: Case) -> Check:
+def _wide_enough(case: Case) -> Finding:
     """At the start there is a driving lane on the left, with 0.2 m to spare on either side."""
     events = case.events
     widths = left_widths(case.trajectories.road)
     lane = np.minimum(events.original_lane, len(widths) - 1)
-    spare = np.float32(2.0) * known("law.width.border")
+    spare = np.float32(2.0) * constant("law.width.border")
     needed = case.trajectories.scenario.vehicles.width[:, Role.EGO] + spare
     return instant(events.attempt, widths[lane] - needed, events.attempted)
 
@@ -177,14 +177,14 @@ L16 = Rule(
 )
 
 
-def _in_slow_lanes(case: Case) -> Check:
+def _in_slow_lanes(case: Case) -> Finding:
     """On a motorway with three or more lanes a truck is in one of the two slowest."""
     seen, road = case.signals, case.trajectories.road
     trucks = ego_may_be(case, VehicleKind.T)
     motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
-    if not (motorway and trucks.any() and road.num_lanes >= known("law.trucks.from_lanes")):
+    if not (motorway and trucks.any() and road.num_lanes >= constant("law.trucks.from_lanes")):
         return inapplicable(seen.num_simulations)
-    span, lanes = conduct(case), known("law.trucks.lanes")
+    span, lanes = conduct(case), constant("law.trucks.lanes")
     applies = trucks & span.exists
     rows = np.flatnonzero(applies)
     # What is beyond the slow edge counts as below lane 0.

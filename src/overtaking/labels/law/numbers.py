@@ -2,7 +2,7 @@
 
 import re
 
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.toml_reader import load_toml
 
 _PLACEHOLDER = re.compile(r"\{((?:law|law_de|friction)\.[\w.]+)\}")
 _FACTORS = {("m/s", "km/h"): 3.6}
@@ -39,7 +39,7 @@ def fill_placeholders(text: str) -> str:
 def _read_entry(path: str) -> tuple[float, str]:
     """Number and unit of an entry, as in its file."""
     file, _, name = path.partition(".")
-    entry = load(f"{file}.toml")
+    entry = load_toml(f"{file}.toml")
     for part in name.split("."):
         entry = entry[part]
     return float(entry["value"]), str(entry["unit"])

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray, Mask
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import METRES, across_at, at, borders_of, seconds_of, slot_of
 from overtaking.labels.law.distances import lawful_gap, sure_decel
 from overtaking.labels.law.errors import of_both, standard_error
@@ -21,15 +22,14 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, coming, others_at
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, inapplicable
+from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, inapplicable
 from overtaking.labels.signals import encounter
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.once import once
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.batch import cached_per_batch
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case
 
 _HALF = np.float32(0.5)
 _SLOW = np.float32(0.1)  # Who moves across more slowly is not back at a sure time [m/s].
@@ -52,7 +52,7 @@ NO_REACTION = (
 )
 
 
-@once
+@cached_per_batch
 def on_the_other_side(case: Case) -> Span:
     """The manoeuvre while a corner is beyond the line between the directions.
 
@@ -62,9 +62,9 @@ def on_the_other_side(case: Case) -> Span:
     never = np.full(len(span.start), NEVER)
     if not road.is_two_way:
         return Span(start=never + np.int32(1), stop=never)
-    line = np.float32(road.side * road.boundaries[-1]) + known("law.line.tolerance")
+    line = np.float32(road.side * road.boundaries[-1]) + constant("law.line.tolerance")
     rows = np.flatnonzero(span.exists)
-    first, last, _ = ends_in(span, rows, case.signals.left_reach[rows] > line)
+    first, last, _ = ends_in(span, rows, case.signals.left_edge[rows] > line)
     return Span(start=np.where(first == NEVER, last + 1, first).astype(np.int32), stop=last)
 
 
@@ -85,7 +85,7 @@ def predicted_gaps(case: Case, others: Others) -> F32:
     return np.where(coming(others), left, ENDLESS)
 
 
-def _time_to_pass(case: Case) -> Check:
+def _time_to_pass(case: Case) -> Finding:
     """At the pull-out the oncoming traffic leaves room and time for all of the manoeuvre."""
     if not case.trajectories.road.is_two_way:
         return inapplicable(case.signals.num_simulations)
@@ -108,12 +108,12 @@ def room_and_time(case: Case, others: Others, faster: F32 | None = None) -> F32:
     """
     own = at(case.signals.speed, on_the_other_side(case).stop)[:, None]
     own = own if faster is None else own + faster
-    needed = known("law.oncoming.time") * (own + others.speed)
+    needed = constant("law.oncoming.time") * (own + others.speed)
     gaps = predicted_gaps(case, others)
     return np.where(coming(others), gaps - needed, ENDLESS)
 
 
-def _time_error(case: Case, found: Check, errors: Errors) -> F32:
+def _time_error(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the predicted gap, by positions at the pull-out and both speeds [m]."""
     del found
     others = others_at(case, on_the_other_side(case).start)
@@ -168,7 +168,7 @@ def nearest_coming(case: Case) -> tuple[IndexArray, IndexArray, IndexArray]:
     rows, frames = on_the_other_side(case).frames()
     others = others_at(case, frames.astype(np.int32), rows)
     both = others.speed + case.signals.speed[rows, frames][:, None]
-    near = coming(others) & (others.gap <= known("law.oncoming.reach_time") * both)
+    near = coming(others) & (others.gap <= constant("law.oncoming.reach_time") * both)
     slot = np.where(near, others.gap, np.inf).argmin(axis=1)
     met = np.flatnonzero(near.any(axis=1))
     return rows[met], frames[met], slot[met]
@@ -182,15 +182,15 @@ def over_its_edge(case: Case, rows: IndexArray, frames: IndexArray, slot: IndexA
     return reach - borders_of(run.road)[-1]
 
 
-def _nobody_evades(case: Case) -> Check:
+def _nobody_evades(case: Case) -> Finding:
     """Oncoming drivers neither brake hard for the ego nor leave their lane."""
     run = case.trajectories
     if not run.road.is_two_way:
         return inapplicable(case.signals.num_simulations)
     rows, frames, slot = nearest_coming(case)
-    limit = known("law.obstruction.braking")
+    limit = constant("law.obstruction.braking")
     margin = limit + as_f32(run.states.accel_lon[rows, slot, frames]) * METRES
-    left = over_its_edge(case, rows, frames, slot) > known("law.line.tolerance")
+    left = over_its_edge(case, rows, frames, slot) > constant("law.line.tolerance")
     margin = np.where(left, np.minimum(margin, -limit), margin)
     return always_at(margin, rows, frames, case.signals.num_simulations)
 
@@ -224,18 +224,18 @@ def gap_to_return(case: Case) -> tuple[Mask, F32, F32, F32, F32]:
     passed = same & (others.lead < 0) & (s[row, Role.EGO, stop, None] > s[row, :, stop])
     # Of those that are passed the foremost, else the target.
     foremost = np.where(passed, others.lead, np.inf).argmin(axis=1)
-    slot = np.where(passed.any(axis=1), foremost, slot_of(case.target.vehicle))
+    slot = np.where(passed.any(axis=1), foremost, slot_of(case.target.slot))
     ahead = same & (others.lead < others.lead[row, slot][:, None])
     following = np.where(ahead, others.lead, -np.inf).argmax(axis=1)
     halves = run.scenario.vehicles.length[row, slot] + run.scenario.vehicles.length[row, following]
     gap = others.lead[row, slot] - others.lead[row, following] - halves * _HALF
     there = out.exists & (slot != Role.EGO) & ahead.any(axis=1)
     speeds = others.speed[row, slot], others.speed[row, following]
-    near = there & (gap <= known("law.return.reach"))
+    near = there & (gap <= constant("law.return.reach"))
     return near, gap, *speeds, run.scenario.vehicles.length[:, Role.EGO]
 
 
-def _gap_to_return(case: Case) -> Check:
+def _gap_to_return(case: Case) -> Finding:
     """At the pull-out the gap to return into holds the ego and both safe distances."""
     if not case.trajectories.road.is_two_way:
         return inapplicable(case.signals.num_simulations)
@@ -251,7 +251,7 @@ def _room_taken(behind: F32, ahead: F32, length: F32, decel: F32) -> F32:
     return length + after + lawful_gap(ahead, np.float32(0.0), decel)
 
 
-def _return_error(case: Case, found: Check, errors: Errors) -> F32:
+def _return_error(case: Case, found: Finding, errors: Errors) -> F32:
     """Of the gap between two others and of what their speeds ask [m]."""
     del found
     _, gap, behind, ahead, length = gap_to_return(case)
@@ -286,7 +286,7 @@ L27 = Rule(
 )
 
 
-def _leaves_room(case: Case) -> Check:
+def _leaves_room(case: Case) -> Finding:
     """A slow heavy vehicle that does not overtake keeps 50 m to the one ahead."""
     run, seen, events = case.trajectories, case.signals, case.events
     in_town = run.road.kind == "town" and "road_kind" not in run.unknown
@@ -298,11 +298,11 @@ def _leaves_room(case: Case) -> Check:
     span, end = conduct(case), driving_end(case)
     stop = np.where(heavy & ~events.attempted, np.minimum(span.stop, end), span.start - 1)
     rows, frames = Span(start=span.start, stop=stop).frames()
-    slow = seen.speed[rows, frames] <= known("law.slow.speed")
-    slow &= seen.vehicle[rows, Around.LEADER, frames] != NO_VEHICLE
+    slow = seen.speed[rows, frames] <= constant("law.slow.speed")
+    slow &= seen.neighbour_slot[rows, NeighbourRole.LEADER, frames] != NO_VEHICLE
     rows, frames = rows[slow], frames[slow]
-    gap = encounter(case, Around.LEADER, rows, frames).gap
-    return always_at(gap - known("law.slow.distance"), rows, frames, seen.num_simulations)
+    gap = encounter(case, NeighbourRole.LEADER, rows, frames).gap
+    return always_at(gap - constant("law.slow.distance"), rows, frames, seen.num_simulations)
 
 
 L28 = Rule(

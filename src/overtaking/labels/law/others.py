@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I32, U8, IndexArray, Mask
-from overtaking.core.elementary import as_f32, sincos
+from overtaking.core.float32_math import as_f32, sincos
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import (
     METRES,
     RADIANS,
@@ -15,11 +16,10 @@ from overtaking.labels.instants import (
     lateral_speed_at,
     slot_of,
 )
-from overtaking.model.labels import Case
 from overtaking.model.road import DrivingSide
-from overtaking.model.trajectory import NO_VEHICLE, Lights, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case
 
 _THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 """A third difference: 0 for a parabola, with 20 times the variance of the noise."""
@@ -62,7 +62,7 @@ def others_at(case: Case, frame: I32, rows: IndexArray | None = None) -> Others:
     half = run.scenario.vehicles.length[rows] * np.float32(0.5)
     s = states.s[place]
     lead = as_f32(s[:, [Role.EGO]] - s) * METRES
-    headings, direction = run.headings
+    headings, direction = run.headings_and_origin
     heading = as_f32(headings[place]) * RADIANS - np.float32(direction)
     return Others(
         valid=_others_there(run, rows, frame),
@@ -101,7 +101,7 @@ def _others_there(run: Trajectories, rows: IndexArray, frames: Frames) -> Mask:
     """Which vehicles but the ego are recorded at single frames, shape (instant, vehicle)."""
     valid = run.scenario.vehicles.valid[rows]
     valid[:, Role.EGO] = False
-    return valid if run.present is None else valid & run.present[rows, :, frames]
+    return valid if run.is_recorded is None else valid & run.is_recorded[rows, :, frames]
 
 
 def out_indicator(case: Case) -> int:
@@ -124,7 +124,7 @@ def ego_may_be(case: Case, kind: VehicleKind) -> Mask:
 
 def target_may_be(case: Case, *, bicycle: bool) -> Mask:
     """Whether there is a target that is a bicycle, or is none, or may be; shape (simulation,)."""
-    vehicle, kind = case.target.vehicle, case.trajectories.scenario.vehicles.kind
+    vehicle, kind = case.target.slot, case.trajectories.scenario.vehicles.kind
     is_bicycle = kind[np.arange(len(vehicle)), slot_of(vehicle)] == VehicleKind.B
     unknown = "kinds" in case.trajectories.unknown
     return (vehicle != NO_VEHICLE) & ((is_bicycle == bicycle) | unknown)
@@ -150,8 +150,8 @@ def steady_speed_at(
     if not run.unknown:
         return lateral_speed_at(run, rows, slot, frames)
     interval = run.scenario.frame_interval_ms
-    around = int(float(known("law.others.noise_time")) * 1000.0 / interval)
-    accepted = float(known("law.others.error_share")) * limit
+    around = int(float(constant("law.others.noise_time")) * 1000.0 / interval)
+    accepted = float(constant("law.others.error_share")) * limit
     wanted = np.sqrt(2.0) * _noise(run, rows, slot, frames, max(2, around)) / accepted
     half = np.ceil(wanted / 2.0 * 1000.0 / interval)
     narrow = half_window(interval)
@@ -166,7 +166,7 @@ def _noise(
     frame = frames[:, None] + np.arange(-around, around + 1)
     inside = (frame >= 0) & (frame < run.num_frames[rows, None])
     place = (rows[:, None], slot[:, None], np.where(inside, frame, 0))
-    inside &= run.state_valid[place]
+    inside &= run.state_mask[place]
     d = run.states.d[place] * float(METRES)
     count = frame.shape[1] - len(_THIRD) + 1
     pieces = [(d[:, k : k + count], inside[:, k : k + count]) for k in range(len(_THIRD))]

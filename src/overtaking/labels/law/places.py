@@ -5,21 +5,21 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import METRES, at, slot_of
 from overtaking.labels.law.frames import ENDLESS, Span, ends_in, manoeuvre
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.opposite import on_the_other_side, time_back_error
 from overtaking.labels.law.others import ego_may_be, target_may_be
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
-from overtaking.model.course import PlaceKind
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case, Verdict
-from overtaking.model.once import once
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, decided, inapplicable
+from overtaking.model.batch import cached_per_batch
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.road_course import ZoneKind
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.constants import known
-from overtaking.world.sight import places_for
+from overtaking.model.verdicts import Case, Verdict
+from overtaking.world.sight_distance import all_zones_for
 
 Along = tuple[float, float]
 """Beginning and end of a stretch of road [m]."""
@@ -27,19 +27,19 @@ Along = tuple[float, float]
 _HALF = np.float32(0.5)
 _LATE = np.iinfo(np.int32).max  # Later than any frame.
 _SAME = np.float32(1e-3)  # Margins that differ by less are one [m].
-_BEFORE = (PlaceKind.JUNCTION, PlaceKind.PEDESTRIAN_CROSSING, PlaceKind.LEVEL_CROSSING)
+_BEFORE = (ZoneKind.JUNCTION, ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.LEVEL_CROSSING)
 """Places that one must not overtake immediately before, either."""
 
-_WAIVED = (PlaceKind.CREST, PlaceKind.LEVEL_CROSSING, PlaceKind.JUNCTION, PlaceKind.BEND)
+_WAIVED = (ZoneKind.CREST, ZoneKind.LEVEL_CROSSING, ZoneKind.JUNCTION, ZoneKind.BEND)
 """Article 41(3): with two lanes in the same direction, if the other side is not used."""
 
-_OF_41 = (*_WAIVED, PlaceKind.PEDESTRIAN_CROSSING, PlaceKind.NARROW)
+_OF_41 = (*_WAIVED, ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.NARROW)
 
 
 WHILE_OVERTAKING = "From line_crossed until the target is passed and the ego back on its side"
 
 
-@once
+@cached_per_batch
 def overtaking(case: Case) -> Span:
     """From the line being crossed until the target is passed, and the ego back on its side."""
     events, over = case.events, manoeuvre(case)
@@ -65,7 +65,7 @@ def distance_from(case: Case, along: Iterable[Along]) -> F32:
 
 
 def stretches_of(
-    case: Case, kinds: Iterable[PlaceKind], before: Callable[[PlaceKind], float]
+    case: Case, kinds: Iterable[ZoneKind], before: Callable[[ZoneKind], float]
 ) -> list[Along]:
     """The stretches of some kinds of places for those who come along the road.
 
@@ -74,20 +74,20 @@ def stretches_of(
         kinds: Which.
         before: How long before a place of a kind its stretch begins [m].
     """
-    wanted, places = frozenset(kinds), places_for(case.trajectories.road, 1)
+    wanted, places = frozenset(kinds), all_zones_for(case.trajectories.road, 1)
     return [(one.start - before(one.kind), one.stop) for one in places if one.kind in wanted]
 
 
-def immediately_before(kind: PlaceKind) -> float:
+def immediately_before(kind: ZoneKind) -> float:
     """How long before a place one must not overtake, by Article 41 [m]."""
-    return float(known("law.places.before")) if kind in _BEFORE else 0.0
+    return float(constant("law.places.before")) if kind in _BEFORE else 0.0
 
 
-def _places_of(case: Case, kinds: Iterable[PlaceKind]) -> list[Along]:
+def _places_of(case: Case, kinds: Iterable[ZoneKind]) -> list[Along]:
     return stretches_of(case, kinds, immediately_before)
 
 
-def away_from(case: Case, along: list[Along], about: Mask) -> Check:
+def away_from(case: Case, along: list[Along], about: Mask) -> Finding:
     """The ego does not overtake in some stretches, in the simulations that count."""
     span, margin = overtaking(case), distance_from(case, along)
     rows = np.flatnonzero(about & span.exists)
@@ -99,8 +99,8 @@ def away_from(case: Case, along: list[Along], about: Mask) -> Check:
 
 
 def away_from_each(
-    case: Case, about: Mapping[PlaceKind, Mask], before: Callable[[PlaceKind], float]
-) -> Check:
+    case: Case, about: Mapping[ZoneKind, Mask], before: Callable[[ZoneKind], float]
+) -> Finding:
     """The ego does not overtake in places of some kinds.
 
     Args:
@@ -116,7 +116,7 @@ def away_from_each(
     )
 
 
-def _lawful_place(case: Case) -> Check:
+def _lawful_place(case: Case) -> Finding:
     """The ego does not overtake in a place of Article 41, nor a vehicle that itself overtakes."""
     run = case.trajectories
     if not (run.road.is_two_way or run.road.course or "road_kind" in run.unknown):
@@ -132,12 +132,12 @@ def _lawful_place(case: Case) -> Check:
     return together(found)
 
 
-def target_keeps_its_side(case: Case) -> Check:
+def target_keeps_its_side(case: Case) -> Finding:
     """On a two-way road the target is not itself over the line between the directions."""
     run, events, road = case.trajectories, case.events, case.trajectories.road
     if not (road.is_two_way or "road_kind" in run.unknown):
         return inapplicable(case.signals.num_simulations)
-    vehicle, frame = case.target.vehicle, events.attempt
+    vehicle, frame = case.target.slot, events.attempt
     line = np.float32(road.side * road.boundaries[-1])
     there = (vehicle != NO_VEHICLE) & (frame != NEVER)
     return decided(there, line - target_reach(case), frame, frame)
@@ -146,12 +146,12 @@ def target_keeps_its_side(case: Case) -> Check:
 def target_reach(case: Case) -> F32:
     """How far the target reaches to the left at the attempt, shape (simulation,) [m]."""
     run, row = case.trajectories, np.arange(case.signals.num_simulations)
-    slot, frame = slot_of(case.target.vehicle), np.maximum(case.events.attempt, 0)
+    slot, frame = slot_of(case.target.slot), np.maximum(case.events.attempt, 0)
     across = np.float32(run.road.side) * as_f32(run.states.d[row, slot, frame]) * METRES
     return across + run.scenario.vehicles.width[row, slot] * _HALF
 
 
-def together(found: list[Check]) -> Check:
+def together(found: list[Finding]) -> Finding:
     """Several checks of one rule: the least margin, and the frames of the breaches."""
     about = np.stack([one.verdict != Verdict.NOT_APPLICABLE for one in found])
     low = np.where(about, np.stack([one.margin for one in found]), ENDLESS).min(axis=0)
@@ -161,12 +161,12 @@ def together(found: list[Check]) -> Check:
     return decided(low < ENDLESS, low, firsts.min(axis=0), last, longest=longest)
 
 
-def place_spread(before: Callable[[PlaceKind], float]) -> Spread:
+def place_spread(before: Callable[[ZoneKind], float]) -> Spread:
     """Of a position along the road, and of when the ego is back where that decides [m]."""
 
-    def of(case: Case, found: Check, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: Errors) -> F32:
         stop, position = overtaking(case).stop, np.float32(errors.position)
-        along = stretches_of(case, PlaceKind, before)
+        along = stretches_of(case, ZoneKind, before)
         at_end = np.abs(at(distance_from(case, along), stop) - found.margin) < _SAME
         at_end &= stop == on_the_other_side(case).stop
         late = at(case.signals.speed, stop) * time_back_error(case, errors)
@@ -201,25 +201,25 @@ L17 = Rule(
 )
 
 
-def _no_sign(case: Case) -> Check:
+def _no_sign(case: Case) -> Finding:
     """The ego does not overtake where a sign forbids it."""
     n = case.signals.num_simulations
     if not case.trajectories.road.course:
         return inapplicable(n)
     motorcycle = ego_may_be(case, VehicleKind.MC)
     signs = {
-        PlaceKind.NO_OVERTAKING: target_may_be(case, bicycle=False) & ~of_two_wheels(case),
-        PlaceKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.T),
-        PlaceKind.NO_OVERTAKING_MOTORCYCLE: motorcycle,
+        ZoneKind.NO_OVERTAKING: target_may_be(case, bicycle=False) & ~of_two_wheels(case),
+        ZoneKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.T),
+        ZoneKind.NO_OVERTAKING_MOTORCYCLE: motorcycle,
     }
-    there = case.target.vehicle != NO_VEHICLE
+    there = case.target.slot != NO_VEHICLE
     about_target = {kind: about & there for kind, about in signs.items()}
     return away_from_each(case, about_target, immediately_before)
 
 
 def of_two_wheels(case: Case) -> Mask:
     """Whether the target is known to be a motorcycle."""
-    vehicle, run = case.target.vehicle, case.trajectories
+    vehicle, run = case.target.slot, case.trajectories
     kind = run.scenario.vehicles.kind[np.arange(len(vehicle)), slot_of(vehicle)]
     return (kind == VehicleKind.MC) & ("kinds" not in run.unknown)
 

@@ -10,13 +10,12 @@ from functools import cache
 import numpy as np
 
 from overtaking.core.arrays import F32, U8, Mask
-from overtaking.core.checks import check_name
-from overtaking.core.errors import ConfigError
-from overtaking.knowledge.reader import load, read_section
+from overtaking.core.errors import ConfigError, check_choice
+from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.rule import Pack
 from overtaking.labels.law.texts import words_of
 from overtaking.model.batch import Batch
-from overtaking.model.labels import Case, Findings, Severity, Verdict
+from overtaking.model.verdicts import Case, Findings, Severity, Verdict
 
 _FILE, _TOLERANCES = "policies.toml", "tolerances.toml"
 
@@ -93,13 +92,13 @@ def policies_for(pack: str) -> tuple[Policy, ...]:
     asked_by = {code: words.policies.split() for code, words in words_of(pack).items()}
     return tuple(
         _policy(name, pack, tuple(code for code, names in asked_by.items() if name in names))
-        for name in load(_FILE)["policies"]
+        for name in load_toml(_FILE)["policies"]
         if asked_by
     )
 
 
 def _policy(name: str, pack: str, required: tuple[str, ...]) -> Policy:
-    reading = read_section(_Reading, _FILE, f"policies.{name}")
+    reading = read_record(_Reading, _FILE, f"policies.{name}")
     return Policy(
         name=name,
         required=required,
@@ -108,13 +107,13 @@ def _policy(name: str, pack: str, required: tuple[str, ...]) -> Policy:
         names_departures=reading.names_departures,
         least=Severity[reading.least.upper()],
         tolerances={
-            code: read_section(Tolerance, _TOLERANCES, f"{name}.{pack}.{code}")
-            for code in load(_TOLERANCES).get(name, {}).get(pack, {})
+            code: read_record(Tolerance, _TOLERANCES, f"{name}.{pack}.{code}")
+            for code in load_toml(_TOLERANCES).get(name, {}).get(pack, {})
         },
     )
 
 
-STORED: tuple[str, ...] = tuple(load(_FILE)["stored"].split())
+STORED: tuple[str, ...] = tuple(load_toml(_FILE)["stored"].split())
 """Names of the policies that data sets keep, in the order of every table."""
 
 POLICIES = tuple(one for one in policies_for("pt") if one.name in STORED)
@@ -127,7 +126,7 @@ def default_policy(profile: str) -> str:
     Args:
         profile: Name of the profile of simulations, or format of a recording.
     """
-    policies = load(_FILE)
+    policies = load_toml(_FILE)
     return str(policies["default_of_profile"].get(profile, policies["default"]))
 
 
@@ -148,7 +147,7 @@ def policy(name: str) -> Policy:
         ConfigError: There is none of that name.
     """
     known = {one.name: one for one in POLICIES}
-    check_name(name, known, what="policy", where="rules")
+    check_choice(name, known, what="policy", where="rules")
     return known[name]
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, U8, Mask
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Belief, Case, Check, Findings, Severity, Verdict
+from overtaking.knowledge import toml_reader
+from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import VehicleKind, may_be_kind
-from overtaking.world import constants
+from overtaking.model.verdicts import Belief, Case, Finding, Findings, Severity, Verdict
 
 
 class Text(StrEnum):
@@ -71,7 +71,7 @@ class Spread:
     """
 
     formula: str
-    of: Callable[[Case, Check, Errors], F32]
+    of: Callable[[Case, Finding, Errors], F32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +84,7 @@ class Rule:
         law: Article and paragraph.
         title: A few words.
         gloss: What the law asks, in English, in our words.
-        predicate: What is checked; times in frames of `model.events`.
+        predicate: What is checked; times in frames of `model.overtake_events`.
         unit: Of the margin.
         grade: How severe a breach is.
         source: Id of the source of the text.
@@ -117,7 +117,7 @@ class Rule:
     partly: frozenset[str] = frozenset()
     without_attempt: bool = False
     of_ego: bool = True
-    check: Callable[[Case], Check]
+    check: Callable[[Case], Finding]
     spread: Spread | None = None
     text: Text = Text.READ
     where: str = ""
@@ -141,7 +141,7 @@ def adopt(
     fine: str = "",
     unit: str | None = None,
     needs: frozenset[str] | None = None,
-    check: Callable[[Case], Check] | None = None,
+    check: Callable[[Case], Finding] | None = None,
     spread: Spread | None = None,
     limit: Callable[[Case], F32] | None = None,
 ) -> Rule:
@@ -200,7 +200,7 @@ def decided(
     longest: NDArray[np.integer] | None = None,
     doubtful: Mask | None = None,
     belief: U8 | None = None,
-) -> Check:
+) -> Finding:
     """A check from margins.
 
     Args:
@@ -219,7 +219,7 @@ def decided(
     if doubtful is not None:
         known = applies & (broken | ~doubtful)
         decision = np.where(known, decision, np.uint8(Verdict.UNDECIDABLE))
-    return Check(
+    return Finding(
         verdict=np.where(applies, decision, np.uint8(Verdict.NOT_APPLICABLE)),
         # The sum makes a negative zero positive.
         margin=np.where(known, margin, np.float32(0.0)) + np.float32(0.0),
@@ -233,14 +233,14 @@ def decided(
     )
 
 
-def inapplicable(num_simulations: int) -> Check:
+def inapplicable(num_simulations: int) -> Finding:
     """The check of a rule that says nothing of any simulation."""
     never = np.full(num_simulations, NEVER)
     nothing = np.zeros(num_simulations, np.float32)
     return decided(np.zeros(num_simulations, np.bool_), nothing, never, never)
 
 
-def judge(rule: Rule, case: Case, errors: Errors | None = None) -> Check:
+def judge(rule: Rule, case: Case, errors: Errors | None = None) -> Finding:
     """What a rule says of a batch, with severity, and undecidable where it lacks what it needs.
 
     Args:
@@ -254,11 +254,11 @@ def judge(rule: Rule, case: Case, errors: Errors | None = None) -> Check:
     is_decided = (found.verdict == Verdict.LEGAL) | (found.verdict == Verdict.ILLEGAL)
     if not is_decided.any():
         return found
-    error = constants.known("law.errors.coverage") * rule.spread.of(case, found, errors)
+    error = toml_reader.constant("law.errors.coverage") * rule.spread.of(case, found, errors)
     return _doubted(found, is_decided & (np.abs(found.margin) < error))
 
 
-def _doubted(found: Check, inside: Mask) -> Check:
+def _doubted(found: Finding, inside: Mask) -> Finding:
     """The same check, undecidable in the simulations of a mask."""
     return found.replace(
         verdict=np.where(inside, np.uint8(Verdict.UNDECIDABLE), found.verdict),
@@ -270,7 +270,7 @@ def _doubted(found: Check, inside: Mask) -> Check:
     )
 
 
-def _judged(rule: Rule, case: Case) -> Check:
+def _judged(rule: Rule, case: Case) -> Finding:
     """Check a rule on a batch without errors of measurement.
 
     If some kinds of vehicles are unknown and the rule depends on them, it is undecidable where the
@@ -301,21 +301,21 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
         yield case.replace(trajectories=run.replace(scenario=scenario))
 
 
-def _agreed_check(checks: Sequence[Check]) -> Check:
+def _agreed_check(checks: Sequence[Finding]) -> Finding:
     """Combine checks of the same batch: undecidable in simulations in which the verdicts differ.
 
     Where they agree, the check with the smallest absolute margin counts.
     """
     margins = np.stack([np.abs(check.margin) for check in checks])
     choice = margins.argmin(axis=0)
-    names = [field.name for field in dataclasses.fields(Check)]
+    names = [field.name for field in dataclasses.fields(Finding)]
     stacked = {name: np.stack([getattr(check, name) for check in checks]) for name in names}
     columns = np.arange(len(choice))
-    nearest = Check(**{name: values[choice, columns] for name, values in stacked.items()})
+    nearest = Finding(**{name: values[choice, columns] for name, values in stacked.items()})
     return _doubted(nearest, (stacked["verdict"] != stacked["verdict"][0]).any(axis=0))
 
 
-def _judged_as_stated(rule: Rule, case: Case) -> Check:
+def _judged_as_stated(rule: Rule, case: Case) -> Finding:
     """Check a rule with every vehicle of the kind that the batch states."""
     found = rule.check(case)
     if rule.needs & case.trajectories.unknown:
@@ -336,7 +336,7 @@ def _severity(grade: Grade, case: Case) -> Severity:
     return Severity.VERY_SERIOUS if grade is Grade.BY_ROAD and motorway else Severity.SERIOUS
 
 
-def _undecided(found: Check) -> Check:
+def _undecided(found: Finding) -> Finding:
     """The same check where nothing can be said of simulations that the rule is about."""
     about = found.verdict != Verdict.NOT_APPLICABLE
     n = len(about)
@@ -425,7 +425,7 @@ def check(pack: Pack, case: Case, errors: Errors | None = None) -> Findings:
     ]
     columns = {
         field.name: np.stack([getattr(one, field.name) for one in found], axis=1)
-        for field in dataclasses.fields(Check)
+        for field in dataclasses.fields(Finding)
     }
     version = pack.version
     if case.trajectories.road.is_two_way:

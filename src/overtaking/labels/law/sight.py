@@ -3,7 +3,8 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, I32
-from overtaking.core.elementary import as_f32
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import at, seconds_of
 from overtaking.labels.law.errors import STOPPING, STOPPING_UNLIT
 from overtaking.labels.law.frames import (
@@ -17,31 +18,30 @@ from overtaking.labels.law.frames import (
     stretches,
 )
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.once import once
-from overtaking.world.conditions import outlook
-from overtaking.world.constants import known
-from overtaking.world.sight import sight_at
+from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread
+from overtaking.model.batch import cached_per_batch
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.verdicts import Case
+from overtaking.world.sight_distance import sight_at
+from overtaking.world.weather_parameters import weather_effects
 
 _SAME = np.float32(1e-3)  # Margins that differ by less are one [m].
 
 
-@once
+@cached_per_batch
 def optical_range(case: Case) -> F32:
     """Meteorological optical range in fog and falling rain, shape (simulation,) [m]."""
-    sight = outlook(case.trajectories.scenario).sight
+    sight = weather_effects(case.trajectories.scenario).sight
     air = sight["fog_extinction"] + sight["rain_extinction"]
-    return known("weather.fog.transmission_depth") / air
+    return constant("weather.fog.transmission_depth") / air
 
 
-def _stops_for_lit(case: Case) -> Check:
+def _stops_for_lit(case: Case) -> Finding:
     """The stopping distance is at most the distance at which a lit vehicle is seen."""
     return never_negative(stretches(case).stop_lit, conduct(case))
 
 
-def _stops_for_unlit(case: Case) -> Check:
+def _stops_for_unlit(case: Case) -> Finding:
     """The stopping distance is at most the distance at which an unlit obstacle is seen."""
     return never_negative(stretches(case).stop_unlit, conduct(case))
 
@@ -100,7 +100,7 @@ L14s = Rule(
 )
 
 
-def _sees_through_air(case: Case) -> Check:
+def _sees_through_air(case: Case) -> Finding:
     """From the start until the target is passed, air and road let one see the carriageway."""
     sight, span, road = optical_range(case), _until_passed(case), case.trajectories.road
     if road.is_two_way or road.course:
@@ -108,7 +108,7 @@ def _sees_through_air(case: Case) -> Check:
         return _sees(case, np.minimum(np.broadcast_to(sight[:, None], shown.shape), shown))
     # The air is the same in all frames.
     found = Stretch(
-        low=sight - known("law.sight.least"),
+        low=sight - constant("law.sight.least"),
         first=span.start,
         last=span.stop,
         longest=span.stop - span.start + 1,
@@ -116,7 +116,7 @@ def _sees_through_air(case: Case) -> Check:
     return never_negative(found, span)
 
 
-def _sees_unlit(case: Case) -> Check:
+def _sees_unlit(case: Case) -> Finding:
     """From the start until the target is passed, an unlit obstacle is seen far enough away."""
     return _sees(case, case.signals.sight_unlit)
 
@@ -128,9 +128,9 @@ def _until_passed(case: Case) -> Span:
     return Span(start=np.where(events.attempted, events.attempt, passed + 1), stop=passed)
 
 
-def _sees(case: Case, sight: F32) -> Check:
+def _sees(case: Case, sight: F32) -> Finding:
     """A sight (simulation, time) that is enough, at the pull-out also against oncoming traffic."""
-    least, span = known("law.sight.least"), _until_passed(case)
+    least, span = constant("law.sight.least"), _until_passed(case)
     if not case.trajectories.road.is_two_way:
         return never_negative(limited(sight, least, span, is_most=False), span)
     margin = sight - least
@@ -183,11 +183,11 @@ def unseen_speed(case: Case, frame: I32) -> F32:
     road = case.trajectories.road
     near = at(case.signals.s, frame)
     far = near + shown_sight(case, frame)
-    highest = road.limit_at(near, -1)
-    stretches = road.course.limits_for(-1) if road.course else ()
+    highest = road.speed_limit_at(near, -1)
+    stretches = road.course.speed_limits_for(-1) if road.course else ()
     for station in {end for one in stretches for end in (one.start, one.stop)} - {road.length}:
         passes = (near < station) & (station <= far)
-        highest = np.where(passes, np.maximum(highest, road.limit_at(station, -1)), highest)
+        highest = np.where(passes, np.maximum(highest, road.speed_limit_at(station, -1)), highest)
     return as_f32(highest)
 
 
@@ -197,10 +197,10 @@ def time_needed(case: Case) -> F32:
     back = np.where(events.return_end != NEVER, events.return_end, events.back)
     was_out = (events.line_crossed != NEVER) & (back != NEVER)
     out = seconds_of(case, np.where(was_out, back - events.line_crossed, 0))
-    return out + known("law.sight.oncoming_margin")
+    return out + constant("law.sight.oncoming_margin")
 
 
-def sight_error(case: Case, found: Check, errors: Errors) -> F32:
+def sight_error(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
     if not case.trajectories.road.is_two_way:
         return np.zeros_like(found.margin)

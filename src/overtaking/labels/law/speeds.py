@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, U8, IndexArray, Mask
-from overtaking.core.elementary import as_f32
-from overtaking.knowledge import number
+from overtaking.core.float32_math import as_f32
+from overtaking.knowledge.toml_reader import constant, number
 from overtaking.labels.instants import at
 from overtaking.labels.law.errors import OF_SPEED, standard_error
 from overtaking.labels.law.frames import (
@@ -21,8 +21,8 @@ from overtaking.labels.law.frames import (
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import num_slow
 from overtaking.labels.law.rule import (
-    Check,
     Errors,
+    Finding,
     Grade,
     Rule,
     Spread,
@@ -30,11 +30,10 @@ from overtaking.labels.law.rule import (
     inapplicable,
 )
 from overtaking.labels.signals import encounter
-from overtaking.model.labels import Case, Severity, Verdict
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import METRES_PER_STEP, Trajectories
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import POSITION_RESOLUTION, Trajectories
 from overtaking.model.vehicles import Role, VehicleKind
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case, Severity, Verdict
 
 ROAD_KINDS = ("motorway", "other", "town")
 CLASSES = ("light", "van", "heavy")
@@ -98,12 +97,12 @@ def _posted(run: Trajectories, ahead: float) -> F32:
     """
     if not _changes(run):
         return np.full((1, 1), run.road.speed_limit, np.float32)
-    return as_f32(run.road.limit_at(run.states.s[:, Role.EGO] * METRES_PER_STEP + ahead))
+    return as_f32(run.road.speed_limit_at(run.states.s[:, Role.EGO] * POSITION_RESOLUTION + ahead))
 
 
 def _changes(run: Trajectories) -> bool:
     """Whether the posted limit changes along the road."""
-    return run.road.course is not None and bool(run.road.course.limits_for(1))
+    return run.road.course is not None and bool(run.road.course.speed_limits_for(1))
 
 
 def class_of(kind: NDArray[np.uint8]) -> NDArray[np.intp]:
@@ -127,13 +126,13 @@ WITHIN_LIMIT = (
 _MINIMUM = amount("law.minimum.speed")
 
 
-def _within_limit(case: Case) -> Check:
+def _within_limit(case: Case) -> Finding:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     found = keeps_limit(case, speed_limits(case))
     return found.replace(severity=_severity(case, found))
 
 
-def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Check:
+def keeps_limit(case: Case, limits: tuple[F32, F32]) -> Finding:
     """Speed never exceeds a limit; in doubt between the lowest and the highest that may hold.
 
     Args:
@@ -159,7 +158,7 @@ def rounded(limits: F32) -> F32:
 def limit_spread(limits: Limits) -> Spread:
     """Of a speed, and of a position where another limit is near, under the limits of a law."""
 
-    def of(case: Case, found: Check, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: Errors) -> F32:
         if not _changes(case.trajectories) or "speed_limit" in case.trajectories.unknown:
             return OF_SPEED.of(case, found, errors)
         speed, span = case.signals.speed, conduct(case)
@@ -186,12 +185,15 @@ def decisive_limit(case: Case, limits: tuple[F32, F32]) -> F32:
     return at(limits[1], np.where(within, margin, ENDLESS).argmin(axis=1))
 
 
-def _severity(case: Case, found: Check) -> U8:
+def _severity(case: Case, found: Finding) -> U8:
     """By the excess: light, serious, or very serious."""
     light = class_of(case.trajectories.scenario.vehicles.kind[:, Role.EGO]) < 2
     severity = np.full(len(light), Severity.LIGHT, np.uint8)
     for grade in ("serious", "very_serious"):
-        of_light, of_other = known(f"law.excess.light_{grade}"), known(f"law.excess.other_{grade}")
+        of_light, of_other = (
+            constant(f"law.excess.light_{grade}"),
+            constant(f"law.excess.other_{grade}"),
+        )
         severity += (-found.margin > np.where(light, of_light, of_other)).astype(np.uint8)
     return np.where(found.verdict == Verdict.ILLEGAL, severity, np.uint8(Severity.NONE))
 
@@ -220,12 +222,12 @@ L12 = Rule(
 )
 
 
-def _above_minimum(case: Case) -> Check:
+def _above_minimum(case: Case) -> Finding:
     """On a motorway speed is at least 50 km/h, unless others are in the way or stand or crawl."""
     seen, road_known = case.signals, "road_kind" not in case.trajectories.unknown
     if road_known and case.trajectories.road.kind != "motorway":
         return inapplicable(seen.num_simulations)
-    span, least = conduct(case), known("law.minimum.speed")
+    span, least = conduct(case), constant("law.minimum.speed")
     low = limited(seen.speed, least, span, is_most=False)
     slow = np.flatnonzero(span.exists & (low.low < 0))
     margin, slow_spans = seen.speed[slow] - least, span.at_rows(slow)
@@ -238,17 +240,17 @@ def _above_minimum(case: Case) -> Check:
 
 def _is_held_up(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     """Whether at single frames traffic is congested, or a slow leader has to be followed."""
-    crawl = float(known("law.minimum.congestion_speed"))
+    crawl = float(constant("law.minimum.congestion_speed"))
     crawling = num_slow(case, rows, frames, below=crawl, reach=_ANYWHERE)
-    least = known("law.minimum.speed")
-    ahead = encounter(case, Around.LEADER, rows, frames)
+    least = constant("law.minimum.speed")
+    ahead = encounter(case, NeighbourRole.LEADER, rows, frames)
     leader_speed = case.signals.speed[rows, frames] - ahead.closing_speed
-    near = ahead.gap <= known("law.minimum.queue_time_gap") * least
-    congested = crawling >= known("law.minimum.congestion_vehicles")
+    near = ahead.gap <= constant("law.minimum.queue_time_gap") * least
+    congested = crawling >= constant("law.minimum.congestion_vehicles")
     return congested | (ahead.valid & near & (leader_speed < least))
 
 
-def perhaps(found: Check) -> Check:
+def perhaps(found: Finding) -> Finding:
     """The same where what it is about may not be so: a breach is then in doubt."""
     slow = found.margin < 0
     margin = np.where(slow, np.float32(0.0), found.margin)

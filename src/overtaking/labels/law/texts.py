@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from overtaking.knowledge.reader import load, read_section
+from overtaking.knowledge.toml_reader import load_toml, read_record
 from overtaking.labels.law.numbers import fill_placeholders
 from overtaking.labels.law.rule import Rule, Text
 
@@ -29,14 +29,14 @@ class Words:
 
 def edition(pack: str) -> str:
     """The edition of the law that a pack was held against."""
-    return str(load(_FILE)[pack]["edition"])
+    return str(load_toml(_FILE)[pack]["edition"])
 
 
 def words_of(pack: str) -> Mapping[str, Words]:
     """The entries of a pack by code, in the order of the file; none for another pack."""
     return {
-        code: read_section(Words, _FILE, f"{pack}.{code}")
-        for code in load(_FILE).get(pack, {})
+        code: read_record(Words, _FILE, f"{pack}.{code}")
+        for code in load_toml(_FILE).get(pack, {})
         if code != "edition"
     }
 

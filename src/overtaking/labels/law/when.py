@@ -6,18 +6,18 @@ from functools import partial
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray, Mask
-from overtaking.core.elementary import maximum
+from overtaking.core.float32_math import maximum
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import at, seconds_of, slot_of, spread_over
 from overtaking.labels.law.distances import slow_lane_room
 from overtaking.labels.law.errors import DUE, KEEPING_RIGHT, of_both, standard_error
 from overtaking.labels.law.frames import driving_end, frames_of, instant, passed, stretches
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, others_at, out_indicator, steady_speed_at
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case
-from overtaking.model.trajectory import NO_VEHICLE
-from overtaking.world.constants import known
+from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, decided
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Case
 
 TARGET_KEEPS_LANE = (
     "At attempt: the target does not signal left, and moves left at no more than "
@@ -46,16 +46,16 @@ KEEPS_RIGHT = (
 """The predicate of `L21` for laws without a formula for the safe distance."""
 
 
-def _nobody_overtakes(case: Case) -> Check:
+def _nobody_overtakes(case: Case) -> Finding:
     """At the start no vehicle arrives on the left within 4 s, and no follower is pulling out."""
     frame, attempted = case.events.attempt, case.events.attempted
     rows = np.flatnonzero(attempted)
     others, own_lane = others_at(case, frame[rows], rows), case.signals.lane[rows, frame[rows]]
     behind = others.valid & ~others.oncoming & (others.lead > 0)
     left = behind & (others.lane == own_lane[:, None] + 1)
-    near = others.gap <= known("law.others.reach")
+    near = others.gap <= constant("law.others.reach")
     same = behind & (others.lane == own_lane[:, None]) & near
-    moving, limit = same.copy(), known("law.others.lateral_speed")
+    moving, limit = same.copy(), constant("law.others.lateral_speed")
     place, slot = np.nonzero(same)
     start = (rows[place], slot, frame[rows[place]])
     moving[same] = steady_speed_at(case.trajectories, *start, float(limit)) > limit
@@ -66,7 +66,7 @@ def _nobody_overtakes(case: Case) -> Check:
     spread = partial(spread_over, simulations=attempted, count=len(attempted))
     return instant(
         frame,
-        spread(arrival - known("law.others.arrival")),
+        spread(arrival - constant("law.others.arrival")),
         spread((left | same).any(axis=1)),
         doubtful=spread(same.any(axis=1) & hidden),
     )
@@ -74,7 +74,7 @@ def _nobody_overtakes(case: Case) -> Check:
 
 def _arrival(case: Case, others: Others, left: Mask, rows: IndexArray) -> F32:
     """Time until the first on the left is beside the ego at constant speeds [s], at most 60."""
-    longest = known("law.others.longest_arrival")
+    longest = constant("law.others.longest_arrival")
     own = case.signals.speed[rows, case.events.attempt[rows], None]
     closing = others.speed - own
     comes = left & (closing > 0)
@@ -82,7 +82,7 @@ def _arrival(case: Case, others: Others, left: Mask, rows: IndexArray) -> F32:
     return np.where(comes & (time < longest), time, longest).min(axis=1)
 
 
-def _arrival_error(case: Case, found: Check, errors: Errors) -> F32:
+def _arrival_error(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of the arrival of the first on the left, by positions and speeds of both [s]."""
     rows = np.flatnonzero(case.events.attempted)
     frame = case.events.attempt[rows]
@@ -97,7 +97,7 @@ def _arrival_error(case: Case, found: Check, errors: Errors) -> F32:
 
     attempted = case.events.attempted
     error = spread_over(standard_error(moved, *of_both(errors)), attempted, len(attempted))
-    begun = found.margin <= -known("law.others.arrival")
+    begun = found.margin <= -constant("law.others.arrival")
     return np.where(begun, np.float32(0.0), error)
 
 
@@ -126,10 +126,14 @@ L6 = Rule(
 )
 
 
-def _target_keeps_lane(case: Case) -> Check:
+def _target_keeps_lane(case: Case) -> Finding:
     """At the start the target neither signals left nor moves left."""
-    run, frame, vehicle = case.trajectories, case.events.attempt, case.target.vehicle
-    there, slot, limit = vehicle != NO_VEHICLE, slot_of(vehicle), known("law.others.lateral_speed")
+    run, frame, vehicle = case.trajectories, case.events.attempt, case.target.slot
+    there, slot, limit = (
+        vehicle != NO_VEHICLE,
+        slot_of(vehicle),
+        constant("law.others.lateral_speed"),
+    )
     lights = run.states.lights[np.arange(len(slot)), slot, np.maximum(frame, 0)]
     hidden = "indicators" in run.unknown
     shown = there & ((lights & out_indicator(case)) != 0) & (not hidden)
@@ -156,10 +160,10 @@ L7 = Rule(
 )
 
 
-def _returns_soon(case: Case) -> Check:
+def _returns_soon(case: Case) -> Finding:
     """With the target behind and room in the slower lane, the ego does not stay for over 8 s."""
     over, (first, length) = passed(case), stretches(case).due
-    within = known("law.return.within")
+    within = constant("law.return.within")
     applies = (case.events.overlap_end != NEVER) & over.exists
     # The frame in which it had been due for so long, up to the last in which it still was.
     start = first + frames_of(case, within)
@@ -181,7 +185,7 @@ L9 = Rule(
 )
 
 
-def _keeps_right(case: Case) -> Check:
+def _keeps_right(case: Case) -> Finding:
     """At the first frame the ego is in the slowest lane, or the next slower one is taken."""
     frame = case.events.first
     lane = at(case.signals.lane, frame)

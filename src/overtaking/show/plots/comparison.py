@@ -13,10 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from overtaking.analysis.reproduction.run import Comparison
+from overtaking.analysis.reproduction.statements import ALL
 from overtaking.analysis.validation.figures import Figure as Measured
 from overtaking.analysis.validation.run import Validation
 from overtaking.core.arrays import F64
-from overtaking.knowledge.paper import ALL
 from overtaking.show import palette
 from overtaking.show.plots.style import is_narrow, lightened, new_figure, remark, styled, words
 
@@ -79,8 +79,8 @@ def _ridge(one: Comparison, group: Sequence[Comparison]) -> Ridge:
     """A number with as much of its name as tells it from the others of its group."""
     said = one.statement
     different = len({other.statement.text for other in group}) > 1
-    parts = [] if said.scope == ALL else [words(said.scope)]
-    if different or said.scope == ALL:
+    parts = [] if said.outcome_class == ALL else [words(said.outcome_class)]
+    if different or said.outcome_class == ALL:
         parts.append(said.text)
     return Ridge(label=", ".join(parts), of=one)
 
@@ -157,7 +157,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
 def _draw_ridge(axes: Axes, place: int, one: Comparison, ends: tuple[float, float]) -> None:
     """The replicates of one number as a hill, and the paper's number as a diamond."""
     colour, paper = (
-        palette.CLASS_COLOURS.get(one.statement.scope, palette.ACCENT),
+        palette.CLASS_COLOURS.get(one.statement.outcome_class, palette.ACCENT),
         one.statement.quoted,
     )
     if len(one.known):

@@ -77,14 +77,14 @@ def _is_part(road: MappedRoad) -> bool:
 def _simulated(road: Road) -> np.ndarray:
     """Points of the line of a road as it is simulated, shape (point, 2) [m]."""
     count = int(np.clip(road.length / _STEP, 2, _MOST_POINTS))
-    return np.stack(road.world(np.linspace(0.0, road.length, count), 0.0), axis=-1)
+    return np.stack(road.to_world(np.linspace(0.0, road.length, count), 0.0), axis=-1)
 
 
 def _points(road: MappedRoad) -> np.ndarray:
     """Points of the reference line, shape (point, 2) [m]."""
     assert road.line is not None
     count = int(np.clip(road.length / _STEP, 2, _MOST_POINTS))
-    pose = road.line.at(np.linspace(0.0, road.line.length, count))
+    pose = road.line.pose_at(np.linspace(0.0, road.line.length, count))
     return np.stack([pose.x, pose.y], axis=-1)
 
 
@@ -93,7 +93,7 @@ def _name(axes: Axes, roads: Sequence[MappedRoad]) -> None:
     named = sorted((road for road in roads if not road.in_junction), key=lambda each: -each.length)
     for road in named[: _MOST_NAMES_IF_NARROW if is_narrow() else _MOST_NAMES]:
         assert road.line is not None
-        x, y = road.line.world(road.line.length * 0.5, 0.0)
+        x, y = road.line.to_world(road.line.length * 0.5, 0.0)
         axes.annotate(
             road.road_id,
             (float(x), float(y)),

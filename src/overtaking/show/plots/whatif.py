@@ -14,14 +14,14 @@ from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.labels.label import label
 from overtaking.labels.law import choose_policy
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_STEP,
+from overtaking.model.trajectories import (
     NO_VEHICLE,
+    POSITION_RESOLUTION,
+    SPEED_RESOLUTION,
     Trajectories,
 )
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.show import palette
 from overtaking.show.futures import fan_title
 from overtaking.show.plots.overtake import draw_along
@@ -53,7 +53,7 @@ def draw_twin(twin: Twin, policy: str | None = None) -> Figure:
         time = run.time_ms[:frames] / 1000.0
         name = f"{simulation.title}: {words(class_of(labelled, policy))}"
         across.plot(time, _across(run, frames), label=name, **look)
-        metres = run.states.speed[0, Role.EGO, :frames] * METRES_PER_SECOND_PER_STEP
+        metres = run.states.speed[0, Role.EGO, :frames] * SPEED_RESOLUTION
         speed.plot(time, kmh_from_mps(metres), **look)
         target = int(twin.labelled[0].events.target[0])
         if target != NO_VEHICLE:
@@ -77,14 +77,14 @@ def _heading(one: Twin) -> str:
 
 def _across(run: Trajectories, frames: int) -> F64:
     """How far the ego is from where it starts, towards the fast side [m]."""
-    d = run.states.d[0, Role.EGO, :frames] * METRES_PER_STEP
+    d = run.states.d[0, Role.EGO, :frames] * POSITION_RESOLUTION
     return (d - d[0]) * int(run.road.side)
 
 
 def _gap(run: Trajectories, target: int, frames: int) -> F64:
     """How far a vehicle is ahead of the ego, centre to centre; NaN where it is not there [m]."""
-    s = run.states.s[0, :, :frames] * METRES_PER_STEP
-    return np.where(run.state_valid[0, target, :frames], s[target] - s[Role.EGO], np.nan)
+    s = run.states.s[0, :, :frames] * POSITION_RESOLUTION
+    return np.where(run.state_mask[0, target, :frames], s[target] - s[Role.EGO], np.nan)
 
 
 def _mark_parting(one: Twin, panels: tuple[Axes, ...]) -> None:

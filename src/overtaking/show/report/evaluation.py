@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from overtaking.analysis.evaluation.results import Evaluation
-    from overtaking.core.steps import Progress
+    from overtaking.core.progress import ProgressCallback
 
 FILMS = "films"
 
@@ -51,7 +51,7 @@ def write(
     *,
     films: int = 10,
     benchmark: str = "",
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Evaluated:
     """Write an evaluation as one page that needs no network, with films beside it.
 
@@ -157,12 +157,12 @@ def drawers() -> dict[str, Callable[[Evaluation], Figure]]:
 
 
 def _films(
-    found: Evaluation, folder: ReportFolder, number: int, progress: Progress | None
+    found: Evaluation, folder: ReportFolder, number: int, progress: ProgressCallback | None
 ) -> list[tuple[str, str]]:
     """Film the worst scenes: names of the files, and captions."""
     from overtaking.analysis.evaluation.endpoints import POLICY
     from overtaking.labels.law import policy
-    from overtaking.model.labels import OvertakeClass
+    from overtaking.model.verdicts import OvertakeClass
     from overtaking.show.video.jobs import Job
     from overtaking.show.video.produce import produce
 

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from overtaking.core.checks import check_name, nearest_first
-from overtaking.core.errors import ConfigError, DatasetError
+from overtaking.core.errors import ConfigError, DatasetError, check_choice, nearest_first
 from overtaking.labels.law import choose_policy
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.report import gallery
@@ -57,7 +56,7 @@ def draw(
             got=f"a {type(axes).__name__}",
             next_step="give one of figure.axes",
         )
-    check_name(width, WIDTHS, what="width", where="plot")
+    check_choice(width, WIDTHS, what="width", where="plot")
     figures = figures_of(source, policy)
     name = _choose_figure(figure, figures)
     if axes is not None and name not in SINGLE_AXES:
@@ -84,7 +83,7 @@ def _choose_figure(figure: str | None, figures: Mapping[str, Draw]) -> str:
         return next(iter(figures))
     if figure is None or figure not in figures:
         names = list(figures) if figure is None else nearest_first(figure, figures)
-        raise ConfigError.not_among("figure", "plot", names, figure)
+        raise ConfigError.unknown_choice("figure", "plot", names, figure)
     return figure
 
 

@@ -9,7 +9,7 @@ from overtaking.analysis.stats.formats import table_to_csv, table_to_latex
 from overtaking.analysis.stats.table import Table
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
-from overtaking.core.files import put
+from overtaking.core.files import write_atomically
 from overtaking.show.palette import CLASS_COLOURS
 from overtaking.show.report.page import figure_block, missing, table_block, view_block
 
@@ -68,7 +68,7 @@ class ReportFolder:
 
         drawn = draw()
         for ending, to_bytes in FORMATS.items():
-            put(self.out / FIGURES / f"{name}{ending}", to_bytes(drawn))
+            write_atomically(self.out / FIGURES / f"{name}{ending}", to_bytes(drawn))
         self.figures.append(name)
         svg = to_svg(drawn)
         with drawn_for("column"):
@@ -76,14 +76,14 @@ class ReportFolder:
 
     def table(self, table: Table) -> str:
         """Write a table as LaTeX and as CSV."""
-        put(self.out / TABLES / f"{table.name}.tex", table_to_latex(table).encode())
-        put(self.out / TABLES / f"{table.name}.csv", table_to_csv(table).encode())
+        write_atomically(self.out / TABLES / f"{table.name}.tex", table_to_latex(table).encode())
+        write_atomically(self.out / TABLES / f"{table.name}.csv", table_to_csv(table).encode())
         self.tables.append(table.name)
         return table_block(table, CLASS_COLOURS)
 
     def view(self, content: bytes, caption: str) -> str:
         """Write the page in which simulations run, and embed it."""
-        put(self.out / VIEW, content)
+        write_atomically(self.out / VIEW, content)
         self._has_view = True
         return view_block(VIEW, caption)
 
@@ -99,7 +99,7 @@ class ReportFolder:
         Returns:
             The fields of `Written`.
         """
-        put(self.out / PAGE, text.encode())
+        write_atomically(self.out / PAGE, text.encode())
         current = {
             FIGURES: (self.figures, {".svg", ".pdf", ".png"}),
             TABLES: (self.tables, {".tex", ".csv"}),
@@ -128,7 +128,7 @@ def put_figure(path: Path, drawing: "Figure") -> None:
     from overtaking.show.plots.style import FORMATS
 
     check_figure_file(path)
-    put(path, FORMATS[path.suffix](drawing))
+    write_atomically(path, FORMATS[path.suffix](drawing))
 
 
 def check_figure_file(path: Path) -> None:

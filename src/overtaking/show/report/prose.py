@@ -6,8 +6,8 @@ from html import escape
 from overtaking.analysis.stats.associations import ALPHA, Associations
 from overtaking.analysis.stats.results import Statistics
 from overtaking.analysis.stats.survival import Survival
-from overtaking.core.words import counted
-from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.core.representation import format_count
+from overtaking.knowledge.glossary import TERM_GROUPS, terms
 from overtaking.show.report.page import definitions, paragraph
 
 FOOT = (
@@ -36,7 +36,7 @@ def lead(found: Statistics) -> str:
     sample = found.sample
     policy = f"the policy {sample.policy} ({terms('policies')[sample.policy].title})"
     weighing = "counted by their importance weights" if sample.is_weighted else "each counted once"
-    return f"{counted(len(sample), 'simulation')}, classified under {policy}, {weighing}."
+    return f"{format_count(len(sample), 'simulation')}, classified under {policy}, {weighing}."
 
 
 def facts(found: Statistics) -> list[tuple[str, str]]:
@@ -61,7 +61,10 @@ def meanings(group: str, names: Iterable[str] | None = None) -> list[tuple[str, 
     """
     known = terms(group)
     return [
-        (f"{name} [{known[name].shown_in}]" if known[name].shown_in else name, known[name].meaning)
+        (
+            f"{name} [{known[name].display_unit}]" if known[name].display_unit else name,
+            known[name].meaning,
+        )
         for name in names or known
     ]
 
@@ -84,7 +87,7 @@ def glossary() -> Iterator[str]:
     yield paragraph(
         "The classes are explained with their frequencies, the features with their statistics."
     )
-    for group, title in GROUPS.items():
+    for group, title in TERM_GROUPS.items():
         if group not in _EXPLAINED:
             yield f"<h3>{escape(title)}</h3>\n{definitions(meanings(group))}"
 
@@ -121,9 +124,9 @@ def known_leaks(found: Statistics) -> list[str]:
 def about_waiting(curve: Survival) -> str:
     """The waiting time in words."""
     text = (
-        f"{counted(curve.num_events, 'driver')} began to overtake; {curve.num_censored:,} had not "
-        "begun when their simulation or a collision ended the waiting, and are censored: all that "
-        "is known is that they would have waited longer."
+        f"{format_count(curve.num_events, 'driver')} began to overtake; "
+        f"{curve.num_censored:,} had not begun when their simulation or a collision ended the "
+        "waiting, and are censored: all that is known is that they would have waited longer."
     )
     if curve.median == curve.median:
         return f"{text} Half of the drivers have begun after {curve.median:.2f} s."
@@ -137,7 +140,7 @@ def about_associations(found: Statistics, measured: Associations) -> list[str]:
         "A p-value is the probability that simulations like these would show an association at "
         "least this strong if there were none. It is not the probability that there is none, and a "
         "small one says neither that an association is strong nor that one thing causes the other. "
-        f"With {counted(number, 'simulation')}, "
+        f"With {format_count(number, 'simulation')}, "
         + (
             "even associations too weak to matter have tiny p-values: read the effect first."
             if number >= 5_000
@@ -163,7 +166,7 @@ def _count(measured: Associations) -> str:
     place = {name: number for number, name in enumerate(measured.names)}
     kept = sum(measured.q_values[place[one.first], place[one.second]] < ALPHA for one in tested)
     return (
-        f"Of {counted(len(tested), 'pair')}, {below} have p < {ALPHA:g}; about "
+        f"Of {format_count(len(tested), 'pair')}, {below} have p < {ALPHA:g}; about "
         f"{ALPHA * len(tested):.0f} would if nothing were associated with anything. {kept} "
         "remain after the correction of Benjamini and Hochberg, which bounds the share of false "
         "discoveries among them."

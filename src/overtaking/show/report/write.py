@@ -15,7 +15,7 @@ from overtaking.analysis.stats.diagrams import diagram
 from overtaking.analysis.stats.distributions import typical
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.core.errors import MissingExtraError, OvertakingError
-from overtaking.core.summary import Summarized
+from overtaking.core.representation import CompactRepr
 from overtaking.labels.label import Labelled
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.model.import_report import ImportFinding, check_lines
@@ -44,7 +44,7 @@ _NUM_PARTS = 18  # Figures, and the parts that take time beside them, for the pr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report(files.Written, Summarized):
+class Report(files.Written, CompactRepr):
     """What was written, with the numbers in it.
 
     Attributes:

@@ -16,8 +16,9 @@ import numpy as np
 from overtaking.data.tables import names
 from overtaking.data.tables.arrow import column_to_numpy
 from overtaking.data.tables.columns import codes
-from overtaking.knowledge import presets, terms
-from overtaking.model.labels import Verdict
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.knowledge.glossary import terms
+from overtaking.model.verdicts import Verdict
 from overtaking.show import wording
 from overtaking.show.server.kept import Kept
 
@@ -91,7 +92,7 @@ class Index:
             return Facet(values, np.full(count, _NONE, np.int8))
 
         self.classes = {policy: facet(*names.CLASSES) for policy in names.POLICY_NAMES}
-        self.weather = facet(*presets(), FREE)
+        self.weather = facet(*weather_presets(), FREE)
         self.light, self.ego, self.overtaken = (
             facet(*of) for of in (("day", "night"), names.KINDS, names.KINDS)
         )

@@ -9,12 +9,11 @@ import numpy as np
 
 from overtaking.analysis.whatif.fan import fan_of
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge import presets
+from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.labels.label import label
-from overtaking.model.changes import Change
-from overtaking.model.decision import Decision
-from overtaking.scenarios.schema import PresetWeather
-from overtaking.scenarios.weather import sample_weather
+from overtaking.model.scenario import ForcedDecision, Intervention
+from overtaking.scenarios.specification import PresetWeather
+from overtaking.scenarios.weather_sampling import sample_weather
 from overtaking.show.contrast import contrast
 from overtaking.show.futures import GIVEN_WORDS, fan_title, values_of_fan
 from overtaking.show.view.pack import pack
@@ -27,15 +26,15 @@ if TYPE_CHECKING:
     from overtaking.analysis.whatif.scenes import Scene
     from overtaking.labels.label import Labelled
     from overtaking.model.scenario import Scenario
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
     from overtaking.model.weather import Weather
     from overtaking.show.server.wanted import Branch, Futures, Otherwise
 
 DECISIONS = {
-    Decision.PULL_OUT.name: "pull out, whatever the gaps",
-    Decision.STAY.name: "stay: never begin an overtake",
-    Decision.ABORT.name: "abort: go back while pulling out",
-    Decision.RETURN.name: "return, whatever is there",
+    ForcedDecision.PULL_OUT.name: "pull out, whatever the gaps",
+    ForcedDecision.STAY.name: "stay: never begin an overtake",
+    ForcedDecision.ABORT.name: "abort: go back while pulling out",
+    ForcedDecision.RETURN.name: "return, whatever is there",
 }
 """What can be forced on the ego, with words for the page."""
 
@@ -79,7 +78,7 @@ def branch(
     }
 
 
-def changed(scenario: Scenario, changes: Sequence[Change]) -> Trajectories:
+def changed(scenario: Scenario, changes: Sequence[Intervention]) -> Trajectories:
     """The simulation with one change after another."""
     return branching.branch(scenario, changes=changes)
 
@@ -112,28 +111,28 @@ def _title(asked: Otherwise, run: Trajectories) -> str:
     return f"{words(asked.decision or '') or asked.weather} at {seconds:.2f} s"
 
 
-def _change(run: Trajectories, asked: Otherwise) -> Change:
+def _change(run: Trajectories, asked: Otherwise) -> Intervention:
     if (asked.decision is None) == (asked.weather is None):
         raise _refused("change", "a decision or a weather", "both or none")
-    return Change(
+    return Intervention(
         frame=asked.frame, decision=_decision(asked), weather=_weather(run.scenario, asked)
     )
 
 
-def _decision(asked: Otherwise) -> Decision | None:
+def _decision(asked: Otherwise) -> ForcedDecision | None:
     if asked.decision is None:
         return None
     if asked.decision not in DECISIONS:
-        raise ConfigError.not_among("decision", "view", DECISIONS, asked.decision)
-    return Decision[asked.decision]
+        raise ConfigError.unknown_choice("decision", "view", DECISIONS, asked.decision)
+    return ForcedDecision[asked.decision]
 
 
 def _weather(scenario: Scenario, asked: Otherwise) -> Weather | None:
     """A preset, with the wind and sun that the simulation would have drawn for it."""
     if asked.weather is None:
         return None
-    if asked.weather not in presets():
-        raise ConfigError.not_among("weather", "view", presets(), asked.weather)
+    if asked.weather not in weather_presets():
+        raise ConfigError.unknown_choice("weather", "view", weather_presets(), asked.weather)
     spec = PresetWeather(mode="presets", presets={asked.weather: 1.0})
     return sample_weather(spec, scenario.seed, scenario.index)
 

@@ -6,14 +6,14 @@ from operator import itemgetter
 
 import numpy as np
 
-from overtaking.model.course import PlaceKind, RoadMark
+from overtaking.model.road_course import RoadMark, ZoneKind
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.scene import FilmScene
 from overtaking.show.video.text import line
 from overtaking.show.video.view import SCENE_TOP
-from overtaking.world.sight import places_for, sight_at
+from overtaking.world.sight_distance import all_zones_for, sight_at
 
 AHEAD, BEHIND = 1_000.0, 100.0
 """How much of the road is shown [m]."""
@@ -29,15 +29,15 @@ _SOLID = {RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN, RoadMark.
 _GROUND, _CLOSED, _OPEN, _UNSEEN = "#4a5057", "#ff8a7a", "#eef1f4", "#14181d"
 _ONCOMING = "#ffffff"
 _NAMES = {
-    PlaceKind.CREST: "crest",
-    PlaceKind.BEND: "bend",
-    PlaceKind.JUNCTION: "junction",
-    PlaceKind.PEDESTRIAN_CROSSING: "crossing",
-    PlaceKind.LEVEL_CROSSING: "level crossing",
-    PlaceKind.NARROW: "narrow",
-    PlaceKind.NO_OVERTAKING: "no overtaking",
-    PlaceKind.NO_OVERTAKING_HEAVY: "no overtaking, heavy",
-    PlaceKind.NO_OVERTAKING_MOTORCYCLE: "no overtaking, motorcycles",
+    ZoneKind.CREST: "crest",
+    ZoneKind.BEND: "bend",
+    ZoneKind.JUNCTION: "junction",
+    ZoneKind.PEDESTRIAN_CROSSING: "crossing",
+    ZoneKind.LEVEL_CROSSING: "level crossing",
+    ZoneKind.NARROW: "narrow",
+    ZoneKind.NO_OVERTAKING: "no overtaking",
+    ZoneKind.NO_OVERTAKING_HEAVY: "no overtaking, heavy",
+    ZoneKind.NO_OVERTAKING_MOTORCYCLE: "no overtaking, motorcycles",
 }
 _PLACE = "#8a7434"
 
@@ -60,7 +60,7 @@ class Ahead:
         row = np.arange(len(scene.slots))
         self._comes = np.cos(scene.angle[row, first]) < 0
         self._comes[Role.EGO] = False
-        self._stretches = places_for(scene.road, 1)
+        self._stretches = all_zones_for(scene.road, 1)
 
     def draw(self, canvas: Canvas, frame: int) -> None:
         """Draw the strip of a frame."""

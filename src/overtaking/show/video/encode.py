@@ -10,7 +10,7 @@ import numpy as np
 
 from overtaking import _core
 from overtaking.core.errors import DatasetError, MissingExtraError
-from overtaking.core.folders import sync_folder
+from overtaking.core.files import fsync_folder
 from overtaking.show.video.canvas import Canvas
 from overtaking.show.video.scene import RATE
 
@@ -87,7 +87,7 @@ def write_film(
         raise _failed(path, error) from error
     finally:
         partial.unlink(missing_ok=True)
-    sync_folder(path.parent)
+    fsync_folder(path.parent)
 
 
 def require() -> ModuleType:

@@ -2,14 +2,14 @@
 
 import math
 
-from overtaking.knowledge.terms import terms
+from overtaking.knowledge.glossary import terms
 from overtaking.labels.law import Policy, default_policy
 from overtaking.labels.law import policy as policy_named
-from overtaking.model.events import Events
-from overtaking.model.labels import Findings, OvertakeClass
+from overtaking.model.overtake_events import OvertakeEvents
 from overtaking.model.road import Road
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import Findings, OvertakeClass
 from overtaking.show.video import notes, sky
 from overtaking.show.video.ahead import Ahead
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
@@ -56,7 +56,7 @@ class Film:
         run: Trajectories,
         *,
         title: str = "Simulation",
-        events: Events | None = None,
+        events: OvertakeEvents | None = None,
         findings: Findings | None = None,
         policy: Policy | None = None,
         label: OvertakeClass | None = None,

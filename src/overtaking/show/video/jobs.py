@@ -10,8 +10,8 @@ from overtaking.core.errors import ConfigError
 from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import Policy, choose_policy, policy
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
+from overtaking.model.verdicts import OvertakeClass
 
 Source = Dataset | Trajectories | Labelled
 """A data set, or a batch in memory; labels are computed if they are missing."""

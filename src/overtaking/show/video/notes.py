@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from overtaking.labels.law import POLICIES, PORTUGAL, Policy
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Findings, Severity, Verdict
+from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import Role
+from overtaking.model.verdicts import Findings, Severity, Verdict
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.road import lane_borders

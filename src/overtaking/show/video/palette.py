@@ -1,6 +1,6 @@
 """The colours of the films."""
 
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Colour
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas, Drawing

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
-from overtaking.model.events import Events
+from overtaking.model.overtake_events import OvertakeEvents
 from overtaking.model.road import Road
-from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_STEP,
+from overtaking.model.trajectories import (
+    ANGLE_RESOLUTION,
     NO_VEHICLE,
-    RADIANS_PER_STEP,
-    DecisionKind,
+    POSITION_RESOLUTION,
+    SPEED_RESOLUTION,
+    ManoeuvreKind,
     Trajectories,
 )
 from overtaking.model.vehicles import Colour, Role, VehicleKind
@@ -80,7 +80,7 @@ class FilmScene:
         return np.sign(apart) * np.maximum(np.abs(apart) - reach, 0.0)
 
 
-def scene(run: Trajectories, events: Events | None = None) -> FilmScene:
+def scene(run: Trajectories, events: OvertakeEvents | None = None) -> FilmScene:
     """A scene from a batch of one simulation.
 
     Args:
@@ -104,19 +104,19 @@ def scene(run: Trajectories, events: Events | None = None) -> FilmScene:
     kept = (np.array(slots)[:, None], recorded)
     states = run.states
     target = _target(run, events)
-    headings, direction = run.headings
+    headings, direction = run.headings_and_origin
     return FilmScene(
         road=run.road,
         slots=slots,
         bodies=tuple(_body(run, slot) for slot in slots),
         target=slots.index(target) if target in slots[1:] else None,
         recorded=recorded,
-        is_there=run.state_valid[0][kept],
+        is_there=run.state_mask[0][kept],
         time=recorded.astype(np.float64) * (run.scenario.frame_interval_ms / _MS_PER_S),
-        s=states.s[0][kept] * METRES_PER_STEP,
-        d=states.d[0][kept] * METRES_PER_STEP,
-        angle=headings[0][kept] * RADIANS_PER_STEP - direction,
-        speed=states.speed[0][kept] * METRES_PER_SECOND_PER_STEP,
+        s=states.s[0][kept] * POSITION_RESOLUTION,
+        d=states.d[0][kept] * POSITION_RESOLUTION,
+        angle=headings[0][kept] * ANGLE_RESOLUTION - direction,
+        speed=states.speed[0][kept] * SPEED_RESOLUTION,
         lights=_lights(run)[kept],
         stage=None if "stage" in run.unknown else run.stage[0, recorded],
         contact=_contact(run, slots),
@@ -158,12 +158,12 @@ def _contact(run: Trajectories, slots: tuple[int, ...]) -> tuple[float, int | No
     return time_ms / _MS_PER_S, slots.index(partner) if partner in slots else None
 
 
-def _target(run: Trajectories, events: Events | None) -> int:
+def _target(run: Trajectories, events: OvertakeEvents | None) -> int:
     """Slot of the vehicle to overtake, `NO_VEHICLE` if there is none."""
     if events is not None:
         return int(events.target[0])
     percepts = run.percepts
-    decided = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == DecisionKind.PULL_OUT))
+    decided = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT))
     if "percepts" not in run.unknown and len(decided):
         return int(percepts.vehicle[0, decided[-1], 0])
     lane, s = run.states.lane[0, :, 0], run.states.s[0, :, 0]

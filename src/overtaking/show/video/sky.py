@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import U8
-from overtaking.core.philox import Draws
-from overtaking.knowledge import presets
-from overtaking.model.trajectory import Trajectories
+from overtaking.core.random_numbers import PhiloxStream
+from overtaking.knowledge.carla_catalogue import weather_presets
+from overtaking.knowledge.toml_reader import constant
+from overtaking.model.trajectories import Trajectories
 from overtaking.model.weather import NO_PRESET
 from overtaking.show.video.canvas import WIDTH, Drawing
 from overtaking.show.video.road import Tone
-from overtaking.world.constants import known
-from overtaking.world.film import rain_rate
+from overtaking.world.road_surface import rain_rate
 from overtaking.world.visibility import fog_extinction, rain_extinction
 
 _NIGHT, _DAY, _OVERCAST, _SUNSET = (
@@ -98,7 +98,7 @@ def sky(run: Trajectories) -> Sky:
 
 def _is_hazy(extinction: float) -> bool:
     """Whether so much is hidden that it is drawn."""
-    return extinction * _CLEAR_TO_SEE >= float(known("weather.fog.transmission_depth"))
+    return extinction * _CLEAR_TO_SEE >= float(constant("weather.fog.transmission_depth"))
 
 
 def haze(seen: Sky) -> float:
@@ -110,11 +110,11 @@ def _words(run: Trajectories, rate: float, extinction: float, *, is_low: bool) -
     """The weather as text, the name of a preset first."""
     weather = run.scenario.weather
     code = weather.preset[0]
-    parts = [] if code == NO_PRESET else [list(presets())[code]]
+    parts = [] if code == NO_PRESET else [list(weather_presets())[code]]
     parts.append("night" if weather.night[0] else "low sun" if is_low else "day")
     if rate > 0.0:
         parts.append(f"rain {rate:.0f} mm/h")
-    optical_range = float(known("weather.fog.transmission_depth")) / extinction
+    optical_range = float(constant("weather.fog.transmission_depth")) / extinction
     if optical_range < _CLEAR_TO_SEE:
         parts.append(f"visibility {_rounded(optical_range)} m")
     if weather.wind[0] > 0.0:
@@ -199,7 +199,7 @@ def rain(rate: float, height: int, *, is_night: bool) -> tuple[Drawing, ...]:
     num_streaks = round(40 + 2.4 * rate)
     falling: list[Drawing] = []
     for number in range(_NUM_RAIN_PICTURES):
-        draws = Draws(number, np.arange(num_streaks, dtype=np.uint64), 0)
+        draws = PhiloxStream(number, np.arange(num_streaks, dtype=np.uint64), 0)
         x, y = draws.integer(WIDTH).astype(float), draws.integer(height - _STREAK).astype(float)
         length = _STREAK // 2 + draws.integer(_STREAK // 2)
         ends = zip(x.tolist(), y.tolist(), length.tolist(), strict=True)
@@ -234,7 +234,7 @@ def beam(degrees: int, scale: float, *, is_high: bool) -> Light:
         is_high: Whether the high beam is on.
     """
     scale *= 0.5
-    reach = float(known(f"weather.headlamps.{'high' if is_high else 'low'}_beam"))
+    reach = float(constant(f"weather.headlamps.{'high' if is_high else 'low'}_beam"))
     angle = math.radians(degrees)
     cosine, sine = math.cos(angle), math.sin(angle)
     side = 0.35 * reach

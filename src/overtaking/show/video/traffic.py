@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.units import kmh_from_mps
-from overtaking.model.trajectory import Lights
+from overtaking.model.trajectories import Lights
 from overtaking.model.vehicles import Role
 from overtaking.show.video import palette, sky
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing

@@ -3,7 +3,7 @@
 from overtaking.analysis.whatif.twin import Twin
 from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.show.video.film import Film

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from overtaking.model.trajectory import Lights
+from overtaking.model.trajectories import Lights
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import Drawing

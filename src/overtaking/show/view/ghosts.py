@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.model.observation import AROUND, OWN, ROLES
-from overtaking.model.trajectory import (
-    METRES_PER_SECOND_PER_STEP,
-    METRES_PER_STEP,
+from overtaking.model.driver_interface import EGO_COLUMNS, NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES
+from overtaking.model.trajectories import (
     NO_VEHICLE,
-    DecisionKind,
+    POSITION_RESOLUTION,
+    SPEED_RESOLUTION,
+    ManoeuvreKind,
 )
 from overtaking.model.vehicles import Role
-from overtaking.world.clock import DECISIONS_PER_SECOND
+from overtaking.world.constants import DECISIONS_PER_SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.core.arrays import F32
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
     from overtaking.sim.beliefs import Beliefs
 
 _IMAGINED_SIZE_M = (4.5, 1.8)
@@ -80,7 +80,7 @@ def beliefs_at_every_decision(trajectories: Trajectories, trace: Beliefs) -> dic
     decisions = np.arange(len(trace.own))
     frames = (decisions * interval_ms / trajectories.scenario.frame_interval_ms).astype(int)
     frames = np.minimum(frames, int(trajectories.num_frames[0]) - 1)
-    roles = (_neighbour_columns(trajectories, trace, role, frames) for role in ROLES)
+    roles = (_neighbour_columns(trajectories, trace, role, frames) for role in NEIGHBOUR_ROLES)
     return {"interval_ms": interval_ms, "roles": [role for role in roles if role is not None]}
 
 
@@ -98,10 +98,10 @@ def _neighbour_columns(
     Returns:
         Columns over the decisions; None if no vehicle ever has this role.
     """
-    place = ROLES.index(role)
-    ego = dict(zip(OWN, trace.own[:, 0].T, strict=True))
-    believed = dict(zip(AROUND, trace.believed[:, 0, place].T, strict=True))
-    true = dict(zip(AROUND, trace.true[:, 0, place].T, strict=True))
+    place = NEIGHBOUR_ROLES.index(role)
+    ego = dict(zip(EGO_COLUMNS, trace.own[:, 0].T, strict=True))
+    believed = dict(zip(NEIGHBOUR_COLUMNS, trace.believed[:, 0, place].T, strict=True))
+    true = dict(zip(NEIGHBOUR_COLUMNS, trace.true[:, 0, place].T, strict=True))
     has_neighbour, is_seen = true["detected"] > 0, believed["detected"] > 0
     if not (has_neighbour | is_seen).any():
         return None
@@ -192,7 +192,7 @@ def _millimetres(
     """Whole millimetres, None at decisions without a value."""
     has_value = has_neighbour & np.isfinite(values)
     return [
-        round(float(value) / METRES_PER_STEP) if is_finite else None
+        round(float(value) / POSITION_RESOLUTION) if is_finite else None
         for value, is_finite in zip(values, has_value, strict=True)
     ]
 
@@ -205,10 +205,10 @@ def _nearest_slots(
 ) -> NDArray[np.int64]:
     """The vehicle that stands nearest to a position, at each of some frames."""
     states = trajectories.states
-    is_recorded = trajectories.state_valid[0][:, frames].copy()
+    is_recorded = trajectories.state_mask[0][:, frames].copy()
     is_recorded[Role.EGO] = False
-    along = np.abs(states.s[0][:, frames] * METRES_PER_STEP - np.nan_to_num(s))
-    across = np.abs(states.d[0][:, frames] * METRES_PER_STEP - np.nan_to_num(d))
+    along = np.abs(states.s[0][:, frames] * POSITION_RESOLUTION - np.nan_to_num(s))
+    across = np.abs(states.d[0][:, frames] * POSITION_RESOLUTION - np.nan_to_num(d))
     return np.where(is_recorded, along + across, np.inf).argmin(axis=0)
 
 
@@ -232,19 +232,19 @@ def _recorded_belief(trajectories: Trajectories, row: int, place: int) -> dict[s
     columns = (percepts.gap, percepts.closing_speed)
     if not is_seen:
         columns = (percepts.true_gap, percepts.true_closing_speed)
-    gap, closing_speed = (int(column[0, row, place]) * METRES_PER_STEP for column in columns)
+    gap, closing_speed = (int(column[0, row, place]) * POSITION_RESOLUTION for column in columns)
     direction = -1 if place == _NEW_FOLLOWER else 1
     reach = gap + 0.5 * (length + _length_and_width(trajectories, Role.EGO)[0])
-    ego_s = states.s[0, Role.EGO, frame] * METRES_PER_STEP
-    ego_speed = states.speed[0, Role.EGO, frame] * METRES_PER_SECOND_PER_STEP
-    true_gap = int(percepts.true_gap[0, row, place]) * METRES_PER_STEP
+    ego_s = states.s[0, Role.EGO, frame] * POSITION_RESOLUTION
+    ego_speed = states.speed[0, Role.EGO, frame] * SPEED_RESOLUTION
+    true_gap = int(percepts.true_gap[0, row, place]) * POSITION_RESOLUTION
     if exists:
-        d = states.d[0, slot, frame] * METRES_PER_STEP
+        d = states.d[0, slot, frame] * POSITION_RESOLUTION
     else:
         d = _middle_of_believed_lane(trajectories, row, place, frame)
     return {
         "time_s": time_ms / 1000.0,
-        "decision": DecisionKind(int(percepts.kind[0, row])).name,
+        "decision": ManoeuvreKind(int(percepts.kind[0, row])).name,
         "vehicle": slot if exists else None,
         "seen": is_seen,
         "s_m": round(float(ego_s) + direction * reach, 3),
@@ -268,6 +268,6 @@ def _middle_of_believed_lane(trajectories: Trajectories, row: int, place: int, f
     road = trajectories.road
     lane = int(trajectories.states.lane[0, Role.EGO, frame])
     if place != _LEADER:
-        is_pull_out = trajectories.percepts.kind[0, row] == DecisionKind.PULL_OUT
+        is_pull_out = trajectories.percepts.kind[0, row] == ManoeuvreKind.PULL_OUT
         lane += 1 if is_pull_out else -1
     return float(road.centres[min(max(lane, 0), road.num_lanes - 1)])

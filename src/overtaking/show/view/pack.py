@@ -14,9 +14,9 @@ import numpy as np
 
 from overtaking.labels.explain.margins import margins
 from overtaking.labels.law import PORTUGAL
-from overtaking.model.labels import Verdict
-from overtaking.model.signals import Around
+from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.vehicles import Colour
+from overtaking.model.verdicts import Verdict
 from overtaking.show import wording
 from overtaking.show.description import describe
 from overtaking.show.judgement import EVENTS
@@ -24,14 +24,14 @@ from overtaking.show.paragraphs import paragraphs_of
 from overtaking.show.video.palette import PAINT
 from overtaking.show.video.sky import haze, sky
 from overtaking.show.view.ghosts import recorded_beliefs
-from overtaking.world.measures import ttc
+from overtaking.world.surrogate_safety import ttc
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.labels.label import Labelled
     from overtaking.model.road import Road
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
     Values = dict[str, Any]
 
@@ -72,8 +72,8 @@ def pack(labelled: Labelled, number: int) -> Values:
         "vehicles": [
             _vehicle(run, int(slot)) for slot in np.flatnonzero(run.scenario.vehicles.valid[0])
         ],
-        "leader": _neighbour_slots(labelled, Around.LEADER),
-        "follower": _neighbour_slots(labelled, Around.FOLLOWER),
+        "leader": _neighbour_slots(labelled, NeighbourRole.LEADER),
+        "follower": _neighbour_slots(labelled, NeighbourRole.FOLLOWER),
         "gap_mm": _gap(labelled),
         "inverse_ttc": _inverse_ttc(labelled),
         "sight_dm": _sight(labelled),
@@ -190,14 +190,14 @@ def _oncoming(road: Road, *, is_marked: bool) -> Values | None:
 def _vehicle(run: Trajectories, slot: int) -> Values:
     """A body with its motion, in the frames in which it was recorded."""
     bodies, states = run.scenario.vehicles, run.states
-    frames = np.flatnonzero(run.state_valid[0, slot])
+    frames = np.flatnonzero(run.state_mask[0, slot])
     first, last = int(frames[0]), int(frames[-1])
     span = slice(first, last + 1)
-    headings, direction = run.headings
+    headings, direction = run.headings_and_origin
     turn = round(direction / 1e-4)
     is_lit = not run.unknown & {"indicators", "lamps"}
     lights = states.lights[0, slot, span] if is_lit else np.zeros(last + 1 - first, np.uint8)
-    away = np.flatnonzero(~run.state_valid[0, slot, span]) + first
+    away = np.flatnonzero(~run.state_mask[0, slot, span]) + first
     return {
         "slot": slot,
         "symbol": wording.symbol(slot),
@@ -216,7 +216,7 @@ def _vehicle(run: Trajectories, slot: int) -> Values:
     }
 
 
-def _neighbour_slots(labelled: Labelled, role: Around) -> list[int | None]:
+def _neighbour_slots(labelled: Labelled, role: NeighbourRole) -> list[int | None]:
     """Slot of the vehicle that has a role, frame by frame; None where no vehicle has it.
 
     Gaps and times to collision of the frame refer to this vehicle. The page finds beliefs by the
@@ -224,8 +224,10 @@ def _neighbour_slots(labelled: Labelled, role: Around) -> list[int | None]:
     ahead in the new lane.
     """
     signals, frames = labelled.signals, int(labelled.trajectories.num_frames[0])
-    has_role = signals.has(role)[0, :frames]
-    return sparse(np.where(has_role, signals.vehicle[0, role, :frames].astype(float), np.nan), 1)
+    has_role = signals.has_neighbour(role)[0, :frames]
+    return sparse(
+        np.where(has_role, signals.neighbour_slot[0, role, :frames].astype(float), np.nan), 1
+    )
 
 
 def _margin_steps(margins: NDArray[np.floating]) -> list[int | None]:
@@ -237,8 +239,8 @@ def _margin_steps(margins: NDArray[np.floating]) -> list[int | None]:
 def _gap(labelled: Labelled) -> list[int | None]:
     """From the ego's bumper to that of the vehicle ahead in its lane."""
     seen, last = labelled.signals, int(labelled.trajectories.num_frames[0])
-    there = seen.has(Around.LEADER)[0, :last]
-    return sparse(np.where(there, seen.gap[0, Around.LEADER, :last], np.nan), _MM)
+    there = seen.has_neighbour(NeighbourRole.LEADER)[0, :last]
+    return sparse(np.where(there, seen.gap[0, NeighbourRole.LEADER, :last], np.nan), _MM)
 
 
 def _inverse_ttc(labelled: Labelled) -> Values:
@@ -249,12 +251,12 @@ def _inverse_ttc(labelled: Labelled) -> Values:
     """
     seen, last = labelled.signals, int(labelled.trajectories.num_frames[0])
 
-    def to(place: Around) -> list[int | None]:
+    def to(place: NeighbourRole) -> list[int | None]:
         time = ttc(seen.gap[0, place, :last], seen.closing_speed[0, place, :last])
         urgency = 1.0 / np.maximum(time, _LEAST_TTC)
-        return sparse(np.where(seen.has(place)[0, :last], urgency, np.nan), _TTC_STEPS)
+        return sparse(np.where(seen.has_neighbour(place)[0, :last], urgency, np.nan), _TTC_STEPS)
 
-    return {"ahead": to(Around.LEADER), "behind": to(Around.FOLLOWER)}
+    return {"ahead": to(NeighbourRole.LEADER), "behind": to(NeighbourRole.FOLLOWER)}
 
 
 def _sight(labelled: Labelled) -> list[int] | None:

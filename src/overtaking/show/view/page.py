@@ -10,12 +10,12 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.show.palette import ACCENT, CLASS_COLOURS, CLASS_MARKERS, GRID, INK, QUIET
 from overtaking.show.video import palette
 from overtaking.show.video.jobs import MIN_DURATION_S
-from overtaking.world.constants import known
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -97,7 +97,7 @@ def words() -> dict[str, Any]:
             for one in POLICIES
         },
         "rules": {one.code: {name: getattr(one, name) for name in _TOLD} for one in PORTUGAL.rules},
-        "critical_ttc_s": float(known("labels.safety.critical_ttc")),
+        "critical_ttc_s": float(constant("event_detection.safety.critical_ttc")),
         "min_duration_s": MIN_DURATION_S,
         "stages": {
             stage.name: {"title": title, "colour": colour, "ink": ink}

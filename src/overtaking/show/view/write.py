@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
-from overtaking.core.files import put
+from overtaking.core.files import write_atomically
 from overtaking.data.load import Dataset
 from overtaking.labels.law import choose_policy
 from overtaking.model.import_report import ImportFinding, joined_findings
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from overtaking.data.generate import Progress
+    from overtaking.data.generate import ProgressCallback
     from overtaking.labels.label import Labelled
     from overtaking.show.video.jobs import Source
 
@@ -52,7 +52,7 @@ def write(
     *,
     chosen: Iterable[int] | str,
     policy: str | None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     say: Callable[[int], None] | None = None,
 ) -> ViewPage:
     """Write a page; see `overtaking.write_view`."""
@@ -73,7 +73,7 @@ def write(
     content = page(_title(source), policy, entries, findings).encode()
     if say is not None and len(content) > LARGE:
         say(len(content))
-    put(out, content)
+    write_atomically(out, content)
     numbers = tuple(entry["number"] for entry in entries)
     return ViewPage(path=out, simulations=numbers, size_bytes=len(content))
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import clamp, maximum, minimum, sincos
-from overtaking.model.trajectory import Stage
+from overtaking.core.float32_math import clamp, maximum, minimum, sincos
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.state import Fields, State
-from overtaking.world.constants import Constants
-from overtaking.world.lanes import RoadParameters
+from overtaking.world.constants import ModelConstants
+from overtaking.world.road_parameters import RoadParameters
 
 _TINY = np.float32(1e-6)  # Keeps the instant of contact finite without relative motion [m].
 _EVER = np.float32(1e9)  # Steps before and after which nothing happens.
@@ -57,7 +57,7 @@ def frame_of(road: RoadParameters, p: Fields, i: int, j: int | slice) -> Frame:
     return Frame(turn=turn, far_end=road.far_end, across=road.across)
 
 
-def near_pairs(state: State, c: Constants, road: RoadParameters, p: Fields) -> Pairs:
+def near_pairs(state: State, c: ModelConstants, road: RoadParameters, p: Fields) -> Pairs:
     """The pairs that may touch before the next decision, in order, and where they may."""
     found: Pairs = {}
     for i in range(len(p.valid)):
@@ -70,7 +70,7 @@ def near_pairs(state: State, c: Constants, road: RoadParameters, p: Fields) -> P
     return found
 
 
-def leave_road(state: State, c: Constants, p: Fields, borders: F32, step: int) -> None:
+def leave_road(state: State, c: ModelConstants, p: Fields, borders: F32, step: int) -> None:
     """Vehicles that have left the lanes, or stand across them, become wrecks that slide to rest.
 
     Args:
@@ -86,7 +86,7 @@ def leave_road(state: State, c: Constants, p: Fields, borders: F32, step: int) -
     end_with_ego(state, c, lost[Role.EGO], step)
 
 
-def end_with_ego(state: State, c: Constants, crashed: Mask, step: int) -> None:
+def end_with_ego(state: State, c: ModelConstants, crashed: Mask, step: int) -> None:
     """An accident of the ego ends the simulation soon."""
     state.stage[Role.EGO] = np.where(crashed, np.float32(Stage.CRASHED), state.stage[Role.EGO])
     after = np.float32(step) + np.rint(c.after_collision / c.step)
@@ -95,7 +95,7 @@ def end_with_ego(state: State, c: Constants, crashed: Mask, step: int) -> None:
 
 def collide(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     road: RoadParameters,
     p: Fields,
     pairs: Pairs,
@@ -149,7 +149,7 @@ class Hit:
 
 def _collide_pair(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     near: Mask,
     before: tuple[F32, F32],
@@ -170,7 +170,7 @@ def _collide_pair(
 
 def _contact(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     near: Mask,
     before: tuple[F32, F32],
@@ -224,7 +224,7 @@ def _contact(
     )
 
 
-def _impulse(c: Constants, p: Fields, hit: Hit, i: int, j: int) -> F32:
+def _impulse(c: ModelConstants, p: Fields, hit: Hit, i: int, j: int) -> F32:
     """Impulse along the normal of two rigid bodies without friction between them [N s].
 
     Source:

@@ -3,16 +3,16 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import clamp, maximum, minimum
-from overtaking.model.trajectory import Stage
+from overtaking.core.float32_math import clamp, maximum, minimum
+from overtaking.model.trajectories import Stage
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Encounters
 from overtaking.sim.reference.passing import room_left, speed_of_pass
 from overtaking.sim.reference.perception import Beliefs
 from overtaking.sim.reference.state import FAST_LEAD, LEAD, SLOW_LEAD, Fields, State, pick
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import Parameters
 
 _FREE = np.float32(1e9)
 
@@ -102,7 +102,7 @@ def behind_old_leader(
     return np.where(matters, maximum(kept, -needed), _FREE)
 
 
-def _braking_to_clear(c: Constants, room: F32, closing: F32, time: F32) -> F32:
+def _braking_to_clear(c: ModelConstants, room: F32, closing: F32, time: F32) -> F32:
     """Constant braking with which the room lasts a time, below 0 if it does so without [m/s^2].
 
     Where the closing would end before that time, it is the braking that ends it within the room.

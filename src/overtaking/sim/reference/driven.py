@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.elementary import clamp, maximum, minimum, sincos
+from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.sim.reference import dynamics, environment
 from overtaking.sim.reference.state import Fields, State
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 WHEEL_RATE = np.float32(6.0)
 """How fast the front wheels turn [rad/s]; CARLA's follow the control almost at once."""
@@ -50,7 +51,7 @@ def weather(
     environment.wind(state, given, p, turned)
 
 
-def drive(state: State, c: Constants, p: Fields, controls: Controls, steps: int) -> None:
+def drive(state: State, c: ModelConstants, p: Fields, controls: Controls, steps: int) -> None:
     """Move every vehicle by some steps; contacts are not looked for."""
     for _ in range(steps):
         speed = maximum(state.vx + np.float32(0.5) * c.step * state.a_lon, np.float32(0.0))
@@ -68,7 +69,7 @@ def _turned(state: State, q: SimulationParameters) -> SimulationParameters:
     )
 
 
-def _press(state: State, c: Constants, p: Fields, controls: Controls, speed: F32) -> None:
+def _press(state: State, c: ModelConstants, p: Fields, controls: Controls, speed: F32) -> None:
     """From pedals, at a speed, to the acceleration that the dynamics are asked for.
 
     They add what drag and rolling take and cut at engine, brakes and grip, so a foot off both
@@ -81,7 +82,7 @@ def _press(state: State, c: Constants, p: Fields, controls: Controls, speed: F32
     state.accel = force * p.inverse_mass
 
 
-def _turn(state: State, c: Constants, p: Fields, angle: F32, speed: F32) -> F32:
+def _turn(state: State, c: ModelConstants, p: Fields, angle: F32, speed: F32) -> F32:
     """Turn front wheels towards the wanted angle, or lean into the curve it stands for.
 
     Returns:

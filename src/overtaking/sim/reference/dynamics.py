@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.elementary import clamp, maximum, minimum, sincos
+from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.sim.reference.state import Fields, State
-from overtaking.world.constants import Constants
+from overtaking.world.constants import ModelConstants
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
@@ -76,7 +76,7 @@ def fiala(stiffness: F32, across: F32, along: F32, limit: F32) -> tuple[F32, F32
 
 
 def drive_force(
-    c: Constants, p: Fields, accel: F32, resistance: F32, speed: F32, inverse_speed: F32
+    c: ModelConstants, p: Fields, accel: F32, resistance: F32, speed: F32, inverse_speed: F32
 ) -> F32:
     """Force asked of the tyres for an acceleration, within engine, governor and brakes [N]."""
     wanted = p.mass * accel + resistance
@@ -86,7 +86,7 @@ def drive_force(
     return maximum(minimum(wanted, engine * throttle), -p.brake_force)
 
 
-def axle_forces(c: Constants, p: Fields, state: State, force: F32, load: F32) -> Axle:
+def axle_forces(c: ModelConstants, p: Fields, state: State, force: F32, load: F32) -> Axle:
     """Forces of one axle under a load [N] that is asked for a longitudinal force [N].
 
     Each side transmits what its own friction allows, which turns the vehicle on split friction. Of
@@ -107,7 +107,7 @@ def axle_forces(c: Constants, p: Fields, state: State, force: F32, load: F32) ->
     return Axle(load=load, along=total, split=slow - fast, limit=np.sqrt(left))
 
 
-def move(state: State, c: Constants, p: Fields, angle: F32, length: np.float32) -> None:
+def move(state: State, c: ModelConstants, p: Fields, angle: F32, length: np.float32) -> None:
     """Advance every vehicle by one step: new velocity first, then the position by the trapezoid.
 
     Args:
@@ -137,7 +137,7 @@ def move(state: State, c: Constants, p: Fields, angle: F32, length: np.float32) 
 
 
 def _axles(
-    state: State, c: Constants, p: Fields, force: F32, resistance: F32, angle: F32
+    state: State, c: ModelConstants, p: Fields, force: F32, resistance: F32, angle: F32
 ) -> tuple[Axle, Axle]:
     """Loads and forces of the front and the rear axle.
 
@@ -166,7 +166,7 @@ def _axles(
     )
 
 
-def _front_weight(c: Constants, p: Fields, accel: F32) -> F32:
+def _front_weight(c: ModelConstants, p: Fields, accel: F32) -> F32:
     """Share of the load on the front axle at an acceleration, 0 to 1.
 
     It is never negative: an axle can leave the road, but not pull at it.
@@ -175,14 +175,14 @@ def _front_weight(c: Constants, p: Fields, accel: F32) -> F32:
     return p.inverse_wheelbase * (p.cg_rear - clamp(lifted, -p.cg_front, p.cg_rear))
 
 
-def _grip(state: State, c: Constants) -> F32:
+def _grip(state: State, c: ModelConstants) -> F32:
     """Largest acceleration that friction allows [m/s^2]."""
     return c.gravity * _HALF * (state.mu_fast + state.mu_slow)
 
 
 def _on_four_wheels(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     axles: tuple[Axle, Axle],
     resistance: F32,
@@ -235,7 +235,7 @@ def _on_four_wheels(
     )
 
 
-def _stability_control(state: State, c: Constants, p: Fields, speed: F32, angle: F32) -> F32:
+def _stability_control(state: State, c: ModelConstants, p: Fields, speed: F32, angle: F32) -> F32:
     """Yaw moment of stability control, which brakes single wheels [N m].
 
     It answers a yaw rate that is off, by more than a threshold, from what the wheel angle asks for
@@ -256,7 +256,7 @@ def _stability_control(state: State, c: Constants, p: Fields, speed: F32, angle:
 
 def _on_two_wheels(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     a_lon: F32,
     inverse_speed: F32,
@@ -279,7 +279,7 @@ def _chosen(mask: np.ndarray, a: Motion, b: Motion) -> Motion:
     return Motion(**{name: np.where(mask, getattr(a, name), getattr(b, name)) for name in names})
 
 
-def _stand_still(state: State, c: Constants, motion: Motion) -> None:
+def _stand_still(state: State, c: ModelConstants, motion: Motion) -> None:
     """Stop who hardly moves and is not asked to accelerate."""
     creeps = (motion.vx < c.standstill) & (np.abs(motion.vy) < c.standstill)
     stands = creeps & (state.accel <= 0)
@@ -290,7 +290,7 @@ def _stand_still(state: State, c: Constants, motion: Motion) -> None:
 
 def _integrate(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     motion: Motion,
     wrecked: np.ndarray,

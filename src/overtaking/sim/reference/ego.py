@@ -7,8 +7,8 @@ tell.
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import maximum, minimum
-from overtaking.model.trajectory import DecisionKind, Stage
+from overtaking.core.float32_math import maximum, minimum
+from overtaking.model.trajectories import ManoeuvreKind, Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.gaps import intend
 from overtaking.sim.reference.intent import Intent, in_stage
@@ -30,8 +30,9 @@ from overtaking.sim.reference.state import (
     State,
     Who,
 )
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import SUBSTEPS, Parameters, SimulationParameters
+from overtaking.world.constants import SUBSTEPS, ModelConstants
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -59,10 +60,10 @@ def decide(
     _wait(state, given, p, moment.believed, ego)
     front = FAST_LEAD if moment.met is None else ONCOMING
     for mask, kind, roles in (
-        (intent.go_out, DecisionKind.PULL_OUT, (LEAD, front, FAST_REAR)),
-        (intent.abort, DecisionKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
-        (intent.remain, DecisionKind.ABORT, (LEAD, FAST_LEAD, FAST_REAR)),
-        (intent.go_back, DecisionKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
+        (intent.go_out, ManoeuvreKind.PULL_OUT, (LEAD, front, FAST_REAR)),
+        (intent.abort, ManoeuvreKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
+        (intent.remain, ManoeuvreKind.ABORT, (LEAD, FAST_LEAD, FAST_REAR)),
+        (intent.go_back, ManoeuvreKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
     ):
         if recorder is not None:
             coming = None if moment.met is None else moment.met.coming
@@ -113,7 +114,7 @@ def _face(
     return plight
 
 
-def _haste(state: State, c: Constants, q: SimulationParameters, who: Who) -> F32:
+def _haste(state: State, c: ModelConstants, q: SimulationParameters, who: Who) -> F32:
     """How long hurried drivers take to change lanes, 0 for everybody else [s].
 
     At a walking pace a change takes longer, as the wheels turn only so far.

@@ -3,8 +3,8 @@
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.elementary import atan, clamp, exp, maximum, minimum, sincos
-from overtaking.core.philox import Stream, uniform, words
+from overtaking.core.float32_math import atan, clamp, exp, maximum, minimum, sincos
+from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
 from overtaking.sim.reference.state import (
     ANY_ACCEL,
     Fields,
@@ -12,10 +12,11 @@ from overtaking.sim.reference.state import (
     on_the_road,
     seen_from_each,
 )
-from overtaking.world import film, friction
-from overtaking.world.lanes import allowed_speed, along_course, bend_speed
-from overtaking.world.parameters import Parameters, SimulationParameters
-from overtaking.world.people import Wish, adapted_speed
+from overtaking.world import road_surface
+from overtaking.world.driver_parameters import DesiredSpeedFactors, adapted_speed
+from overtaking.world.road_parameters import allowed_speed, along_course, bend_speed
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 _TURN = np.float32(6.283_185_5)
@@ -40,7 +41,10 @@ def move_random_processes(
     """Advance gusts, errors of judgement and wander in the lane by one decision."""
     c = given.constants
     slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
-    draw = [uniform(word) for word in words(given.seed, given.index[None, :], slots, decision)]
+    draw = [
+        uniform_from_word(word)
+        for word in philox_words(given.seed, given.index[None, :], slots, decision)
+    ]
     along = state.vx - p.direction * q.wind_along
     air_speed = np.sqrt(along * along + q.wind_across * q.wind_across)
     # The first draw is the stationary state: nothing of a past is kept.
@@ -68,15 +72,17 @@ def grip(state: State, given: Parameters, p: Fields, q: SimulationParameters) ->
     for k in range(1, road.num_lanes):
         lane = np.where(state.d >= road.boundaries[k], np.float32(k), lane)
     path = lane_value(road.film_path, lane, road.num_lanes)
-    water = film.lane_film(q.least_film, q.film_rain, path, q.texture)
-    columns = friction.speed_columns(c, state.vx, p.wear, p.truck)
+    water = road_surface.lane_film(q.least_film, q.film_rain, path, q.texture)
+    columns = road_surface.friction_at_speed(c, state.vx, p.wear, p.truck)
     width = (road.boundaries[road.num_lanes] - road.boundaries[0]) / np.float32(2 * road.num_lanes)
     sides = []
     s, d = on_the_road(state, given, p)
     for offset in (p.half_track, -p.half_track):
-        wheel_path = film.floor((d + p.direction * offset - road.boundaries[0]) / width)
-        depth = film.puddle(c, s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach)
-        found = friction.at_film(c, columns, water + q.puddle_film * depth)
+        wheel_path = road_surface.floor((d + p.direction * offset - road.boundaries[0]) / width)
+        depth = road_surface.puddle_depth_share(
+            c, s, wheel_path, q.puddle_phase_1, q.puddle_phase_2, q.puddle_reach
+        )
+        found = road_surface.friction_at_film(c, columns, water + q.puddle_film * depth)
         sides.append(minimum(found, p.most_friction))
     state.mu_fast, state.mu_slow = sides
 
@@ -137,7 +143,9 @@ def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameter
     if not road.course.shape[1]:
         return p
     turned = p.direction < 0
-    wish = Wish(p.free_speed, p.limit_respect, p.caution, q.rain_slowing, q.stoppable_speed)
+    wish = DesiredSpeedFactors(
+        p.free_speed, p.limit_respect, p.caution, q.rain_slowing, q.stoppable_speed
+    )
     allowed, coming = (
         allowed_speed(c, road, s, turned) for s in (state.s, state.s + c.decision * state.vx)
     )
@@ -188,7 +196,7 @@ def gust_bump(state: State, given: Parameters, p: Fields, q: SimulationParameter
     c = given.constants
     s, _ = on_the_road(state, given, p)
     cell = s / c.gust_spacing + q.gust_phase
-    inside = (cell - film.floor(cell)) * c.gust_spacing / q.gust_length
+    inside = (cell - road_surface.floor(cell)) * c.gust_spacing / q.gust_length
     _, cosine = sincos(_TURN * minimum(inside, np.float32(1.0)))
     return np.where(
         inside < np.float32(1.0), np.float32(0.5) - np.float32(0.5) * cosine, np.float32(0.0)
@@ -226,6 +234,6 @@ def push(state: State, p: Fields, q: SimulationParameters, decision: int) -> Non
         intervals for less rain and wind. Size and duration are choices of the specification.
     """
     cell = np.float32(decision) * q.push_rate + q.push_phase
-    pushed = (q.push_accel != 0) & (cell - film.floor(cell) < q.push_share)
+    pushed = (q.push_accel != 0) & (cell - road_surface.floor(cell) < q.push_share)
     force = state.wind_force + p.direction * q.push_accel * p.mass
     state.wind_force = np.where(pushed, force, state.wind_force)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.elementary import clamp, exp, log, maximum, minimum
+from overtaking.core.float32_math import clamp, exp, log, maximum, minimum
 from overtaking.sim.reference.state import Fields
-from overtaking.world.constants import Constants
+from overtaking.world.constants import ModelConstants
 
 _STEADY = np.float32(0.0)
 _LEAST_WAY = np.float32(1e-3)  # Keeps the quotient finite behind a standing leader [m^2/s^2].
@@ -23,7 +23,7 @@ def wanted_gap(p: Fields, speed: F32, closing: F32, time_gap: F32) -> F32:
 
 
 def iidm(
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     speed: F32,
     desired: F32,
@@ -62,7 +62,7 @@ def iidm(
 
 
 def needed_braking(
-    c: Constants, speed: F32, gap: F32, closing: F32, leader_accel: F32 | np.float32
+    c: ModelConstants, speed: F32, gap: F32, closing: F32, leader_accel: F32 | np.float32
 ) -> F32:
     """Acceleration that just avoids a contact if the leader keeps braking as it does [m/s^2].
 
@@ -87,7 +87,7 @@ def needed_braking(
     return np.where(stops_first, stopping, moving)
 
 
-def cooled(c: Constants, p: Fields, wanted: F32, needed: F32) -> F32:
+def cooled(c: ModelConstants, p: Fields, wanted: F32, needed: F32) -> F32:
     """A wanted acceleration without the alarm of car-following models at small gaps [m/s^2].
 
     Where the model asks for more braking than is needed, the excess is limited to about the
@@ -113,7 +113,7 @@ def cooled(c: Constants, p: Fields, wanted: F32, needed: F32) -> F32:
 
 
 def follow(
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     speed: F32,
     desired: F32,
@@ -138,7 +138,7 @@ def follow(
 
 
 def forced_braking(
-    c: Constants, p: Fields, speed: F32, gap: F32, closing: F32, time_gap: F32
+    c: ModelConstants, p: Fields, speed: F32, gap: F32, closing: F32, time_gap: F32
 ) -> F32:
     """Acceleration, never positive, of someone following at the speed that they want [m/s^2].
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import exp, maximum, minimum
-from overtaking.model.decision import Decision
-from overtaking.model.trajectory import Stage
+from overtaking.core.float32_math import exp, maximum, minimum
+from overtaking.model.scenario import ForcedDecision
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import forced_braking, needed_braking
 from overtaking.sim.reference.intent import (
@@ -40,7 +40,8 @@ from overtaking.sim.reference.state import (
     Who,
     pick,
 )
-from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 _STEADY = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -285,8 +286,8 @@ def intend(
     return Intent(
         start=start,
         back=back,
-        go_out=start & ready & (sure | (view.command == Decision.PULL_OUT)),
-        go_back=back & back_now & (sure | (view.command == Decision.RETURN)),
+        go_out=start & ready & (sure | (view.command == ForcedDecision.PULL_OUT)),
+        go_back=back & back_now & (sure | (view.command == ForcedDecision.RETURN)),
         abort=abort,
         remain=remain,
         passed=passed,
@@ -310,8 +311,8 @@ def _starts(
         seen = seen & ~met.leader_goes[who]
     seen = np.where(view.told, view.ordered, seen)
     wanted = np.where(moment.looks[who] | view.told, seen, state.wanted[who] > 0)
-    wanted = wanted & (view.command != Decision.STAY)
-    forced = (view.command == Decision.PULL_OUT) & (state.attempted == 0)
+    wanted = wanted & (view.command != ForcedDecision.STAY)
+    forced = (view.command == ForcedDecision.PULL_OUT) & (state.attempted == 0)
     return free & (wanted | forced)
 
 
@@ -340,17 +341,17 @@ def _turns_back(
         rested = rested | hurried
     seen = np.where(view.told, passed, may) & rested
     wanted = np.where(looks | view.told, seen, state.wanted[who] < 0)
-    return has_lane & (wanted | (view.command == Decision.RETURN))
+    return has_lane & (wanted | (view.command == ForcedDecision.RETURN))
 
 
 def _gives_up(state: State, given: Parameters, view: View, looks: Mask) -> Mask:
     """Whether drivers go back while pulling out: in danger, or forced by a branch."""
     danger = looks & ~view.told & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
-    forced = view.command == Decision.ABORT
+    forced = view.command == ForcedDecision.ABORT
     return can_abort(state, given, view.who) & (danger | forced)
 
 
 def _stays_out(state: State, given: Parameters, view: View, looks: Mask) -> Mask:
     """Whether drivers give up their way back in danger, unless a branch forces a return."""
     danger = looks & ~view.told & must_abort(given, view, FAST_LEAD, FAST_REAR)
-    return can_remain(state, given, view.who) & danger & (view.command != Decision.RETURN)
+    return can_remain(state, given, view.who) & danger & (view.command != ForcedDecision.RETURN)

@@ -3,13 +3,13 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import clamp, maximum
+from overtaking.core.float32_math import clamp, maximum
 from overtaking.sim.reference.neighbours import lane_borders
 from overtaking.sim.reference.oncoming import Encounters
 from overtaking.sim.reference.state import Fields, State
 from overtaking.sim.reference.steering import begin_path
 from overtaking.sim.reference.traffic import is_out
-from overtaking.world.parameters import Parameters
+from overtaking.world.step_parameters import Parameters
 
 _FREE = np.float32(1e9)  # For nobody [m/s^2].
 _SLOWEST = np.float32(0.1)  # Keeps the time until vehicles meet finite [m/s].

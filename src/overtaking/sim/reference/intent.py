@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import Mask
-from overtaking.core.elementary import maximum
-from overtaking.model.trajectory import Stage
+from overtaking.core.float32_math import maximum
+from overtaking.model.trajectories import Stage
 from overtaking.sim.reference.mobil import change_of
 from overtaking.sim.reference.state import Fields, State, Who, pick
-from overtaking.world.parameters import Parameters
+from overtaking.world.step_parameters import Parameters
 
 
 @dataclass(slots=True, kw_only=True)

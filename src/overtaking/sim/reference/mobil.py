@@ -3,7 +3,7 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import maximum, minimum
+from overtaking.core.float32_math import maximum, minimum
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.following import follow, forced_braking, needed_braking
 from overtaking.sim.reference.neighbours import along, lane_borders
@@ -20,7 +20,7 @@ from overtaking.sim.reference.state import (
     State,
 )
 from overtaking.sim.reference.steering import begin_path
-from overtaking.world.parameters import Parameters
+from overtaking.world.step_parameters import Parameters
 
 _STEADY = np.float32(0.0)
 _SLOWEST = np.float32(0.1)  # Keeps the time until a gap is closed finite [m/s].

@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.state import NOBODY, Fields, State, pick
-from overtaking.world.parameters import Parameters
+from overtaking.world.step_parameters import Parameters
 
 _FAR = np.float32(1e9)  # Gap without a neighbour [m].
 _SHIFTS = (0.0, 1.0, -1.0)  # The own, the faster and the slower lane, from the own.

@@ -3,9 +3,15 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import minimum
-from overtaking.model.observation import AROUND, MEETING, OWN, WIDTH, parted
-from overtaking.model.trajectory import Stage
+from overtaking.core.float32_math import minimum
+from overtaking.model.driver_interface import (
+    EGO_COLUMNS,
+    NEIGHBOUR_COLUMNS,
+    OBSERVATION_SIZE,
+    PASSING_COLUMNS,
+    split_observation,
+)
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.gaps import faster, is_told
 from overtaking.sim.reference.intent import (
@@ -29,8 +35,9 @@ from overtaking.sim.reference.state import (
     road_velocity,
     seen_from_each,
 )
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 _ROLES = 6
 
@@ -56,10 +63,10 @@ def observe(
         decision: Its number.
         is_true: Whether to tell how it is, not what the ego believes.
     """
-    table = np.zeros((state.s.shape[1], WIDTH), np.float32)
-    own, around, meeting = parted(table)
-    around[:, :, list(AROUND).index("gap")] = given.constants.unseen_gap
-    _write(own, OWN, _own(state, given, p, moment))
+    table = np.zeros((state.s.shape[1], OBSERVATION_SIZE), np.float32)
+    own, around, meeting = split_observation(table)
+    around[:, :, list(NEIGHBOUR_COLUMNS).index("gap")] = given.constants.unseen_gap
+    _write(own, EGO_COLUMNS, _own(state, given, p, moment))
     for role in range(_ROLES):
         if is_true:
             seen = _true(state, moment.near, given, role)
@@ -67,13 +74,15 @@ def observe(
             seen = _believed(state, p, moment, role)
         detected = seen["detected"] > 0
         looks = _looks(state, given.constants, p, moment.near, role, detected)
-        _write(around[:, role], AROUND, seen | looks)
+        _write(around[:, role], NEIGHBOUR_COLUMNS, seen | looks)
     if moment.met is not None:
         oncoming = moment.met.coming
         beyond = look_beyond(state, given, p, q, moment.near, oncoming, decision)
         for role, who in enumerate((oncoming, beyond), _ROLES):
-            _write(around[:, role], AROUND, _coming(state, given, p, who, is_true=is_true))
-        _write(meeting, MEETING, _meeting(state, given, p, q, moment, oncoming))
+            _write(
+                around[:, role], NEIGHBOUR_COLUMNS, _coming(state, given, p, who, is_true=is_true)
+            )
+        _write(meeting, PASSING_COLUMNS, _meeting(state, given, p, q, moment, oncoming))
     return table
 
 
@@ -140,7 +149,7 @@ def _true(state: State, near: Neighbours, given: Parameters, role: int) -> dict[
 
 
 def _looks(
-    state: State, c: Constants, p: Fields, near: Neighbours, role: int, detected: Mask
+    state: State, c: ModelConstants, p: Fields, near: Neighbours, role: int, detected: Mask
 ) -> dict[str, F32]:
     """What there is to see of a neighbour besides its motion, zero where it is not seen."""
     slot = near.slot[role, Role.EGO]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import exp, maximum, minimum
+from overtaking.core.float32_math import exp, maximum, minimum
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.perception import (
     LEAST_REACH,
@@ -25,7 +25,8 @@ from overtaking.sim.reference.state import (
     road_velocity,
 )
 from overtaking.sim.reference.traffic import is_passed, nearest
-from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 _FAR = np.float32(1e9)  # Sight past nobody [m].
 _HALF = np.float32(0.5)
@@ -46,7 +47,8 @@ class Oncoming:
         half_length: Half of its length [m].
         detected: Whether the driver has noticed it.
         sure: Whether the driver has looked for long enough to know who comes, if anybody.
-        believed_gap: How far off it is believed to be, `Constants.oncoming_range` without any [m].
+        believed_gap: How far off it is believed to be, `ModelConstants.oncoming_range` without any
+            [m].
         closing: Believed speed of approach; the usual one without any [m/s].
         sight: How far the driver sees the other lane, and what comes there [m].
     """

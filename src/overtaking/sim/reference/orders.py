@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.model.actions import KINDS, Actions, Move
-from overtaking.model.trajectory import Stage
+from overtaking.model.driver_interface import ACTION_KINDS, Actions, Move
+from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.intent import (
     Intent,
@@ -19,7 +19,7 @@ from overtaking.sim.reference.intent import (
 )
 from overtaking.sim.reference.plight import can_fall_in
 from overtaking.sim.reference.state import Fields, State
-from overtaking.world.parameters import Parameters
+from overtaking.world.step_parameters import Parameters
 
 _EGO = Role.EGO
 _FREE = np.float32(1e9)  # Behind nobody [m/s^2].
@@ -39,7 +39,7 @@ class Orders:
 
     def of(self, name: str) -> F32 | None:
         """One of its numbers; None where it has none of that name."""
-        names = [part.name for part in KINDS[self.kind]]
+        names = [part.name for part in ACTION_KINDS[self.kind]]
         return self.values[names.index(name)] if name in names else None
 
     @property
@@ -58,7 +58,7 @@ def orders_at(actions: Actions | None, decision: int) -> Orders | None:
 
 def orders_of(kind: str, steps: np.ndarray) -> Orders:
     """Orders from whole numbers of steps, shape (simulation, part)."""
-    scales = [np.float32(round(1.0 / part.step)) for part in KINDS[kind]]
+    scales = [np.float32(round(1.0 / part.resolution)) for part in ACTION_KINDS[kind]]
     values = (steps[:, k].astype(np.float32) / scale for k, scale in enumerate(scales))
     return Orders(kind=kind, values=tuple(values))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import maximum, minimum
+from overtaking.core.float32_math import maximum, minimum
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.state import (
@@ -20,8 +20,8 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import Parameters
 
 SLOWEST = np.float32(0.5)
 """Least surplus of speed to be past with, and of approach [m/s]."""
@@ -50,7 +50,7 @@ def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
     return np.where(way < covered, within, ramp + (way - covered) / most)
 
 
-def reckoned_accel(c: Constants, own: Fields, speed: F32, top: F32) -> F32:
+def reckoned_accel(c: ModelConstants, own: Fields, speed: F32, top: F32) -> F32:
     """The acceleration that drivers reckon with on the way up to a speed [m/s^2].
 
     What they like to use, and no more than the engine leaves halfway. How they misjudge the time
@@ -91,7 +91,9 @@ def speed_of_pass(state: State, given: Parameters, p: Fields) -> F32:
     return minimum(np.where(state.hurries > 0, c.hurry_speed * top, top), p.max_speed)
 
 
-def time_to_pass(c: Constants, own: Fields, way: F32, speed: F32, faster: F32, other: F32) -> F32:
+def time_to_pass(
+    c: ModelConstants, own: Fields, way: F32, speed: F32, faster: F32, other: F32
+) -> F32:
     """How long drivers reckon to take to gain a way on another [s].
 
     Args:
@@ -120,7 +122,7 @@ def seen_ahead(own: Fields, gap: F32, sight: F32) -> F32:
     return minimum(gap, own.unseen_trust * sight)
 
 
-def room_left(c: Constants, p: Fields, slot: F32) -> F32:
+def room_left(c: ModelConstants, p: Fields, slot: F32) -> F32:
     """How much more room drivers leave to the vehicle in a slot than to a car [1].
 
     Source:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import clamp, exp, maximum, minimum
-from overtaking.core.philox import Stream, uniform, words
+from overtaking.core.float32_math import clamp, exp, maximum, minimum
+from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.neighbours import Neighbours, along
@@ -19,9 +19,10 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
-from overtaking.world import film
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world import road_surface
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 # The engine has these numbers too.
 _NEAREST = np.float32(1.0)  # Who touches is as visible, and looms as much, as at this gap [m].
@@ -38,7 +39,7 @@ class Beliefs:
 
     Attributes:
         detected: Whether the neighbour was noticed.
-        gap: Believed gap, `Constants.unseen_gap` where nobody was noticed [m].
+        gap: Believed gap, `ModelConstants.unseen_gap` where nobody was noticed [m].
         closing: Believed speed of approach, positive when the gap shrinks, 0 where nobody was
             noticed [m/s].
         accel: Believed acceleration of those ahead, never positive; 0 for those behind [m/s^2].
@@ -85,7 +86,7 @@ def draw_check(state: State, given: Parameters, p: Fields, drawn: Mask, decision
     if not drawn.any():
         return
     slots = np.arange(state.s.shape[0], dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
-    word = uniform(words(given.seed, given.index[None, :], slots, decision)[0])
+    word = uniform_from_word(philox_words(given.seed, given.index[None, :], slots, decision)[0])
     checks = np.where(word < p.checks_blind_spot, np.float32(1.0), np.float32(0.0))
     state.checks = np.where(drawn, checks, state.checks)
 
@@ -97,7 +98,7 @@ def optical_depth(
     c = given.constants
     air = q.fog_extinction + q.rain_extinction * (np.float32(1.0) + state.vx / c.rain_speed)
     path = lane_value(given.road.film_path, state.lane, given.road.num_lanes)
-    water = film.lane_film(q.least_film, q.film_rain, path, q.texture)
+    water = road_surface.lane_film(q.least_film, q.film_rain, path, q.texture)
     lead = near.slot[LEAD]
     speed = pick(state.vx, lead) / c.spray_speed
     wetness = minimum(water / c.spray_film, np.float32(1.0))
@@ -118,7 +119,7 @@ def is_hidden(p: Fields, near: Neighbours, role: int) -> Mask:
 
 
 def strain(
-    c: Constants,
+    c: ModelConstants,
     q: SimulationParameters,
     gap: F32,
     shines: tuple[F32, F32],
@@ -155,7 +156,7 @@ def strain(
     return minimum(by_contrast, by_lamp)
 
 
-def _tail_lamp(state: State, c: Constants, p: Fields, slot: F32) -> F32:
+def _tail_lamp(state: State, c: ModelConstants, p: Fields, slot: F32) -> F32:
     """One over the intensity of what shines at the rear of a vehicle [1/cd]."""
     lamp = pick(p.inverse_tail_lamp, slot)
     braking = pick(state.accel, slot) < -c.stop_lamp_decel
@@ -213,7 +214,7 @@ def recall(state: State, then: F32, slot: F32) -> tuple[F32, F32]:
 
 def sense(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     q: SimulationParameters,
     gap: F32,
     closing: F32,
@@ -303,7 +304,7 @@ def perceive(
     )
 
 
-def _is_urgent(state: State, c: Constants, near: Neighbours, role: int) -> Mask:
+def _is_urgent(state: State, c: ModelConstants, near: Neighbours, role: int) -> Mask:
     """Whether the leader, who alone is watched all the time, comes near very soon.
 
     Source:
@@ -314,7 +315,13 @@ def _is_urgent(state: State, c: Constants, near: Neighbours, role: int) -> Mask:
 
 
 def _braking(
-    state: State, c: Constants, near: Neighbours, role: int, then: F32, noticed: Mask, looming: Mask
+    state: State,
+    c: ModelConstants,
+    near: Neighbours,
+    role: int,
+    then: F32,
+    noticed: Mask,
+    looming: Mask,
 ) -> F32:
     """How hard somebody ahead seemed to brake a reaction time ago, (vehicle, simulation) [m/s^2].
 

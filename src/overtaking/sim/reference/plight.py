@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import maximum, minimum
-from overtaking.model.trajectory import Stage
+from overtaking.core.float32_math import maximum, minimum
+from overtaking.model.trajectories import Stage
 from overtaking.sim.reference.following import follow, needed_braking
 from overtaking.sim.reference.intent import in_stage
 from overtaking.sim.reference.moment import Moment
@@ -30,8 +30,9 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
-from overtaking.world.constants import Constants
-from overtaking.world.parameters import Parameters, SimulationParameters
+from overtaking.world.constants import ModelConstants
+from overtaking.world.step_parameters import Parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 _FAR = np.float32(1e9)
 _ZERO = np.float32(0.0)
@@ -122,7 +123,7 @@ def weigh(
     )
 
 
-def _gained(c: Constants, faster: F32, brake: F32) -> F32:
+def _gained(c: ModelConstants, faster: F32, brake: F32) -> F32:
     """What is still gained on another while the brakes come on, and with them [m]."""
     faster = maximum(faster, _ZERO)
     return faster * (c.brake_ramp + faster / (_TWO * brake))

@@ -6,19 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import clamp
+from overtaking.core.float32_math import clamp
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import (
-    BEYOND_SLOW_EDGE,
+from overtaking.model.trajectories import (
+    BEYOND_KERB_EDGE,
     NO_VEHICLE,
-    STATE_TYPES,
+    STATE_DTYPES,
     Contacts,
-    DecisionKind,
     Lights,
+    ManoeuvreKind,
     Percepts,
     States,
     Trajectories,
-    placed,
+    with_world_coordinates,
 )
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.neighbours import Neighbours
@@ -32,8 +32,8 @@ from overtaking.sim.reference.state import (
     pick,
     road_velocity,
 )
-from overtaking.world.clock import STEP_MS
-from overtaking.world.parameters import Parameters
+from overtaking.world.constants import STEP_MS
+from overtaking.world.step_parameters import Parameters
 
 MAX_PERCEPTS = 4
 """Decisions of the ego that are written down for a simulation."""
@@ -63,7 +63,7 @@ def wrapped(angle: F32) -> F32:
 
 def _empty_states(shape: tuple[int, int, int]) -> States:
     """Zeros of shape (simulation, vehicle, time)."""
-    return States(**{name: np.zeros(shape, kind) for name, kind in STATE_TYPES.items()})
+    return States(**{name: np.zeros(shape, kind) for name, kind in STATE_DTYPES.items()})
 
 
 def _belief_and_truth(
@@ -127,7 +127,7 @@ class Recorder:
         self.stage = np.zeros((n, frames), np.uint8)
         self.collided_with = np.full((n, frames), NO_VEHICLE)
         self.num_frames = np.zeros(n, np.int32)
-        self.beliefs = Percepts.nothing(n, MAX_PERCEPTS)
+        self.beliefs = Percepts.empty(n, MAX_PERCEPTS)
         self.scenario, self.given = scenario, given
         self.hash = np.stack([np.full(n, word, np.uint32) for word in _START])
 
@@ -161,7 +161,7 @@ class Recorder:
         road, side = self.given.road, self.given.road.side
         s, from_slow = on_the_road(state, self.given, p)
         d = side * from_slow
-        lane = np.full(d.shape, np.int32(BEYOND_SLOW_EDGE))
+        lane = np.full(d.shape, np.int32(BEYOND_KERB_EDGE))
         for k in range(road.own_lanes + 1):
             lane = np.where(from_slow >= road.boundaries[k], np.int32(k), lane)
         turned = np.where(p.direction < 0, _HALF_TURN, np.float32(0.0))
@@ -205,7 +205,7 @@ class Recorder:
         near: Neighbours,
         believed: Beliefs,
         mask: Mask,
-        kind: DecisionKind,
+        kind: ManoeuvreKind,
         roles: tuple[int, int, int],
         step: int,
         oncoming: Oncoming | None = None,
@@ -250,7 +250,7 @@ class Recorder:
         return Trajectories(
             scenario=self.scenario,
             num_frames=self.num_frames,
-            states=placed(self.scenario.road, States(**trimmed), there),
+            states=with_world_coordinates(self.scenario.road, States(**trimmed), there),
             stage=self.stage[:, :longest],
             collided_with=self.collided_with[:, :longest],
             contacts=contacts,

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from overtaking.core.elementary import minimum
-from overtaking.model.actions import Actions
+from overtaking.core.float32_math import minimum
+from overtaking.model.driver_interface import Actions
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference import (
     collisions,
@@ -28,13 +28,9 @@ from overtaking.sim.reference.orders import Orders, orders_at, pedals, wheel
 from overtaking.sim.reference.plight import held_back
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import Fields, State, initial_state
-from overtaking.world.parameters import (
-    SUBSTEPS,
-    Parameters,
-    SimulationParameters,
-    Turn,
-    parameters,
-)
+from overtaking.world.constants import SUBSTEPS
+from overtaking.world.step_parameters import Parameters, Turn, parameters
+from overtaking.world.weather_parameters import SimulationParameters
 
 
 def simulate(scenario: Scenario) -> Trajectories:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from overtaking.core.arrays import F32
-from overtaking.core.elementary import sincos
-from overtaking.model.trajectory import Stage
-from overtaking.world.parameters import Parameters, VehicleParameters
+from overtaking.core.float32_math import sincos
+from overtaking.model.trajectories import Stage
+from overtaking.world.step_parameters import Parameters, VehicleParameters
 
 HISTORY = 64
 """Decisions whose kinematics are remembered; longer than any reaction time."""

@@ -3,10 +3,10 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.elementary import atan, clamp, maximum, minimum, sincos
+from overtaking.core.float32_math import atan, clamp, maximum, minimum, sincos
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.state import Fields, State
-from overtaking.world.constants import Constants
+from overtaking.world.constants import ModelConstants
 
 _NOW = np.float32(0.0)
 
@@ -70,7 +70,7 @@ def wind_trim(p: Fields, force: F32, moment: F32) -> F32:
     return -np.where(p.two_wheeler > 0, pushed, angle)
 
 
-def hold_against_wind(state: State, c: Constants, p: Fields, step: int) -> None:
+def hold_against_wind(state: State, c: ModelConstants, p: Fields, step: int) -> None:
     """Answer the side wind after a lag; at the first frame it is held already."""
     target = wind_trim(p, state.wind_force, state.wind_moment)
     if step == 0:
@@ -78,7 +78,7 @@ def hold_against_wind(state: State, c: Constants, p: Fields, step: int) -> None:
     state.trim = state.trim + (target - state.trim) * (c.decision / c.wind_lag)
 
 
-def hold_bend(state: State, c: Constants, p: Fields) -> None:
+def hold_bend(state: State, c: ModelConstants, p: Fields) -> None:
     """Drive steadily along the bend at the first frame, as who came into it before.
 
     The vehicle turns with the road; its tail hangs out by the slip of the rear tyres.
@@ -99,7 +99,7 @@ def hold_bend(state: State, c: Constants, p: Fields) -> None:
 
 def steer(
     state: State,
-    c: Constants,
+    c: ModelConstants,
     p: Fields,
     side_accel: F32,
     length: np.float32,
@@ -137,7 +137,7 @@ def steer(
 
 
 def _asked(
-    state: State, c: Constants, p: Fields, side_accel: F32, ahead: np.float32
+    state: State, c: ModelConstants, p: Fields, side_accel: F32, ahead: np.float32
 ) -> tuple[F32, F32]:
     """Wheel angle [rad] and lean [m/s^2] that drivers ask for, a time `ahead` [s].
 

@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.model.observation import WIDTH
+from overtaking.model.driver_interface import OBSERVATION_SIZE
 from overtaking.sim.reference.environment import at_limits
 from overtaking.sim.reference.observation import observe
 from overtaking.sim.reference.orders import Orders, orders_of
 from overtaking.sim.reference.run import act, advance, perceive
 from overtaking.sim.reference.state import initial_state
-from overtaking.world.parameters import SUBSTEPS, Parameters
+from overtaking.world.constants import SUBSTEPS
+from overtaking.world.step_parameters import Parameters
 
 
 class SteppedObservation(NamedTuple):
@@ -36,7 +37,8 @@ class Stepper:
 
     Args:
         given: Parameters of a batch.
-        kind: A name in `model.actions.KINDS`; None where the model's own driver decides.
+        kind: A name in `model.driver_interface.ACTION_KINDS`; None where the model's own driver
+            decides.
         is_true: Whether the truth is observed, not what the ego believes.
     """
 
@@ -63,7 +65,7 @@ class Stepper:
         """
         orders = None if self._kind is None else orders_of(self._kind, values)
         num_decisions = np.zeros(self._ran.shape, np.uint32)
-        table = np.zeros((len(self._ran), WIDTH), np.float32)
+        table = np.zeros((len(self._ran), OBSERVATION_SIZE), np.float32)
         for _ in range(decisions):
             self._act(orders)
             num_decisions += self._ran

@@ -3,10 +3,10 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 from overtaking.sim.reference.neighbours import lane_borders, shows_change
 from overtaking.sim.reference.state import NOBODY, Fields, State, seen_from_each
-from overtaking.world.parameters import Parameters
+from overtaking.world.step_parameters import Parameters
 
 _FAR = np.float32(1e9)  # Distance without anybody [m].
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from overtaking.core.errors import OvertakingError
-from overtaking.core.parent import Parent
+from overtaking.core.worker_process import ParentConnection
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.simulators.carla import manager, own
 from overtaking.simulators.carla.library import Address, connect, library
 from overtaking.simulators.carla.stage import CarlaStage
@@ -80,7 +80,7 @@ SIGN_INTERVAL = 1.0
 """Time between two signs of life [s]."""
 
 
-def main(parent: Parent, host: str, port: str) -> None:
+def main(parent: ParentConnection, host: str, port: str) -> None:
     """Carry out jobs on the server at an address until there are no more."""
     carla, client = library(), None
     for job in parent:
@@ -94,7 +94,7 @@ def main(parent: Parent, host: str, port: str) -> None:
     os._exit(0)  # The client's threads do not always end.
 
 
-def _signs(parent: Parent) -> Callable[[], None]:
+def _signs(parent: ParentConnection) -> Callable[[], None]:
     """Sends a sign of life at most once in `SIGN_INTERVAL`."""
     last = 0.0  # The first one is sent at once.
 

@@ -118,7 +118,7 @@ class _Track:
     def _car(self, s: float, speed_kmh: float) -> Any:
         """A vehicle that drives at a speed under the Traffic Manager."""
         carla, road = self.carla, self.road
-        x, y = (float(value) for value in road.world(s, road.centres[_LANE]))
+        x, y = (float(value) for value in road.to_world(s, road.centres[_LANE]))
         place = carla.Transform(
             carla.Location(x, -y, 0.3), carla.Rotation(yaw=-math.degrees(road.heading))
         )
@@ -134,7 +134,7 @@ class _Track:
     def _across(self, car: Any) -> float:
         """Where a vehicle is across the road [m]."""
         where = car.get_location()
-        return float(self.road.road_coordinates(where.x, -where.y)[1])
+        return float(self.road.to_road(where.x, -where.y)[1])
 
     def _pass(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK)):

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from overtaking.core.philox import Stream, uniform, words
+from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import initial_state
@@ -26,8 +26,8 @@ from overtaking.simulators.carla.own import Sign, check_interval, note_contacts,
 from overtaking.simulators.carla.stage import CarlaStage
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.sumo.stage import Sight, Watch
-from overtaking.world.clock import SUBSTEPS
-from overtaking.world.parameters import parameters
+from overtaking.world.constants import SUBSTEPS
+from overtaking.world.step_parameters import parameters
 
 SLOWER = 3
 """Divisor of all speeds: 120 km/h become 40 km/h."""
@@ -197,8 +197,8 @@ class _Drive:
             return
         scenario = self._stage.scenario
         draw = ticks // round(PUSH_INTERVAL / TICK)
-        word = words(scenario.seed, scenario.index, Stream.SIMULATOR, draw)[0]
-        sign = 1.0 if float(uniform(word)[0]) < 0.5 else -1.0
+        word = philox_words(scenario.seed, scenario.index, Stream.SIMULATOR, draw)[0]
+        sign = 1.0 if float(uniform_from_word(word)[0]) < 0.5 else -1.0
         heading = scenario.road.heading
         for slot, actor in self._stage.actors.items():
             force = sign * strength * float(self._p.mass[slot, 0])

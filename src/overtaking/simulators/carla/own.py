@@ -16,7 +16,7 @@ from overtaking.core.arrays import F32, F64
 from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.sim.reference import collisions, steering
 from overtaking.sim.reference.recording import Recorder
@@ -25,10 +25,9 @@ from overtaking.sim.reference.state import Fields, State, initial_state, road_ve
 from overtaking.simulators.carla.stage import CarlaStage, Contact, Reading
 from overtaking.simulators.carla.world import TICK
 from overtaking.simulators.carla_server.motion import Steering
-from overtaking.world.clock import SUBSTEPS
-from overtaking.world.constants import Constants
-from overtaking.world.lanes import road_parameters
-from overtaking.world.parameters import SIMULATION_FIELDS, Parameters, parameters
+from overtaking.world.constants import SUBSTEPS, ModelConstants
+from overtaking.world.road_parameters import road_parameters
+from overtaking.world.step_parameters import SIMULATION_FIELDS, Parameters, parameters
 
 TICK_MS = 50
 SPEED_GAIN = 2.0
@@ -74,7 +73,7 @@ class _Drive:
         scenario = stage.scenario
         check_interval(scenario)
         self._stage = stage
-        self._given = _without_wind(parameters(scenario))
+        self._given = still(parameters(scenario))
         self._p = self._given.of_vehicles
         self._q = self._given.of_simulations
         self._state = initial_state(self._given)
@@ -119,7 +118,7 @@ class _Drive:
             stage.show(slot, int(self._recorder.states.lights[0, slot, number]))
         stage.client.apply_batch_sync(batch, False)
 
-    def _trim(self, c: Constants) -> F32:
+    def _trim(self, c: ModelConstants) -> F32:
         """Wheel angle, or lean, against what pushes all the time: wind, mostly [rad or m/s^2].
 
         In a simulation a driver knows the wind. Here the sideways acceleration that wheels do not
@@ -228,7 +227,12 @@ def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: flo
 
 
 def note_contacts(
-    state: State, p: Fields, c: Constants, contacts: list[Contact], step: int, faster: float = 1.0
+    state: State,
+    p: Fields,
+    c: ModelConstants,
+    contacts: list[Contact],
+    step: int,
+    faster: float = 1.0,
 ) -> None:
     """Write down the first contact of each vehicle, and make it a wreck.
 
@@ -249,7 +253,7 @@ def note_contacts(
     collisions.end_with_ego(state, c, sound & (state.crashed[Role.EGO] > 0), step)
 
 
-def _without_wind(given: Parameters) -> Parameters:
+def still(given: Parameters) -> Parameters:
     """The same parameters without wind: whether there is any, only the server knows."""
     simulation = given.simulation.copy()
     for name in ("wind_along", "wind_across"):

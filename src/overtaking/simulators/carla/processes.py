@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError, OvertakingError
-from overtaking.core.worker import ENDED, Worker
+from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
 from overtaking.model.batch import concatenate
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import NO_VEHICLE, States, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, States, Trajectories
 from overtaking.sim.version import MODEL_VERSION
 from overtaking.simulators.carla import replay as film
 from overtaking.simulators.carla.jobs import LOADING, Alive, Job, drive
@@ -173,8 +173,8 @@ def free_port() -> int:
 
 # --- processes ---
 
-_WORKERS: dict[str, Worker] = {}
-_SERVERS: dict[str, Worker] = {}
+_WORKERS: dict[str, WorkerProcess] = {}
+_SERVERS: dict[str, WorkerProcess] = {}
 _ADDRESSES: dict[str, Address] = {}
 """By chosen server: its client, the process of a headless one, and where it listens."""
 
@@ -195,20 +195,20 @@ def dismiss() -> None:
     _close(_SERVERS)
 
 
-def _close(processes: dict[str, Worker]) -> None:
+def _close(processes: dict[str, WorkerProcess]) -> None:
     worker = processes.pop(chosen_server(), None)
     if worker is not None:
         worker.close()
 
 
-def _client() -> tuple[Worker, Address]:
+def _client() -> tuple[WorkerProcess, Address]:
     """The client of the chosen server, and where the server is; both are started if needed."""
     chosen = chosen_server()
     if chosen not in _WORKERS or not _WORKERS[chosen].is_running:
         _close(_WORKERS)
         address = _ADDRESSES[chosen] = _address(chosen)
         words = address.host, str(address.port)
-        _WORKERS[chosen] = Worker("overtaking.simulators.carla.jobs", *words)
+        _WORKERS[chosen] = WorkerProcess("overtaking.simulators.carla.jobs", *words)
     return _WORKERS[chosen], _ADDRESSES[chosen]
 
 
@@ -224,7 +224,7 @@ def _address(chosen: str) -> Address:
 
 def _start_headless() -> Address:
     """Start a server of our own on free ports."""
-    server = _SERVERS[HEADLESS] = Worker("overtaking.simulators.carla_server.running")
+    server = _SERVERS[HEADLESS] = WorkerProcess("overtaking.simulators.carla_server.running")
     try:
         port = server.receive(_START_TIME)
     except TimeoutError:
@@ -236,7 +236,7 @@ def _start_headless() -> Address:
         what="headless server",
         where="this machine",
         expected=f"to be ready within {_START_TIME:g} s",
-        got=server.ending(),
+        got=server.describe_exit(),
         next_step="try overtaking carla serve by hand",
     )
 
@@ -253,8 +253,8 @@ def _run(job: Job) -> Any:
     patience = LOADING
     while True:
         answer = _next_answer(worker, address, job, patience)
-        if answer is ENDED:
-            raise job.lost(f"the client ended {worker.ending()}")
+        if answer is WORKER_ENDED:
+            raise job.lost(f"the client ended {worker.describe_exit()}")
         if isinstance(answer, OvertakingError):
             raise answer
         if not isinstance(answer, Alive):
@@ -262,7 +262,7 @@ def _run(job: Job) -> Any:
         patience = answer.patience
 
 
-def _next_answer(worker: Worker, address: Address, job: Job, patience: float) -> Any:
+def _next_answer(worker: WorkerProcess, address: Address, job: Job, patience: float) -> Any:
     """The next message of a client, which does not notice a server that has ended."""
     end = time.monotonic() + patience
     while (left := end - time.monotonic()) > 0:

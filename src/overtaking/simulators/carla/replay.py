@@ -18,7 +18,7 @@ import numpy as np
 
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, MissingExtraError
-from overtaking.model.trajectory import METRES_PER_STEP, RADIANS_PER_STEP, Trajectories
+from overtaking.model.trajectories import ANGLE_RESOLUTION, POSITION_RESOLUTION, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.simulators.carla.library import CALL_TIME, LOAD_TIME
 from overtaking.simulators.carla.world import (
@@ -245,11 +245,11 @@ class _Replay:
     def _pose(self, slot: int, frame: int) -> Any:
         """Where a vehicle was recorded, as CARLA has it; its y points to the right."""
         states, carla = self.run.states, self.carla
-        heading = float(states.heading[0, slot, frame]) * RADIANS_PER_STEP
+        heading = float(states.heading[0, slot, frame]) * ANGLE_RESOLUTION
         back = self._offsets.get(slot, 0.0)
-        x = float(states.x[0, slot, frame]) * METRES_PER_STEP - back * math.cos(heading)
-        y = float(states.y[0, slot, frame]) * METRES_PER_STEP - back * math.sin(heading)
-        is_there = bool(self.run.state_valid[0, slot, frame])
+        x = float(states.x[0, slot, frame]) * POSITION_RESOLUTION - back * math.cos(heading)
+        y = float(states.y[0, slot, frame]) * POSITION_RESOLUTION - back * math.sin(heading)
+        is_there = bool(self.run.state_mask[0, slot, frame])
         road, s = self.run.road, self._station(slot, frame)
         slope = float(road.grade_at(s)) * math.cos(heading - float(road.heading_at(s)))
         z = self._ground + float(road.height_at(s)) if is_there else _HIDDEN_DEPTH
@@ -258,7 +258,7 @@ class _Replay:
 
     def _station(self, slot: int, frame: int) -> float:
         """Where along the road a vehicle was recorded [m]."""
-        return float(self.run.states.s[0, slot, frame]) * METRES_PER_STEP
+        return float(self.run.states.s[0, slot, frame]) * POSITION_RESOLUTION
 
     def _over(self, frame: int) -> Any:
         """Where a person looks at the ego from."""

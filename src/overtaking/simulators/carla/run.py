@@ -6,7 +6,7 @@ hangs or dies, it is ended and the simulation tried again in a fresh world.
 """
 
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.simulators.carla import processes
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]

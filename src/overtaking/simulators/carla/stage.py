@@ -179,7 +179,7 @@ class CarlaStage:
         road, lane = scenario.road, int(scenario.start_lane[0, slot])
         before = -speed * TICK if self.comes(slot) else speed * TICK
         s = float(scenario.start_s[0, slot]) - before
-        x, y = (float(value) for value in road.world(s, _all_centres(road)[lane]))
+        x, y = (float(value) for value in road.to_world(s, _all_centres(road)[lane]))
         ground = float(road.height_at(s))
         turned = carla.Rotation(yaw=-math.degrees(self.heading(slot)))
         for height in SPAWN_HEIGHTS:
@@ -243,7 +243,7 @@ class CarlaStage:
         cosine, sine = math.cos(yaw), math.sin(yaw)
         x = pose.location.x + cosine * offset[0] - sine * offset[1]
         y = -pose.location.y + sine * offset[0] + cosine * offset[1]
-        s, d = (float(value) for value in road.road_coordinates(x, y))
+        s, d = (float(value) for value in road.to_road(x, y))
         row = [s, d, math.remainder(yaw - float(road.heading_at(s)), math.tau)]
         for vector in (seen.get_velocity(), seen.get_acceleration()):
             ahead, aside = vector.x, -vector.y
@@ -308,7 +308,7 @@ def _lane_there(carla: Any, place: Any, road: Road, lane: Lane, s: float, d: flo
 
 def _waypoint(carla: Any, place: Any, road: Road, s: float, d: float) -> Any:
     """The waypoint at a point of our road, None if the map has no lane there."""
-    x, y = (float(value) for value in road.world(s, d))
+    x, y = (float(value) for value in road.to_world(s, d))
     point = carla.Location(x, -y, float(road.height_at(s)))
     found = place.get_waypoint(point, project_to_road=True)
     if found is None:

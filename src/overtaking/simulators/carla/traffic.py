@@ -1,10 +1,10 @@
 """Scenarios on CARLA 0.9.16 with its own Traffic Managers, as the study did (`carla_manager`)."""
 
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Trajectories
+from overtaking.model.trajectories import Trajectories
 from overtaking.simulators.carla import processes
 from overtaking.simulators.carla.manager import UNKNOWN
-from overtaking.world.lanes import refuse_oncoming
+from overtaking.world.road_parameters import refuse_oncoming
 
 __all__ = ["CHUNK_SIZE", "SHARD_SIZE", "UNKNOWN", "simulate", "version"]
 
@@ -38,6 +38,6 @@ def simulate(scenario: Scenario) -> Trajectories:
         SimulationLostError: Some could not be run in several attempts; the message names them.
     """
     refuse_oncoming(scenario, "CARLA")
-    scenario.road.needs_to_be_straight("CARLA")
-    scenario.road.needs_one_limit("CARLA")
+    scenario.road.check_straight("CARLA")
+    scenario.road.check_one_speed_limit("CARLA")
     return processes.simulate(scenario, DRIVER)

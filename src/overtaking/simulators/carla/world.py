@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError, OvertakingError
-from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, presets
-from overtaking.knowledge.blueprints import Blueprint, blueprints
+from overtaking.knowledge.carla_catalogue import CarlaVehicle, carla_vehicles, weather_presets
+from overtaking.knowledge.vehicle_classes import COLOUR_NAMES, VEHICLE_CLASS_NAMES, colours
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import Lights
+from overtaking.model.trajectories import Lights
 from overtaking.model.weather import NO_PRESET
 from overtaking.recordings.opendrive_writer import covering, write_opendrive
 from overtaking.simulators.carla.library import CALL_TIME, LOAD_TIME
@@ -41,9 +41,9 @@ _LAMPS = {
 
 
 @cache
-def _candidates(name: str) -> tuple[Blueprint, ...]:
+def _candidates(name: str) -> tuple[CarlaVehicle, ...]:
     """The vehicles of CARLA that may stand for a class."""
-    every = [one for one in blueprints().values() if one.vehicle_class == name]
+    every = [one for one in carla_vehicles().values() if one.vehicle_class == name]
     return tuple(one for one in every if not any(word in one.blueprint for word in _HIDDEN))
 
 
@@ -152,13 +152,13 @@ def blueprint_for(scenario: Scenario, slot: int) -> str:
     """
     vehicles = scenario.vehicles
     length = float(vehicles.length[0, slot])
-    found = _candidates(VEHICLE_CLASS_ORDER[int(vehicles.kind[0, slot])])
+    found = _candidates(VEHICLE_CLASS_NAMES[int(vehicles.kind[0, slot])])
     return min(found, key=lambda one: (abs(one.size[0] - length), one.blueprint)).blueprint
 
 
 def paint(scenario: Scenario, slot: int) -> str:
     """The colour of a vehicle as the attribute of a blueprint."""
-    name = COLOUR_ORDER[int(scenario.vehicles.colour[0, slot])]
+    name = COLOUR_NAMES[int(scenario.vehicles.colour[0, slot])]
     return ",".join(str(part) for part in colours()[name].rgb)
 
 
@@ -170,8 +170,8 @@ def weather_fields(scenario: Scenario) -> dict[str, float]:
     """
     weather = scenario.weather
     preset = int(weather.preset[0])
-    every = list(presets().values())
-    base = presets()["ClearNoon"] if preset == int(NO_PRESET) else every[preset]
+    every = list(weather_presets().values())
+    base = weather_presets()["ClearNoon"] if preset == int(NO_PRESET) else every[preset]
     # CARLA's azimuth is measured in its own frame, in which y points to the right.
     azimuth = -float(weather.sun_azimuth[0]) - scenario.road.heading
     fields = base.carla_fields() | {"sun_azimuth_angle": math.degrees(azimuth) % 360.0}

@@ -8,8 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.knowledge import COLOUR_ORDER, VEHICLE_CLASS_ORDER, colours, vehicle_classes
-from overtaking.knowledge.blueprints import blueprints
+from overtaking.knowledge.carla_catalogue import carla_vehicles
+from overtaking.knowledge.vehicle_classes import (
+    COLOUR_NAMES,
+    VEHICLE_CLASS_NAMES,
+    colours,
+    vehicle_classes,
+)
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import VehicleSpecs
@@ -49,17 +54,17 @@ def body_of(blueprint: str) -> Body:
     Args:
         blueprint: Id of a vehicle, such as "vehicle.audi.a2".
     """
-    known = blueprints()[blueprint]
+    known = carla_vehicles()[blueprint]
     one = vehicle_classes()[known.vehicle_class]
     length, width, height = known.size
     body: Body = {name: float(getattr(one, name).number) for name in _LIKE_THE_CLASS}
     wheelbase = float(one.wheelbase.number) * length / float(one.length.number)
     front = float(one.cg_to_front_ratio.number) * wheelbase
     arms = front * (wheelbase - front)
-    grey = COLOUR_ORDER.index("grey")
+    grey = COLOUR_NAMES.index("grey")
     return body | {
         "valid": 1.0,
-        "kind": float(VEHICLE_CLASS_ORDER.index(known.vehicle_class)),
+        "kind": float(VEHICLE_CLASS_NAMES.index(known.vehicle_class)),
         "colour": float(grey),
         "contrast": float(colours()["grey"].contrast.number),
         "length": length,
@@ -79,7 +84,7 @@ def body_of(blueprint: str) -> Body:
 def scenario_of(
     road: Road, bodies: Sequence[Body], weather: Sequence[float], nature: Nature
 ) -> Scenario:
-    """A scenario of one simulation, from which `world.parameters` works out forces and friction.
+    """A scenario of one simulation: `world.step_parameters` computes forces and friction from it.
 
     Args:
         road: The road under the vehicles.
@@ -87,7 +92,7 @@ def scenario_of(
         weather: The fourteen numbers of `carla.WeatherParameters`.
         nature: What they leave open.
     """
-    from overtaking.scenarios.assumed import assumed_drivers  # Slow; no client needs it.
+    from overtaking.scenarios.recording_defaults import default_drivers
 
     shape = (1, len(bodies))
     return Scenario(
@@ -100,7 +105,7 @@ def scenario_of(
         attempt_deadline=np.ones(1, np.float32),
         weight=np.ones(1),
         vehicles=_specs(bodies),
-        drivers=assumed_drivers(shape),
+        drivers=default_drivers(shape),
         weather=weather_of(weather, nature.wind_direction),
         start_s=np.zeros(shape, np.float32),
         start_lane=np.zeros(shape, np.uint8),

@@ -2,8 +2,8 @@
 
 from functools import cache
 
-from overtaking.knowledge import colours
-from overtaking.knowledge.blueprints import Blueprint, blueprints, props
+from overtaking.knowledge.carla_catalogue import CarlaVehicle, carla_vehicles, props
+from overtaking.knowledge.vehicle_classes import colours
 
 COLLISION = "sensor.other.collision"
 LANE_INVASION = "sensor.other.lane_invasion"
@@ -39,7 +39,7 @@ def definitions() -> list[list[object]]:
 def catalogue() -> dict[str, list[list[object]]]:
     """The attributes of every blueprint as clients want them, by its id."""
     front = _attribute("role_name", _TEXT, "front")
-    vehicles = {name: _of_a_vehicle(blueprint) for name, blueprint in blueprints().items()}
+    vehicles = {name: _of_a_vehicle(blueprint) for name, blueprint in carla_vehicles().items()}
     prop = [_attribute("role_name", _TEXT, "prop")]
     return (
         vehicles
@@ -80,7 +80,7 @@ def _attribute(name: str, kind: int, *options: str, may_change: bool = True) -> 
     return [name, kind, options[0], list(options) if may_change else [], may_change, False]
 
 
-def _of_a_vehicle(one: Blueprint) -> list[list[object]]:
+def _of_a_vehicle(one: CarlaVehicle) -> list[list[object]]:
     paints = (",".join(str(part) for part in paint.rgb) for paint in colours().values())
     fixed = {
         "object_type": (_TEXT, ""),

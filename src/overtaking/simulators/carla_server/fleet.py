@@ -35,7 +35,7 @@ from overtaking.simulators.carla_server.motion import (
     overlap,
     turned,
 )
-from overtaking.world.parameters import Parameters, parameters
+from overtaking.world.step_parameters import Parameters, parameters
 
 LONGEST_STEP = 0.05
 """Longest step of the dynamics, as in a simulation [s]."""

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge.roads import ROAD_NAMES
-from overtaking.model.known_roads import known_road
+from overtaking.model.known_roads import ROAD_NAMES, known_road
 from overtaking.model.road import Road
 from overtaking.recordings.opendrive_writer import write_opendrive
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
@@ -93,7 +92,7 @@ class Map:
     def motion(self, pose: Transform) -> Motion:
         """A pose of CARLA in the frame of the ground, at rest."""
         road = self.ground.road
-        s, d = road.road_coordinates(pose.location.x, -pose.location.y)
+        s, d = road.to_road(pose.location.x, -pose.location.y)
         psi = math.remainder(-math.radians(pose.rotation.yaw) - road.heading, math.tau)
         return Motion(float(s), float(d), psi, 0.0, 0.0, 0.0)
 
@@ -105,7 +104,7 @@ class Map:
             height: Where it was before, for roads above each other [m].
         """
         road = self.ground.road
-        x, y = (float(value) for value in road.world(motion.s, motion.d))
+        x, y = (float(value) for value in road.to_world(motion.s, motion.d))
         yaw = -math.remainder(motion.psi + road.heading, math.tau)
         here = self.surface(x, -y, height)
         rise = here.rise_x * math.cos(yaw) + here.rise_y * math.sin(yaw)
@@ -119,7 +118,7 @@ class Map:
             return road.speed_limit
         motion = self.motion(pose)
         is_oncoming = road.is_two_way and math.cos(motion.psi) < 0.0
-        return float(road.limit_at(motion.s, -1 if is_oncoming else 1))
+        return float(road.speed_limit_at(motion.s, -1 if is_oncoming else 1))
 
     def to_world(self, along: float, across: float) -> Vector:
         """A vector of the ground's frame in CARLA's."""
@@ -150,7 +149,7 @@ class Map:
         """Whether the ground at a point belongs to a lane."""
         if self.is_flat:
             road = self.ground.road
-            s, d = road.road_coordinates(x, -y)
+            s, d = road.to_road(x, -y)
             borders = sorted(_lane_borders(road))
             return bool(0.0 <= s <= road.length and borders[0] <= d <= borders[-1])
         found = self._sample(x, y, z)
@@ -299,7 +298,7 @@ def _sampled(road: Road) -> Lanes:
         assert lane is not None
         # Stations grow in the direction of travel of the lane.
         s = road.length - stations if is_oncoming else stations
-        x, y = road.world(s, np.full(len(s), 0.5 * (start + end)))
+        x, y = road.to_world(s, np.full(len(s), 0.5 * (start + end)))
         left, right = (
             np.full(len(s), drawn_mark(mark.value)) for mark in (lane.left_mark, lane.right_mark)
         )

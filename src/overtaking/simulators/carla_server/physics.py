@@ -10,7 +10,7 @@ from overtaking.simulators.carla_server.arguments import Flag, Id, Physics, Tran
 from overtaking.simulators.carla_server.motion import Driven, Steering, turned
 from overtaking.simulators.carla_server.protocol import Refused, call
 from overtaking.simulators.carla_server.world import World
-from overtaking.world.constants import constants
+from overtaking.world.constants import model_constants
 
 WHEEL_RADIUS = 0.35
 """Radius of every wheel that the server reports [m]."""
@@ -253,7 +253,9 @@ def telemetry(world: World, vehicle: Vehicle) -> list[object]:
     control = vehicle.control
     speed = vehicle.forward_speed
     gear = -1 if control.reverse else 1
-    drag = float(constants().half_air_density) * vehicle.body["drag_area"] * speed * abs(speed)
+    drag = (
+        float(model_constants().half_air_density) * vehicle.body["drag_area"] * speed * abs(speed)
+    )
     wheels = [_wheel_telemetry(vehicle, now, speed, drag, k) for k in range(4)]
     return [speed, control.steer, control.throttle, control.brake, 0.0, gear, drag, wheels]
 
@@ -263,7 +265,7 @@ def _wheel_telemetry(
 ) -> WheelTelemetry:
     """Front left, front right, rear left, rear right."""
     body, is_front, is_right = vehicle.body, k < 2, bool(k % 2)
-    gravity = float(constants().gravity)
+    gravity = float(model_constants().gravity)
     wheelbase, front = body["wheelbase"], body["cg_to_front"]
     arm = front if is_front else wheelbase - front
     share = 1.0 - arm / wheelbase

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.parent import Parent
+from overtaking.core.worker_process import ParentConnection
 from overtaking.simulators.carla_server.maps import Atlas, Map, known_map
 from overtaking.simulators.carla_server.server import serve
 from overtaking.simulators.carla_server.survey import survey
@@ -97,6 +97,6 @@ def _refused(
     return ConfigError.of(what=what, where=where, expected=expected, got=got, next_step=next_step)
 
 
-def main(parent: Parent) -> None:
+def main(parent: ParentConnection) -> None:
     """Serve until the parent ends this process."""
     run_server(port=0, ready=lambda port, _: parent.send(port), log=lambda _: None)

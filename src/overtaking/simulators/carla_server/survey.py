@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.confinement import confine
 from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.process_limits import limit_process
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
 from overtaking.simulators.carla_server.maps import Lanes, Map, cells_of, drawn_mark
@@ -164,7 +164,7 @@ def main() -> None:
     """Read a map from standard input and write its samples to standard output."""
     result = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # The reader prints its warnings there.
-    confine(MEMORY_MIB, processor_s=PROCESSOR_S)
+    limit_process(MEMORY_MIB, processor_s=PROCESSOR_S)
     rows = _sampled(sys.stdin.buffer.read().decode("utf-8"))
     buffer = io.BytesIO()
     np.savez(buffer, rows=rows)

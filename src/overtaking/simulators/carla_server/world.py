@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from time import monotonic, sleep
 
 from overtaking.core.units import kmh_from_mps
-from overtaking.knowledge import presets
-from overtaking.knowledge.blueprints import blueprints, props
+from overtaking.knowledge.carla_catalogue import carla_vehicles, props, weather_presets
 from overtaking.simulators.carla_server import catalogue, snapshot
 from overtaking.simulators.carla_server.ackermann import Seen
 from overtaking.simulators.carla_server.actors import (
@@ -95,7 +94,9 @@ class World:
         """Empty the world; gusts begin anew, so that an episode can be repeated."""
         self.episode += 1
         self.time = 0.0
-        self.weather: Sequence[float] = tuple(presets()["ClearNoon"].carla_fields().values())
+        self.weather: Sequence[float] = tuple(
+            weather_presets()["ClearNoon"].carla_fields().values()
+        )
         self.fleet = Fleet(self.map.ground, self.weather, Nature(self._seed))
         self.actors: dict[int, Actor] = {}
         self._next_id = _FIRST_ID
@@ -140,7 +141,7 @@ class World:
         self._check_spawn(wanted, parent)
         for attribute in wanted.attributes:
             self._take_nature(attribute.value if attribute.name == "role_name" else "")
-        if wanted.blueprint in blueprints():
+        if wanted.blueprint in carla_vehicles():
             actor: Actor = self._new_vehicle(wanted, pose)
         elif wanted.blueprint in props():
             actor = self._new_prop(wanted, pose, parent)
@@ -174,7 +175,7 @@ class World:
         actor_id = self._take_id()
         self.fleet.add(actor_id, body, motion)
         self.fleet[actor_id].height = pose.location.z
-        tag = catalogue.SEMANTIC_TAGS[blueprints()[wanted.blueprint].base_type]
+        tag = catalogue.SEMANTIC_TAGS[carla_vehicles()[wanted.blueprint].base_type]
         return Vehicle(actor_id=actor_id, description=wanted, pose=pose, body=body, tag=tag)
 
     def _new_prop(self, description: Description, pose: Transform, parent: int) -> Prop:

@@ -12,7 +12,7 @@ compute.
 from collections.abc import Sequence
 
 from overtaking.model.road import Road
-from overtaking.world.lanes import has_two_directions
+from overtaking.world.road_parameters import has_two_directions
 
 EDGE, OPPOSITE = "road", "opposite"
 

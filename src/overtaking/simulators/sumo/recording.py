@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import F64
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import (
-    BEYOND_SLOW_EDGE,
+from overtaking.model.trajectories import (
+    BEYOND_KERB_EDGE,
     NO_VEHICLE,
-    STATE_TYPES,
-    STEPS,
+    STATE_DTYPES,
+    STATE_RESOLUTION,
     Contacts,
     Lights,
     Percepts,
@@ -64,7 +64,7 @@ class Recording:
         """Make room."""
         n, slots = scenario.num_simulations, scenario.num_slots
         self._scenario = scenario
-        self._states = {k: np.zeros((n, slots, frames), kind) for k, kind in STATE_TYPES.items()}
+        self._states = {k: np.zeros((n, slots, frames), kind) for k, kind in STATE_DTYPES.items()}
         self._stage = np.zeros((n, frames), np.uint8)
         self._collided_with = np.full((n, frames), NO_VEHICLE)
         self._num_frames = np.zeros(n, np.int32)
@@ -85,7 +85,7 @@ class Recording:
             self._partner[row, slot] = partner
             self._contact["time"][row, slot] = time_ms
             self._contact["closing_speed"][row, slot] = to_integers(
-                "speed", np.asarray(closing) * (1.0 / STEPS["speed"]), "SUMO"
+                "speed", np.asarray(closing) * (1.0 / STATE_RESOLUTION["speed"]), "SUMO"
             )
         self._hash[row] = self._digest(row, count)
 
@@ -105,7 +105,7 @@ class Recording:
                 impulse=np.zeros_like(self._contact["time"]),
                 closing_speed=self._contact["closing_speed"],
             ),
-            percepts=Percepts.nothing(self._scenario.num_simulations, 0),
+            percepts=Percepts.empty(self._scenario.num_simulations, 0),
             trace_hash=self._hash,
             unknown=UNKNOWN,
         )
@@ -114,7 +114,7 @@ class Recording:
         """128 bits over the recorded integers of one simulation (BLAKE2b, RFC 7693)."""
         total = hashlib.blake2b(digest_size=16)
         valid = self._scenario.vehicles.valid[row]
-        parts = [self._states[name][row, valid, :count] for name in STATE_TYPES]
+        parts = [self._states[name][row, valid, :count] for name in STATE_DTYPES]
         parts += [self._stage[row, :count], self._collided_with[row, :count]]
         parts += [self._partner[row, valid], *(a[row, valid] for a in self._contact.values())]
         for part in parts:
@@ -128,7 +128,7 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
     front, d, speed, drift, accel, angle, signals = raw
     back = np.where(oncoming(scenario, row), -1.0, 1.0)[:, None]  # From the front to the middle.
     s, left = front - back * half, road.side * d
-    x, y = road.world(s, left)
+    x, y = road.to_world(s, left)
     heading = road.heading_at(s) + road.side * np.radians(_NORTH - angle)
     # Lateral acceleration is what the lateral speed changed by since the frame before.
     sideways = np.diff(drift, axis=1, prepend=drift[:, :1]) / frame_time
@@ -144,7 +144,7 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
         "accel_lat": road.side * sideways,
     }
     values = {
-        name: to_integers(name, np.asarray(value) * (1.0 / STEPS[name]), "SUMO")
+        name: to_integers(name, np.asarray(value) * (1.0 / STATE_RESOLUTION[name]), "SUMO")
         for name, value in numbers.items()
     }
     values |= {"lane": _lane(road, left), "lights": _lights(road, signals)}
@@ -153,7 +153,7 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
 
 def _lane(road: Road, d: F64) -> NDArray[np.int64]:
     index = road.lane_index(d)
-    return np.where(index < 0, BEYOND_SLOW_EDGE, index)
+    return np.where(index < 0, BEYOND_KERB_EDGE, index)
 
 
 def _lights(road: Road, signals: F64) -> NDArray[np.int64]:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.errors import ConfigError
-from overtaking.core.philox import Stream, words
+from overtaking.core.random_numbers import Stream, philox_words
 from overtaking.model.scenario import Scenario
-from overtaking.model.trajectory import NO_VEHICLE, Stage, Trajectories
+from overtaking.model.trajectories import NO_VEHICLE, Stage, Trajectories
 from overtaking.model.vehicles import Role
 from overtaking.simulators.sumo.library import library, library_version, running
 from overtaking.simulators.sumo.network import (
@@ -34,8 +34,8 @@ from overtaking.simulators.sumo.traffic import (
     routes,
     speed_factor,
 )
-from overtaking.world.constants import constants
-from overtaking.world.lanes import (
+from overtaking.world.constants import model_constants
+from overtaking.world.road_parameters import (
     RoadParameters,
     allowed_speed,
     has_two_directions,
@@ -114,7 +114,9 @@ def _run(traffic: Traffic, row: int, last_frame: int, folder: Path) -> Run:
 
 
 def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]:
-    word = int(words(scenario.seed, scenario.index[row : row + 1], Stream.SIMULATOR, 0)[0][0])
+    word = int(
+        philox_words(scenario.seed, scenario.index[row : row + 1], Stream.SIMULATOR, 0)[0][0]
+    )
     given = {
         "net-file": net,
         "route-files": demand,
@@ -156,7 +158,7 @@ class _Simulation:
         has_limits = road.course is not None and road.course.limits
         self.limits = road_parameters(road) if has_limits else None
         self.lanes: dict[int, int] = {}
-        self.watch = Watch(settled=float(constants().settled_offset))
+        self.watch = Watch(settled=float(model_constants().settled_offset))
         self.contacts: dict[int, tuple[int, int, float]] = {}
 
     @property
@@ -226,8 +228,8 @@ class _Simulation:
         """
         (front, speed), comes, half = at, slot in self.comes, 0.5 * self.length[slot]
         s = float(road.far_end) - (front + half) if comes else front - half
-        places = np.array([s, s + speed * float(constants().decision)], np.float32)
-        allowed = allowed_speed(constants(), road, places, np.full(2, comes))
+        places = np.array([s, s + speed * float(model_constants().decision)], np.float32)
+        allowed = allowed_speed(model_constants(), road, places, np.full(2, comes))
         traffic, row = self.traffic, self.row
         now, soon = (speed_factor(traffic, row, slot, lane, one) for one in allowed)
         return following_factor(traffic, row, slot, speed, now, soon)
@@ -251,10 +253,10 @@ class _Simulation:
             return time_ms + _EVER
         if Role.EGO in self.contacts:
             self.watch.crash()
-            return time_ms + _milliseconds(constants().after_collision)
+            return time_ms + _milliseconds(model_constants().after_collision)
         stage = self.watch.look(self._sight(seen))
         if stage is Stage.DONE and before is not Stage.DONE:
-            return time_ms + _milliseconds(constants().after_overtake)
+            return time_ms + _milliseconds(model_constants().after_overtake)
         idle = stage is Stage.FOLLOW and not self.watch.attempted
         late = time_ms >= _milliseconds(self.scenario.attempt_deadline[self.row])
         return time_ms if idle and late else time_ms + _EVER
@@ -263,7 +265,7 @@ class _Simulation:
         """The state of the traffic from which the stage of the ego follows."""
         front, d, _, drift, *_ = seen[Role.EGO]
         lane, rear = self._lane(d), front - self.length[Role.EGO]
-        reach = front + float(constants().sight_range)
+        reach = front + float(model_constants().sight_range)
         ahead = [
             (other[0] - self.length[slot], slot)
             for slot, other in seen.items()

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
 
 SIDEWAYS = 0.15
 """Lateral speed from which a vehicle is changing lanes [m/s].

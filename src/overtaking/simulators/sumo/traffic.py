@@ -11,23 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.simulators.sumo.network import BEHIND, EDGE, OPPOSITE
-from overtaking.world import film, friction, visibility
-from overtaking.world.conditions import acting
-from overtaking.world.constants import constants, known
-from overtaking.world.lanes import has_two_directions
+from overtaking.world import road_surface, visibility
+from overtaking.world.constants import model_constants
+from overtaking.world.road_parameters import has_two_directions
+from overtaking.world.weather_parameters import with_effective_weather
 
 _ZERO = np.float32(0.0)
 
 
 def is_wet(scenario: Scenario) -> NDArray[np.bool_]:
     """Whether the road is wet, shape (simulation,); on a dry one SUMO's friction is left alone."""
-    weather = acting(scenario).weather
-    rain = film.rain_rate(weather.rain) > _ZERO
-    return rain | (weather.puddles >= known("weather.film.wet_deposits_percent"))
+    weather = with_effective_weather(scenario).weather
+    rain = road_surface.rain_rate(weather.rain) > _ZERO
+    return rain | (weather.puddles >= constant("weather.film.wet_deposits_percent"))
 
 
 def lane_friction(scenario: Scenario) -> F32:
@@ -38,14 +39,16 @@ def lane_friction(scenario: Scenario) -> F32:
     SUMO has one number for a lane, whatever the speed, as road sensors report it. So it is taken at
     the slowest speed of the friction table, without aquaplaning, and puddles are left out.
     """
-    path = film.film_per_path(_drainage_path(scenario.road))[None, :]
-    rain = film.film_per_rain(film.rain_rate(acting(scenario).weather.rain))[:, None]
-    least = np.where(is_wet(scenario), known("weather.film.wet_film_mm"), _ZERO)[:, None]
-    texture = np.full_like(rain, known("weather.film.texture_depth_mm"))
-    depth = film.lane_film(least, rain, path, texture)
-    speed = np.full_like(depth, constants().friction_speeds[0])
-    wear = np.full_like(depth, known("model.believed_grip.tyre_wear"))
-    return friction.peak_friction(constants(), speed, depth, wear, np.zeros_like(depth))
+    path = road_surface.film_path_factor(_drainage_path(scenario.road))[None, :]
+    rain = road_surface.film_rain_factor(
+        road_surface.rain_rate(with_effective_weather(scenario).weather.rain)
+    )[:, None]
+    least = np.where(is_wet(scenario), constant("weather.film.wet_film_mm"), _ZERO)[:, None]
+    texture = np.full_like(rain, constant("weather.film.texture_depth_mm"))
+    depth = road_surface.lane_film(least, rain, path, texture)
+    speed = np.full_like(depth, model_constants().friction_speeds[0])
+    wear = np.full_like(depth, constant("model.believed_grip.tyre_wear"))
+    return road_surface.peak_friction(model_constants(), speed, depth, wear, np.zeros_like(depth))
 
 
 def _drainage_path(road: Road) -> F32:
@@ -53,14 +56,14 @@ def _drainage_path(road: Road) -> F32:
     reach = np.abs(road.centres - road.boundaries[-1]).astype(np.float32)
     if has_two_directions(road):
         reach = np.append(reach, reach[-1])
-    return np.maximum(reach, known("model.water.shortest_path"))
+    return np.maximum(reach, constant("model.water.min_drainage_path"))
 
 
 def distance_error(scenario: Scenario) -> F32:
     """Coefficient of variation of judged distances, shape (simulation,) [1]."""
-    day, night, fog = (known(f"weather.errors.distance_cv_{x}") for x in ("day", "night", "fog"))
-    weather = acting(scenario).weather
-    foggy = visibility.meteorological_range(weather.fog) < known("model.perception.fog_range")
+    day, night, fog = (constant(f"weather.errors.distance_cv_{x}") for x in ("day", "night", "fog"))
+    weather = with_effective_weather(scenario).weather
+    foggy = visibility.meteorological_range(weather.fog) < constant("model.perception.fog_range")
     return np.where(foggy, fog, np.where(weather.night, night, day))
 
 
@@ -205,7 +208,7 @@ def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
     """
     scenario, p = traffic.scenario, traffic.scenario.drivers
     decel = float(p.decel[row, slot])
-    grip = float(traffic.friction[row].mean() * constants().gravity)
+    grip = float(traffic.friction[row].mean() * model_constants().gravity)
     hardest = min(float(scenario.vehicles.peak_decel[row, slot]), grip)
     return {
         "carFollowModel": "EIDM",
@@ -218,7 +221,7 @@ def _following(traffic: Traffic, row: int, slot: int) -> Attributes:
         "emergencyDecel": max(hardest, decel),
         "collisionMinGapFactor": 0.0,  # A collision is a contact of bodies.
         "treaction": p.reaction_time[row, slot],
-        "tPersEstimate": constants().error_time,
+        "tPersEstimate": model_constants().error_time,
         # The errors of speeds and of the pedals are SUMO's defaults.
         "sigmagap": traffic.distance_error[row],
     }
@@ -272,7 +275,7 @@ def following_factor(
     """
     if soon >= now:
         return now
-    c, p, limit = constants(), traffic.scenario.drivers, traffic.scenario.road.speed_limit
+    c, p, limit = model_constants(), traffic.scenario.drivers, traffic.scenario.road.speed_limit
     accel, decel = float(p.accel[row, slot]), float(p.decel[row, slot])
     falls = limit * (soon - now) / float(c.decision)
     eased = falls + (limit * now - speed) * float(c.per_approach)
@@ -298,7 +301,7 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
         "lcSpeedGainLookahead": p.pull_out_time[row, slot],
         # With an empty lane beside it, the ego returns after the time for which it signals.
         "lcKeepRight": _KEEP_RIGHT_TIME / signal_time if slot == Role.EGO else 1.0,
-        "lcKeepRightAcceptanceTime": known("model.overtaking.stay_time"),
+        "lcKeepRightAcceptanceTime": constant("model.overtaking.stay_time"),
         "lcAssertive": 1.0 / max(float(p.gap_acceptance[row, slot]), _LEAST),
         "lcTimeToImpatience": p.patience[row, slot],
         "lcCooperative": min(max(float(p.politeness[row, slot]), 0.0), 1.0),

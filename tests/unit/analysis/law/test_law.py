@@ -16,8 +16,8 @@ from overtaking.core.errors import ConfigError
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, policies_for
-from overtaking.model.events import Outcome
-from overtaking.model.labels import OvertakeClass, Verdict
+from overtaking.model.overtake_events import Outcome
+from overtaking.model.verdicts import OvertakeClass, Verdict
 
 pytestmark = pytest.mark.ci
 

@@ -7,7 +7,7 @@ import pytest
 from sklearn import metrics
 
 from overtaking.analysis.learning.scores import best_threshold, grouped_interval, score
-from overtaking.core.intervals import wilson
+from overtaking.core.intervals import wilson_interval
 
 DRAW = np.random.default_rng(7)
 SAID, POSITIVE = DRAW.random(500) < 0.3, DRAW.random(500) < 0.2
@@ -43,12 +43,12 @@ def test_the_best_threshold_is_the_best():
 def test_strangers_have_wilsons_interval():
     right = DRAW.random(400) < 0.8
     low, high = grouped_interval(right, np.arange(400))
-    assert (low, high) == pytest.approx(wilson(float(right.mean()), 400), abs=1e-3)
+    assert (low, high) == pytest.approx(wilson_interval(float(right.mean()), 400), abs=1e-3)
 
 
 def test_copies_say_no_more_than_their_originals():
     right = DRAW.random(400) < 0.8
     low, high = grouped_interval(np.repeat(right, 5), np.repeat(np.arange(400), 5))
-    assert (low, high) == pytest.approx(wilson(float(right.mean()), 400), abs=2e-3)
-    narrow = wilson(float(right.mean()), 2000)
+    assert (low, high) == pytest.approx(wilson_interval(float(right.mean()), 400), abs=2e-3)
+    narrow = wilson_interval(float(right.mean()), 2000)
     assert high - low > 2.0 * (narrow[1] - narrow[0])

@@ -13,8 +13,8 @@ from overtaking.analysis.literature.answers import TABLES, WORDS, answer, doubts
 from overtaking.analysis.literature.records import MEMBERS
 from overtaking.core.errors import ConfigError, KnowledgeError
 from overtaking.data.tables.schemas import SCHEMAS
-from overtaking.knowledge import reader
-from overtaking.knowledge.reader import DATA
+from overtaking.knowledge import toml_reader
+from overtaking.knowledge.toml_reader import DATA_FOLDER
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -171,9 +171,15 @@ def test_records_cannot_be_changed():
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A copy of the files that a test may spoil."""
-    caches = (reader.load, reading.systems, reading.datasets, reading.factors, reading.studies)
-    shutil.copytree(DATA / "literature", tmp_path / "literature")
-    monkeypatch.setattr(reader, "DATA", tmp_path)
+    caches = (
+        toml_reader.load_toml,
+        reading.systems,
+        reading.datasets,
+        reading.factors,
+        reading.studies,
+    )
+    shutil.copytree(DATA_FOLDER / "literature", tmp_path / "literature")
+    monkeypatch.setattr(toml_reader, "DATA_FOLDER", tmp_path)
     for one in caches:
         one.cache_clear()
     yield tmp_path / "literature"

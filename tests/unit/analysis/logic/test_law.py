@@ -15,7 +15,7 @@ from overtaking.analysis.logic.export import PROGRAMS
 from overtaking.analysis.logic.law import CODES, CODES_DE, judged, law, lawyer
 from overtaking.labels.events import case_of
 from overtaking.labels.law import GERMANY, PORTUGAL, Pack, check
-from overtaking.model.labels import Case, Verdict
+from overtaking.model.verdicts import Case, Verdict
 
 pytestmark = pytest.mark.ci
 

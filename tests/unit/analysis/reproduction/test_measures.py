@@ -16,8 +16,8 @@ from scipy import stats
 from overtaking.analysis.reproduction.hidden import inferences, lawful, splits, weathers
 from overtaking.analysis.reproduction.measures import measured, p_value, spearman
 from overtaking.analysis.reproduction.replicates import FEATURES, SIZE, Replicates
-from overtaking.knowledge.paper import Statement, statements
-from overtaking.model.labels import OvertakeClass
+from overtaking.analysis.reproduction.statements import Statement, statements
+from overtaking.model.verdicts import OvertakeClass
 
 SETS = 4
 
@@ -38,7 +38,13 @@ def some() -> Replicates:
 
 def statement(measure: str, **given: object) -> Statement:
     like = statements()["se_success_i"]
-    plain = {"scope": "all", "of": "SE", "against": "D", "low": math.nan, "high": math.nan}
+    plain = {
+        "outcome_class": "all",
+        "feature": "SE",
+        "other_feature": "D",
+        "low": math.nan,
+        "high": math.nan,
+    }
     return dataclasses.replace(like, **{**plain, "measure": measure, **given})
 
 
@@ -52,18 +58,21 @@ def test_means_sums_and_counts_are_those_of_pandas(some: Replicates, number: int
     table = frame(some, number)
     inside = table[table["CLASS"] == "Unsuccess_col"]
     for one, expected in (
-        (statement("count", scope="Unsuccess_col"), len(inside)),
-        (statement("mean", scope="Unsuccess_col", of="D"), inside["D"].mean()),
-        (statement("sum", of="NIGHT"), table["NIGHT"].sum()),
+        (statement("count", outcome_class="Unsuccess_col"), len(inside)),
+        (statement("mean", outcome_class="Unsuccess_col", feature="D"), inside["D"].mean()),
+        (statement("sum", feature="NIGHT"), table["NIGHT"].sum()),
         (statement("within", low=2.0, high=4.0), table["SE"].between(2.0, 4.0).sum()),
-        (statement("ratio", of="D", against="SE"), table["D"].mean() / table["SE"].mean()),
+        (
+            statement("ratio", feature="D", other_feature="SE"),
+            table["D"].mean() / table["SE"].mean(),
+        ),
         (statement("spearman"), table["SE"].corr(table["D"], method="spearman")),
     ):
         assert measured(some, one)[number] == pytest.approx(expected)
 
 
 def test_an_empty_class_has_no_mean_and_no_warning(some: Replicates):
-    found = measured(some, statement("mean", scope="Success_L"))
+    found = measured(some, statement("mean", outcome_class="Success_L"))
     assert np.isnan(found).tolist() == [True, False, False, False]
 
 

@@ -16,13 +16,13 @@ import overtaking as ot
 from overtaking.analysis.reproduction import tables, words
 from overtaking.analysis.reproduction.replicates import SIZE, Replicates
 from overtaking.analysis.reproduction.run import Comparison, Reproduction
+from overtaking.analysis.reproduction.statements import calibration, statements
 from overtaking.analysis.reproduction.variants import farther, pushed
 from overtaking.cli.output import page_text
 from overtaking.cli.reproducing import page_parts
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge.paper import calibration, statements
-from overtaking.model.labels import OvertakeClass
-from overtaking.scenarios import spec
+from overtaking.model.verdicts import OvertakeClass
+from overtaking.scenarios.profiles import load_specification
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -149,14 +149,14 @@ def test_the_score_counts_every_number_once(found: Reproduction):
 
 def test_pushes_are_those_of_the_profile_times_their_factor(found: Reproduction):
     assert [one.value for one in found.pushes] == [0.0, 0.5, 1.0, 2.0]
-    base = spec("pinto2023")
+    base = load_specification("pinto2023")
     assert base.weather.pushes is not None
     for factor in (0.0, 2.0):
         one = pushed(base, factor)
         assert one is not None
         assert one.weather.pushes is not None
         assert one.weather.pushes.accel_mps2 == factor * base.weather.pushes.accel_mps2
-    assert pushed(spec("pinto2023-physical"), 1.0) is None
+    assert pushed(load_specification("pinto2023-physical"), 1.0) is None
 
 
 def test_the_collided_are_split_by_whether_they_had_pulled_out(found: Reproduction):
@@ -173,9 +173,9 @@ def test_a_paper_in_the_middle_is_nearer_than_all_and_one_far_away_is_farther_th
     rng = np.random.default_rng(1)
     shape = (50, SIZE)
     stated = {
-        one.of: one.stated.number
+        one.feature: one.stated.number
         for one in statements().values()
-        if one.scope == "Unsuccess_col" and one.measure == "mean"
+        if one.outcome_class == "Unsuccess_col" and one.measure == "mean"
     }
     classes = {"paper": np.full(shape, OvertakeClass.UNSUCCESS_COL)}
     near = {name: value + rng.normal(size=shape) for name, value in stated.items()}

@@ -11,9 +11,10 @@ import pytest
 from overtaking.analysis.stats.diagrams import Diagram, diagram
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.label import label
-from overtaking.model.events import NEVER
+from overtaking.model.overtake_events import NEVER
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 
 if TYPE_CHECKING:
@@ -26,7 +27,11 @@ PHASES = ("follows", "pulls out", "in the other lane", "returns", "done")
 def labelled() -> Labelled:
     road = load_road("town06")
     return label(
-        engine.simulate(sample(spec("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64)))
+        engine.simulate(
+            sample(
+                load_specification("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64)
+            )
+        )
     )
 
 
@@ -99,7 +104,7 @@ def test_the_ego_leaves_its_lane_for_the_fast_side(labelled: Labelled):
 def test_in_left_hand_traffic_the_fast_side_is_up_as_well():
     road = load_road("town06").mirrored()
     run = engine.simulate(
-        sample(spec("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64))
+        sample(load_specification("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64))
     )
     mirrored = label(run)
     one = of(mirrored, completed(mirrored))

@@ -22,7 +22,7 @@ from overtaking.analysis.stats.formats import (
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.analysis.stats.table import Style, write
 from overtaking.cli.output import page_text
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
 
 
 @pytest.fixture(scope="module")

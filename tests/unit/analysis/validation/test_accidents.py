@@ -13,12 +13,12 @@ from overtaking.analysis.validation.accidents import Severity, accidents, first_
 from overtaking.analysis.validation.figures import DEFINITIONS
 from overtaking.analysis.validation.tally import Tally
 from overtaking.analysis.validation.traffic import Batch, limit
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.sim import engine
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 if TYPE_CHECKING:
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 NUMBER = 6
 BEYOND = 255

@@ -12,14 +12,14 @@ from overtaking.analysis.validation import changes, conflicts
 from overtaking.analysis.validation.changes import HEADWAY_WIDTH, SPACE_WIDTH
 from overtaking.analysis.validation.tally import Tally, quantile
 from overtaking.analysis.validation.traffic import Batch
-from overtaking.model.trajectory import NO_VEHICLE, Lights
+from overtaking.model.trajectories import NO_VEHICLE, Lights
 from overtaking.sim import engine
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 SECOND = 20
 LANE_MM, LENGTH_M = 3500, 4.4

@@ -13,7 +13,7 @@ from overtaking.analysis.validation.comparison import compare as compare_figures
 from overtaking.analysis.validation.figures import DEFINITIONS
 from overtaking.analysis.validation.overtakes import STRATA, cell
 from overtaking.analysis.validation.tally import GROUPS, Tally
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.verdicts import OvertakeClass
 
 NUMBER = 4000
 BINS = len(STRATA) * len(OvertakeClass)

@@ -16,14 +16,15 @@ from overtaking.analysis.validation import passes
 from overtaking.analysis.validation.figures import HEAD_ON, PASSES
 from overtaking.analysis.validation.tally import GROUPS, Tally
 from overtaking.analysis.validation.traffic import Batch
-from overtaking.model.course import Course, Limit
 from overtaking.model.known_roads import known_road
-from overtaking.model.trajectory import Stage, Trajectories
+from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
+from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
-from overtaking.scenarios.ways import flows
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.two_way_traffic import flows_per_second
 from overtaking.sim import engine
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 OUT, BACK = 3.0, 11.0
 EGO, LEADER, COMES = 25.0, 20.0, 25.0
@@ -93,11 +94,11 @@ def test_a_pass_is_timed_from_when_the_line_is_crossed_until_the_ego_is_back():
     ("start", "direction", "too_fast"), [(1270.0, 1, True), (1280.0, 1, False), (1100.0, -1, False)]
 )
 def test_a_pass_is_too_fast_by_the_limit_of_its_place(start: float, direction: int, too_fast: bool):
-    lower = Limit(start=start, stop=1400.0, speed=20.0, direction=direction)
+    lower = SpeedLimitSpan(start=start, stop=1400.0, speed=20.0, direction=direction)
     runs = made()
     assert not runs.road.course or not runs.road.course.limits
     road = dataclasses.replace(
-        runs.road, course=dataclasses.replace(runs.road.course or Course(), limits=(lower,))
+        runs.road, course=dataclasses.replace(runs.road.course or RoadCourse(), limits=(lower,))
     )
     (one,) = passes.passes(runs.replace(scenario=runs.scenario.replace(road=road)))
     assert one.too_fast == too_fast
@@ -244,7 +245,9 @@ def test_the_favour_of_motorcycles_is_the_odds_ratio_within_a_distance():
 
 
 def test_a_head_on_collision_is_told_from_others():
-    world = sample(spec("rural-risk"), load_road("rural"), 4, np.arange(8, dtype=np.uint64))
+    world = sample(
+        load_specification("rural-risk"), load_road("rural"), 4, np.arange(8, dtype=np.uint64)
+    )
     runs = engine.run(world, parameters(world))
     contacts = runs.contacts
     partner, impulse = contacts.partner.copy(), contacts.impulse.copy()
@@ -298,9 +301,11 @@ def test_a_share_is_never_more_than_all():
 
 
 def test_flows_are_those_that_the_traffic_was_drawn_with():
-    given = spec("rural", {"traffic.flow_vph": [300.0, 300.0], "traffic.split": [0.7, 0.7]})
+    given = load_specification(
+        "rural", {"traffic.flow_vph": [300.0, 300.0], "traffic.split": [0.7, 0.7]}
+    )
     index = np.arange(400, dtype=np.uint64)
-    own, other = flows(given, 3, index)
+    own, other = flows_per_second(given, 3, index)
     assert sorted(set(np.rint(3600.0 * own).tolist())) == [180.0, 420.0]
     np.testing.assert_allclose(own + other, 600.0 / 3600.0, rtol=1e-6)
     world = sample(given, load_road("rural"), 3, index)

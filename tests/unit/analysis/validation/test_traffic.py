@@ -14,7 +14,7 @@ from overtaking.analysis.validation.figures import figures
 from overtaking.analysis.validation.tally import Tally, quantile
 from overtaking.analysis.validation.traffic import Batch
 from overtaking.sim import engine
-from overtaking.world.parameters import parameters
+from overtaking.world.step_parameters import parameters
 
 
 def counted(*vehicles: Vehicle, horizon: float = 20.0, changes: dict | None = None) -> Tally:

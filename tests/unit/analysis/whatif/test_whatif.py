@@ -17,8 +17,8 @@ from overtaking.analysis.whatif.fan import TOO_FEW
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, class_of, pull_out, scene_of
 from overtaking.core.errors import ConfigError
-from overtaking.model.labels import OvertakeClass
-from overtaking.model.trajectory import Stage
+from overtaking.model.trajectories import Stage
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.show.video.twin import TwinFilm
 from overtaking.show.video.view import SCENE_BOTTOM
 
@@ -28,8 +28,8 @@ GOLDEN = Path(__file__).parents[3] / "golden"
 
 WET = {"weather.presets": ["HardRainNoon"], "traffic.vehicles": "4..6"}
 STARTS = (
-    ot.Change(decision=ot.Decision.STAY),
-    ot.Change(frame=40, decision=ot.Decision.PULL_OUT),
+    ot.Intervention(decision=ot.ForcedDecision.STAY),
+    ot.Intervention(frame=40, decision=ot.ForcedDecision.PULL_OUT),
 )
 """What a future of a start at frame 40 lets the ego do."""
 
@@ -102,7 +102,7 @@ def test_who_stays_never_begins(data: ot.Dataset, begun: int):
 
 def test_a_careful_driver_has_the_traits_of_a_careful_temper(data: ot.Dataset, begun: int):
     found = ot.twin(data, begun, driver="careful")
-    branched = found.told[1].run.branched
+    branched = found.told[1].run.branch_origin
     assert branched is not None
     (change,) = branched.changes
     careful = WET | {"drivers.temper": [0.0, 0.0]}
@@ -147,11 +147,11 @@ def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int
 
 
 def test_a_removed_vehicle_is_in_no_table_of_states(data: ot.Dataset, begun: int, tmp_path: Path):
-    gone = ot.branch(data[begun], changes=[ot.Change(frame=30, vehicle=1, removed=True)])
+    gone = ot.branch(data[begun], changes=[ot.Intervention(frame=30, vehicle=1, removed=True)])
     saved = ot.save_branches(data, {"without vehicle 1": gone}, tmp_path / "gone")
     states = saved.states(0)
     assert (states[states["vehicle"] == 1]["frame"] < 30).all()
-    np.testing.assert_array_equal(saved[0].state_valid, gone.state_valid)
+    np.testing.assert_array_equal(saved[0].state_mask, gone.state_mask)
     np.testing.assert_array_equal(saved[0].states.s, gone.states.s)
 
 
@@ -171,13 +171,13 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
 ):
     """Before, at and after the start; what the branch lets the ego do is left out."""
     changes = [
-        ot.Change(without=("rain",)),
-        ot.Change(frame=30, vehicle=2, ahead=15.0, faster=-3.0),
-        ot.Change(frame=40, vehicle=1, traits={"time_gap": 2.5}),
-        ot.Change(frame=60, vehicle=3, removed=True),
+        ot.Intervention(without=("rain",)),
+        ot.Intervention(frame=30, vehicle=2, ahead=15.0, faster=-3.0),
+        ot.Intervention(frame=40, vehicle=1, traits={"time_gap": 2.5}),
+        ot.Intervention(frame=60, vehicle=3, removed=True),
     ]
     told = ot.branch(
-        data[begun], changes=[*changes, ot.Change(frame=25, decision=STARTS[1].decision)]
+        data[begun], changes=[*changes, ot.Intervention(frame=25, decision=STARTS[1].decision)]
     )
     saved = ot.save_branches(data, {"much changed": told}, tmp_path / "much")
     scene = scene_of(saved, 0)
@@ -187,13 +187,13 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
     np.testing.assert_array_equal(
         ot.label(futures).findings.margin[:1], ot.label(alone).findings.margin
     )
-    assert not futures.state_valid[:, 3, 60:].any()
+    assert not futures.state_mask[:, 3, 60:].any()
     assert futures.scenario.weather.rain[0] == 0.0
 
 
 def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_path: Path):
-    dry = ot.branch(data[begun], changes=[ot.Change(without=("rain",))])
-    stays = ot.branch(data[begun], decision=ot.Decision.STAY)
+    dry = ot.branch(data[begun], changes=[ot.Intervention(without=("rain",))])
+    stays = ot.branch(data[begun], decision=ot.ForcedDecision.STAY)
     saved = ot.save_branches(data, {"dry": dry, "stays": stays}, tmp_path / "two")
     was, changed, same = (
         ot.fan(one, number, futures=30, every=2.0)
@@ -210,14 +210,14 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
 ):
     """Who is gone is nowhere, and who was made another person stays that person."""
     changes = [
-        ot.Change(frame=5, vehicle=3, removed=True),
-        ot.Change(frame=10, vehicle=2, traits={"time_gap": 2.5}),
+        ot.Intervention(frame=5, vehicle=3, removed=True),
+        ot.Intervention(frame=10, vehicle=2, traits={"time_gap": 2.5}),
     ]
     saved = ot.save_branches(
         data, {"one": ot.branch(data[begun], changes=changes)}, tmp_path / "one"
     )
     scene = scene_of(saved, 0)
-    stayed = scene.branch(ot.Change(decision=ot.Decision.STAY))
+    stayed = scene.branch(ot.Intervention(decision=ot.ForcedDecision.STAY))
     percept = Percept.of(started(scene.world, 20, copies(scene.world, 20, 1)))
     assert percept is not None
     assert 3 not in percept.vehicle[percept.detected]
@@ -245,7 +245,7 @@ def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
 
 def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Dataset, begun: int):
     scene = scene_of(data, begun)
-    stayed = scene.branch(ot.Change(decision=ot.Decision.STAY))
+    stayed = scene.branch(ot.Intervention(decision=ot.ForcedDecision.STAY))
     percept = Percept.of(started(scene.world, 20, copies(scene.world, 20, 1)))
     assert percept is not None
     many = proposals(scene, stayed, 20, percept, 200)
@@ -279,7 +279,7 @@ def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
                 continue
             scenario = data.scenario(number)
             value = float(scenario.drivers.time_gap[0, 0]) + one.least
-            run = ot.branch(scenario, changes=[ot.Change(traits={"time_gap": value})])
+            run = ot.branch(scenario, changes=[ot.Intervention(traits={"time_gap": value})])
             assert class_of(ot.label(run), "paper") == one.becomes == "Success_L"
         confirmed += sum(one.least is not None for one in found.found)
         assert all(math.isnan(one.larger) or 0 <= one.larger <= 1 for one in found.found)
@@ -296,7 +296,7 @@ def test_who_knows_what_a_pass_takes_would_not_have_collided(data: ot.Dataset):
     assert least is not None
     assert least > 0.0
     value = float(drawn.drivers.need_factor[0, 0]) + least
-    run = ot.branch(drawn, changes=[ot.Change(traits={"need_factor": value})])
+    run = ot.branch(drawn, changes=[ot.Intervention(traits={"need_factor": value})])
     assert class_of(ot.label(run), "paper") not in [kind.title for kind in ACCIDENTS]
 
 

@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from overtaking.model.drivers import Drivers
 from overtaking.model.known_roads import known_road
-from overtaking.model.scenario import SLOTS, Scenario
-from overtaking.model.trajectory import (
+from overtaking.model.scenario import SLOT_CAPACITIES, Scenario
+from overtaking.model.trajectories import (
     NO_VEHICLE,
-    STATE_TYPES,
+    STATE_DTYPES,
     Contacts,
-    DecisionKind,
+    ManoeuvreKind,
     Percepts,
     Stage,
     States,
     Trajectories,
 )
-from overtaking.model.vehicles import Colour, VehicleKind, VehicleSpecs
+from overtaking.model.vehicles import Colour, DriverTraits, VehicleKind, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, Weather
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def states(source: Source, shape: tuple[int, int, int], road: Road) -> States:
     borders_mm = np.rint(np.array([*road.boundaries, road.boundaries[-1] + 2]) * 1000)
     d = np.where(lane == 255, road.boundaries[0] * 1000 - road.side * 500, 0.0)
     d = np.where(lane != 255, borders_mm[np.minimum(lane, road.num_lanes)] + road.side * 500, d)
-    drawn = {name: source.integers(kind, shape) for name, kind in STATE_TYPES.items()}
+    drawn = {name: source.integers(kind, shape) for name, kind in STATE_DTYPES.items()}
     drawn |= {"d": d.astype(np.int32), "lane": lane}
     drawn["speed"] = source.integers(np.int32, shape, low=0)
     drawn["heading"][:, 0] //= 8  # An ego across the road has spun and attempts nothing.
@@ -92,7 +91,7 @@ def percepts(source: Source, valid: np.ndarray) -> Percepts:
     vehicle = np.where(there, source.integers(np.uint8, shape, low=1, high=7), NO_VEHICLE)
     return Percepts(
         valid=valid,
-        kind=source.integers(np.uint8, valid.shape, low=0, high=len(DecisionKind) - 1) * valid,
+        kind=source.integers(np.uint8, valid.shape, low=0, high=len(ManoeuvreKind) - 1) * valid,
         time=source.integers(np.int32, valid.shape, low=0) * valid,
         vehicle=vehicle.astype(np.uint8),
         detected=seen,
@@ -136,7 +135,7 @@ def scenario(source: Source, valid: np.ndarray, road: Road) -> Scenario:
         attempt_deadline=source.floats(count),
         weight=source.random.random(count),
         vehicles=bodies(source, valid),
-        drivers=source.batch(Drivers, shape),
+        drivers=source.batch(DriverTraits, shape),
         weather=weather(source, count),
         start_s=source.floats(shape),
         start_lane=source.integers(np.uint8, shape, low=0, high=road.num_lanes - 1),
@@ -148,7 +147,7 @@ def record(
     seed: int = 0,
     *,
     num_simulations: int = 5,
-    num_slots: int = SLOTS[0],
+    num_slots: int = SLOT_CAPACITIES[0],
     num_frames: int = 12,
     road: Road | None = None,
     full: bool = False,

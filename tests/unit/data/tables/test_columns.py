@@ -5,11 +5,11 @@ from __future__ import annotations
 import pyarrow as pa
 import pytest
 
-from overtaking.core.units import SUFFIXES
+from overtaking.core.units import NAME_SUFFIXES
 from overtaking.data.tables.columns import (
     BYTE,
     INT,
-    STEPS,
+    INTEGER_UNITS,
     attributes,
     codes,
     column,
@@ -19,7 +19,7 @@ from overtaking.data.tables.columns import (
     si_name,
     unit_of,
 )
-from overtaking.model.decisions import VehicleAhead
+from overtaking.model.overtake_features import LeaderState
 
 
 def test_a_column_knows_its_unit_and_meaning_and_ends_in_its_unit():
@@ -58,7 +58,7 @@ def test_columns_of_a_part_of_a_batch_have_its_path():
 
 
 def test_columns_follow_from_what_the_fields_of_a_batch_declare():
-    found = {one.name: one for one in declared("ahead", VehicleAhead, nullable=True)}
+    found = {one.name: one for one in declared("ahead", LeaderState, nullable=True)}
     assert found["ahead_ttc_s"].path == "ahead.encounter.ttc"
     assert found["ahead_ttc_s"].present == "ahead.encounter.valid"
     assert found["ahead_kind"].needs == ("kinds",)
@@ -81,15 +81,15 @@ def test_columns_follow_from_what_the_fields_of_a_batch_declare():
     ],
 )
 def test_the_name_in_si_ends_in_the_si_unit(name: str, unit: str, expected: str):
-    field = column(name.removesuffix(SUFFIXES[unit]), INT, "Something", unit).field
+    field = column(name.removesuffix(NAME_SUFFIXES[unit]), INT, "Something", unit).field
     assert field.name == name
     assert si_name(field) == expected
 
 
 def test_every_step_has_an_ending_and_so_has_its_si_unit():
-    assert set(STEPS) <= set(SUFFIXES)
-    assert {unit for unit, _ in STEPS.values()} <= set(SUFFIXES)
-    assert len(set(SUFFIXES.values())) == len(SUFFIXES)
+    assert set(INTEGER_UNITS) <= set(NAME_SUFFIXES)
+    assert {unit for unit, _ in INTEGER_UNITS.values()} <= set(NAME_SUFFIXES)
+    assert len(set(NAME_SUFFIXES.values())) == len(NAME_SUFFIXES)
 
 
 @pytest.mark.parametrize("dictionary", [["b", "a", "c"], ["a", "c"], ["c", "a", "b"]])

@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 from overtaking.data.tables.derived import derived_weather
-from overtaking.knowledge import presets
+from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model.known_roads import known_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 
 
 @pytest.fixture(scope="module")
 def calm():
     """One simulation on a dry, clear, windless day."""
     scenario = sample(
-        spec("pinto2023-physical"), known_road("town06"), 1, np.arange(1, dtype=np.uint64)
+        load_specification("pinto2023-physical"),
+        known_road("town06"),
+        1,
+        np.arange(1, dtype=np.uint64),
     )
     zero = np.zeros(1, dtype=np.float32)
     weather = scenario.weather.replace(
@@ -88,7 +92,7 @@ def test_wind_is_its_share_of_the_strongest(calm):
 
 
 def test_every_preset_gives_finite_numbers(calm):
-    for preset in presets().values():
+    for preset in weather_presets().values():
         found = derived(
             calm,
             rain=preset.precipitation_percent,

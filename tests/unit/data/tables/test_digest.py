@@ -12,7 +12,7 @@ from overtaking import _core
 from overtaking.data.tables.digest import ContentDigest, content_of
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import SCHEMAS, SINCE
-from overtaking.model.actions import MOST_PARTS, Actions
+from overtaking.model.driver_interface import MAX_ACTION_PARTS, Actions
 
 NOTHING = {"count": 0, "offset": 0, "validity": None, "data": None, "ends": None}
 """No rows, as the compiled hash takes them."""
@@ -20,7 +20,7 @@ NOTHING = {"count": 0, "offset": 0, "validity": None, "data": None, "ends": None
 
 @pytest.fixture(scope="module")
 def tables(recorder):
-    values = np.random.default_rng(2).integers(-1, 2, (5, 9, MOST_PARTS)).astype(np.int32)
+    values = np.random.default_rng(2).integers(-1, 2, (5, 9, MAX_ACTION_PARTS)).astype(np.int32)
     run = recorder(seed=3).replace(actions=Actions(values=values, kind="accel_lane"))
     return contents(run, np.arange(5), tuple(SCHEMAS))
 

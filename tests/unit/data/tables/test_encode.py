@@ -13,7 +13,7 @@ from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.lanes import lane_columns
 from overtaking.data.tables.schemas import KEYS, SCHEMAS
 from overtaking.model.known_roads import known_road
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.model.trajectories import Lights, Stage
 
 NUMBERS = np.array([3, 4, 10, 11, 90])
 
@@ -85,7 +85,7 @@ def test_a_state_is_the_recorded_one(recorded, tables):
 def test_a_lane_is_named_by_its_opendrive_id_and_by_null_beside_the_lanes(recorded, tables):
     ids = dict(enumerate(lane.lane_id for lane in recorded.road.lanes))
     lanes = recorded.states.lane[
-        recorded.scenario.vehicles.valid[:, :, None] & recorded.frame_valid[:, None, :]
+        recorded.scenario.vehicles.valid[:, :, None] & recorded.frame_mask[:, None, :]
     ]
     expected = [ids.get(lane) for lane in lanes.tolist()]
     assert tables["states"]["lane_id"].to_pylist() == expected

@@ -12,10 +12,11 @@ from overtaking.data.tables.names import EVENTS
 from overtaking.data.tables.schemas import KEYS, LABEL_TABLES, SCHEMAS
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import PORTUGAL
-from overtaking.model.events import NEVER, Detail, Outcome
-from overtaking.model.labels import OvertakeClass, Severity, Verdict
+from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
+from overtaking.model.verdicts import OvertakeClass, Severity, Verdict
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.sim import engine
 
 SIZE, FIRST = 60, 1000
@@ -23,7 +24,7 @@ SIZE, FIRST = 60, 1000
 
 @pytest.fixture(scope="module")
 def labelled() -> Labelled:
-    given = spec("pinto2023-physical")
+    given = load_specification("pinto2023-physical")
     index = np.arange(SIZE, dtype=np.uint64)
     return label(engine.simulate(sample(given, load_road(given.road), 4, index)))
 
@@ -78,7 +79,7 @@ def test_classes_and_outcomes_have_the_names_of_the_model(labelled, frames):
     assert rows["class"].tolist() == names
     first = rows.drop_duplicates("simulation")
     assert first["outcome"].tolist() == [Outcome(code).name.lower() for code in said.outcome]
-    assert first["detail"].tolist() == [Detail(code).name.lower() for code in said.detail]
+    assert first["detail"].tolist() == [OutcomeDetail(code).name.lower() for code in said.detail]
 
 
 def test_findings_are_those_of_the_rules(labelled, frames):

@@ -75,7 +75,7 @@ def test_every_column_of_the_states_reads_the_same_in_another_program(
     write(tmp_path / "a.parquet", "states", tables["states"])
     query = f"select * from '{tmp_path}/a.parquet' order by simulation, vehicle, frame"
     columns = duckdb.connect().execute(query).fetchnumpy()
-    valid = recorded.scenario.vehicles.valid[:, :, None] & recorded.frame_valid[:, None, :]
+    valid = recorded.scenario.vehicles.valid[:, :, None] & recorded.frame_mask[:, None, :]
     simulation, vehicle, frame = np.nonzero(valid)
     expected = {
         "simulation": simulation,

@@ -17,7 +17,7 @@ from overtaking.data.tables.restore import restore, restore_scenario
 from overtaking.model.known_roads import known_road
 
 if TYPE_CHECKING:
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 
 def arrays(batch, prefix: str = "") -> dict[str, np.ndarray]:
@@ -34,7 +34,7 @@ def arrays(batch, prefix: str = "") -> dict[str, np.ndarray]:
 
 def meaningful(recorded: Trajectories, path: str, values: np.ndarray) -> np.ndarray:
     """The part of an array that is not padding."""
-    vehicle, frame = recorded.scenario.vehicles.valid, recorded.frame_valid
+    vehicle, frame = recorded.scenario.vehicles.valid, recorded.frame_mask
     if path.startswith("states."):
         return values[vehicle[:, :, None] & frame[:, None, :]]
     if path in ("stage", "collided_with"):

@@ -13,8 +13,12 @@ from overtaking.data.tables.encode import encode
 from overtaking.data.tables.files import TableWriter, read_table
 from overtaking.data.tables.restore import restore
 from overtaking.data.tables.schemas import COLUMNS, KEYS, RECORDED_TABLES, SCHEMAS, schema_of
-from overtaking.model.trajectory import UNKNOWNS
-from overtaking.scenarios.assumed import assumed_bodies, assumed_drivers, assumed_weather
+from overtaking.model.trajectories import UNKNOWNS
+from overtaking.scenarios.recording_defaults import (
+    default_drivers,
+    default_vehicles,
+    default_weather,
+)
 
 SOURCES = [f"scene {number}" for number in range(5)]
 
@@ -26,7 +30,7 @@ def silent(recorder):
     shape = given.states.x.shape
     present = np.random.default_rng(3).random(shape) < 0.7
     present[:, 0] = True
-    return given.replace(unknown=frozenset(UNKNOWNS), present=present)
+    return given.replace(unknown=frozenset(UNKNOWNS), is_recorded=present)
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +86,8 @@ def test_files_give_back_what_was_written_and_the_rows_that_are_missing(silent, 
         again[name] = read_table(tmp_path / name, name)
     back = restore(again, silent.road, silent.unknown)
     assert back.unknown == silent.unknown
-    where = silent.state_valid
-    assert np.array_equal(back.state_valid, where)
+    where = silent.state_mask
+    assert np.array_equal(back.state_mask, where)
     for name in ("x", "y", "s", "d", "speed", "heading", "accel_lon", "accel_lat", "lane"):
         ours, theirs = getattr(back.states, name), getattr(silent.states, name)
         assert np.array_equal(ours[where], theirs[where]), name
@@ -106,8 +110,8 @@ def test_people_see_gaps_and_no_invented_numbers(tables):
 def test_what_is_assumed_can_be_computed_with():
     shape = (2, 3)
     length = np.full(shape, 4.0, np.float32)
-    bodies = assumed_bodies(np.ones(shape, bool), np.full(shape, 4, np.uint8), length, length / 2)
-    drivers, weather = assumed_drivers(shape), assumed_weather(2)
+    bodies = default_vehicles(np.ones(shape, bool), np.full(shape, 4, np.uint8), length, length / 2)
+    drivers, weather = default_drivers(shape), default_weather(2)
     assert np.array_equal(bodies.length, length)
     for batch in (bodies, drivers, weather):
         for field in dataclasses.fields(batch):

@@ -12,8 +12,8 @@ from tests.support.cases import Track, case, ramp, seen_case, two_way_road
 from tests.support.worlds import wide_road
 
 from overtaking.labels.events import detail, outcome
-from overtaking.model.events import NEVER, Detail, Outcome
-from overtaking.model.trajectory import NO_VEHICLE, Stage
+from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
+from overtaking.model.trajectories import NO_VEHICLE, Stage
 
 if TYPE_CHECKING:
     from overtaking.model.road import Road
@@ -32,8 +32,8 @@ def found(ego_lane, *others: Track, speed=28.0, **given):
     return one.events
 
 
-def said(events) -> tuple[Outcome, Detail]:
-    return Outcome(int(outcome(events)[0])), Detail(int(detail(events, 50)[0]))
+def said(events) -> tuple[Outcome, OutcomeDetail]:
+    return Outcome(int(outcome(events)[0])), OutcomeDetail(int(detail(events, 50)[0]))
 
 
 OUT_AND_BACK = way((3, 0), (6, 1), (14, 1), (17, 0))
@@ -51,7 +51,7 @@ def test_a_whole_overtake_has_its_phases_in_order():
     ]
     frames = [int(getattr(events, name)[0]) for name in names]
     assert frames == sorted(frames)
-    assert said(events) == (Outcome.COMPLETED, Detail.NONE)
+    assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
     assert events.target[0] == 1
     assert events.num_attempts[0] == events.num_passed[0] == 1
     assert events.abort[0] == events.back[0] == NEVER
@@ -70,13 +70,13 @@ def test_the_phases_are_where_the_tracks_say():
 
 def test_who_stays_attempts_nothing():
     events = found(0.0, AHEAD, speed=20.0)
-    assert said(events) == (Outcome.NO_ATTEMPT, Detail.NONE)
+    assert said(events) == (Outcome.NO_ATTEMPT, OutcomeDetail.NONE)
     assert events.target[0] == 1
 
 
 def test_a_lane_change_with_nobody_ahead_is_no_overtake():
     events = found(OUT_AND_BACK, Track(s=-60.0, speed=20.0))
-    assert said(events) == (Outcome.NO_ATTEMPT, Detail.NONE)
+    assert said(events) == (Outcome.NO_ATTEMPT, OutcomeDetail.NONE)
     assert events.target[0] == NO_VEHICLE
 
 
@@ -92,7 +92,7 @@ def test_a_slow_drift_within_the_lane_is_no_attempt():
 def test_a_slow_drift_over_the_line_is_one():
     events = found(way((2, 0), (22, 0.5)), AHEAD, speed=20.0)
     assert events.attempt[0] != NEVER
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.OPEN_AT_HORIZON)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.OPEN_AT_HORIZON)
 
 
 def drifted(events) -> bool:
@@ -137,7 +137,7 @@ def test_without_a_driving_lane_on_the_left_nothing_is_attempted():
 def test_on_a_two_way_road_the_lane_of_oncoming_traffic_is_one_to_attempt_in():
     swing = way((3, 0), (4, 0.35), (5, 0.35), (6, 0))
     events = found(swing, AHEAD, speed=20.0, road=two_way_road())
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.ABORTED_AFTER_CROSSING)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.ABORTED_AFTER_CROSSING)
 
 
 def test_what_is_left_of_a_change_into_this_lane_from_the_right_is_no_attempt():
@@ -176,14 +176,14 @@ def test_the_leader_of_the_lane_that_the_ego_came_from_is_not_overtaken():
 
 def test_giving_up_before_the_line_is_an_attempt():
     events = found(way((3, 0), (4, 0.2), (6, 0.2), (7, 0)), AHEAD, speed=20.0)
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.ABORTED_BEFORE_CROSSING)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.ABORTED_BEFORE_CROSSING)
     assert events.line_crossed[0] == NEVER
     assert events.abort[0] < events.back[0]
 
 
 def test_giving_up_after_the_line_goes_back_behind_the_target():
     events = found(way((3, 0), (6, 1), (9, 1), (12, 0)), AHEAD, speed=20.0)
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.ABORTED_AFTER_CROSSING)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.ABORTED_AFTER_CROSSING)
     assert events.abort[0] == pytest.approx(180, abs=3)
     assert events.return_end[0] == NEVER
 
@@ -193,26 +193,26 @@ def test_after_an_abort_the_last_attempt_counts():
     speed = np.where(np.arange(FRAMES) < 140, 20.0, 32.0)
     events = found(again, AHEAD, speed=speed)
     assert events.num_attempts[0] == 2
-    assert said(events) == (Outcome.COMPLETED, Detail.NONE)
+    assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
     assert events.attempt[0] == pytest.approx(160, abs=3)
 
 
 def test_past_the_target_and_there_to_stay():
     assert said(found(way((3, 0), (6, 1)), AHEAD)) == (
         Outcome.NOT_COMPLETED,
-        Detail.PASSED_NOT_RETURNED,
+        OutcomeDetail.PASSED_NOT_RETURNED,
     )
 
 
 def test_cut_off_while_passing_is_open():
     events = found(way((3, 0), (6, 1)), Track(s=180.0, speed=20.0))
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.OPEN_AT_HORIZON)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.OPEN_AT_HORIZON)
 
 
 def test_two_targets_in_one_go_are_one_overtake_of_the_first():
     both = (AHEAD, Track(s=80.0, speed=20.0))
     events = found(way((3, 0), (6, 1), (16, 1), (19, 0)), *both)
-    assert said(events) == (Outcome.COMPLETED, Detail.NONE)
+    assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
     assert events.target[0] == 1
     assert events.num_passed[0] == 2
 
@@ -233,7 +233,7 @@ def test_a_target_that_makes_room_to_the_right_is_still_overtaken():
     leaving = Track(s=60.0, speed=20.0, lane=way((2.4, 1), (4.4, 0)))
     events = found(way((3, 1), (6, 2), (14, 2), (17, 1)), leaving)
     assert events.target[0] == 1
-    assert said(events) == (Outcome.COMPLETED, Detail.NONE)
+    assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
 
 
 def test_passing_on_the_right_without_moving_left_is_no_attempt():
@@ -250,7 +250,7 @@ def test_the_original_lane_is_where_it_began():
 
 def test_two_lanes_out_and_back_is_one_overtake():
     events = found(way((2, 0), (7, 2), (14, 2), (19, 0)), AHEAD)
-    assert said(events) == (Outcome.COMPLETED, Detail.NONE)
+    assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
     assert events.return_begin[0] == pytest.approx(280, abs=3)
 
 
@@ -264,7 +264,7 @@ def crash(ego_lane, other: Track, at: int, speed=28.0):
 
 def test_running_into_the_leader_before_any_attempt_is_a_collision():
     events = crash(0.0, AHEAD, at=140)
-    assert said(events) == (Outcome.COLLISION, Detail.COLLISION_BEFORE_ATTEMPT)
+    assert said(events) == (Outcome.COLLISION, OutcomeDetail.COLLISION_BEFORE_ATTEMPT)
     assert not events.struck[0]
 
 
@@ -290,23 +290,23 @@ def test_a_collision_after_the_return_still_decides():
 def test_nothing_counts_after_a_collision():
     events = crash(OUT_AND_BACK, AHEAD, at=100)
     assert events.overlap_begin[0] == events.return_end[0] == NEVER
-    assert said(events) == (Outcome.COLLISION, Detail.RAN_INTO_OTHER)
+    assert said(events) == (Outcome.COLLISION, OutcomeDetail.RAN_INTO_OTHER)
 
 
 def test_leaving_the_road_ends_the_overtake():
     events = found(way((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.DEPARTED)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.DEPARTED)
 
 
 def test_leaving_the_road_from_the_fastest_lane_is_no_attempt():
     events = found(way((3, 2), (8, 3.5)), dataclasses.replace(AHEAD, lane=2))
-    assert said(events) == (Outcome.NO_ATTEMPT, Detail.DEPARTED)
+    assert said(events) == (Outcome.NO_ATTEMPT, OutcomeDetail.DEPARTED)
 
 
 def test_an_ego_that_begins_beside_the_lanes_has_not_left_them():
     events = found(way((0, 3.2), (3, 1.0)), dataclasses.replace(AHEAD, lane=2))
     assert events.road_departure[0] == NEVER
-    assert said(events) == (Outcome.NO_ATTEMPT, Detail.NONE)
+    assert said(events) == (Outcome.NO_ATTEMPT, OutcomeDetail.NONE)
 
 
 def test_an_ego_that_stays_beside_the_lanes_has_not_left_them():
@@ -317,7 +317,7 @@ def test_an_ego_that_stays_beside_the_lanes_has_not_left_them():
 def test_an_ego_that_begins_beside_the_lanes_and_enters_them_can_leave_them_later():
     events = found(way((0, 3.2), (3, 1.0), (8, 3.5)), dataclasses.replace(AHEAD, lane=2))
     assert 60 < events.road_departure[0] < 200
-    assert said(events)[1] is Detail.DEPARTED
+    assert said(events)[1] is OutcomeDetail.DEPARTED
 
 
 def test_an_ego_whose_first_heading_is_across_the_road_has_not_spun():
@@ -342,7 +342,7 @@ def test_standing_across_the_road_is_a_spin_whatever_its_direction(angle, direct
     road = dataclasses.replace(ROAD, heading=direction)
     events = turned(OUT_AND_BACK, angle, at=150, road=road)
     assert events.spin[0] == 150
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.SPUN)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.SPUN)
     assert events.return_end[0] == NEVER
 
 
@@ -352,21 +352,21 @@ def test_what_a_driver_brings_back_is_no_spin():
 
 
 def test_a_spin_without_an_attempt_is_none():
-    assert said(turned(0.0, 1.0, at=60)) == (Outcome.NO_ATTEMPT, Detail.SPUN)
+    assert said(turned(0.0, 1.0, at=60)) == (Outcome.NO_ATTEMPT, OutcomeDetail.SPUN)
 
 
 def test_a_spin_after_the_return_still_decides():
     events = turned(OUT_AND_BACK, 1.0, at=400)
     assert events.return_end[0] != NEVER
-    assert said(events) == (Outcome.NOT_COMPLETED, Detail.SPUN)
+    assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.SPUN)
 
 
 def test_who_leaves_the_road_and_spins_afterwards_has_departed():
     events = found(way((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
     off = int(events.road_departure[0])
-    for spin, way_out in ((off - 1, Detail.SPUN), (off + 1, Detail.DEPARTED)):
+    for spin, way_out in ((off - 1, OutcomeDetail.SPUN), (off + 1, OutcomeDetail.DEPARTED)):
         both = events.replace(spin=np.array([spin], np.int32))
-        assert Detail(int(detail(both, 50)[0])) is way_out
+        assert OutcomeDetail(int(detail(both, 50)[0])) is way_out
 
 
 def test_with_a_contact_a_departure_is_a_collision():

@@ -14,8 +14,8 @@ from overtaking.labels.explain.thoughts import thoughts
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, policy
 from overtaking.labels.law.beliefs import FRONT, LEADER, REAR
-from overtaking.model.labels import Belief, Verdict
-from overtaking.model.trajectory import DecisionKind
+from overtaking.model.trajectories import ManoeuvreKind
+from overtaking.model.verdicts import Belief, Verdict
 
 NUM_SIMULATIONS = 48
 FAR, NEAR = 60.0, 10.0
@@ -84,7 +84,7 @@ def test_the_thought_of_the_deciding_decision_is_the_belief_of_the_finding(label
         one = labelled.select(np.array([simulation]))
         pulls = [
             each for each in told.thoughts
-            if one.trajectories.percepts.kind[0, each.decision] == DecisionKind.PULL_OUT
+            if one.trajectories.percepts.kind[0, each.decision] == ManoeuvreKind.PULL_OUT
         ]  # fmt: skip
         if len({each.decision for each in pulls}) != 1 or one.events.attempt[0] < 0:
             continue
@@ -124,10 +124,10 @@ def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
 @pytest.mark.parametrize(
     ("kind", "whom", "code"),
     [
-        (DecisionKind.PULL_OUT, FRONT, "L4"),
-        (DecisionKind.PULL_OUT, REAR, "L5"),
-        (DecisionKind.RETURN, FRONT, "L8"),
-        (DecisionKind.RETURN, REAR, "L8"),
+        (ManoeuvreKind.PULL_OUT, FRONT, "L4"),
+        (ManoeuvreKind.PULL_OUT, REAR, "L5"),
+        (ManoeuvreKind.RETURN, FRONT, "L8"),
+        (ManoeuvreKind.RETURN, REAR, "L8"),
     ],
 )
 def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
@@ -139,11 +139,11 @@ def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
 @pytest.mark.parametrize(
     ("kind", "whom", "rear", "lead"),
     [
-        (DecisionKind.PULL_OUT, LEADER, 30.0, 20.0),
-        (DecisionKind.PULL_OUT, FRONT, 30.0, 20.0),
-        (DecisionKind.PULL_OUT, REAR, 40.0, 30.0),
-        (DecisionKind.RETURN, FRONT, 30.0, 20.0),
-        (DecisionKind.RETURN, REAR, 40.0, 30.0),
+        (ManoeuvreKind.PULL_OUT, LEADER, 30.0, 20.0),
+        (ManoeuvreKind.PULL_OUT, FRONT, 30.0, 20.0),
+        (ManoeuvreKind.PULL_OUT, REAR, 40.0, 30.0),
+        (ManoeuvreKind.RETURN, FRONT, 30.0, 20.0),
+        (ManoeuvreKind.RETURN, REAR, 40.0, 30.0),
     ],
 )
 def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
@@ -156,7 +156,7 @@ def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
 
 
 def test_of_an_abort_and_without_percepts_the_law_says_nothing():
-    believed = (leader(FAR, NEAR, kind=DecisionKind.ABORT),)
+    believed = (leader(FAR, NEAR, kind=ManoeuvreKind.ABORT),)
     assert thoughts(crossing(beliefs=believed), PORTUGAL) == ()
     assert thoughts(crossing(beliefs=(leader(FAR, NEAR),), unknown=("percepts",)), PORTUGAL) == ()
 

@@ -13,7 +13,7 @@ import overtaking as ot
 from overtaking.labels.explain.margins import margins
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, check, policies_for
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 
 
 @pytest.mark.parametrize(

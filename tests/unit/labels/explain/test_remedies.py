@@ -27,14 +27,14 @@ from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Reme
 from overtaking.labels.explain.explanation import ALL_REMEDIES
 from overtaking.labels.explain.remedies import remedies_of
 from overtaking.labels.law import GERMANY, PORTUGAL, judge
-from overtaking.model.course import Course
-from overtaking.model.labels import Verdict
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.road_course import RoadCourse
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from overtaking.labels.law import Check
-    from overtaking.model.labels import Case
+    from overtaking.labels.law import Finding
+    from overtaking.model.verdicts import Case
 
 RULES = {rule.code: rule for rule in (*PORTUGAL.rules, *GERMANY.rules)}
 FIXTURES = (*law_fixtures.FIXTURES, *german_fixtures.FIXTURES)
@@ -54,7 +54,7 @@ IN_UNIT_OF_THE_MARGIN = {
 }
 
 
-def found(code: str, one: Case) -> Check:
+def found(code: str, one: Case) -> Finding:
     return judge(RULES[code], one)
 
 
@@ -74,9 +74,11 @@ def put_in(one: Case, change: Change, by: float) -> Case:
     if change.quantity in GAPS:
         ahead = change.quantity is Quantity.GAP_AHEAD
         name, slot, steps = "s", vehicle, steps if ahead else -steps
-        frames = (seen.vehicle[0, 0 if ahead else 1 :: 2] == vehicle).any(axis=0)
+        frames = (seen.neighbour_slot[0, 0 if ahead else 1 :: 2] == vehicle).any(axis=0)
     elif change.quantity is Quantity.LATERAL_GAP:
-        is_left = one.target.lateral[0, change.frame] > seen.lateral[0, change.frame]
+        is_left = (
+            one.target.lateral_position[0, change.frame] > seen.lateral_position[0, change.frame]
+        )
         name, slot, steps = "d", vehicle, steps if is_left else -steps
     elif change.quantity is Quantity.TARGET_ACCEL:
         name, slot = "accel_lon", vehicle
@@ -202,7 +204,7 @@ def test_the_remedy_of_a_slow_truck_is_50_m_even_if_the_gap_was_smaller_at_a_hig
         Track(s=31.2, speed=leader_speed),
         road=two_way_road(), frames=90, events={},
     )  # fmt: skip
-    gap = breach.signals.gap[0, Around.LEADER]
+    gap = breach.signals.gap[0, NeighbourRole.LEADER]
     assert gap[30:60].min() < gap[np.r_[:30, 60:90]].min()
     ((change,),) = remedies("L28", breach)
     assert change.needed == pytest.approx(50.0, abs=0.01)
@@ -215,7 +217,7 @@ def test_a_gap_that_is_fined_is_that_of_a_frame_above_80_km_h():
     breach = case(
         Track(speed=speed), Track(s=20.0 + 4.4, speed=leader_speed), frames=400, events={},
     )  # fmt: skip
-    lacking = 0.9 * speed - breach.signals.gap[0, Around.LEADER]
+    lacking = 0.9 * speed - breach.signals.gap[0, NeighbourRole.LEADER]
     assert lacking[160:240].max() > lacking[np.r_[:160, 240:400]].max()
     ((change,),) = remedies("A2", breach)
     assert change.needed == pytest.approx(27.0, abs=0.01)
@@ -240,7 +242,7 @@ def test_every_rule_has_a_remedy_and_a_rule_with_a_check_of_its_own_has_none():
 def test_one_second_behind_at_equal_speeds_is_five_metres_more_than_25():
     one = case(Track(speed=30.0), Track(s=29.4, speed=30.0), events={})
     (farther,), (slower,) = remedies("L3", one)
-    gap = one.signals.gap[0, Around.LEADER, -1]
+    gap = one.signals.gap[0, NeighbourRole.LEADER, -1]
     assert (farther.actual, farther.needed) == pytest.approx((gap, 30.0), abs=1e-3)
     assert farther.vehicle == 1
     # The positive root of v + v^2 / (2 b) = gap + 30^2 / (2 b).
@@ -296,7 +298,7 @@ def test_who_has_just_cut_in_nearer_still_does_not_count():
         Track(s=14.4, speed=np.where(frames < 100, 30.0, 34.0), lane=np.where(frames < 90, 1, 0)),
         events={},
     )
-    gap = one.signals.gap[0, Around.LEADER]
+    gap = one.signals.gap[0, NeighbourRole.LEADER]
     assert gap[95] < 15.0 < gap[199] < 27.0
     (farther,), _ = remedies("L3", one)
     assert farther.by == pytest.approx(-found("L3", one).margin[0], rel=1e-5)
@@ -315,7 +317,7 @@ def test_in_fog_the_fastest_instant_asks_for_most():
 def test_on_a_two_way_road_sight_is_needed_for_the_whole_time_on_the_left():
     road = two_way_road()
     events = CROSSED | {"return_end": 300}
-    one = along_course(Course(sight=((0.0, 500.0),)), events=events)
+    one = along_course(RoadCourse(sight=((0.0, 500.0),)), events=events)
     ((change,),) = remedies("L15", one)
     seconds = (300 - CROSSED["line_crossed"]) * 0.05
     assert change.needed == pytest.approx((30.0 + road.speed_limit) * (seconds + 1.0), rel=1e-5)

@@ -20,7 +20,7 @@ from overtaking.model.batch import Batch
 from overtaking.model.vehicles import Role, VehicleKind
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 FRAMES = 500
 ROAD = wide_road(lanes=3)

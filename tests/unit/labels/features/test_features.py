@@ -10,7 +10,7 @@ from tests.support.worlds import wide_road
 from overtaking import label, sample, simulate
 from overtaking.labels.features import matched_features, paper_features
 from overtaking.labels.features.study import pseudo_attempt
-from overtaking.model.events import NEVER
+from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import VehicleKind
 
 FRAMES = 500

@@ -12,12 +12,12 @@ from tests.support.overtakes import FRAMES, along_course, meeting, overtake, rur
 
 from overtaking.labels.features import decision_features
 from overtaking.labels.features.oncoming import oncoming_measures
-from overtaking.model.course import Course, Line
 from overtaking.model.road import RoadMark
+from overtaking.model.road_course import CentreLineSpan, RoadCourse
 from overtaking.model.vehicles import VehicleKind
 
 if TYPE_CHECKING:
-    from overtaking.model.decisions import OtherSide
+    from overtaking.model.overtake_features import OncomingState
 
 
 def told(case) -> dict[str, float]:
@@ -42,7 +42,7 @@ def test_distances_and_times_are_those_of_two_vehicles_that_drive_evenly():
 
 
 def test_an_unseen_road_counts_as_somebody_at_the_limit():
-    found = told(along_course(Course(sight=((0.0, 400.0),))))
+    found = told(along_course(RoadCourse(sight=((0.0, 400.0),))))
     assert found["sight_out"] == 400.0
     assert found["time_available"] == pytest.approx(400.0 / (30.0 + 25.0))
     assert np.isnan([found["distance_out"], found["least_time"]]).all()
@@ -91,18 +91,18 @@ def test_who_comes_is_known_when_the_overtake_begins():
 
 
 def test_the_line_and_the_sight_are_those_of_the_place():
-    def at_the_attempt(course: Course) -> OtherSide:
+    def at_the_attempt(course: RoadCourse) -> OncomingState:
         return decision_features(along_course(course)).oncoming
 
-    def solid(start: float) -> Line:
-        return Line(mark=RoadMark.SOLID, start=start, stop=400.0)
+    def solid(start: float) -> CentreLineSpan:
+        return CentreLineSpan(mark=RoadMark.SOLID, start=start, stop=400.0)
 
     # The attempt begins at 100 m; the ego is over the line beyond 114 m.
-    ahead, here = (at_the_attempt(Course(lines=(solid(start),))) for start in (110.0, 80.0))
+    ahead, here = (at_the_attempt(RoadCourse(lines=(solid(start),))) for start in (110.0, 80.0))
     assert ahead.crossable[0]
     assert not ahead.comes[0]
     assert not here.crossable[0]
-    assert at_the_attempt(Course(sight=((0.0, 400.0),))).sight[0] == 400.0
+    assert at_the_attempt(RoadCourse(sight=((0.0, 400.0),))).sight[0] == 400.0
 
 
 def test_a_road_of_one_direction_has_no_other_side():

@@ -13,7 +13,7 @@ from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.labels.events import case_of
 from overtaking.labels.features import matched_features
 from overtaking.labels.label import label
-from overtaking.model.events import NEVER
+from overtaking.model.overtake_events import NEVER
 from overtaking.recordings.commonroad import read_commonroad
 from overtaking.recordings.scenes import scenes
 
@@ -70,9 +70,9 @@ def test_without_anybody_ahead_the_gap_is_zero(judged):
 
 def test_the_gap_to_somebody_who_is_no_longer_there_is_unknown(judged):
     found = judged(*OVERTAKE)
-    present = found.trajectories.state_valid.copy()
+    present = found.trajectories.state_mask.copy()
     present[:, 1] = False
-    run = found.trajectories.replace(present=present)
+    run = found.trajectories.replace(is_recorded=present)
     waiting = found.events.replace(attempt=np.array([NEVER]))
     gone = features_of(found, waiting, run)
     assert np.isnan([gone.distance[0], gone.target_speed[0], gone.speed_difference[0]]).all()
@@ -80,9 +80,9 @@ def test_the_gap_to_somebody_who_is_no_longer_there_is_unknown(judged):
 
 def test_a_leader_that_is_no_longer_recorded_is_not_overtaken(judged):
     run = judged(*OVERTAKE).trajectories
-    present = run.state_valid.copy()
+    present = run.state_mask.copy()
     present[0, 1:, 20:] = False
-    assert case_of(run.replace(present=present)).events.attempt[0] == NEVER
+    assert case_of(run.replace(is_recorded=present)).events.attempt[0] == NEVER
 
 
 def features_of(found, events, run=None):

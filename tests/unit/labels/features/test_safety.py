@@ -16,13 +16,13 @@ from overtaking.labels.features import safety_measures
 from overtaking.labels.label import label
 from overtaking.labels.law.frames import conduct
 from overtaking.labels.signals import encounter
-from overtaking.model.events import NEVER
-from overtaking.model.safety import MOMENTS
-from overtaking.model.signals import Around
-from overtaking.world.measures import looming
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.safety_measures import MEASURED_MOMENTS
+from overtaking.world.surrogate_safety import looming
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
+    from overtaking.model.verdicts import Case
 
 FRAMES = 500
 ROAD = wide_road(lanes=3)
@@ -37,7 +37,7 @@ def overtake(*others: Track) -> Case:
 
 
 def at(values: np.ndarray, moment: str) -> float:
-    return float(values[0, MOMENTS.index(moment)])
+    return float(values[0, MEASURED_MOMENTS.index(moment)])
 
 
 def gap_at(one: Case, event: str) -> float:
@@ -109,7 +109,7 @@ def test_too_close_is_a_share_of_the_frames():
     ego, target = Track(speed=28.0, body=BODY), Track(s=44.0, speed=27.0, body=BODY)
     one = case(ego, target, frames=401, road=ROAD)
     found = safety_measures(one)
-    margin = one.signals.gap[0, Around.LEADER]
+    margin = one.signals.gap[0, NeighbourRole.LEADER]
     assert 0.0 < found.close_share[0] < 1.0
     # The safe distance grows by (28^2 - 27^2) / (2 b) only, so it is between these two.
     assert (margin < 28.0).mean() <= found.close_share[0] <= (margin < 33.0).mean()
@@ -152,7 +152,7 @@ def test_the_worst_is_the_worst_of_every_frame(simulated):
     for k in range(0, 64, 5):
         frames = np.arange(span.start[k], span.stop[k] + 1)
         rows = np.full(len(frames), k)
-        for name, place in (("front", Around.LEADER), ("rear", Around.FOLLOWER)):
+        for name, place in (("front", NeighbourRole.LEADER), ("rear", NeighbourRole.FOLLOWER)):
             each = encounter(one, place, rows, frames)
             worst = getattr(simulated.safety, name)
             assert worst.valid[k, 0] == each.valid.any()
@@ -167,7 +167,7 @@ def test_the_worst_is_the_worst_of_every_frame(simulated):
 def test_a_row_is_there_for_every_moment_that_came(simulated):
     table = safety_table(simulated, np.arange(64))
     events = simulated.events
-    came = sum(int((getattr(events, name) != NEVER).sum()) for name in MOMENTS[1:])
+    came = sum(int((getattr(events, name) != NEVER).sum()) for name in MEASURED_MOMENTS[1:])
     assert table.num_rows == came + int((simulated.safety.frame[:, 0] != NEVER).sum())
     times = table["front_ttc_s"].drop_null().to_numpy()
     assert np.isfinite(times).all()

@@ -18,12 +18,12 @@ from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, Errors, check, judge
 from overtaking.labels.law.distances import margin_of_gap
 from overtaking.labels.law.errors import standard_error
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.recording import lane_codes
 
 if TYPE_CHECKING:
-    from overtaking.model.labels import Case
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
+    from overtaking.model.verdicts import Case
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 ERRORS = Errors(position=0.1, speed=0.1)

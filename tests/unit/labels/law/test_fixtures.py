@@ -10,17 +10,17 @@ from tests.support.law_fixtures import FIXTURES
 from tests.support.overtakes import crossing, overtake
 
 from overtaking.labels.law import PORTUGAL, check, judge
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Severity, Verdict
-from overtaking.model.trajectory import UNKNOWNS
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.trajectories import UNKNOWNS
+from overtaking.model.verdicts import Severity, Verdict
 
 if TYPE_CHECKING:
-    from overtaking.labels.law import Check, Rule
+    from overtaking.labels.law import Finding, Rule
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 
 
-def judged(rule: Rule, make) -> Check:
+def judged(rule: Rule, make) -> Finding:
     return judge(rule, make())
 
 

@@ -11,8 +11,8 @@ from tests.support.law_fixtures import FIXTURES
 from overtaking.labels.law import PORTUGAL, check
 from overtaking.labels.law.frames import Span, always, always_at, reduced
 from overtaking.model.batch import concatenate
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Case, Verdict
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.verdicts import Case, Verdict
 
 pytestmark = pytest.mark.ci
 

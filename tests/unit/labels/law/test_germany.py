@@ -10,10 +10,10 @@ from tests.support.cases import Track, case, ramp
 from tests.support.german_fixtures import FIXTURES, behind
 from tests.support.overtakes import alone, overtake
 
-from overtaking.knowledge import quantities
+from overtaking.knowledge.toml_reader import all_quantities
 from overtaking.labels.law import GERMANY, PORTUGAL, Text, check, germany, legality, policies_for
-from overtaking.model.events import NEVER
-from overtaking.model.labels import Severity, Verdict
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.verdicts import Severity, Verdict
 
 SOURCES = Path(germany.__file__).parent.glob("*.py")
 POSSIBLE_WITHOUT_TEXT = {Verdict.NOT_APPLICABLE, Verdict.UNDECIDABLE}
@@ -111,6 +111,6 @@ def test_a_lawful_overtake_is_lawful_under_every_policy():
 
 def test_every_number_of_the_german_law_is_used():
     text = "".join(path.read_text("utf-8") for path in SOURCES)
-    for name in quantities("law_de.toml"):
+    for name in all_quantities("law_de.toml"):
         if not name.startswith(("limits.", "excess.", "side.bicycle")):
             assert f'"law_de.{name}"' in text, name

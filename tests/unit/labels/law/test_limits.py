@@ -23,9 +23,9 @@ from overtaking.labels.features.decision import features_at
 from overtaking.labels.features.oncoming import oncoming_measures
 from overtaking.labels.law import GERMANY, PORTUGAL, check, judge
 from overtaking.labels.law.speeds import speed_limits
-from overtaking.model.course import Course, Limit
 from overtaking.model.known_roads import known_road
-from overtaking.model.labels import Severity, Verdict
+from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
+from overtaking.model.verdicts import Severity, Verdict
 
 L12, V2 = PORTUGAL.rule("L12"), GERMANY.rule("V2")
 ENDS = st.lists(st.integers(1, 299_999), min_size=4, max_size=4, unique=True).map(sorted)
@@ -106,8 +106,10 @@ def test_features_of_the_decision_and_the_table_of_frames_have_the_limit_of_the_
 
 def test_who_might_come_unseen_drives_at_the_limit_of_its_direction():
     def available(direction: int) -> float:
-        lower = Limit(start=0.0, stop=600.0, speed=15.0, direction=direction)
-        measured = oncoming_measures(along_course(Course(sight=((0.0, 400.0),), limits=(lower,))))
+        lower = SpeedLimitSpan(start=0.0, stop=600.0, speed=15.0, direction=direction)
+        measured = oncoming_measures(
+            along_course(RoadCourse(sight=((0.0, 400.0),), limits=(lower,)))
+        )
         return float(measured.time_available[0])
 
     assert available(-1) == available(0) == pytest.approx(400.0 / (30.0 + 15.0))
@@ -115,8 +117,8 @@ def test_who_might_come_unseen_drives_at_the_limit_of_its_direction():
 
 
 def test_the_limit_up_to_the_end_of_a_road_is_that_of_those_who_come_from_behind_it():
-    lower = Limit(start=0.0, stop=5000.0, speed=15.0)
-    measured = oncoming_measures(along_course(Course(limits=(lower,), sight=((0.0, 6000.0),))))
+    lower = SpeedLimitSpan(start=0.0, stop=5000.0, speed=15.0)
+    measured = oncoming_measures(along_course(RoadCourse(limits=(lower,), sight=((0.0, 6000.0),))))
     assert measured.time_available[0] == pytest.approx(6000.0 / (30.0 + 15.0))
 
 
@@ -129,7 +131,7 @@ def test_facts_say_exactly_in_which_frames_a_lower_limit_holds(ends: list[float]
     first, beyond, limit = (int(one[0]) for one in road_columns(run)["lower_limit"])
     assert limit == 16_667
     near = np.array([first - 1, first, beyond - 1, beyond], np.int32)
-    lower = road.limit_at(near * 1e-3) < road.speed_limit
+    lower = road.speed_limit_at(near * 1e-3) < road.speed_limit
     np.testing.assert_array_equal(lower, (first <= near) & (near < beyond))
 
 
@@ -139,10 +141,10 @@ def test_logic_and_python_say_the_same_of_simulations_on_roads_with_lower_limits
     road = known_road(profile)
     stretches = [(1100.4321, 1300.1, 0.9), (1800.0, 1912.3456, 0.8), (1912.3456, 2000.7, 0.7)]
     lower = tuple(
-        Limit(start=start, stop=stop, speed=share * road.speed_limit, direction=1)
+        SpeedLimitSpan(start=start, stop=stop, speed=share * road.speed_limit, direction=1)
         for start, stop, share in stretches
     )
-    course = dataclasses.replace(road.course or Course(), limits=lower)
+    course = dataclasses.replace(road.course or RoadCourse(), limits=lower)
     recorded = simulate_on(profile, dataclasses.replace(road, course=course))
     with lawyer() as reasoner:
         said = judged(reasoner, group_of(recorded))

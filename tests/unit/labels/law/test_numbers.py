@@ -22,22 +22,22 @@ from tests.support.overtakes import (
     passing,
 )
 
-from overtaking.knowledge import quantities
+from overtaking.knowledge.toml_reader import all_quantities
 from overtaking.labels import law
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.labels.law.frames import conduct, driving_end, manoeuvre
-from overtaking.model import labels
-from overtaking.model.course import Course
-from overtaking.model.labels import Severity, Verdict
+from overtaking.model import verdicts
 from overtaking.model.road import RoadMark
-from overtaking.model.trajectory import DecisionKind
+from overtaking.model.road_course import RoadCourse
+from overtaking.model.trajectories import ManoeuvreKind
+from overtaking.model.verdicts import Severity, Verdict
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
 RULE_FILES = sorted(Path(law.__file__).parent.glob("*.py"))
 GRAVITY, DRY = 9.81, 0.9 * 9.81
 
 
-def decel(one: labels.Case, frame: int) -> float:
+def decel(one: verdicts.Case, frame: int) -> float:
     return min(8.0, DRY * float(one.signals.friction[0, frame]))
 
 
@@ -145,7 +145,7 @@ def test_l9_counts_the_longest_time_on_end():
     one = overtake(ego={"lane": STAYS}, target={"s": 60.0}, events=events)
     found = judge(RULES["L9"], one)
     # Two seconds of the target's way behind it: 40 m and the bodies, at 10 m/s more.
-    due = int(np.argmax(one.target.lead[0] >= 44.4))
+    due = int(np.argmax(one.target.ego_lead[0] >= 44.4))
     assert found.first[0] == due + 160
     assert found.last[0] == 419
     assert found.margin[0] == pytest.approx(8.0 - (420 - due) * 0.05, abs=1e-3)
@@ -174,7 +174,7 @@ def test_l4_and_l5_are_about_the_frame_in_which_the_line_is_crossed():
 
 def test_on_a_two_way_road_l15_wants_the_way_of_both_while_the_ego_is_out():
     given = {"ego": {"speed": 20.0}, "events": CROSSED | {"back": 140}}
-    found = judge(RULES["L15"], along_course(Course(sight=((0.0, 300.0),)), **given))
+    found = judge(RULES["L15"], along_course(RoadCourse(sight=((0.0, 300.0),)), **given))
     # 2 s out and 1 s more, at 20 m/s and the limit of 25 m/s.
     assert found.margin[0] == pytest.approx(300.0 - 45.0 * 3.0, abs=0.01)
 
@@ -252,21 +252,21 @@ THOUGHT_NEAR, THOUGHT_FAR = {"gap": 20.0}, {"gap": 90.0}
 @pytest.mark.parametrize(
     ("given", "belief"),
     [
-        (TRUE_FAR | THOUGHT_FAR, labels.Belief.LEGAL),
-        (TRUE_NEAR | THOUGHT_FAR, labels.Belief.MISTAKEN),
-        (TRUE_NEAR | THOUGHT_NEAR, labels.Belief.KNOWINGLY_ILLEGAL),
-        (TRUE_FAR | THOUGHT_NEAR, labels.Belief.LUCKY),
-        (TRUE_NEAR | THOUGHT_NEAR | {"detected": False}, labels.Belief.MISTAKEN),
-        (TRUE_NEAR | THOUGHT_FAR | {"frame": 100}, labels.Belief.MISTAKEN),
-        (TRUE_NEAR | THOUGHT_FAR | {"frame": 101}, labels.Belief.NONE),
-        (TRUE_NEAR | THOUGHT_FAR | {"kind": DecisionKind.ABORT}, labels.Belief.NONE),
+        (TRUE_FAR | THOUGHT_FAR, verdicts.Belief.LEGAL),
+        (TRUE_NEAR | THOUGHT_FAR, verdicts.Belief.MISTAKEN),
+        (TRUE_NEAR | THOUGHT_NEAR, verdicts.Belief.KNOWINGLY_ILLEGAL),
+        (TRUE_FAR | THOUGHT_NEAR, verdicts.Belief.LUCKY),
+        (TRUE_NEAR | THOUGHT_NEAR | {"detected": False}, verdicts.Belief.MISTAKEN),
+        (TRUE_NEAR | THOUGHT_FAR | {"frame": 100}, verdicts.Belief.MISTAKEN),
+        (TRUE_NEAR | THOUGHT_FAR | {"frame": 101}, verdicts.Belief.NONE),
+        (TRUE_NEAR | THOUGHT_FAR | {"kind": ManoeuvreKind.ABORT}, verdicts.Belief.NONE),
     ],
 )
 def test_what_was_believed_when_pulling_out_is_held_against_what_was_so(given, belief):
     said = Belief(**({"frame": 55} | given))
     assert judge(RULES["L3"], crossing(beliefs=(said,))).belief[0] == belief
     told_nothing = crossing(beliefs=(said,), unknown=("percepts",))
-    assert judge(RULES["L3"], told_nothing).belief[0] == labels.Belief.NONE
+    assert judge(RULES["L3"], told_nothing).belief[0] == verdicts.Belief.NONE
 
 
 def test_of_several_decisions_the_last_before_the_line_counts():
@@ -275,14 +275,14 @@ def test_of_several_decisions_the_last_before_the_line_counts():
         Belief(frame=55, true_gap=20.0, gap=90.0),
         Belief(frame=150, true_gap=90.0, gap=90.0),
     )
-    assert judge(RULES["L3"], crossing(beliefs=beliefs)).belief[0] == labels.Belief.MISTAKEN
+    assert judge(RULES["L3"], crossing(beliefs=beliefs)).belief[0] == verdicts.Belief.MISTAKEN
 
 
 @pytest.mark.parametrize(("frame", "counts"), [(55, True), (79, True), (81, False)])
 def test_without_a_line_crossed_decisions_count_until_a_second_after_the_attempt(frame, counts):
     said = Belief(frame=frame, true_gap=20.0, gap=90.0)
     one = crossing(beliefs=(said,), events={"attempt": 60})
-    expected = labels.Belief.MISTAKEN if counts else labels.Belief.NONE
+    expected = verdicts.Belief.MISTAKEN if counts else verdicts.Belief.NONE
     assert judge(RULES["L3"], one).belief[0] == expected
 
 
@@ -292,22 +292,22 @@ def test_entering_a_lane_is_judged_by_whom_it_is_about(code, whom):
     said = Belief(frame=55, whom=whom, vehicle=2, true_gap=5.0, gap=100.0)
     one = crossing(*others, beliefs=(said,))
     for each in ("L4", "L5"):
-        expected = labels.Belief.MISTAKEN if each == code else labels.Belief.NONE
+        expected = verdicts.Belief.MISTAKEN if each == code else verdicts.Belief.NONE
         assert judge(RULES[each], one).belief[0] == expected
 
 
 def test_a_return_is_believed_safe_or_not():
     said = Belief(
-        kind=DecisionKind.RETURN, frame=140, whom=2, true_gap=2.0, gap=80.0,
+        kind=ManoeuvreKind.RETURN, frame=140, whom=2, true_gap=2.0, gap=80.0,
         true_closing_speed=3.0, closing_speed=3.0,
     )  # fmt: skip
     events = CROSSED | {"overlap_begin": 110, "overlap_end": 120, "return_end": 150}
     one = crossing(target={"s": -60.0}, events=events, beliefs=(said,))
-    assert judge(RULES["L8"], one).belief[0] == labels.Belief.MISTAKEN
+    assert judge(RULES["L8"], one).belief[0] == verdicts.Belief.MISTAKEN
 
 
 def test_every_number_of_the_law_is_used_in_a_rule_or_said_to_be_for_comparison():
-    entries = quantities("law.toml")
+    entries = all_quantities("law.toml")
     text = "".join(path.read_text("utf-8") for path in RULE_FILES)
     for name in entries:
         if not name.startswith(("rss.", "limits.", "excess.")):

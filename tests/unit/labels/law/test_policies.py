@@ -22,7 +22,7 @@ from overtaking.labels.law import (
     policy,
 )
 from overtaking.labels.law.policies import beyond
-from overtaking.model.labels import Findings, Severity, Verdict
+from overtaking.model.verdicts import Findings, Severity, Verdict
 
 
 def findings(**verdicts: Verdict) -> Findings:

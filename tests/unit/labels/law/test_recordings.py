@@ -12,7 +12,7 @@ from tests.support.overtakes import crossing
 from overtaking.labels.instants import lateral_speed_at
 from overtaking.labels.law import PORTUGAL, judge
 from overtaking.labels.law.others import steady_speed_at
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.recordings.recording import NEVER_RECORDED
 
 ATTEMPT = 60
@@ -27,11 +27,11 @@ def recorded(target_d: np.ndarray, first: int = 0):
     d = run.states.d.copy()
     d[0, 1] = np.rint(d[0, 1] + target_d * 1000.0)
     d[0, 1, :first] = 0
-    present = run.state_valid.copy()
+    present = run.state_mask.copy()
     present[0, 1, :first] = False
     states = dataclasses.replace(run.states, d=d)
     unknown = NEVER_RECORDED - {"indicators"}
-    run = run.replace(states=states, present=present, unknown=unknown)
+    run = run.replace(states=states, is_recorded=present, unknown=unknown)
     return seen_case(run, {"attempt": ATTEMPT, "line_crossed": 100})
 
 
@@ -57,9 +57,9 @@ def test_speeds_beside_a_gap_are_one_sided_for_single_frames_and_for_all():
 
 def test_somebody_who_is_there_for_one_frame_has_no_speed():
     case = recorded(np.zeros(200), ATTEMPT)
-    present = case.trajectories.state_valid.copy()
+    present = case.trajectories.state_mask.copy()
     present[0, 1, ATTEMPT + 1 :] = False
-    run = case.trajectories.replace(present=present)
+    run = case.trajectories.replace(is_recorded=present)
     where = (np.zeros(1, np.intp), np.ones(1, np.intp), np.array([ATTEMPT]))
     assert lateral_speed_at(run, *where)[0] == 0.0
     assert steady_speed_at(run, *where, 0.2)[0] == 0.0

@@ -12,12 +12,12 @@ import pytest
 from tests.support import german_fixtures, law_fixtures
 
 from overtaking import api
-from overtaking.knowledge.reader import load
+from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, Grade, adopt, policies_for
 from overtaking.labels.law.numbers import amount, bare, fill_placeholders
 from overtaking.labels.law.texts import words_of
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
 from overtaking.show.paragraphs import paragraphs
 from overtaking.show.view.pack import pack as page_payload
@@ -157,7 +157,7 @@ def test_borders_contain_numbers_only_as_placeholders(law):
 
 
 def test_a_number_is_printed_in_the_unit_of_its_file_or_in_a_chosen_unit():
-    assert load("law.toml")["queue"]["speed"]["unit"] == "m/s"
+    assert load_toml("law.toml")["queue"]["speed"]["unit"] == "m/s"
     assert amount("law.queue.speed", unit="km/h") == "30 km/h"
     assert amount("law.width.border", times=2.0) == "0.4 m"
     assert bare("law.trucks.lanes") == "2"

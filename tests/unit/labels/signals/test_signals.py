@@ -7,8 +7,8 @@ import pytest
 from tests.support.cases import NIGHT, Track, case, ramp
 from tests.support.worlds import wide_road
 
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.world.visibility import contrast_range, lamp_range, meteorological_range
 
 LENGTH, WIDTH = 4.0, 1.8
@@ -22,18 +22,18 @@ def seen(*others: Track, ego: Track | None = None, **given):
 @pytest.mark.parametrize(
     ("place", "lane", "s"),
     [
-        (Around.LEADER, 1, 30.0),
-        (Around.FOLLOWER, 1, -30.0),
-        (Around.LEFT_LEADER, 2, 30.0),
-        (Around.LEFT_FOLLOWER, 2, -30.0),
-        (Around.RIGHT_LEADER, 0, 30.0),
-        (Around.RIGHT_FOLLOWER, 0, -30.0),
+        (NeighbourRole.LEADER, 1, 30.0),
+        (NeighbourRole.FOLLOWER, 1, -30.0),
+        (NeighbourRole.LEFT_LEADER, 2, 30.0),
+        (NeighbourRole.LEFT_FOLLOWER, 2, -30.0),
+        (NeighbourRole.RIGHT_LEADER, 0, 30.0),
+        (NeighbourRole.RIGHT_FOLLOWER, 0, -30.0),
     ],
 )
 def test_each_neighbour_is_found_in_its_place_and_nowhere_else(place, lane, s):
     found = seen(Track(s=s, lane=lane, speed=25.0, body=BODY))
-    assert found.vehicle[0, place, 0] == 1
-    assert (found.vehicle[0, :, 0] != NO_VEHICLE).sum() == 1
+    assert found.neighbour_slot[0, place, 0] == 1
+    assert (found.neighbour_slot[0, :, 0] != NO_VEHICLE).sum() == 1
     assert found.gap[0, place, 0] == pytest.approx(30.0 - LENGTH, abs=2e-3)
     closing = -5.0 if place % 2 == 0 else 5.0
     assert found.closing_speed[0, place, 0] == pytest.approx(closing, abs=1e-3)
@@ -43,24 +43,28 @@ def test_each_neighbour_is_found_in_its_place_and_nowhere_else(place, lane, s):
 
 def test_the_nearest_of_several_is_the_neighbour():
     found = seen(Track(s=60.0, lane=1), Track(s=35.0, lane=1), Track(s=90.0, lane=1))
-    assert found.vehicle[0, Around.LEADER, 0] == 2
+    assert found.neighbour_slot[0, NeighbourRole.LEADER, 0] == 2
 
 
 def test_a_vehicle_alongside_has_a_negative_gap():
     found = seen(Track(s=1.0, lane=2, body=BODY))
-    assert found.vehicle[0, Around.LEFT_LEADER, 0] == 1
-    assert found.gap[0, Around.LEFT_LEADER, 0] == pytest.approx(1.0 - LENGTH, abs=2e-3)
+    assert found.neighbour_slot[0, NeighbourRole.LEFT_LEADER, 0] == 1
+    assert found.gap[0, NeighbourRole.LEFT_LEADER, 0] == pytest.approx(1.0 - LENGTH, abs=2e-3)
 
 
 def test_nobody_is_in_two_lanes_to_the_left():
     found = seen(Track(s=30.0, lane=2), ego=Track(speed=20.0, lane=0))
-    assert (found.vehicle[0, :, 0] == NO_VEHICLE).all()
+    assert (found.neighbour_slot[0, :, 0] == NO_VEHICLE).all()
 
 
 def test_the_body_reaches_half_its_width_when_it_points_along_the_road():
     found = seen()
-    assert found.left_reach[0, 0] - found.lateral[0, 0] == pytest.approx(WIDTH / 2, abs=1e-3)
-    assert found.lateral[0, 0] - found.right_reach[0, 0] == pytest.approx(WIDTH / 2, abs=1e-3)
+    assert found.left_edge[0, 0] - found.lateral_position[0, 0] == pytest.approx(
+        WIDTH / 2, abs=1e-3
+    )
+    assert found.lateral_position[0, 0] - found.right_edge[0, 0] == pytest.approx(
+        WIDTH / 2, abs=1e-3
+    )
 
 
 def test_lateral_speed_is_the_slope_of_the_way_across():
@@ -117,4 +121,4 @@ def test_off_the_road_there_are_no_neighbours():
     road = wide_road(lanes=3)
     found = seen(Track(s=30.0, lane=2), ego=Track(speed=20.0, lane=3), road=road)
     assert found.lane[0, 0] == 3
-    assert (found.vehicle[0, :, 0] == NO_VEHICLE).all()
+    assert (found.neighbour_slot[0, :, 0] == NO_VEHICLE).all()

@@ -11,7 +11,7 @@ from overtaking.show.plots.comparison import Panel, Ridge, draw_ridges, percent
 
 
 def ridge(values: list[float], paper: float, *, is_count: bool = False) -> Ridge:
-    said = SimpleNamespace(scope="Success_L", quoted=paper)
+    said = SimpleNamespace(outcome_class="Success_L", quoted=paper)
     of = SimpleNamespace(statement=said, known=np.array(values), percentile=40.0, is_count=is_count)
     return Ridge(label="a label", of=of)
 

@@ -17,10 +17,10 @@ from tests.support.features import synthetic_features
 from overtaking import label, sample, simulate
 from overtaking.analysis.stats.table import Style, Table
 from overtaking.core.errors import DatasetError, SchemaError
-from overtaking.knowledge.terms import GROUPS, terms
+from overtaking.knowledge.glossary import TERM_GROUPS, terms
 from overtaking.labels.law import POLICIES
 from overtaking.model.import_report import ImportFinding
-from overtaking.model.labels import Verdict
+from overtaking.model.verdicts import Verdict
 from overtaking.show.report import files
 from overtaking.show.report.page import page, paragraph, remarks, table_block
 from overtaking.show.report.write import Report, write_report
@@ -62,7 +62,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
 
 def test_the_page_explains_its_classes_features_and_policies(report: Report):
     text = report.path.read_text(encoding="utf-8")
-    for group in GROUPS:
+    for group in TERM_GROUPS:
         for name, term in terms(group).items():
             is_expected = group != "classes" or name in report.statistics.sample.classes
             assert (escape(term.meaning) in text) == is_expected, name
@@ -121,9 +121,9 @@ def test_an_earlier_report_leaves_nothing_behind(tmp_path: Path):
 
 def test_a_file_that_cannot_be_finished_leaves_the_old_one(tmp_path: Path):
     target = tmp_path / "index.html"
-    files.put(target, b"old")
+    files.write_atomically(target, b"old")
     with pytest.raises(TypeError):
-        files.put(target, None)  # type: ignore[arg-type]
+        files.write_atomically(target, None)  # type: ignore[arg-type]
     assert target.read_bytes() == b"old"
     assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
 

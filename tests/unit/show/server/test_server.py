@@ -13,8 +13,8 @@ from tests.support.serving import Client, branches, get, serving
 
 import overtaking as ot
 from overtaking.cli import main
-from overtaking.model.decision import Decision
 from overtaking.model.import_report import ImportFinding
+from overtaking.model.scenario import ForcedDecision
 from overtaking.show.description import describe
 from overtaking.show.server.index import ordering
 from overtaking.show.server.whatif import DECISIONS
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.data.load import Dataset
-    from overtaking.model.trajectory import Trajectories
+    from overtaking.model.trajectories import Trajectories
 
 NUM_SIMULATIONS = 60
 
@@ -152,8 +152,8 @@ def test_beliefs_at_every_decision_agree_with_those_that_were_recorded(
     assert checked > 5
 
 
-@pytest.mark.parametrize("decision", [Decision[name] for name in DECISIONS])
-def test_a_branch_is_that_of_the_library(client: Client, data: Dataset, decision: Decision):
+@pytest.mark.parametrize("decision", [ForcedDecision[name] for name in DECISIONS])
+def test_a_branch_is_that_of_the_library(client: Client, data: Dataset, decision: ForcedDecision):
     status, told, _ = client.ask(
         "POST", "/api/runs/3/branches", branches({"frame": 30, "decision": decision.name})
     )
@@ -208,8 +208,8 @@ def test_a_branch_of_a_branch_has_both_changes(client: Client, data: Dataset):
     asked = branches({"frame": 10, "decision": "STAY"}, {"frame": 70, "decision": "PULL_OUT"})
     status, told, _ = client.ask("POST", "/api/runs/3/branches", asked)
     assert status == 200, told
-    first = ot.branch(data.scenario(3), 10, decision=Decision.STAY)
-    runs = ot.branch(first, 70, decision=Decision.PULL_OUT)
+    first = ot.branch(data.scenario(3), 10, decision=ForcedDecision.STAY)
+    runs = ot.branch(first, 70, decision=ForcedDecision.PULL_OUT)
     assert told["run"] == packed(runs, 3)
     assert told["run"] != packed(first, 3)
     assert told["title"] == "stay at 0.50 s, then pull out at 3.50 s"

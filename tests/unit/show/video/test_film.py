@@ -12,9 +12,9 @@ from tests.support.worlds import Vehicle, scenario, wide_road
 from overtaking import api
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law import POLICIES, PORTUGAL, policy
-from overtaking.model.labels import Findings, OvertakeClass
-from overtaking.model.trajectory import Lights, Stage
+from overtaking.model.trajectories import Lights, Stage
 from overtaking.model.vehicles import Colour, VehicleKind
+from overtaking.model.verdicts import Findings, OvertakeClass
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.show.video.film import Film, explained
 from overtaking.show.video.notes import articles_of, breaches
@@ -200,7 +200,7 @@ def test_a_recording_that_does_not_know_stage_and_weather_can_be_filmed(run):
 def test_a_vehicle_that_was_not_recorded_in_a_frame_is_not_shown(run):
     present = np.ones(run.states.s.shape, bool)
     present[0, 1, :10] = False
-    film = Film(run.replace(present=present))
+    film = Film(run.replace(is_recorded=present))
     assert np.flatnonzero(film.traffic.seen[:, 5]).tolist() == [0, 2]
     assert np.flatnonzero(film.traffic.seen[:, 20]).tolist() == [0, 1, 2]
 

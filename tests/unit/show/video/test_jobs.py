@@ -11,8 +11,8 @@ from overtaking import api
 from overtaking.cli.options import Shown
 from overtaking.cli.video import choice
 from overtaking.core.errors import ConfigError
-from overtaking.model.decision import Decision
-from overtaking.model.labels import OvertakeClass
+from overtaking.model.scenario import ForcedDecision
+from overtaking.model.verdicts import OvertakeClass
 from overtaking.show.video import jobs as module
 from overtaking.show.video.jobs import jobs, num_films
 from overtaking.show.video.produce import produce
@@ -157,7 +157,7 @@ def test_labels_that_are_known_are_not_computed_again(runs, monkeypatch):
 
 def test_a_branch_is_filmed(runs):
     scenario = runs.scenario.select(slice(0, 1))
-    (job,) = jobs(api.branch(scenario, 10, decision=Decision.ABORT), "all")
+    (job,) = jobs(api.branch(scenario, 10, decision=ForcedDecision.ABORT), "all")
     assert job.number == 0
 
 

@@ -10,20 +10,20 @@ from tests.reference.test_bends import BENDS, HILLS, on
 from tests.support.cases import two_way_road
 from tests.support.overtakes import meeting, overtake, rural
 
-from overtaking.model.course import Course, Line, Place, PlaceKind, RoadMark
+from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadMark, RoadZone, ZoneKind
 from overtaking.show.video.ahead import _LEFT, _MIDDLE, _SCALE, _TOP, AHEAD, BEHIND
 from overtaking.show.video.film import Film, shape_of
 from overtaking.show.video.road import dash_period
 from overtaking.show.video.view import SCENE_TOP
 
-COURSE = Course(
-    lines=(Line(start=200.0, stop=400.0, mark=RoadMark.SOLID),),
-    places=(Place(kind=PlaceKind.CREST, start=700.0, stop=800.0),),
+COURSE = RoadCourse(
+    lines=(CentreLineSpan(start=200.0, stop=400.0, mark=RoadMark.SOLID),),
+    places=(RoadZone(kind=ZoneKind.CREST, start=700.0, stop=800.0),),
     sight=((0.0, 500.0),),
 )
 
 
-def film(course: Course | None = COURSE, side: str = "right") -> Film:
+def film(course: RoadCourse | None = COURSE, side: str = "right") -> Film:
     road = dataclasses.replace(two_way_road(), course=course)
     road = road if side == "right" else road.mirrored()
     case = rural(meeting(60.0), road=road)
@@ -98,7 +98,7 @@ def test_the_shape_of_a_road_that_is_drawn_straight_is_told():
 
 
 def test_a_film_of_a_bend_says_that_it_is_one():
-    straight = dataclasses.replace(two_way_road(), course=Course(sight=((0.0, 700.0),)))
+    straight = dataclasses.replace(two_way_road(), course=RoadCourse(sight=((0.0, 700.0),)))
     bent = on(dataclasses.replace(straight, course=None), *BENDS).course
     assert bent is not None
     assert straight.course is not None

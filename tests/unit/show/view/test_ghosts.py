@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from overtaking.model.trajectory import NO_VEHICLE, DecisionKind
+from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
 from overtaking.recordings.roads import load_road
-from overtaking.scenarios import sample, spec
+from overtaking.scenarios.profiles import load_specification
+from overtaking.scenarios.sampler import sample
 from overtaking.show.view.ghosts import beliefs_at_every_decision
 from overtaking.sim import engine
 from overtaking.sim.beliefs import beliefs
@@ -17,7 +18,7 @@ _ONCOMING = 1
 
 
 def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
-    held_up = spec(
+    held_up = load_specification(
         "rural",
         {"traffic.held_up": 1.0, "time.horizon_s": 20.0} | {"time.attempt_deadline_s": 15.0},
     )
@@ -27,7 +28,7 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
         scenario = sample(held_up, load_road("rural"), 3, [number])
         runs = engine.simulate(scenario)
         percepts = runs.percepts
-        out = percepts.valid[0] & (percepts.kind[0] == DecisionKind.PULL_OUT)
+        out = percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT)
         out &= percepts.detected[0, :, _ONCOMING]
         out &= percepts.vehicle[0, :, _ONCOMING] != NO_VEHICLE
         if not out.any():
@@ -54,7 +55,7 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
     ("profile", "road"), [("pinto2023-physical", "town06"), ("rural", "rural")]
 )
 def test_each_belief_names_the_vehicle_at_its_true_gap(profile: str, road: str):
-    scenario = sample(spec(profile), load_road(road), 1, range(8))
+    scenario = sample(load_specification(profile), load_road(road), 1, range(8))
     batch = engine.simulate(scenario)
     num_compared = 0
     for simulation in range(8):

@@ -17,17 +17,17 @@ import pytest
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError
-from overtaking.knowledge import terms
+from overtaking.knowledge.glossary import terms
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.labels.law.policies import STORED
-from overtaking.model.course import Course
-from overtaking.model.events import NEVER
 from overtaking.model.import_report import ImportFinding
 from overtaking.model.known_roads import known_road
-from overtaking.model.labels import Verdict
-from overtaking.model.line import Piece
-from overtaking.model.safety import MOMENTS
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.overtake_events import NEVER
+from overtaking.model.reference_line import CurveSegment
+from overtaking.model.road_course import RoadCourse
+from overtaking.model.safety_measures import MEASURED_MOMENTS
+from overtaking.model.trajectories import NO_VEHICLE
+from overtaking.model.verdicts import Verdict
 from overtaking.show.description import describe
 from overtaking.show.paragraphs import paragraphs
 from overtaking.show.view import write as writing
@@ -78,9 +78,9 @@ def test_columns_are_the_recorded_integers(labelled: Labelled, packs: list[dict[
 
 def test_a_vehicle_has_the_frames_in_which_it_was_recorded(labelled: Labelled):
     runs = one(labelled, 0).trajectories
-    present = runs.state_valid.copy()
+    present = runs.state_mask.copy()
     present[0, 1, :7] = present[0, 1, 20:22] = present[0, 1, 90:] = False
-    values = pack(ot.label(runs.replace(present=present)), 0)
+    values = pack(ot.label(runs.replace(is_recorded=present)), 0)
     (vehicle,) = (one for one in values["vehicles"] if one["slot"] == 1)
     assert (vehicle["first"], len(vehicle["s"]), vehicle["away"]) == (7, 83, [20, 21])
 
@@ -140,7 +140,7 @@ def test_times_to_collision_are_those_of_the_measures_of_safety(
             assert len(column) == frames
             there = [k for k, each in enumerate(column) if each is not None]
             inverse = dict(zip(there, summed([column[k] for k in there]) / 1e4, strict=True))
-            for moment in range(1, len(MOMENTS)):  # The first has the worst of all frames.
+            for moment in range(1, len(MEASURED_MOMENTS)):  # The first has the worst of all frames.
                 frame = int(safety.frame[number, moment])
                 if frame == NEVER or not of.valid[number, moment]:
                     continue
@@ -152,14 +152,14 @@ def test_times_to_collision_are_those_of_the_measures_of_safety(
 
 def test_a_road_that_bends_or_rises_says_so():
     straight = known_road("town06")
-    line = (Piece(0.0, 0.0, 0.0, 200.0), Piece(200.0, 0.0, 0.0, 300.0, 0.004, 0.004))
+    line = (CurveSegment(0.0, 0.0, 0.0, 200.0), CurveSegment(200.0, 0.0, 0.0, 300.0, 0.004, 0.004))
     road = dataclasses.replace(
         straight,
         x0=0.0,
         y0=0.0,
         heading=0.0,
         length=500.0,
-        course=Course(line=line, grade=((0.0, 0.0), (500.0, 0.05))),
+        course=RoadCourse(line=line, grade=((0.0, 0.0), (500.0, 0.05))),
     )
     found = course_of(road)
     assert found is not None

@@ -7,14 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from overtaking.knowledge import presets
-from overtaking.knowledge.blueprints import blueprints
+from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.model.known_roads import known_road
 from overtaking.simulators.carla_server.arguments import Control
 from overtaking.simulators.carla_server.bodies import Nature, body_of
 from overtaking.simulators.carla_server.fleet import BACKWARDS_SPEED, Fleet
 from overtaking.simulators.carla_server.motion import Ground, Motion, overlap
-from overtaking.world.constants import constants
+from overtaking.world.constants import model_constants
 
 TICK = 0.05
 GRAVITY = 9.81
@@ -24,7 +23,9 @@ TRUCK = "vehicle.carlamotors.european_hgv"
 
 def fleet_in(**changes: float) -> Fleet:
     """An empty fleet on the road of the study in still, dry air, or what differs."""
-    weather = dict(presets()["ClearNoon"].carla_fields()) | {"wind_intensity": 0.0} | changes
+    weather = (
+        dict(weather_presets()["ClearNoon"].carla_fields()) | {"wind_intensity": 0.0} | changes
+    )
     road = known_road("town06").extended(3000.0)
     return Fleet(Ground(road, shelters=True), tuple(weather.values()), Nature(1))
 
@@ -58,7 +59,7 @@ def test_full_throttle_of_a_car_is_held_back_by_traction_control():
     front = 1.0 - body["cg_to_front"] / body["wheelbase"]
     lift = body["cg_height"] / body["wheelbase"]
     # On dry roads up to 50 km/h, half-way between new (0.85) and worn tyres (1.0), see Bosch.
-    grip = float(constants().traction_share) * 0.925
+    grip = float(model_constants().traction_share) * 0.925
     rolling = body["rolling_resistance"] * GRAVITY
     expected = (grip * GRAVITY * front - rolling) / (1.0 + grip * lift)
     assert fleet.motion(1).along == pytest.approx(expected, rel=0.01)
@@ -246,7 +247,7 @@ def test_boxes_overlap_when_corners_do():
 
 def test_every_blueprint_drives():
     fleet = fleet_in()
-    for k, name in enumerate(blueprints()):
+    for k, name in enumerate(carla_vehicles()):
         fleet.add(k, body_of(name), at(100.0 + 30.0 * k))
     fleet.advance(TICK, {k: Control(throttle=1.0) for k in fleet.motions()})
     for k in range(20):

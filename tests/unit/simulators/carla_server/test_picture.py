@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from overtaking._core import Canvas, Drawing
-from overtaking.knowledge import presets
+from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.simulators.carla_server.arguments import Rotation, Transform, Vector
 from overtaking.simulators.carla_server.camera import NOTE, RoadScene, air_of, dots, stamp
 from overtaking.simulators.carla_server.maps import known_map
@@ -18,7 +18,7 @@ MAP = known_map("town06")
 
 
 def weather(name: str) -> tuple[float, ...]:
-    return tuple(presets()[name].carla_fields().values())
+    return tuple(weather_presets()[name].carla_fields().values())
 
 
 def looking(x: float, y: float, z: float, pitch: float = 0.0, yaw: float = 0.0) -> Transform:
@@ -74,7 +74,7 @@ def test_night_is_darker_than_day_and_fog_hides_the_road_far_ahead():
 
 
 def test_all_presets_give_a_picture_from_above_and_below_and_backwards():
-    for name in presets():
+    for name in weather_presets():
         for pose in (looking(300.0, 244.0, 60.0, -90.0), looking(300.0, 244.0, 2.0, 89.0, 180.0)):
             image = picture(pose, name)
             assert image.shape == (180, 320, 4)

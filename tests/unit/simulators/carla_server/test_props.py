@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from overtaking.knowledge.blueprints import props
+from overtaking.knowledge.carla_catalogue import props
 from overtaking.simulators.carla_server import rays
 from overtaking.simulators.carla_server.actors import Prop, Vehicle, bounding_box
 from overtaking.simulators.carla_server.arguments import (

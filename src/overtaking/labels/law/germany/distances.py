@@ -3,6 +3,7 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.frames import (
     ENDLESS,
     after_cut_ins,
@@ -13,19 +14,18 @@ from overtaking.labels.law.frames import (
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.places import distance_from, stretches_of
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, decided, inapplicable
-from overtaking.model.course import PlaceKind
-from overtaking.model.labels import Case
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, decided, inapplicable
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.road_course import ZoneKind
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case
 
 
 def _gap(case: Case) -> tuple[F32, Mask]:
     """Gap to the leader, and where it counts: not for 3 s after a cut-in; (simulation, time)."""
-    seen, place = case.signals, Around.LEADER
-    counts = (seen.vehicle[:, place] != NO_VEHICLE) & ~after_cut_ins(case)
+    seen, place = case.signals, NeighbourRole.LEADER
+    counts = (seen.neighbour_slot[:, place] != NO_VEHICLE) & ~after_cut_ins(case)
     return seen.gap[:, place], counts
 
 
@@ -34,7 +34,7 @@ def way_of(speed: F32, seconds: str) -> F32:
 
     Speeds are recorded in whole mm/s, so the logic program has the same integers.
     """
-    tenths = round(10.0 * float(known(seconds)))
+    tenths = round(10.0 * float(constant(seconds)))
     whole = np.rint(speed.astype(np.float64) * 1000.0).astype(np.int64) * tenths // 10
     return (whole / 1000.0).astype(np.float32)
 
@@ -42,9 +42,9 @@ def way_of(speed: F32, seconds: str) -> F32:
 def _error(seconds: str) -> Spread:
     """Error of a gap less a way of some seconds."""
 
-    def of(case: Case, found: Check, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: Errors) -> F32:
         del case
-        way = float(known(seconds)) * errors.speed
+        way = float(constant(seconds)) * errors.speed
         return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position, way))
 
     return Spread(formula=f"sqrt(2 sp^2 + ({amount(seconds)})^2 sv^2)", of=of)
@@ -60,7 +60,7 @@ def fined_distance(speed: F32) -> F32:
     return way_of(speed, "law_de.distance.fined")
 
 
-def _courts(case: Case) -> Check:
+def _courts(case: Case) -> Finding:
     """The gap is at least the distance that courts require."""
     gap, counts = _gap(case)
     margin = gap - courts_distance(case.signals.speed)
@@ -88,18 +88,18 @@ A1 = Rule(
 )
 
 
-def _fined(case: Case) -> Check:
+def _fined(case: Case) -> Finding:
     """Above 80 km/h the gap is not under the way of 0.9 s for more than 3 s on end, or 140 m."""
     gap, counts = _gap(case)
     speed, span = case.signals.speed, settled(case)
-    fast = counts & (speed > known("law_de.distance.fined_above"))
+    fast = counts & (speed > constant("law_de.distance.fined_above"))
     fast &= span.mask(np.arange(len(speed)), speed.shape[1])
     near = fast & (gap < fined_distance(speed))
     run = _length_of_runs(near).astype(np.float32) * np.float32(
         case.signals.frame_interval_ms / 1000.0
     )
-    way = known("law_de.distance.way") / np.maximum(speed, np.float32(1.0))
-    margin = np.minimum(known("law_de.distance.lasting"), way) - run
+    way = constant("law_de.distance.way") / np.maximum(speed, np.float32(1.0))
+    margin = np.minimum(constant("law_de.distance.lasting"), way) - run
     found = stretch(np.where(fast, margin, ENDLESS), span)
     applies = span.exists & fast.any(axis=1)
     return decided(applies, found.low, found.first, found.last, longest=found.longest)
@@ -135,22 +135,22 @@ A2 = Rule(
 
 def truck_distance(speed: F32) -> F32:
     """Gap to the leader that trucks must keep, the same at each speed; shape of the speeds [m]."""
-    return np.full_like(speed, known("law_de.distance.trucks"))
+    return np.full_like(speed, constant("law_de.distance.trucks"))
 
 
-def _trucks_keep_distance(case: Case) -> Check:
+def _trucks_keep_distance(case: Case) -> Finding:
     """On a motorway a truck above 50 km/h is 50 m or more behind."""
     trucks, road = ego_may_be(case, VehicleKind.T), case.trajectories.road
     motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
     if not (motorway and trucks.any()):
         return inapplicable(case.signals.num_simulations)
     gap, counts = _gap(case)
-    counts = counts & (case.signals.speed > known("law_de.distance.trucks_above"))
+    counts = counts & (case.signals.speed > constant("law_de.distance.trucks_above"))
     margin = gap - truck_distance(case.signals.speed)
     return always(np.where(counts & trucks[:, None], margin, ENDLESS), settled(case))
 
 
-def _two_places(case: Case, found: Check, errors: Errors) -> F32:
+def _two_places(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of a gap."""
     del case
     return np.full_like(found.margin, np.sqrt(2.0) * errors.position)
@@ -179,14 +179,14 @@ A3 = Rule(
 )
 
 
-def _leaves_room(case: Case) -> Check:
+def _leaves_room(case: Case) -> Finding:
     """Where a truck can be overtaken, the gap ahead of it holds another vehicle."""
     run, trucks = case.trajectories, ego_may_be(case, VehicleKind.T) & ~case.events.attempted
     in_town = run.road.kind == "town" and "road_kind" not in run.unknown
     if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
         return inapplicable(case.signals.num_simulations)
     gap, counts = _gap(case)
-    bans = stretches_of(case, [PlaceKind.NO_OVERTAKING], lambda _: 0.0)
+    bans = stretches_of(case, [ZoneKind.NO_OVERTAKING], lambda _: 0.0)
     counts = counts & trucks[:, None] & (distance_from(case, bans) >= 0.0)
     margin = gap - room_for_another(case.signals.speed)
     return always(np.where(counts, margin, ENDLESS), settled(case))
@@ -195,13 +195,13 @@ def _leaves_room(case: Case) -> Check:
 def room_for_another(speed: F32) -> F32:
     """A car with the distance that courts ask for behind and ahead of it [m]."""
     distance = courts_distance(np.float32(2.0) * speed)
-    return known("law_de.distance.entering_length") + distance
+    return constant("law_de.distance.entering_length") + distance
 
 
-def _room_error(case: Case, found: Check, errors: Errors) -> F32:
+def _room_error(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of a gap less a length and twice the way of 1.5 s."""
     del case
-    way = 2.0 * float(known("law_de.distance.courts")) * errors.speed
+    way = 2.0 * float(constant("law_de.distance.courts")) * errors.speed
     return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position, way))
 
 

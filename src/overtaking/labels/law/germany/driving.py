@@ -3,6 +3,7 @@
 import numpy as np
 
 from overtaking.core.arrays import F32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import seconds_of
 from overtaking.labels.law.errors import OF_SPEED
 from overtaking.labels.law.frames import ENDLESS, always, conduct, ends_in
@@ -10,7 +11,7 @@ from overtaking.labels.law.gaps import L8, L23, NO_HARD_BRAKING, SAFE_RETURN
 from overtaking.labels.law.lamps import BEAMS, FOG, HIGH, L19, NO_DAZZLE, dazzles
 from overtaking.labels.law.lanes import L2, OFF_THE_LINE
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.law.rule import Check, Grade, Rule, adopt, decided
+from overtaking.labels.law.rule import Finding, Grade, Rule, adopt, decided
 from overtaking.labels.law.sight import L14, STOPS_FOR_LIT, STOPS_FOR_UNLIT, L14s, optical_range
 from overtaking.labels.law.speeds import (
     L12,
@@ -23,9 +24,8 @@ from overtaking.labels.law.speeds import (
     perhaps,
 )
 from overtaking.labels.law.when import KEEPS_RIGHT, L21
-from overtaking.model.labels import Case, Severity, Verdict
 from overtaking.model.vehicles import Role
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case, Severity, Verdict
 
 _STVO = "de-stvo-2013"
 
@@ -101,12 +101,12 @@ def limits(case: Case, ahead: float = 0.0) -> tuple[F32, F32]:
     return limits_of(case, limit_table("law_de.toml"), ahead)
 
 
-def _within_limit(case: Case) -> Check:
+def _within_limit(case: Case) -> Finding:
     """Speed never exceeds the posted limit and that of the class of vehicle on this road."""
     found = keeps_limit(case, limits(case))
     severity = np.full(len(found.verdict), Severity.LIGHT, np.uint8)
     for grade in ("serious", "very_serious"):
-        severity += (-found.margin > known(f"law_de.excess.{grade}")).astype(np.uint8)
+        severity += (-found.margin > constant(f"law_de.excess.{grade}")).astype(np.uint8)
     broken = found.verdict == Verdict.ILLEGAL
     return found.replace(severity=np.where(broken, severity, np.uint8(Severity.NONE)))
 
@@ -133,11 +133,11 @@ V2 = adopt(
 )
 
 
-def _slow_in_fog(case: Case) -> Check:
+def _slow_in_fog(case: Case) -> Finding:
     """Where one sees less than 50 m for fog or rain, speed is 50 km/h at most."""
-    thick, may_be = optical_range(case) < known("law_de.fog.sight"), case.trajectories.unknown
+    thick, may_be = optical_range(case) < constant("law_de.fog.sight"), case.trajectories.unknown
     thick |= "weather" in may_be
-    margin = known("law_de.fog.speed") - case.signals.speed
+    margin = constant("law_de.fog.speed") - case.signals.speed
     found = always(np.where(thick[:, None], margin, ENDLESS), conduct(case))
     return perhaps(found) if "weather" in may_be else found
 
@@ -163,13 +163,13 @@ V3 = Rule(
 )
 
 
-def _right_lamps(case: Case) -> Check:
+def _right_lamps(case: Case) -> Finding:
     """Low beam by night and in fog, rear fog lamps under 50 m only, no high beam that dazzles."""
     span, sight = conduct(case), optical_range(case)
     lights = case.trajectories.states.lights[:, Role.EGO]
-    needed = case.trajectories.scenario.weather.night | (sight < known("law_de.fog.impaired"))
+    needed = case.trajectories.scenario.weather.night | (sight < constant("law_de.fog.impaired"))
     wrong = needed[:, None] & ((lights & BEAMS) == 0)
-    wrong |= ((lights & FOG) != 0) & (sight >= known("law_de.fog.sight"))[:, None]
+    wrong |= ((lights & FOG) != 0) & (sight >= constant("law_de.fog.sight"))[:, None]
     rows, frames = np.nonzero((lights & HIGH) != 0)
     if rows.size:
         wrong[rows, frames] |= dazzles(case, rows, frames)

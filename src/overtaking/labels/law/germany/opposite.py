@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.frames import instant
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.opposite import L25, L26, NO_REACTION, TIME_TO_PASS
@@ -13,14 +14,13 @@ from overtaking.labels.law.places import (
     of_two_wheels,
     place_spread,
 )
-from overtaking.labels.law.rule import Check, Grade, Rule, Spread, adopt, decided, inapplicable
+from overtaking.labels.law.rule import Finding, Grade, Rule, Spread, adopt, decided, inapplicable
 from overtaking.labels.law.sight import SEES_ONCOMING, passing_margin, pull_out_frame, sight_error
-from overtaking.model.course import PlaceKind
-from overtaking.model.labels import Case
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.road_course import ZoneKind
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
-from overtaking.world.constants import known
-from overtaking.world.sight import places_for
+from overtaking.model.verdicts import Case
+from overtaking.world.sight_distance import all_zones_for
 
 _STVO = "de-stvo-2013"
 _SENTENCE = "§ 5(2) sentence 1 StVO"
@@ -31,19 +31,19 @@ _SEE = (
 _FINE = "100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)"
 
 
-def _signs(case: Case) -> Check:
+def _signs(case: Case) -> Finding:
     """The ego does not overtake vehicles with several tracks where a sign forbids it."""
     run, attempted = case.trajectories, case.events.attempted
-    if not places_for(run.road, 1):
+    if not all_zones_for(run.road, 1):
         # Only a posted limit tells that signs are known.
         may_stand = attempted & ("speed_limit" in run.unknown)
         margin = np.zeros(len(attempted), np.float32)
         return decided(may_stand, margin, case.events.attempt, case.events.attempt)
     tracks = target_may_be(case, bicycle=False) & ~of_two_wheels(case)
-    tracks &= case.target.vehicle != NO_VEHICLE
+    tracks &= case.target.slot != NO_VEHICLE
     signs = {
-        PlaceKind.NO_OVERTAKING: tracks,
-        PlaceKind.NO_OVERTAKING_HEAVY: tracks & ego_may_be(case, VehicleKind.T),
+        ZoneKind.NO_OVERTAKING: tracks,
+        ZoneKind.NO_OVERTAKING_HEAVY: tracks & ego_may_be(case, VehicleKind.T),
     }
     return away_from_each(case, signs, immediately_before)
 
@@ -94,7 +94,7 @@ O15 = adopt(
 )
 
 
-def _oversees(case: Case) -> Check:
+def _oversees(case: Case) -> Finding:
     """As the line is crossed, air and road show as much as the overtake takes."""
     if not case.trajectories.road.is_two_way:
         return inapplicable(case.signals.num_simulations)
@@ -121,21 +121,21 @@ O16 = Rule(
 )
 
 
-def _before(kind: PlaceKind) -> float:
+def _before(kind: ZoneKind) -> float:
     """How long before a crossing one does not overtake [m]."""
-    if kind is PlaceKind.LEVEL_CROSSING:
-        return float(known("law_de.pass.level_crossing"))
+    if kind is ZoneKind.LEVEL_CROSSING:
+        return float(constant("law_de.pass.level_crossing"))
     return immediately_before(kind)
 
 
-def _no_crossing(case: Case) -> Check:
+def _no_crossing(case: Case) -> Finding:
     """The ego overtakes no vehicle where pedestrians cross, no motor vehicle where rails cross."""
     if not case.trajectories.road.course:
         return inapplicable(case.signals.num_simulations)
-    there = case.target.vehicle != NO_VEHICLE
+    there = case.target.slot != NO_VEHICLE
     crossings = {
-        PlaceKind.PEDESTRIAN_CROSSING: there,
-        PlaceKind.LEVEL_CROSSING: there & target_may_be(case, bicycle=False),
+        ZoneKind.PEDESTRIAN_CROSSING: there,
+        ZoneKind.LEVEL_CROSSING: there & target_may_be(case, bicycle=False),
     }
     return away_from_each(case, crossings, _before)
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from overtaking.core.arrays import F32
+from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import at, vehicle_at
 from overtaking.labels.law.alongside import (
     L1,
@@ -25,19 +26,18 @@ from overtaking.labels.law.gaps import BACK_BEFORE_ONCOMING, L24
 from overtaking.labels.law.lamps import INDICATES, L18
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import ego_may_be
-from overtaking.labels.law.rule import Check, Errors, Grade, Rule, Spread, adopt
+from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, adopt
 from overtaking.labels.law.sight import optical_range
 from overtaking.labels.law.when import L7, L9, RETURNS_SOON, TARGET_KEEPS_LANE
-from overtaking.model.labels import Case
-from overtaking.model.signals import Around
-from overtaking.model.trajectory import NO_VEHICLE
+from overtaking.model.neighbours import NeighbourRole
+from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
-from overtaking.world.constants import known
+from overtaking.model.verdicts import Case
 
 _HALF = np.float32(0.5)
 
 
-def _on_the_left(case: Case) -> Check:
+def _on_the_left(case: Case) -> Finding:
     """While alongside the target the ego is left of it, unless both are in queues."""
     found = alongside(case)
     own = lane_index(case.signals.lane)[found.rows, found.frames]
@@ -64,16 +64,16 @@ O1 = adopt(
 )
 
 
-def _much_faster(case: Case) -> Check:
+def _much_faster(case: Case) -> Finding:
     """As the ego comes alongside it is 10 km/h faster than the target or more."""
-    frame, target = case.events.overlap_begin, case.target.vehicle
+    frame, target = case.events.overlap_begin, case.target.slot
     rows, when = np.arange(len(frame)), np.maximum(frame, 0)
     there = vehicle_at(case.trajectories, target, rows, when)
     faster = at(case.signals.speed, when) - there.speed
-    return instant(frame, faster - known("law_de.pass.faster"), target != NO_VEHICLE)
+    return instant(frame, faster - constant("law_de.pass.faster"), target != NO_VEHICLE)
 
 
-def _two_speeds(case: Case, found: Check, errors: Errors) -> F32:
+def _two_speeds(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of a difference of two speeds."""
     del case
     return np.full_like(found.margin, np.sqrt(2.0) * errors.speed)
@@ -122,10 +122,10 @@ O4 = adopt(
 )
 
 
-def _trucks_see(case: Case) -> Check:
+def _trucks_see(case: Case) -> Finding:
     """As a truck begins to overtake, one sees 50 m or more through fog and rain."""
     trucks = ego_may_be(case, VehicleKind.T) & case.events.attempted
-    margin = optical_range(case) - known("law_de.pass.truck_sight")
+    margin = optical_range(case) - constant("law_de.pass.truck_sight")
     return instant(case.events.attempt, margin, trucks)
 
 
@@ -153,19 +153,19 @@ def _calm(gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
     """Margin of a gap behind: no abrupt braking [m]."""
     del speed, decel
     closing = np.maximum(closing_speed, np.float32(0.0))
-    return gap - closing * closing / (np.float32(2.0) * known("law.entry.braking"))
+    return gap - closing * closing / (np.float32(2.0) * constant("law.entry.braking"))
 
 
-def _not_endangered(place: Around, event: str) -> tuple[Callable[[Case], Check], Spread]:
+def _not_endangered(place: NeighbourRole, event: str) -> tuple[Callable[[Case], Finding], Spread]:
     """Check and error of a rule about the one behind in a place at an event."""
 
-    def check(case: Case) -> Check:
+    def check(case: Case) -> Finding:
         frame = getattr(case.events, event)
         other = beside(case, place, frame)
         speed = at(case.signals.speed, np.maximum(frame, 0))
         return instant(frame, _calm(other.gap, speed, other.closing_speed, speed), other.valid)
 
-    def error(case: Case, found: Check, errors: Errors) -> F32:
+    def error(case: Case, found: Finding, errors: Errors) -> F32:
         del found
         return gap_error(case, place, getattr(case.events, event), _calm, errors)
 
@@ -174,8 +174,8 @@ def _not_endangered(place: Around, event: str) -> tuple[Callable[[Case], Check],
     )
 
 
-_OUT, _OUT_ERROR = _not_endangered(Around.LEFT_FOLLOWER, "line_crossed")
-_IN, _IN_ERROR = _not_endangered(Around.FOLLOWER, "return_end")
+_OUT, _OUT_ERROR = _not_endangered(NeighbourRole.LEFT_FOLLOWER, "line_crossed")
+_IN, _IN_ERROR = _not_endangered(NeighbourRole.FOLLOWER, "return_end")
 
 O6 = Rule(
     id="de.stvo.5-4-1@2013",
@@ -199,10 +199,10 @@ O6 = Rule(
 def motor_vehicle_distance(case: Case) -> np.float32:
     """Smallest lawful distance to the side of a motor vehicle [m]."""
     del case
-    return known("law_de.side.motor")
+    return constant("law_de.side.motor")
 
 
-def _apart_from_motor(case: Case) -> Check:
+def _apart_from_motor(case: Case) -> Finding:
     """Check the lateral distance to a motor vehicle."""
     return check_lateral_distance(case, motor_vehicle_distance, bicycle=False)
 
@@ -245,10 +245,10 @@ def bicycle_distance(case: Case) -> np.float32:
     """
     road, unknown = case.trajectories.road, case.trajectories.unknown
     in_town = road.kind == "town" and "road_kind" not in unknown
-    return known("law_de.side.bicycle_town" if in_town else "law_de.side.bicycle")
+    return constant("law_de.side.bicycle_town" if in_town else "law_de.side.bicycle")
 
 
-def _apart_from_bicycle(case: Case) -> Check:
+def _apart_from_bicycle(case: Case) -> Finding:
     """Check the lateral distance to a bicycle."""
     return check_lateral_distance(case, bicycle_distance, bicycle=True)
 

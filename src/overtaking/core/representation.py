@@ -1,0 +1,142 @@
+"""Objects as JSON values, one-line representations, counts in words."""
+
+import contextlib
+import dataclasses
+import math
+import re
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_SURROGATE = re.compile("[\ud800-\udfff]")
+
+
+def format_count(number: int, noun: str) -> str:
+    """A number with its noun.
+
+    Args:
+        number: How many.
+        noun: What, in the singular, with a plural in s.
+
+    Examples:
+        >>> counted(1, "simulation"), counted(1000, "simulation")
+        ('1 simulation', '1,000 simulations')
+    """
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
+
+
+def as_utf8(text: str) -> str:
+    r"""A text that UTF-8 can hold: bytes of a file name that are not UTF-8 become `\xe9`.
+
+    Python keeps such bytes of a name as surrogates, which no file in UTF-8 can hold.
+    """
+    return _SURROGATE.sub(_escape, text)
+
+
+def _escape(surrogate: re.Match[str]) -> str:
+    code = ord(surrogate.group())
+    # Python adds 0xDC00 to the byte (PEP 383).
+    return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else f"\\u{code:04x}"
+
+
+def json_values(value: Any) -> Any:
+    """A value as JSON has it.
+
+    Args:
+        value: Dataclasses become objects with the names of their fields; arrays and tuples become
+            lists; bytes become hexadecimal text; NaN and infinities become null; anything else that
+            JSON does not have becomes text.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, bytes | bytearray | memoryview):
+        return bytes(value).hex()
+    if isinstance(value, Mapping):
+        return {str(name): json_values(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_values(one) for one in value]
+    if dataclasses.is_dataclass(value):
+        return {
+            one.name: json_values(getattr(value, one.name)) for one in dataclasses.fields(value)
+        }
+    return str(value)
+
+
+MAX_SHOWN_ROWS = 60
+"""Most rows of a table that is shown, as in pandas."""
+
+MAX_SHOWN_CHARACTERS = 50
+"""Most characters of a cell that is shown, as in pandas."""
+_LINE_WIDTH = 100  # Wider tables continue below.
+_PLAIN = (str, int, float, Path)
+
+
+class CompactRepr:
+    """Base of dataclasses whose `repr` shall not show all that they hold."""
+
+    __slots__ = ()
+
+    def __init_subclass__(cls) -> None:
+        """Keep the `repr` of a summarized base, where `dataclass` would write one of all fields."""
+        super().__init_subclass__()
+        if "__repr__" not in vars(cls):
+            summarized = [base for base in cls.__mro__ if issubclass(base, CompactRepr)]
+            cls.__repr__ = next(base.__repr__ for base in summarized if "__repr__" in vars(base))
+
+    def summary(self) -> Mapping[str, object]:
+        """Names and values to show: fields with one value, and how many the others have."""
+        found: dict[str, object] = {}
+        for field in dataclasses.fields(self):  # type: ignore[arg-type]
+            with contextlib.suppress(
+                AttributeError
+            ):  # A field that is not computed yet is left out.
+                value = object.__getattribute__(self, field.name)
+                if isinstance(value, np.ndarray):  # All of them lead with this axis.
+                    found.setdefault("simulations", len(value))
+                elif isinstance(value, _PLAIN):
+                    found[field.name] = value
+                elif isinstance(value, tuple | list | dict | frozenset):
+                    found[field.name] = len(value)
+        return found
+
+    def __repr__(self) -> str:
+        """The summary in one line."""
+        shown = ", ".join(f"{name}={value!r}" for name, value in self.summary().items())
+        return f"{type(self).__name__}({shown})"
+
+    def _repr_html_(self) -> str:
+        """The same as a table, for notebooks."""
+        rows = "".join(
+            f'<tr><th scope="row">{escape(name)}</th><td>{escape(str(value))}</td></tr>'
+            for name, value in self.summary().items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption><tbody>{rows}</tbody></table>"
+
+
+class ShownAsTable(CompactRepr):
+    """Base of dataclasses that show their rows below the summary."""
+
+    __slots__ = ()
+
+    def to_pandas(self) -> Any:
+        """The rows as a DataFrame."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        """The summary in one line, and the first and last rows with all columns."""
+        rows = self.to_pandas().to_string(
+            max_rows=MAX_SHOWN_ROWS, max_colwidth=MAX_SHOWN_CHARACTERS, line_width=_LINE_WIDTH
+        )
+        return f"{super().__repr__()}\n{rows}"
+
+    def _repr_html_(self) -> str:
+        """The same for notebooks."""
+        rows = self.to_pandas().to_html(max_rows=MAX_SHOWN_ROWS)
+        return f"<p>{escape(super().__repr__())}</p>{rows}"

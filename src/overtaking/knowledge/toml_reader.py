@@ -1,0 +1,281 @@
+"""Reads the TOML files of the knowledge base into typed, frozen values.
+
+Every number in a file is an inline table with at least a value, a unit and a source. Whatever is
+unknown, missing, unitless or unsourced is an error here, so that nothing above has to check.
+"""
+
+import dataclasses
+import tomllib
+from collections.abc import Iterator, Mapping
+from enum import EnumType
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType, UnionType
+from typing import Any, TypeVar, cast, get_args, get_type_hints
+
+import numpy as np
+
+from overtaking.core.errors import KnowledgeError
+from overtaking.knowledge.quantities import (
+    SOURCE_KINDS,
+    Distribution,
+    Quantity,
+    Source,
+    is_entry,
+    parse_distribution,
+    parse_quantity,
+)
+
+Record = TypeVar("Record")
+
+DATA_FOLDER = Path(__file__).with_name("data")
+"""The folder of the files that are part of the package."""
+_SOURCES = "sources.toml"
+
+
+@cache
+def load_toml(file: str | Path) -> dict[str, Any]:
+    """The content of one knowledge file.
+
+    Args:
+        file: A name inside the package's data folder, or an absolute path.
+
+    Returns:
+        The TOML document; callers must not change it.
+
+    Raises:
+        KnowledgeError: The file is missing or is no TOML.
+    """
+    path = DATA_FOLDER / file
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise KnowledgeError.of(
+            what="file",
+            where=path.name,
+            expected="a readable TOML file",
+            got=str(error),
+            next_step="restore or correct the file",
+        ) from error
+
+
+@cache
+def sources() -> Mapping[str, Source]:
+    """Every source that entries may refer to, by id."""
+    return MappingProxyType({id_: _source(id_, item) for id_, item in load_toml(_SOURCES).items()})
+
+
+def read_record(cls: type[Record], file: str | Path, section: str = "") -> Record:
+    """One section of a knowledge file as a frozen dataclass.
+
+    A field of type `Quantity` or `Distribution` keeps unit and source; a field of type `float`,
+    `int` or a tuple takes the value alone, in SI or in the unit that its name ends in; `str`,
+    `bool` and enumerated fields are names and flags, which have no unit; a field that is itself a
+    dataclass is a subsection. A field with a default may be absent.
+
+    Args:
+        cls: The dataclass to fill; its field names are the keys of the section.
+        file: A name inside the package's data folder, or an absolute path.
+        section: Dotted name of the table; empty for the whole file.
+
+    Returns:
+        An instance of `cls`.
+
+    Raises:
+        KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
+    """
+    table: Any = load_toml(file)
+    for part in section.split(".") if section else []:
+        table = table.get(part) if isinstance(table, dict) else None
+    if not isinstance(table, dict) or is_entry(table):
+        raise KnowledgeError.of(
+            what=f"section [{section}]",
+            where=Path(file).name,
+            expected="a table",
+            got="none" if table is None else table,
+            next_step="add the section",
+        )
+    return _record_from_table(cls, cast("dict[str, Any]", table), where=_where(file, section))
+
+
+def read_records(cls: type[Record], file: str | Path, section: str = "") -> Mapping[str, Record]:
+    """The tables of a section, or of a whole file, by name in the order of the file.
+
+    Args:
+        cls: The dataclass to fill for each table.
+        file: A name inside the package's data folder, or an absolute path.
+        section: Name of the section; empty for the whole file.
+
+    Raises:
+        KeyError: There is no such section.
+        KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
+    """
+    names = load_toml(file)[section] if section else load_toml(file)
+    prefix = f"{section}." if section else ""
+    return MappingProxyType({name: read_record(cls, file, f"{prefix}{name}") for name in names})
+
+
+@cache
+def all_quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
+    """Every number of a knowledge file, by dotted name, in the file's order.
+
+    Args:
+        file: A name inside the package's data folder, or an absolute path.
+
+    Returns:
+        Dotted name, such as `T.length`, to quantity or distribution.
+
+    Raises:
+        KnowledgeError: A number stands alone, or an entry lacks its unit or source.
+    """
+    return MappingProxyType(dict(_walk(load_toml(file), "", Path(file).name)))
+
+
+def number(file: str | Path, name: str) -> float:
+    """The value of one scalar quantity of a knowledge file.
+
+    Args:
+        file: A name inside the package's data folder, or an absolute path.
+        name: Dotted name of the entry, such as `fog.clear_range`.
+
+    Returns:
+        The value in SI, or in the unit that the name carries as a suffix.
+
+    Raises:
+        KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
+    """
+    entry = all_quantities(file).get(name)
+    if isinstance(entry, Quantity):
+        return entry.number
+    raise KnowledgeError.of(
+        what="entry",
+        where=_where(file, name),
+        expected="a quantity",
+        got="none" if entry is None else f"a {entry.kind} distribution",
+        next_step="correct the name, or draw from the distribution",
+    )
+
+
+def _source(id_: str, item: Any) -> Source:
+    """One source from its table in the file of sources."""
+    if not isinstance(item, dict):
+        raise _wrong_kind(f"{_SOURCES} [{id_}]", "a table", item)
+    source = _record_from_table(
+        Source, {"id": id_, **cast("dict[str, Any]", item)}, where=f"{_SOURCES} [{id_}]"
+    )
+    if source.kind not in SOURCE_KINDS:
+        expected = f"a kind out of {', '.join(SOURCE_KINDS)}"
+        raise _wrong_kind(f"{_SOURCES} [{id_}]", expected, source.kind)
+    return source
+
+
+def _where(file: str | Path, name: str) -> str:
+    return f"{Path(file).name} [{name}]" if name else Path(file).name
+
+
+def _walk(
+    table: Mapping[str, Any], prefix: str, file: str
+) -> Iterator[tuple[str, Quantity | Distribution]]:
+    """The entries below a table, depth first."""
+    for key, item in table.items():
+        name = f"{prefix}{key}"
+        if is_entry(item):
+            parse = parse_distribution if "distribution" in item else parse_quantity
+            yield name, parse(item, name=key, where=f"{file} [{name}]", sources=sources())
+        elif isinstance(item, dict):
+            yield from _walk(cast("dict[str, Any]", item), f"{name}.", file)
+        elif not isinstance(item, str | bool):
+            raise _wrong_kind(f"{file} [{name}]", "a table with value, unit and source", item)
+
+
+def _record_from_table(cls: type[Record], table: Mapping[str, Any], *, where: str) -> Record:
+    """An instance of a dataclass from a table whose keys are its fields."""
+    fields = {field.name: field for field in dataclasses.fields(cast("Any", cls)) if field.init}
+    required = {
+        name
+        for name, field in fields.items()
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    }
+    _check_keys(set(table), allowed=set(fields), required=required, where=where)
+    hints = get_type_hints(cls, localns={"Quantity": Quantity, "Distribution": Distribution})
+    values = {
+        key: _field_value(item, hints[key], key, f"{where} {key}") for key, item in table.items()
+    }
+    return cls(**values)
+
+
+def _check_keys(got: set[str], *, allowed: set[str], required: set[str], where: str) -> None:
+    """KnowledgeError for the first key that is unknown or missing."""
+    for what, keys in (("unknown key", got - allowed), ("missing key", required - got)):
+        if keys:
+            raise KnowledgeError.of(
+                what=f"{what} {min(keys)}",
+                where=where,
+                expected=f"the keys {', '.join(sorted(allowed))}",
+                got=", ".join(sorted(got)) or "none",
+                next_step="correct the file",
+            )
+
+
+def _field_value(item: Any, hint: Any, name: str, where: str) -> Any:
+    """One item of a table, as the type that its field declares."""
+    hint = next((one for one in get_args(hint) if isinstance(hint, UnionType)), hint)  # Not None.
+    if hint in (str, bool) or isinstance(hint, EnumType):
+        return _text_or_flag(item, hint, where)
+    if dataclasses.is_dataclass(hint) and hint not in (Quantity, Distribution):
+        if isinstance(item, dict) and not is_entry(item):
+            return _record_from_table(
+                cast("type[Any]", hint), cast("dict[str, Any]", item), where=where
+            )
+        raise _wrong_kind(where, "a table", item)
+    if not is_entry(item):
+        raise _wrong_kind(where, "a table with value, unit and source", item)
+    if hint is Distribution:
+        return parse_distribution(item, name=name, where=where, sources=sources())
+    quantity = parse_quantity(item, name=name, where=where, sources=sources())
+    return quantity if hint is Quantity else _bare_value(quantity, hint, where)
+
+
+def _text_or_flag(item: Any, hint: Any, where: str) -> Any:
+    """A name, a flag or a member of an enumeration."""
+    if isinstance(hint, EnumType):
+        known = [str(one) for one in hint]
+        if item in known:
+            return hint(item)
+        raise _wrong_kind(where, f"one of {', '.join(known)}", item)
+    if isinstance(item, hint):
+        return item
+    raise _wrong_kind(where, f"a {hint.__name__}", item)
+
+
+def _bare_value(quantity: Quantity, hint: Any, where: str) -> Any:
+    """The value of a quantity alone, for a field of type float, int or tuple."""
+    value = quantity.value
+    is_table = isinstance(value, tuple)
+    if is_table != (hint not in (float, int)):
+        raise _wrong_kind(where, "a list" if not is_table else "one number", value)
+    if hint is not int:
+        return value
+    if not is_table and value == int(value):
+        return int(value)
+    raise _wrong_kind(where, "a whole number", value)
+
+
+def _wrong_kind(where: str, expected: str, got: object) -> KnowledgeError:
+    return KnowledgeError.of(
+        what="entry", where=where, expected=expected, got=got, next_step="correct the file"
+    )
+
+
+@cache
+def constant(path: str) -> np.float32:
+    """One number of the knowledge base, rounded once.
+
+    Args:
+        path: File and dotted name of the entry, such as `weather.fog.clear_range`.
+
+    Raises:
+        KnowledgeError: There is no such entry, or it is no single number.
+    """
+    file, _, name = path.partition(".")
+    return np.float32(number(f"{file}.toml", name))

@@ -1,0 +1,118 @@
+"""When what happened: the phases of an overtake, as frame numbers."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from overtaking.core.arrays import I32, U8, Mask
+from overtaking.model.batch import Batch
+
+NEVER = np.int32(-1)
+"""Frame of an event that did not happen; a null in every table."""
+
+
+class Outcome(IntEnum):
+    """How the ego's overtake ended, legality aside."""
+
+    NO_ATTEMPT = 0
+    COMPLETED = 1
+    NOT_COMPLETED = 2
+    COLLISION = 3
+
+
+class OutcomeDetail(IntEnum):
+    """How it came to the outcome."""
+
+    NONE = 0
+    ABORTED_BEFORE_CROSSING = 1
+    ABORTED_AFTER_CROSSING = 2
+    PASSED_NOT_RETURNED = 3
+    OPEN_AT_HORIZON = 4
+    COLLISION_BEFORE_ATTEMPT = 5
+    RAN_INTO_OTHER = 6
+    STRUCK_BY_OTHER = 7
+    DEPARTED = 8
+    SPUN = 9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OvertakeEvents(Batch):
+    """Events of the attempt that decides each simulation; every array has shape (simulation,).
+
+    The paper's symbols are in brackets. An ego that gives up and tries again is judged by its last
+    attempt; `num_attempts` says how many there were.
+
+    Attributes:
+        first: First recorded frame [t_0].
+        last: Last recorded frame.
+        target: Slot of the vehicle to overtake: the nearest ahead at `attempt`; without an attempt
+            the leader at `follow`, else the last leader; `NO_VEHICLE` if there never was one.
+        original_lane: Lane index of the ego at `attempt`, or at the first frame.
+        follow: First frame less than 3 s behind the target, or the first frame [t_follow].
+        attempt: Start of the movement to the left [t_a].
+        line_crossed: First corner over the line on the left [t_x1].
+        overlap_begin: First frame alongside the target [t_o1].
+        overlap_end: First frame wholly ahead of it [t_o2].
+        return_begin: Start of the movement back [t_b].
+        return_end: First frame with the whole body in the original lane, ahead of it [t_x2].
+        abort: Start of the movement back behind the target.
+        back: First frame with the whole body in the original lane after an abort.
+        collision: First frame after the ego's first contact.
+        road_departure: First frame with the ego's centre outside the driving lanes.
+        spin: First frame in which the ego is so far across the road that no driver brings it back.
+        num_attempts: How often the ego began.
+        num_passed: Vehicles that were ahead of the ego at `attempt` and are behind at the end of
+            the overtake, the target among them.
+        partner: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
+        struck: Whether the other one ran into the ego.
+        drift: Start of the first movement to the left that is no part of an attempt and leads into
+            no other lane.
+        num_drifts: How many of those there are, at most 255.
+        under_way: First frame, if the attempt had begun before the recording: `attempt` is then
+            that frame and too late.
+        intended: Whether the ego's driver meant to overtake: it was in a stage of an overtake
+            between `attempt` and the line, or `back`. It says nothing of a recording without
+            stages, nor without an attempt.
+    """
+
+    first: I32
+    last: I32
+    target: U8
+    original_lane: U8
+    follow: I32
+    attempt: I32
+    line_crossed: I32
+    overlap_begin: I32
+    overlap_end: I32
+    return_begin: I32
+    return_end: I32
+    abort: I32
+    back: I32
+    collision: I32
+    road_departure: I32
+    spin: I32
+    num_attempts: U8
+    num_passed: U8
+    partner: U8
+    struck: Mask
+    drift: I32
+    num_drifts: U8
+    under_way: I32
+    intended: Mask
+
+    @property
+    def attempted(self) -> Mask:
+        """Whether the ego began to overtake."""
+        return self.attempt != NEVER
+
+    @property
+    def lost(self) -> Mask:
+        """Whether the ego left the lanes or spun, and touched no other vehicle."""
+        out_of_control = (self.road_departure != NEVER) | (self.spin != NEVER)
+        return out_of_control & (self.collision == NEVER)
+
+    @property
+    def completed(self) -> Mask:
+        """Whether it ended in the original lane ahead of the target, without an accident."""
+        return (self.return_end != NEVER) & (self.collision == NEVER) & ~self.lost

@@ -1,0 +1,305 @@
+"""The paper's fifteen features, and the state at an overtake that begins or might."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+from overtaking.core.arrays import F32, I32, U8, Mask
+from overtaking.knowledge.glossary import terms
+from overtaking.model.batch import Batch, FieldSpec, documented, meant
+from overtaking.model.safety_measures import Encounter
+from overtaking.model.vehicles import VehicleKind
+
+
+def _paper(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
+    """Declaration of a feature; its words are those of `knowledge/data/glossary.toml`."""
+    return meant(terms("features")[code].meaning, unit, column=code, **declared)
+
+
+_weather = partial(_paper, needs=["weather"])
+_of_target = partial(_paper, present="has_target")
+_KINDS = tuple(kind.name for kind in VehicleKind)
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperFeatures(Batch):
+    """Seven static and eight dynamic features; every array has shape (simulation,).
+
+    Without a vehicle to overtake its features are 0 and `has_target` is false. Waiting time,
+    overtaking time and distance are NaN where the attempt began before the recording; features of
+    the target are NaN where it is not recorded in that frame. The column of a feature has the name
+    that the paper gives it.
+    """
+
+    policy: Annotated[str, meant("How they were measured, `paper` or `matched`", column=None)]
+    night: Annotated[Mask, _weather("DN", names=["Day", "Night"])]
+    horizon_line: Annotated[Mask, _weather("HL", names=["No", "Yes"])]
+    ego_kind: Annotated[U8, _paper("TE", names=_KINDS)]
+    target_kind: Annotated[U8, _of_target("TP", names=_KINDS)]
+    has_target: Annotated[Mask, meant("Whether there is a target", column=None)]
+    waiting_time: Annotated[F32, _paper("WT", "s")]
+    overtaking_time: Annotated[F32, _paper("OT", "s")]
+    num_vehicles: Annotated[U8, _paper("NV")]
+    ego_speed: Annotated[F32, _paper("SE", "m/s")]
+    target_speed: Annotated[F32, _of_target("SP", "m/s")]
+    speed_difference: Annotated[F32, _of_target("DSEP", "m/s")]
+    distance: Annotated[F32, _of_target("D", "m")]
+    left_occupancy: Annotated[F32, _paper("OLR")]
+    rain: Annotated[F32, _weather("PREC", "%")]
+    wind: Annotated[F32, _weather("WIND", "%")]
+    fog: Annotated[F32, _weather("FOG", "%")]
+    frame: Annotated[
+        I32,
+        meant("Frame at which they were measured, `NEVER` for means over all frames", column=None),
+    ]
+
+
+_SIDES = ("off", "left", "right", "both")
+"""Names of an indicator: bit 0 left, bit 1 right, as recorded."""
+_ego = partial(meant, column="ego_{}")
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EgoState(Batch):
+    """The ego; every array has shape (simulation,)."""
+
+    kind: Annotated[U8, _ego("Type of the ego", needs=["kinds"], names=_KINDS)]
+    speed: Annotated[F32, _ego("Its speed", "m/s")]
+    accel: Annotated[F32, _ego("Its acceleration", "m/s^2")]
+    available_accel: Annotated[
+        F32, _ego("Largest acceleration of engine and air at that speed", "m/s^2", needs=["bodies"])
+    ]
+    desired_speed: Annotated[
+        F32, _ego("Speed that its driver wants on a free road", "m/s", needs=["drivers"])
+    ]
+    waiting_time: Annotated[F32, meant("Time since it closed up", "s")]
+    lateral_offset: Annotated[
+        F32, _ego("From the centre of its lane, growing to the left", "m", present="around.on_road")
+    ]
+
+
+_ahead = partial(meant, column="ahead_{}", present=".encounter.valid")
+_passing = partial(_ahead, column="{}", needs=["bodies", "weather"])
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaderState(Batch):
+    """The vehicle ahead in the ego's lane; every array has shape (simulation,).
+
+    Where `encounter.valid` is false the others mean nothing. `overtaking_time` is that to be a
+    reaction distance ahead of it at `EgoState.available_accel`, infinite if the ego cannot.
+    """
+
+    encounter: Annotated[Encounter, meant("the ego behind the vehicle ahead", column="ahead")]
+    kind: Annotated[U8, _ahead("Type of the vehicle ahead", needs=["kinds"], names=_KINDS)]
+    length: Annotated[F32, _ahead("Its length", "m")]
+    speed: Annotated[F32, _ahead("Its speed", "m/s")]
+    accel: Annotated[F32, _ahead("Its acceleration", "m/s^2")]
+    lateral_offset: Annotated[F32, _ahead("From the centre of the lane, growing to the left", "m")]
+    indicator: Annotated[U8, _ahead("Its indicator", needs=["indicators"], names=_SIDES)]
+    looming: Annotated[F32, _ahead("Growth of its image in the eye", "rad/s")]
+    has_next: Annotated[
+        Mask, meant("Whether there is another vehicle ahead of it in the lane", column=None)
+    ]
+    return_gap: Annotated[
+        F32,
+        meant("Gap between it and the next vehicle ahead in the lane", "m", present=".has_next"),
+    ]
+    overtaking_time: Annotated[
+        F32, _passing("Least time to be a reaction distance ahead of it; null if never", "s")
+    ]
+    overtaking_distance: Annotated[F32, _passing("Way of the ego in that time", "m")]
+
+
+_left = partial(meant, column="left_{}", present=".exists")
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftLane(Batch):
+    """The lane to the ego's left; every array has shape (simulation,).
+
+    Occupancy and count are of the 100 m ahead and behind.
+    """
+
+    exists: Annotated[Mask, meant("Whether there is a lane to the left", column="left_{}")]
+    front: Annotated[
+        Encounter, meant("the ego behind the vehicle ahead on the left", column="left_{}")
+    ]
+    rear: Annotated[
+        Encounter, meant("the vehicle behind on the left, behind the ego", column="left_{}")
+    ]
+    occupancy: Annotated[
+        F32, _left("Lengths of vehicles in 200 m of the lane to the left, over 200 m")
+    ]
+    count: Annotated[U8, _left("Vehicles there")]
+    space_mean_speed: Annotated[F32, _left("Mean of their speeds", "m/s", present=".count")]
+    time_mean_speed: Annotated[
+        F32, _left("Mean of the speeds past a place there", "m/s", present=".count")
+    ]
+    crossable: Annotated[
+        Mask, _left("Whether the line on the left may be crossed", needs=["marks"])
+    ]
+
+
+_other_side = partial(meant, column="oncoming_{}", present=".exists", since=4)
+_comes = partial(_other_side, present=".comes")
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OncomingState(Batch):
+    """The side of oncoming traffic; every array has shape (simulation,).
+
+    Where `exists` is false, on one-way roads, the others mean nothing; where `comes` is false
+    nobody comes from ahead, and what is of that vehicle means nothing.
+    """
+
+    exists: Annotated[
+        Mask, meant("Whether the lane to the left is for oncoming traffic", column=None)
+    ]
+    comes: Annotated[Mask, meant("Whether anybody comes", column=None)]
+    kind: Annotated[U8, _comes("Type of who comes next", needs=["kinds"], names=_KINDS)]
+    gap: Annotated[F32, _comes("Gap to it", "m")]
+    closing_speed: Annotated[F32, _comes("Both speeds together", "m/s")]
+    time: Annotated[F32, _comes("Time to meet it", "s")]
+    sight: Annotated[
+        F32, _other_side("Distance up to which air and road show it", "m", needs=["weather"])
+    ]
+    crossable: Annotated[
+        Mask,
+        _other_side("Whether the line between the directions may be crossed", needs=["marks"]),
+    ]
+
+
+_scene = partial(meant, needs=["weather"])
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadAndWeather(Batch):
+    """Road, weather and light; every array has shape (simulation,)."""
+
+    on_road: Annotated[
+        Mask,
+        meant(
+            "Whether the ego's centre is in a driving lane; else its lane means nothing",
+            column=None,
+        ),
+    ]
+    lane: Annotated[U8, meant("Lane, 0 the slowest", present=".on_road")]
+    lanes_to_left: Annotated[U8, meant("Driving lanes to the left of it", present=".on_road")]
+    lane_width: Annotated[F32, meant("Its width", "m", present=".on_road")]
+    speed_limit: Annotated[F32, _scene("Limit as posted", "m/s", needs=["speed_limit"])]
+    night: Annotated[Mask, _scene("Whether it is night")]
+    low_sun: Annotated[Mask, _scene("Whether the sun stands low ahead")]
+    rain: Annotated[F32, _scene("Rain rate", "mm/h")]
+    optical_range: Annotated[F32, _scene("Meteorological optical range", "m")]
+    wind: Annotated[F32, _scene("Mean wind speed", "m/s")]
+    friction: Annotated[F32, _scene("Peak friction under the ego")]
+    sight_lit: Annotated[F32, _scene("Distance at which a lit vehicle is seen", "m")]
+    sight_unlit: Annotated[
+        F32, _scene("Distance at which an unlit one is seen", "m", needs=["weather", "lamps"])
+    ]
+
+
+_law = partial(meant, column="law_{}", needs=["weather"])
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawMarginsOnPullOut(Batch):
+    """Margins of the law if the ego moved over now, negative in a breach; shape (simulation,).
+
+    A margin to a vehicle means nothing where that vehicle is not there.
+    """
+
+    follow: Annotated[
+        F32,
+        _law(
+            "L3: gap to the vehicle ahead minus the safe distance",
+            "m",
+            present="ahead.encounter.valid",
+        ),
+    ]
+    entry_front: Annotated[
+        F32,
+        _law(
+            "L4 if the ego moved over now: room to the vehicle ahead on the left",
+            "m",
+            present="left.front.valid",
+        ),
+    ]
+    entry_rear: Annotated[
+        F32,
+        _law(
+            "L5 if the ego moved over now: room to the vehicle behind on the left",
+            "m",
+            present="left.rear.valid",
+        ),
+    ]
+    speed: Annotated[
+        F32,
+        _law(
+            "L12: limit of road and vehicle minus speed",
+            "m/s",
+            needs=["speed_limit", "kinds", "road_kind"],
+        ),
+    ]
+    stop_lit: Annotated[F32, _law("L14: sight of the lit minus stopping distance", "m")]
+    stop_unlit: Annotated[
+        F32,
+        _law("L14s: sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]),
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeliefsAtPullOut(Batch):
+    """What the ego believed when it last decided to pull out.
+
+    Arrays have shape (simulation,), or (simulation, 3) for the vehicle ahead, and the front and the
+    rear of the lane on the left.
+
+    Attributes:
+        exists: Whether it had decided to; there is nothing to believe of a decision not made.
+        age: Time since [s].
+        detected: Whether it had noticed each, (simulation, 3); otherwise its values mean nothing.
+        gap: To it, from bumper to bumper, (simulation, 3) [m].
+        closing_speed: (simulation, 3) [m/s].
+    """
+
+    exists: Mask
+    age: F32
+    detected: Mask
+    gap: F32
+    closing_speed: F32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttemptFeatures(Batch):
+    """Features of the decision to overtake: nothing in them is later than `frame`.
+
+    All values are true ones, except those in `believed`.
+
+    Attributes:
+        frame: Frame of the attempt, or of the instant that stands for it, shape (simulation,).
+        ego: The ego.
+        ahead: The vehicle ahead in its lane.
+        left: The lane to its left.
+        oncoming: The side of oncoming traffic.
+        around: Road, weather and light.
+        law: What the law would say.
+        believed: What the driver believed.
+    """
+
+    frame: I32
+    ego: EgoState
+    ahead: LeaderState
+    left: LeftLane
+    oncoming: OncomingState
+    around: RoadAndWeather
+    law: LawMarginsOnPullOut
+    believed: BeliefsAtPullOut

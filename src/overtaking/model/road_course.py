@@ -1,0 +1,274 @@
+"""What changes along a road: its bends and grades, lines, places, and how far one sees.
+
+Stations are those of the road: `s` grows in the direction of its driving lanes, also where a
+driver who comes the other way is meant. Directions are those of `Lane`: +1 along `s`, -1 against.
+"""
+
+import dataclasses
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from overtaking.core.arrays import F64
+from overtaking.core.errors import ConfigError
+from overtaking.model.batch import within
+from overtaking.model.checks import check_batch
+from overtaking.model.reference_line import CurveSegment
+
+MAX_LENGTH = 100_000.0  # A float64 position then still resolves far below the recorded centimetre.
+MAX_SIGHT = 10_000.0
+MAX_SPANS = 1_000
+MAX_SEGMENTS = 20_000
+MAX_CURVATURE = 0.1  # A radius of 10 m; sharper bends are no place to overtake.
+MAX_GRADE = 0.2  # The steepest public roads come near a third, main roads hardly above a tenth.
+_STATION = within(0.0, MAX_LENGTH, "m")
+MAX_SPEED_LIMIT = 100.0
+
+
+class RoadMark(enum.Enum):
+    """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
+
+    Of the double lines the first word names the line nearer to the lane that the mark belongs to,
+    so the two lanes that share such a line see it with the words swapped: `reversed`.
+    """
+
+    NONE = "NONE"
+    SOLID = "Solid"
+    BROKEN = "Broken"
+    SOLID_SOLID = "SolidSolid"
+    SOLID_BROKEN = "SolidBroken"
+    BROKEN_SOLID = "BrokenSolid"
+    BROKEN_BROKEN = "BrokenBroken"
+    BOTTS_DOTS = "BottsDots"
+    CURB = "Curb"
+    GRASS = "Grass"
+    OTHER = "Other"
+
+    @property
+    def reversed(self) -> "RoadMark":
+        """The same line as seen from the lane on its other side."""
+        if self is RoadMark.SOLID_BROKEN:
+            return RoadMark.BROKEN_SOLID
+        if self is RoadMark.BROKEN_SOLID:
+            return RoadMark.SOLID_BROKEN
+        return self
+
+
+class ZoneKind(enum.Enum):
+    """What a stretch of road is; the last three are where a sign forbids to overtake."""
+
+    JUNCTION = "junction"
+    PEDESTRIAN_CROSSING = "pedestrian_crossing"
+    LEVEL_CROSSING = "level_crossing"
+    CREST = "crest"
+    BEND = "bend"
+    NARROW = "narrow"
+    NO_OVERTAKING = "no_overtaking"
+    NO_OVERTAKING_HEAVY = "no_overtaking_heavy"
+    NO_OVERTAKING_MOTORCYCLE = "no_overtaking_motorcycle"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadZone:
+    """A stretch of road that is something.
+
+    Attributes:
+        kind: What it is. A bend is one of reduced visibility; `narrow` is too narrow to pass in.
+        start: Where it begins [m].
+        stop: Where it ends, behind `start` [m].
+        direction: Direction of travel that it counts for: +1, -1, or 0 for both.
+    """
+
+    kind: ZoneKind
+    start: Annotated[float, _STATION]
+    stop: Annotated[float, _STATION]
+    direction: Annotated[int, within(-1, 1)] = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CentreLineSpan:
+    """A stretch of the line between the directions.
+
+    Attributes:
+        start: Where it begins [m].
+        stop: Where it ends, behind `start` [m].
+        mark: The line, seen from the driving lanes of the road; `mark.reversed` is how the other
+            direction sees it.
+    """
+
+    start: Annotated[float, _STATION]
+    stop: Annotated[float, _STATION]
+    mark: RoadMark
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpeedLimitSpan:
+    """A stretch of road with a speed limit of its own.
+
+    Attributes:
+        start: Where it begins [m].
+        stop: Where it ends, behind `start` [m].
+        speed: Limit that is posted there [m/s].
+        direction: Direction of travel that it counts for: +1, -1, or 0 for both.
+    """
+
+    start: Annotated[float, _STATION]
+    stop: Annotated[float, _STATION]
+    speed: Annotated[float, within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True)]
+    direction: Annotated[int, within(-1, 1)] = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadCourse:
+    """What changes along a road.
+
+    Attributes:
+        line: Reference line, by pieces that join; empty for a straight road. Beyond its ends it
+            goes on straight.
+        grade: Slope of the road by station: pairs (s, rise per metre) in order of s, linear in
+            between and constant beyond; empty for a level road.
+        lines: Stretches of the line between the directions, in order, without overlap. Elsewhere
+            the mark of the fast-most driving lane holds.
+        limits: Stretches with a limit below that of the road, `Road.speed_limit`, in order of
+            `start`, without overlap in one direction of travel.
+        places: What stretches of the road are, in any order; they may overlap.
+        sight: How far a driver along `s` sees the road, by station: pairs (s, distance) in order of
+            s, linear in between and constant beyond [m]. Empty if the road does not limit sight.
+        sight_against: The same for a driver who comes the other way.
+
+    Raises:
+        ConfigError: A stretch is empty, stretches or stations are not in order, or a bend or grade
+            is beyond `MAX_CURVATURE` [1/m] or `MAX_GRADE`.
+    """
+
+    line: tuple[CurveSegment, ...] = ()
+    grade: tuple[tuple[float, float], ...] = ()
+    lines: tuple[CentreLineSpan, ...] = ()
+    limits: tuple[SpeedLimitSpan, ...] = ()
+    places: tuple[RoadZone, ...] = ()
+    sight: tuple[tuple[float, float], ...] = ()
+    sight_against: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what is out of order."""
+        check_batch(self, "course of a road")
+        for name in ("lines", "limits", "places", "sight", "sight_against"):
+            if len(getattr(self, name)) > MAX_SPANS:
+                raise _refused(name, f"at most {MAX_SPANS}", len(getattr(self, name)))
+        for one in (*self.lines, *self.limits, *self.places):
+            check_batch(one, "course of a road")
+            if not one.start < one.stop:
+                raise _refused("stretch", "start before stop", f"{one.start:g} to {one.stop:g} m")
+        _check_order("lines", self.lines)
+        for direction in (1, -1):
+            _check_order("limits", self.speed_limits_for(direction))
+        for name in ("sight", "sight_against", "grade"):
+            _check_station_table(name, getattr(self, name))
+        _check_line(self.line)
+
+    def mirrored(self) -> Self:
+        """The same in a world where left and right are swapped.
+
+        Lines, limits, places and sight stay: they are told from the lane, not from the left.
+        """
+        return dataclasses.replace(self, line=tuple(piece.mirrored() for piece in self.line))
+
+    def sight_at(self, s: ArrayLike, direction: int = 1) -> F64:
+        """How far a driver sees the road.
+
+        Args:
+            s: Where the driver is, any shape [m].
+            direction: +1 along the road, -1 against it.
+
+        Returns:
+            Distances of the same shape, infinite where the road does not limit sight [m].
+        """
+        table = self.sight if direction > 0 else self.sight_against
+        station = np.asarray(s, np.float64)
+        if not table:
+            return np.full(station.shape, np.inf)
+        return np.interp(station, *np.array(table, np.float64).T)
+
+    def speed_limits_for(self, direction: int) -> tuple[SpeedLimitSpan, ...]:
+        """The stretches with a limit of their own for a direction of travel, +1 or -1."""
+        return tuple(one for one in self.limits if one.direction in (0, direction))
+
+    def zones_for(self, direction: int) -> tuple[RoadZone, ...]:
+        """The places that count for a direction of travel, +1 or -1."""
+        return tuple(one for one in self.places if one.direction in (0, direction))
+
+
+def _check_order(name: str, stretches: Sequence[CentreLineSpan] | Sequence[SpeedLimitSpan]) -> None:
+    """Refuse stretches that overlap or are not in order."""
+    for one, other in pairwise(stretches):
+        if one.stop > other.start:
+            got = f"one to {one.stop:g} m, then one from {other.start:g} m"
+            raise _refused(name, "in order, without overlap", got)
+
+
+def _check_station_table(name: str, table: Sequence[tuple[float, float]]) -> None:
+    """Refuse a table of sight or grade by station that is not one."""
+    for s, value in table:
+        if name == "grade":
+            fits, bounds = abs(value) <= MAX_GRADE, f"{-MAX_GRADE:g} to {MAX_GRADE:g}"
+            got = f"{value:g} at {s:g} m"
+        else:
+            fits, bounds = 0.0 < value <= MAX_SIGHT, f"more than 0 and at most {MAX_SIGHT:g} m"
+            got = f"{value:g} m at {s:g} m"
+        if not (0.0 <= s <= MAX_LENGTH and fits):  # Also true for NaN.
+            raise _refused(name, f"0 to {MAX_LENGTH:g} m, and {bounds}", got)
+    if not all(one < other for (one, _), (other, _) in pairwise(table)):
+        raise _refused(name, "stations in order", ", ".join(f"{s:g}" for s, _ in table))
+
+
+def _check_line(line: Sequence[CurveSegment]) -> None:
+    """Refuse a reference line of too many pieces, or of one that is none."""
+    if len(line) > MAX_SEGMENTS:
+        raise _refused("line", f"at most {MAX_SEGMENTS} pieces", len(line))
+    for piece in line:
+        if not (all(map(math.isfinite, piece)) and piece.length > 0.0):
+            raise _refused("line", "pieces of finite numbers and positive length", piece)
+        sharpest = max(abs(piece.curvature), abs(piece.end_curvature))
+        if sharpest > MAX_CURVATURE:
+            expected = f"bends of at least {1.0 / MAX_CURVATURE:g} m radius"
+            raise _refused("line", expected, f"{1.0 / sharpest:.2f} m")
+
+
+def _refused(what: str, expected: str, got: object) -> ConfigError:
+    return ConfigError.of(
+        what=what,
+        where="course of a road",
+        expected=expected,
+        got=got,
+        next_step="correct the road",
+    )
+
+
+def marks_along(
+    lines: Sequence[CentreLineSpan], otherwise: RoadMark
+) -> tuple[tuple[float, RoadMark], ...]:
+    """The line between the directions from end to end.
+
+    Args:
+        lines: Its stretches, in order, without overlap.
+        otherwise: The mark between them, before them and behind them.
+
+    Returns:
+        Where each mark begins, the first at minus infinity, and the mark; neighbours differ.
+    """
+    found = [(-math.inf, otherwise)]
+    for one in lines:
+        if found[-1][0] == one.start:  # The one before ends here.
+            found.pop()
+        found += [(one.start, one.mark), (one.stop, otherwise)]
+    kept = found[:1]
+    for start, mark in found[1:]:
+        if mark is not kept[-1][1]:
+            kept.append((start, mark))
+    return tuple(kept)

@@ -1,0 +1,443 @@
+"""What happened: the recorded states of a batch of simulations, as integers of stated steps.
+
+Everything after the simulation reads these values, so that labels from memory and from a file
+agree.
+"""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, IntFlag
+from importlib import import_module
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overtaking.core import units
+from overtaking.core.arrays import I16, I32, U8, U32, Mask
+from overtaking.core.errors import SchemaError
+from overtaking.model.batch import (
+    Batch,
+    Constraint,
+    IdentityBatch,
+    along,
+    batch_fields,
+    documented,
+    meant,
+    within,
+)
+from overtaking.model.driver_interface import Actions
+from overtaking.model.import_report import ImportFinding
+from overtaking.model.road import Road
+from overtaking.model.scenario import MAX_DURATION, BranchOrigin, Scenario
+
+NO_VEHICLE = np.uint8(255)
+"""Slot number where there is no vehicle to name; a null in every table."""
+
+UNKNOWNS = (
+    "weather",  # Weather and light.
+    "drivers",  # Everything in `DriverTraits`.
+    "bodies",  # What of `VehicleSpecs` is not length, width and kind.
+    "kinds",  # Types of the vehicles.
+    "marks",  # Lines between the lanes.
+    "speed_limit",
+    "road_kind",
+    "indicators",
+    "lamps",
+    "wheel_angle",
+    "yaw_rate",
+    "impulse",
+    "stage",
+    "percepts",
+)
+"""What a recording from elsewhere may not say; rules that need it are undecidable."""
+
+BEYOND_KERB_EDGE = 255
+"""Lane index of a vehicle beyond the slow edge of the road."""
+POSITION_RESOLUTION = 1e-3
+_MAX_RECORDED = 2.0e9  # Steps that fit into the recorded integers, as the step clamps them.
+SPEED_RESOLUTION = 1e-3
+ANGLE_RESOLUTION = 1e-4
+ACCEL_RESOLUTION = 1e-3
+
+
+class Stage(IntEnum):
+    """What the ego is doing, as its own state machine sees it."""
+
+    FOLLOW = 0
+    PULL_OUT = 1
+    PASS = 2
+    RETURN = 3
+    DONE = 4
+    ABORT = 5
+    CRASHED = 6
+
+
+OVERTAKING_STAGES = (Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.ABORT)
+"""The stages of an overtake that has begun and not ended."""
+
+
+class Lights(IntFlag):
+    """Bits of the recorded `lights` of a vehicle."""
+
+    INDICATOR_LEFT = 1
+    INDICATOR_RIGHT = 2
+    BRAKE = 4
+    LOW_BEAM = 8
+    HIGH_BEAM = 16
+    REAR_FOG = 32
+
+
+class ManoeuvreKind(IntEnum):
+    """Which decision a percept was written down for."""
+
+    PULL_OUT = 0
+    RETURN = 1
+    ABORT = 2
+
+
+@documented
+@dataclass(frozen=True, slots=True, kw_only=True)
+class States(Batch):
+    """Recorded states; shape (simulation, vehicle, time), the frames of one vehicle adjacent.
+
+    A new state is a field here and a formula in `sim.reference.recording` and in `words.rs`.
+    Memory, hash, tables and pages follow, in the order of the fields.
+    """
+
+    AXES = ("simulation", "vehicle", "time")
+
+    x: Annotated[I32, meant("OpenDRIVE x of the bounding-box centre", "mm")]
+    y: Annotated[I32, meant("OpenDRIVE y of the bounding-box centre, right-handed", "mm")]
+    s: Annotated[I32, meant("Position along the road", "mm")]
+    d: Annotated[I32, meant("Position across the road, positive to the left", "mm")]
+    speed: Annotated[I32, within(0, 1_000_000, "mm/s", "Speed, never negative")]
+    heading: Annotated[
+        I16, within(-31_416, 31_416, "0.1 mrad", "Heading, anticlockwise from world x")
+    ]
+    wheel_angle: Annotated[
+        I16,
+        within(
+            -31_416,
+            31_416,
+            "0.1 mrad",
+            "Front wheels, positive to the left",
+            needs=["wheel_angle"],
+        ),
+    ]
+    accel_lon: Annotated[I16, meant("Acceleration forwards, contacts excluded", "mm/s^2")]
+    accel_lat: Annotated[I16, meant("Acceleration to the left", "mm/s^2")]
+    yaw_rate: Annotated[I16, meant("Turning rate, anticlockwise", "0.1 mrad/s", needs=["yaw_rate"])]
+    lane: Annotated[
+        U8,
+        within(
+            0,
+            "lane or beyond",
+            meaning="Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the "
+            "slow edge",
+            also=BEYOND_KERB_EDGE,
+            column=None,
+        ),
+    ]
+    lights: Annotated[U8, within(0, sum(Lights), meaning="`Lights` bits", column=None)]
+
+
+STATE_DTYPES = {
+    name: field.dtype.type for name, field in batch_fields(States).items() if field.dtype
+}
+"""Type of the numbers of each field of `States`, in their order."""
+
+STATE_RESOLUTION = {
+    name: 1.0 / units.INTEGER_UNITS[field.spec.unit][1]
+    for name, field in batch_fields(States).items()
+    if field.spec.unit in units.INTEGER_UNITS
+}
+"""Size of a step of each number in `States` [SI units]."""
+
+NOISY_STATES = frozenset({"accel_lon", "accel_lat", "yaw_rate"})
+"""Quantities that are differentiated from measured ones. Their noise in a recording may exceed the
+range of the recorded integers, although no vehicle reaches it; such values are clipped."""
+
+
+def largest_state(name: str) -> float:
+    """Largest magnitude of a field of `States`, one of `STEPS`, that is recorded [SI units]."""
+    _, high = batch_fields(States)[name].spec.limits
+    return min(float(np.iinfo(STATE_DTYPES[name]).max), high) * STATE_RESOLUTION[name]
+
+
+def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[Any]:
+    """The recorded integers of a field of `States`, rounded half to even.
+
+    Args:
+        name: The field, one of `STEPS`.
+        steps: Its values divided by the size of a step, any shape [steps].
+        where: Name of the recording or simulation, for the message.
+
+    Raises:
+        SchemaError: A value is too large for the integers or NaN, in a field that is not among
+            `NOISY_STATES`.
+    """
+    dtype = STATE_DTYPES[name]
+    steps = np.rint(steps)
+    if name in NOISY_STATES:
+        largest = np.iinfo(dtype).max
+        return np.clip(steps, -largest, largest).astype(dtype)
+    is_in_range = np.abs(steps) <= np.iinfo(dtype).max  # Also false for NaN.
+    if not is_in_range.all():
+        raise SchemaError.of(
+            what=name,
+            where=where,
+            expected=f"at most {largest_state(name):g} in SI units",
+            got=f"{float(steps[~is_in_range].flat[0]) * STATE_RESOLUTION[name]:g}",
+            next_step="shift the coordinates, or correct their unit",
+        )
+    return steps.astype(dtype)
+
+
+BYTES_PER_STATE = sum(np.dtype(kind).itemsize for kind in STATE_DTYPES.values())
+"""Bytes that `States` has for each vehicle and frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contacts(Batch):
+    """First collision of each vehicle; shape (simulation, vehicle).
+
+    Attributes:
+        partner: Slot of the other vehicle, `NO_VEHICLE` without a collision.
+        time: Instant of the first contact [ms].
+        impulse: Magnitude of the impulse of the first contact [N s].
+        closing_speed: Speed of approach along the contact normal [mm/s].
+    """
+
+    AXES = ("simulation", "vehicle")
+
+    partner: Annotated[U8, within(0, "vehicle", also=int(NO_VEHICLE))]
+    time: Annotated[I32, within(0, MAX_DURATION * 1000, "ms")]
+    impulse: Annotated[I32, within(0, 2**31 - 1, "N s")]
+    closing_speed: I32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Percepts(Batch):
+    """What the ego believed at each decision.
+
+    Shape (simulation, decision), or with a last axis of three: leader, front of the target lane,
+    rear of the target lane.
+
+    Attributes:
+        valid: Whether the row holds a decision.
+        kind: `ManoeuvreKind`.
+        time: Instant of the decision [ms].
+        vehicle: True neighbour's slot, `NO_VEHICLE` if there is none, (simulation, decision, 3).
+        detected: Whether the ego had noticed it, (simulation, decision, 3).
+        gap: Believed bumper-to-bumper gap, (simulation, decision, 3) [mm].
+        closing_speed: Believed speed of approach, (simulation, decision, 3) [mm/s].
+        true_gap: The gap as it was, (simulation, decision, 3) [mm].
+        true_closing_speed: The speed of approach as it was, (simulation, decision, 3) [mm/s].
+    """
+
+    AXES = ("simulation", "decision", 3)
+
+    valid: Annotated[Mask, along("simulation", "decision")]
+    kind: Annotated[U8, within(0, max(ManoeuvreKind), axes=("simulation", "decision"))]
+    time: Annotated[I32, within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision"))]
+    vehicle: Annotated[U8, within(0, "vehicle", also=int(NO_VEHICLE))]
+    detected: Mask
+    gap: I32
+    closing_speed: I32
+    true_gap: I32
+    true_closing_speed: I32
+
+    @classmethod
+    def empty(cls, num_simulations: int, num_rows: int) -> "Percepts":
+        """Rows for decisions of which nothing is written down yet, nor need ever be."""
+        pair, triple = (num_simulations, num_rows), (num_simulations, num_rows, 3)
+        return cls(
+            valid=np.zeros(pair, bool),
+            kind=np.zeros(pair, np.uint8),
+            time=np.zeros(pair, np.int32),
+            vehicle=np.full(triple, NO_VEHICLE),
+            detected=np.zeros(triple, bool),
+            gap=np.zeros(triple, np.int32),
+            closing_speed=np.zeros(triple, np.int32),
+            true_gap=np.zeros(triple, np.int32),
+            true_closing_speed=np.zeros(triple, np.int32),
+        )
+
+
+def rotate_headings(road: Road, states: States, sign: float) -> NDArray[np.int16]:
+    """Headings with the direction of the road added or taken away, same shape [0.1 mrad].
+
+    Args:
+        road: The road.
+        states: Stations and headings.
+        sign: +1 to add it, -1 to take it away.
+    """
+    found = np.empty_like(states.heading)
+    for row, s in enumerate(states.s):
+        direction = road.heading_at(s * POSITION_RESOLUTION)
+        angle = states.heading[row] * ANGLE_RESOLUTION + sign * direction
+        angle = angle - math.tau * np.rint(angle / math.tau)
+        found[row] = np.rint(angle / ANGLE_RESOLUTION)
+    return found
+
+
+def with_world_coordinates(road: Road, states: States, there: NDArray[np.bool_]) -> States:
+    """States on a road that bends, from those in its own coordinates, as the step records them.
+
+    Positions follow from the recorded millimetres by float64 arithmetic in a fixed order, so they
+    have the same bits whatever engine made them.
+
+    Args:
+        road: The road.
+        states: Recorded states, with headings relative to the road.
+        there: Which of them are of a vehicle, same shape.
+    """
+    if not road.bends:
+        return states
+    x, y = np.zeros_like(states.s), np.zeros_like(states.s)
+    # One simulation at a time: its points fit into the caches, those of a batch do not.
+    for row, here in enumerate(there):
+        s, d = (one[row][here] * POSITION_RESOLUTION for one in (states.s, states.d))
+        for found, metres in zip((x, y), road.to_world(s, d), strict=True):
+            found[row][here] = np.rint(metres / POSITION_RESOLUTION).clip(
+                -_MAX_RECORDED, _MAX_RECORDED
+            )
+    heading = np.where(there, rotate_headings(road, states, 1.0), np.int16(0))
+    return dataclasses.replace(states, x=x, y=y, heading=heading)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trajectories(IdentityBatch):
+    """A batch of recorded simulations with everything needed to label them.
+
+    Attributes:
+        scenario: What was simulated.
+        num_frames: Recorded frames of each simulation, shape (simulation,).
+        states: Padded to the longest simulation of the batch.
+        stage: `Stage` of the ego, (simulation, time).
+        collided_with: Slot that the ego has collided with so far, `NO_VEHICLE` before,
+            (simulation, time).
+        contacts: First collision of each vehicle.
+        percepts: What the ego believed.
+        trace_hash: 128-bit hash over the recorded integers, (simulation, 4) words.
+        unknown: What the source of the recording could not tell, names of `UNKNOWNS`; the values
+            are there and mean nothing. Empty for simulations of this package.
+        is_recorded: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
+            where every vehicle is there from the first frame to the last.
+        is_kind_known: Whether the kind of each vehicle is known, (simulation, vehicle); None if all
+            kinds are known, or none of them because "kinds" is among `unknown`.
+        actions: What another driver did with the ego; None where the model drove it.
+        branch_origin: What it branches from, and what is different; None for a simulation as it is.
+        import_findings: Rows of `import_report`. They describe the source, so comparisons and
+            hashes ignore them.
+    """
+
+    scenario: Scenario
+    num_frames: I32
+    states: States
+    stage: Annotated[U8, within(0, max(Stage), axes=("simulation", "time"))]
+    collided_with: Annotated[
+        U8, within(0, "vehicle", also=int(NO_VEHICLE), axes=("simulation", "time"))
+    ]
+    contacts: Contacts
+    percepts: Percepts
+    trace_hash: Annotated[U32, along("simulation", 4)]
+    unknown: frozenset[str] = frozenset()
+    is_recorded: Annotated[Mask | None, along(*States.AXES)] = None
+    is_kind_known: Annotated[Mask | None, along("simulation", "vehicle")] = None
+    actions: Actions | None = None
+    branch_origin: BranchOrigin | None = None
+    import_findings: tuple[ImportFinding, ...] = field(default=(), compare=False)
+
+    @classmethod
+    def from_table(cls, table: Any, **options: Any) -> "Trajectories":
+        """The overtakes in a table of states, of any columns, units and rate.
+
+        It takes the arguments of `overtaking.api.from_table`: `columns`, `road`, `driving_side`,
+        `speed_limit`, `attempts_only`, `vehicles` and `strict`.
+
+        Args:
+            table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
+            options: The other arguments.
+
+        Raises:
+            ConfigError: The map of columns or the road cannot be used.
+            ImportFormatError: The table cannot be used; the message names row and column.
+        """
+        # By name, as the root does: a noun imports no reader (docs/adr/0040).
+        return import_module("overtaking.api.formats").from_table(table, **options)
+
+    @property
+    def import_report(self) -> Any:
+        """The findings of the examination of the recordings: a pandas DataFrame, one row each.
+
+        Columns: `recording`, `check`, `vehicle` (text; missing for the whole file), `first_time_s`
+        (as the file counts; NaN for the whole file), `rows`, `consequence` ("corrected", "left out"
+        or "reported") and `detail`. Empty for simulations of this package.
+        """
+        # By name, because this package loads no table library.
+        return import_module("overtaking.data.import_report").report_frame(self.import_findings)
+
+    @property
+    def headings_and_origin(self) -> tuple[NDArray[np.int16], float]:
+        """Recorded headings, and the direction that they are measured from [0.1 mrad, rad].
+
+        The angle to the road is the difference of both: on a straight road they are the heading as
+        it is and the direction of the road, on one that bends the angle itself and 0.
+        """
+        if not self.road.bends:
+            return self.states.heading, self.road.heading
+        return rotate_headings(self.road, self.states, -1.0), 0.0
+
+    def summary(self) -> Mapping[str, object]:
+        """That of the scenario, and the frames."""
+        frames = {"frames": self.stage.shape[1], "ms": self.scenario.frame_interval_ms}
+        return {**self.scenario.summary(), **frames}
+
+    def constraints(self) -> Iterable[Constraint]:
+        """Each simulation has a frame or more, and `unknown` has known names."""
+        frames = self.num_frames
+        wrong = (frames < 1) | (frames > self.stage.shape[1])
+        yield Constraint("num_frames", f"1 to {self.stage.shape[1]}, as stage has", wrong, frames)
+        strange = sorted(self.unknown - set(UNKNOWNS))
+        expected = f"names among {', '.join(UNKNOWNS)}"
+        yield Constraint("unknown", expected, np.array(bool(strange)), np.array(strange))
+
+    @property
+    def state_mask(self) -> NDArray[np.bool_]:
+        """Where there is a recorded state, shape (simulation, vehicle, time)."""
+        rows = self.scenario.vehicles.valid[:, :, None] & self.frame_mask[:, None, :]
+        return rows if self.is_recorded is None else rows & self.is_recorded
+
+    @property
+    def known_kinds(self) -> Mask:
+        """Whether the kind of each vehicle is known, shape (simulation, vehicle)."""
+        valid = self.scenario.vehicles.valid
+        if "kinds" in self.unknown:
+            return np.zeros_like(valid)
+        return np.ones_like(valid) if self.is_kind_known is None else self.is_kind_known
+
+    @property
+    def is_excerpt(self) -> bool:
+        """Whether the traffic had been going on before the first frame, as in recordings."""
+        return "stage" in self.unknown
+
+    @property
+    def road(self) -> Road:
+        """The road of the batch."""
+        return self.scenario.road
+
+    @property
+    def frame_mask(self) -> NDArray[np.bool_]:
+        """Which frames were recorded, shape (simulation, time)."""
+        return np.arange(self.stage.shape[1])[None, :] < self.num_frames[:, None]
+
+    @property
+    def time_ms(self) -> I32:
+        """Time of each frame since the start, shape (time,) [ms]."""
+        return np.arange(self.stage.shape[1], dtype=np.int32) * np.int32(
+            self.scenario.frame_interval_ms
+        )

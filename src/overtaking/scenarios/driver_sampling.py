@@ -1,0 +1,271 @@
+"""Draws drivers from populations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from overtaking.core.errors import KnowledgeError
+from overtaking.core.float32_math import as_f32
+from overtaking.core.native import clamp, exp, log, maximum, minimum
+from overtaking.core.random_numbers import Stream
+from overtaking.core.units import mps_from_kmh
+from overtaking.knowledge.quantities import Distribution, Quantity
+from overtaking.knowledge.toml_reader import all_quantities, load_toml
+from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES, vehicle_classes
+from overtaking.model.batch import FieldSpec, batch_fields
+from overtaking.model.vehicles import DriverTraits, Role
+from overtaking.scenarios.random_draws import (
+    NumberTransform,
+    RandomStream,
+    scale_to_range,
+    truncate,
+    untransformed,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from overtaking.core.arrays import F32, U8, U64
+    from overtaking.scenarios.specification import DriversSection
+    from overtaking.scenarios.traffic_specification import PlacedTraffic
+
+_FILE = "drivers.toml"
+
+SPEED_TRAITS = {
+    "cruise_factor": FieldSpec("Desired speed of the traffic over the speed drawn for it"),
+    "speed_over_leader": FieldSpec("How much faster than its leader an ego wants to drive", "m/s"),
+    "wants_to_overtake": FieldSpec("Whether an ego wants to drive faster than its leader at all"),
+}
+"""The traits that `DriverTraits.desired_speed` is made from; it does not keep them."""
+
+RECORDED_TRAITS = {
+    name: field for name, field in batch_fields(DriverTraits).items() if name != "desired_speed"
+}
+"""The traits that are fields of `DriverTraits`."""
+
+ALL_TRAITS = {name: field.spec for name, field in RECORDED_TRAITS.items()} | SPEED_TRAITS
+"""Every trait that is drawn."""
+
+CLASS_FACTORS = {
+    "time_gap_factor": "time_gap",
+    "accel_factor": "accel",
+    "lane_change_factor": "lane_change_duration",
+}
+"""What a vehicle class may change in its drivers: key in the file, and trait that it multiplies."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Population:
+    """Drivers between two extremes.
+
+    Attributes:
+        careful: Distribution of each of `TRAITS` among drivers of temper 0, in the order in which
+            they are drawn, which is that of the file.
+        reckless: The same among drivers of temper 1.
+        factors: By trait, the factor of each vehicle class on what a driver would do in a car, in
+            the order of `VEHICLE_CLASS_ORDER`: those of `CLASS_FACTORS`, and the comfortable
+            braking of the class.
+    """
+
+    careful: Mapping[str, Distribution]
+    reckless: Mapping[str, Distribution]
+    factors: Mapping[str, tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        """Refuse a missing trait, and one whose two distributions are of different kinds."""
+        for name in ALL_TRAITS:
+            if name not in self.careful or list(self.careful) != list(self.reckless):
+                raise _wrong(name, "each trait in both extremes, in one order", "another list")
+            kinds = (self.careful[name].kind, self.reckless[name].kind)
+            if kinds[0] != kinds[1] or kinds[0] == "choice":
+                expected = "one kind of distribution from careful to reckless, not a choice"
+                raise _wrong(name, expected, f"{kinds[0]} and {kinds[1]}")
+
+
+def population_names() -> tuple[str, ...]:
+    """The populations that the package knows."""
+    return tuple(load_toml(_FILE))
+
+
+@cache
+def load_population(name: str) -> Population:
+    """One of `population_names()`; KnowledgeError for any other name."""
+    if name not in population_names():
+        raise _wrong(f"population {name}", f"one of {', '.join(population_names())}", name)
+    found = {key: one for key, one in all_quantities(_FILE).items() if key.startswith(f"{name}.")}
+    factors = {
+        trait: tuple(
+            _factor(found.pop(f"{name}.classes.{kind}.{key}", None), key)
+            for kind in VEHICLE_CLASS_NAMES
+        )
+        for key, trait in CLASS_FACTORS.items()
+    }
+    comfort = [one.comfort_decel.number for one in vehicle_classes().values()]
+    car = vehicle_classes()["M"].comfort_decel.number
+    factors["decel"] = tuple(one / car for one in comfort)
+    ends: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
+    for key, entry in found.items():
+        _, end, trait = key.split(".", 2)
+        if end not in ends or trait not in ALL_TRAITS:
+            raise _wrong(
+                f"unknown key {key}", "a trait of an extreme or a factor of a class", entry
+            )
+        ends[end][trait] = _distribution(entry, trait)
+    return Population(**ends, factors=factors)
+
+
+def trait_range(name: str, trait: str) -> tuple[float, float]:
+    """Least and largest number that a population has for a trait, in any vehicle."""
+    who = load_population(name)
+    ends = (who.careful[trait], who.reckless[trait])
+    factors = as_f32(who.factors.get(trait, (1.0,)))
+    low, high = min(end.low for end in ends), max(end.high for end in ends)
+    return low * float(factors.min()), high * float(factors.max())
+
+
+def _distribution(entry: Distribution | Quantity, trait: str) -> Distribution:
+    """The distribution of a trait, which must have its unit."""
+    unit = ALL_TRAITS[trait].unit
+    if isinstance(entry, Distribution) and entry.unit == unit:
+        return entry
+    raise _wrong(trait, f"a distribution in {unit}", entry)
+
+
+def _factor(entry: Distribution | Quantity | None, key: str) -> float:
+    """A factor of a vehicle class; 1 where the file names no difference to a car."""
+    if isinstance(entry, Distribution):
+        raise _wrong(key, "a quantity", entry)
+    return 1.0 if entry is None else entry.number
+
+
+def _wrong(what: str, expected: str, got: object) -> KnowledgeError:
+    return KnowledgeError.of(
+        what=what, where=_FILE, expected=expected, got=got, next_step="correct the entry"
+    )
+
+
+LEADER_SLOT = 1
+"""The slot of the vehicle that the ego follows at the start."""
+
+
+def sample_traits(
+    people: DriversSection, seed: int, index: U64, kind: U8, bend: NumberTransform = untransformed
+) -> dict[str, F32]:
+    """The traits of each driver, before speeds are drawn.
+
+    Args:
+        people: What the specification says about drivers.
+        seed: Seed of the data set.
+        index: Simulation numbers, shape (simulation,).
+        kind: Vehicle types, shape (simulation, vehicle).
+        bend: Draws tempers and the ego's traits from where more happens (see `proposal`).
+
+    Returns:
+        `populations.TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
+    """
+    slots = np.uint32(Stream.DRIVER) + np.arange(kind.shape[1], dtype=np.uint32)
+    noise = RandomStream(seed, index[:, None], slots)
+    who = load_population(people.population)
+    temper = noise.uniform()
+    temper[:, Role.EGO] = bend("ego_temper", temper[:, Role.EGO])
+    for slot in range(Role.EGO + 1, temper.shape[1]):
+        temper[:, slot] = bend("others_temper", temper[:, slot])
+    temper = scale_to_range(temper, *people.temper)
+    traits = {name: _trait(name, who, temper, noise, bend) for name in who.careful}
+    for name, factors in who.factors.items():
+        traits[name] = traits[name] * as_f32(factors)[kind]
+    for name, value in people.fixed.values().items():
+        traits[name] = np.full(kind.shape, value, np.float32)
+    for name, factor in (people.scale or {}).items():
+        traits[name] = traits[name] * np.float32(factor)
+    return traits
+
+
+def drivers_from_speeds(traits: dict[str, F32], came_with: F32, max_speed: F32) -> DriverTraits:
+    """Drivers with the speeds that they want.
+
+    The traffic goes on at about the speed that it came with. The ego wants to be faster than its
+    leader, unless it is one of the few who are content to follow.
+
+    Args:
+        traits: As `sample_traits` returns them.
+        came_with: Speeds that were drawn for the vehicles, shape (simulation, vehicle) [m/s].
+        max_speed: Top speeds, the same shape [m/s].
+    """
+    desired = came_with * traits["cruise_factor"]
+    lead, own = desired[:, LEADER_SLOT], came_with[:, Role.EGO]
+    wants = traits["wants_to_overtake"][:, Role.EGO] > 0
+    faster = maximum(own, lead + traits["speed_over_leader"][:, Role.EGO])
+    desired[:, Role.EGO] = np.where(wants, faster, minimum(own, lead))
+    return drivers_with_speed(traits, minimum(desired, max_speed))
+
+
+def drivers_with_speed(traits: dict[str, F32], desired_speed: F32) -> DriverTraits:
+    """Drivers who want given speeds, shape (simulation, vehicle) [m/s]."""
+    kept: dict[str, Any] = {
+        name: traits[name] > 0 if field.is_flag else traits[name]
+        for name, field in RECORDED_TRAITS.items()
+    }
+    return DriverTraits(desired_speed=desired_speed, **kept)
+
+
+def max_placed_desired_speed(people: DriversSection, traffic: PlacedTraffic) -> float:
+    """The highest speed that anyone may want [m/s]."""
+    who = load_population(people.population)
+    gain = max(end["speed_over_leader"].high for end in (who.careful, who.reckless))
+    cruise = max_cruise_factor(people)
+    came_with = mps_from_kmh(traffic.speed_kmh[1])
+    lead = cruise * mps_from_kmh(traffic.lead_speed_kmh[1])
+    return max(cruise * came_with, lead + gain)
+
+
+def max_cruise_factor(people: DriversSection) -> float:
+    """The largest factor that anyone may have on the speed of their type."""
+    who = load_population(people.population)
+    return max(end["cruise_factor"].high for end in (who.careful, who.reckless))
+
+
+def _trait(
+    name: str, who: Population, driving_style: F32, noise: RandomStream, bend: NumberTransform
+) -> F32:
+    """One parameter of each driver, drawn from the distribution of its temper."""
+    ends = (who.careful[name], who.reckless[name])
+    kind = ends[0].kind
+    if kind == "constant":
+        return _between(driving_style, *(end.parameter("value") for end in ends))
+    if kind == "bernoulli":
+        probability = _between(driving_style, *(end.parameter("probability") for end in ends))
+        drawn = noise.uniform()
+        drawn[:, Role.EGO] = bend(f"ego_{name}", drawn[:, Role.EGO])
+        return (drawn < probability).astype(np.float32)
+    low, high = (
+        _between(driving_style, *(getattr(end, side) for end in ends)) for side in ("low", "high")
+    )
+    if kind == "uniform":
+        return scale_to_range(noise.uniform(), low, high)
+    normal = noise.unbounded_normal()
+    normal[:, Role.EGO] = bend(f"ego_{name}", normal[:, Role.EGO])
+    deviation = _between(driving_style, *(end.parameter("sigma") for end in ends)) * truncate(
+        normal
+    )
+    return clamp(_shifted(kind, ends, driving_style, deviation), low, high)
+
+
+def _shifted(
+    kind: str, ends: tuple[Distribution, Distribution], driving_style: F32, deviation: F32
+) -> F32:
+    """Centre plus deviation of a normal, or their exponential of a lognormal."""
+    if kind == "normal":
+        return _between(driving_style, *(end.parameter("mean") for end in ends)) + deviation
+    medians = log(as_f32([end.parameter("median") for end in ends]))
+    return exp(_between(driving_style, float(medians[0]), float(medians[1])) + deviation)
+
+
+def _between(driving_style: F32, careful: float, reckless: float) -> F32:
+    """What lies between two ends in proportion to the temper."""
+    start, end = np.float32(careful), np.float32(reckless)
+    return start + (end - start) * driving_style

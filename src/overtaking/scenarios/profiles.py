@@ -1,0 +1,204 @@
+"""Reads profiles and overrides."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import ValidationError
+
+from overtaking.core.errors import ConfigError
+from overtaking.core.files import read_toml
+from overtaking.core.representation import as_utf8
+from overtaking.scenarios.specification import Specification, known_keys
+from overtaking.scenarios.specification_values import config_error, suggestion
+
+PROFILE_FOLDER = Path(__file__).with_name("profiles")
+"""The folder of the profiles that are part of the package."""
+
+_MAX_BYTES = 1 << 20
+"""A hundred times the longest profile."""
+_MAX_DEPTH = 8
+_SPAWN_KEYS = ("spawn_x_m", "spawn_s_m")
+
+
+def profile_names() -> tuple[str, ...]:
+    """The profiles that are part of the package, in alphabetical order."""
+    return tuple(sorted(path.stem for path in PROFILE_FOLDER.glob("*.toml")))
+
+
+def load_specification(
+    source: str | Path | Mapping[str, Any] | Specification,
+    overrides: Mapping[str, Any] | None = None,
+) -> Specification:
+    """A specification, checked.
+
+    Args:
+        source: Name of a profile, path of a TOML file, what `Spec.resolved` returned, or a `Spec`.
+        overrides: Dotted key to value. A text is read as TOML, `a..b` as a range and anything else
+            as a name, so that `{"traffic.vehicles": "2..6"}` is the same as `{...: [2, 6]}`.
+
+    Returns:
+        The specification; everything that it leaves open has its default.
+
+    Raises:
+        ConfigError: One line about the first thing that is wrong.
+    """
+    where, table = _table(source)
+    for key, value in (overrides or {}).items():
+        table = _with_override(
+            table, key, _parse_override(value) if isinstance(value, str) else value, where
+        )
+    try:
+        return Specification.model_validate(_lists_to_tuples(table))
+    except ValidationError as found:
+        raise config_error(found, where, known_keys) from None
+
+
+def _table(source: str | Path | Mapping[str, Any] | Specification) -> tuple[str, dict[str, Any]]:
+    """Where a specification comes from, and its unchecked content."""
+    if isinstance(source, Specification):
+        return f"specification {source.name}", source.to_dict()
+    if isinstance(source, Mapping):
+        return "specification", dict(source)
+    if source in profile_names():
+        path = _profile(str(source))
+    elif isinstance(source, Path) or source.endswith(".toml") or path_exists(source):
+        path = Path(source)
+    else:
+        raise ConfigError.of(
+            what=repr(source),
+            where="profile",
+            expected="a known profile or the path of a TOML file",
+            got="neither",
+            next_step=suggestion(source, profile_names()),
+        )
+    return as_utf8(path.name), _with_base(_read(path), path.name)
+
+
+def path_exists(name: str) -> bool:
+    """Whether a text is the path of a file or folder; one that is too long for a path is none."""
+    try:
+        return Path(name).exists()
+    except OSError:
+        return False
+
+
+def _profile(name: str) -> Path:
+    return PROFILE_FOLDER / f"{name}.toml"
+
+
+def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
+    """A specification with what it leaves to the profile that it is based on."""
+    if "base" not in table:
+        return table
+    base = table["base"]
+    if base not in profile_names():
+        raise ConfigError.of(
+            what="base",
+            where=where,
+            expected="a known profile",
+            got=repr(base),
+            next_step=suggestion(str(base), profile_names()),
+        )
+    own = {key: value for key, value in table.items() if key != "base"}
+    return _merged(_with_base(_read(_profile(base)), f"{base}.toml"), own)
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Tables of which the upper one wins, key by key."""
+    merged = dict(below)
+    for key, value in above.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _merged(merged[key], cast("dict[str, Any]", value)) if both else value
+    return merged
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """The content of a profile."""
+    if path.is_dir():
+        raise _is_folder(path)
+    try:
+        return read_toml(path, _MAX_BYTES)
+    except (OSError, ValueError, RecursionError) as error:
+        unreadable = isinstance(error, OSError)
+        raise ConfigError.of(
+            what="file",
+            where=str(path),
+            expected="a TOML file",
+            got=error.strerror if unreadable else str(error),
+            next_step="check the path" if unreadable else "correct the file",
+        ) from None
+
+
+def _is_folder(path: Path) -> ConfigError:
+    """The error for a folder in place of a profile; a data set gets a hint of its own."""
+    named, next_step = "a folder", suggestion("", profile_names())
+    if (path / "dataset.json").is_file():
+        command = shlex.join(["overtaking", "info", str(path)])
+        named, next_step = (
+            "a data set",
+            f"name a profile; this command prints the profile of the data set: {command}",
+        )
+    return ConfigError.of(
+        what="profile",
+        where=str(path),
+        expected="the name of a profile or a TOML file",
+        got=named,
+        next_step=next_step,
+    )
+
+
+def _parse_override(text: str) -> Any:
+    """The value that a text on the command line stands for."""
+    low, dots, high = text.partition("..")
+    if dots and low.strip() and high.strip():
+        return [_parse_override(low), _parse_override(high)]
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text.strip()
+
+
+def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> dict[str, Any]:
+    """A copy of `table` with the value at a dotted key replaced.
+
+    Keys that exclude the new one are dropped: the other way to give the zone in which vehicles
+    start, and everything that belongs to the other mode of the weather.
+    """
+    first, *rest = key.split(".")
+    if not all([first, *rest]) or len(rest) > _MAX_DEPTH:
+        raise ConfigError.of(
+            what=repr(key),
+            where=where,
+            expected="a key such as traffic.vehicles",
+            got=repr(key),
+            next_step="name section and key, with a dot between them",
+        )
+    if not rest:
+        return table | {first: value}
+    section = table.get(first, {})
+    if not isinstance(section, Mapping):
+        raise ConfigError.of(
+            what=first, where=where, expected="a table", got=section, next_step="set the key itself"
+        )
+    kept = dict(cast("Mapping[str, Any]", section))
+    if key == "weather.mode" and kept.get("mode") != value:
+        kept = {}
+    if rest[0] in _SPAWN_KEYS:
+        kept = {name: item for name, item in kept.items() if name not in _SPAWN_KEYS}
+    return table | {first: _with_override(kept, ".".join(rest), value, where)}
+
+
+def _lists_to_tuples(value: Any) -> Any:
+    """TOML's and JSON's lists as tuples, all the way down, because the models are strict."""
+    if isinstance(value, Mapping):
+        return {
+            key: _lists_to_tuples(item) for key, item in cast("Mapping[str, Any]", value).items()
+        }
+    if isinstance(value, list | tuple):
+        return tuple(_lists_to_tuples(item) for item in cast("list[Any]", value))
+    return value

@@ -1,0 +1,88 @@
+"""Default values for what a recording does not tell, so that formulas stay finite.
+
+A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
+its driver. `Trajectories.unknown` says what is not known; the values made here only keep formulas
+from dividing by zero, and nothing that depends on them may be reported. They follow from what is
+known alone, so that a recording from memory and from a file has the same ones.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from overtaking.core.arrays import F32, F64, U8, Mask
+from overtaking.knowledge.vehicle_classes import vehicle_classes
+from overtaking.model.batch import batch_fields
+from overtaking.model.vehicles import Colour, DriverTraits, VehicleKind, VehicleSpecs
+from overtaking.model.weather import NO_PRESET, Weather
+from overtaking.scenarios.vehicle_sampling import typical_vehicles
+
+DEFAULT_KIND = VehicleKind.M
+"""Type of a vehicle whose type is not known."""
+_HIGH_SUN = np.float32(0.8)  # Neither night nor glare.
+_ABEAM = np.float32(1.57)
+
+
+def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
+    """Vehicle types where a source knows at most cars and trucks.
+
+    Small, medium and large are parted half-way between the typical lengths of the three classes. A
+    vehicle without a stated type is a truck from half-way between van and truck on. Vans are not
+    distinguished. `may_be_kind` checks whether a length contradicts a stated type.
+
+    Args:
+        length: Shape (vehicle,) [m].
+        is_truck: Whether the source calls it a truck or bus, same shape.
+        is_car: Whether the source calls it a car, same shape.
+    """
+    small, medium, large, van, truck = (
+        float(vehicle_classes()[name].length.number) for name in ("S", "M", "L", "V", "T")
+    )
+    car = np.select(
+        [length < (small + medium) / 2.0, length < (medium + large) / 2.0],
+        [VehicleKind.S, VehicleKind.M],
+        VehicleKind.L,
+    )
+    trucks = is_truck | (~is_car & (length >= (van + truck) / 2.0))
+    return np.where(trucks, VehicleKind.T, car).astype(np.uint8)
+
+
+def default_vehicles(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpecs:
+    """Bodies of which length and width are known, the rest being typical of their type.
+
+    Args:
+        valid: Whether the slot holds a vehicle, shape (simulation, vehicle).
+        kind: `VehicleKind`, same shape.
+        length: Same shape [m].
+        width: Same shape [m].
+    """
+    colour = np.full(kind.shape, Colour.GREY, np.uint8)
+    bodies = typical_vehicles(kind, colour)
+    return bodies.replace(valid=valid, length=length, width=width)
+
+
+def default_drivers(shape: tuple[int, int]) -> DriverTraits:
+    """Assumed drivers of recorded vehicles, shape (simulation, vehicle)."""
+    values: dict[str, Any] = {
+        name: np.zeros(shape, np.bool_) if field.is_flag else np.ones(shape, np.float32)
+        for name, field in batch_fields(DriverTraits).items()
+    }
+    return DriverTraits(**values)
+
+
+def default_weather(num_simulations: int) -> Weather:
+    """A dry, clear day for recordings that do not tell their weather."""
+    nothing = np.zeros(num_simulations, np.float32)
+    no = np.zeros(num_simulations, np.bool_)
+    percentages: dict[str, Any] = dict.fromkeys(
+        ("cloudiness", "rain", "puddles", "wind", "fog"), nothing
+    )
+    return Weather(
+        preset=np.full(num_simulations, NO_PRESET, np.uint8),
+        wind_direction=nothing,
+        sun_altitude=nothing + _HIGH_SUN,
+        sun_azimuth=nothing + _ABEAM,
+        night=no,
+        horizon_line=no,
+        **percentages,
+    )
