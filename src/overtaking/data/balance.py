@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import F64, I64, Mask
 from overtaking.core.errors import ConfigError, convert_integers
 from overtaking.labels.law import policy as known_policy
-from overtaking.model.batch import within
+from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
 from overtaking.model.verdicts import OvertakeClass
 
@@ -56,7 +56,7 @@ class Balance:
 
     by: tuple[str, ...] = ("class",)
     policy: str | None = None
-    candidates: Annotated[int | None, within(1, MAX_CANDIDATES)] = None
+    candidates: Annotated[int | None, FieldSpec(low=1, high=MAX_CANDIDATES)] = None
     allows_missing: bool = False
 
     def __post_init__(self) -> None:

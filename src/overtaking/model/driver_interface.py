@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I32, I64
-from overtaking.model.batch import Batch, Constraint, along
+from overtaking.model.batch import Batch, Constraint, FieldSpec
 
 EGO_COLUMNS: Final = {
     "speed": ("m/s", "Speed along its axis"),
@@ -186,9 +186,9 @@ class Actions(Batch):
             it is not known, as in a data set, which holds what acted.
     """
 
-    values: Annotated[I32, along("simulation", "action", MAX_ACTION_PARTS)]
+    values: Annotated[I32, FieldSpec(axes=("simulation", "action", MAX_ACTION_PARTS))]
     kind: str
-    num_clipped: Annotated[I64 | None, along("simulation")] = None
+    num_clipped: Annotated[I64 | None, FieldSpec(axes=("simulation",))] = None
 
     @classmethod
     def empty(cls, simulations: int) -> "Actions":

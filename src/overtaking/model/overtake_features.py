@@ -6,22 +6,22 @@ from typing import Annotated, Any
 
 from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.knowledge.glossary import terms
-from overtaking.model.batch import Batch, FieldSpec, documented, meant
+from overtaking.model.batch import Batch, ColumnName, FieldSpec, with_field_docs
 from overtaking.model.safety_measures import Encounter
 from overtaking.model.vehicles import VehicleKind
 
 
 def _paper(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
     """Declaration of a feature; its words are those of `knowledge/data/glossary.toml`."""
-    return meant(terms("features")[code].meaning, unit, column=code, **declared)
+    return FieldSpec(terms("features")[code].meaning, unit, column=ColumnName(code), **declared)
 
 
 _weather = partial(_paper, needs=["weather"])
-_of_target = partial(_paper, present="has_target")
+_of_target = partial(_paper, null_unless="has_target")
 _KINDS = tuple(kind.name for kind in VehicleKind)
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperFeatures(Batch):
     """Seven static and eight dynamic features; every array has shape (simulation,).
@@ -32,12 +32,12 @@ class PaperFeatures(Batch):
     that the paper gives it.
     """
 
-    policy: Annotated[str, meant("How they were measured, `paper` or `matched`", column=None)]
+    policy: Annotated[str, FieldSpec("How they were measured, `paper` or `matched`", column=None)]
     night: Annotated[Mask, _weather("DN", names=["Day", "Night"])]
     horizon_line: Annotated[Mask, _weather("HL", names=["No", "Yes"])]
     ego_kind: Annotated[U8, _paper("TE", names=_KINDS)]
     target_kind: Annotated[U8, _of_target("TP", names=_KINDS)]
-    has_target: Annotated[Mask, meant("Whether there is a target", column=None)]
+    has_target: Annotated[Mask, FieldSpec("Whether there is a target", column=None)]
     waiting_time: Annotated[F32, _paper("WT", "s")]
     overtaking_time: Annotated[F32, _paper("OT", "s")]
     num_vehicles: Annotated[U8, _paper("NV")]
@@ -51,16 +51,18 @@ class PaperFeatures(Batch):
     fog: Annotated[F32, _weather("FOG", "%")]
     frame: Annotated[
         I32,
-        meant("Frame at which they were measured, `NEVER` for means over all frames", column=None),
+        FieldSpec(
+            "Frame at which they were measured, `NEVER` for means over all frames", column=None
+        ),
     ]
 
 
 _SIDES = ("off", "left", "right", "both")
 """Names of an indicator: bit 0 left, bit 1 right, as recorded."""
-_ego = partial(meant, column="ego_{}")
+_ego = partial(FieldSpec, column=ColumnName(prefix="ego_"))
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EgoState(Batch):
     """The ego; every array has shape (simulation,)."""
@@ -74,17 +76,18 @@ class EgoState(Batch):
     desired_speed: Annotated[
         F32, _ego("Speed that its driver wants on a free road", "m/s", needs=["drivers"])
     ]
-    waiting_time: Annotated[F32, meant("Time since it closed up", "s")]
+    waiting_time: Annotated[F32, FieldSpec("Time since it closed up", "s")]
     lateral_offset: Annotated[
-        F32, _ego("From the centre of its lane, growing to the left", "m", present="around.on_road")
+        F32,
+        _ego("From the centre of its lane, growing to the left", "m", null_unless="around.on_road"),
     ]
 
 
-_ahead = partial(meant, column="ahead_{}", present=".encounter.valid")
-_passing = partial(_ahead, column="{}", needs=["bodies", "weather"])
+_ahead = partial(FieldSpec, column=ColumnName(prefix="ahead_"), null_unless=".encounter.valid")
+_passing = partial(_ahead, column=ColumnName(), needs=["bodies", "weather"])
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeaderState(Batch):
     """The vehicle ahead in the ego's lane; every array has shape (simulation,).
@@ -93,7 +96,9 @@ class LeaderState(Batch):
     reaction distance ahead of it at `EgoState.available_accel`, infinite if the ego cannot.
     """
 
-    encounter: Annotated[Encounter, meant("the ego behind the vehicle ahead", column="ahead")]
+    encounter: Annotated[
+        Encounter, FieldSpec("the ego behind the vehicle ahead", column=ColumnName("ahead"))
+    ]
     kind: Annotated[U8, _ahead("Type of the vehicle ahead", needs=["kinds"], names=_KINDS)]
     length: Annotated[F32, _ahead("Its length", "m")]
     speed: Annotated[F32, _ahead("Its speed", "m/s")]
@@ -102,11 +107,13 @@ class LeaderState(Batch):
     indicator: Annotated[U8, _ahead("Its indicator", needs=["indicators"], names=_SIDES)]
     looming: Annotated[F32, _ahead("Growth of its image in the eye", "rad/s")]
     has_next: Annotated[
-        Mask, meant("Whether there is another vehicle ahead of it in the lane", column=None)
+        Mask, FieldSpec("Whether there is another vehicle ahead of it in the lane", column=None)
     ]
     return_gap: Annotated[
         F32,
-        meant("Gap between it and the next vehicle ahead in the lane", "m", present=".has_next"),
+        FieldSpec(
+            "Gap between it and the next vehicle ahead in the lane", "m", null_unless=".has_next"
+        ),
     ]
     overtaking_time: Annotated[
         F32, _passing("Least time to be a reaction distance ahead of it; null if never", "s")
@@ -114,10 +121,10 @@ class LeaderState(Batch):
     overtaking_distance: Annotated[F32, _passing("Way of the ego in that time", "m")]
 
 
-_left = partial(meant, column="left_{}", present=".exists")
+_left = partial(FieldSpec, column=ColumnName(prefix="left_"), null_unless=".exists")
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftLane(Batch):
     """The lane to the ego's left; every array has shape (simulation,).
@@ -125,31 +132,41 @@ class LeftLane(Batch):
     Occupancy and count are of the 100 m ahead and behind.
     """
 
-    exists: Annotated[Mask, meant("Whether there is a lane to the left", column="left_{}")]
+    exists: Annotated[
+        Mask, FieldSpec("Whether there is a lane to the left", column=ColumnName(prefix="left_"))
+    ]
     front: Annotated[
-        Encounter, meant("the ego behind the vehicle ahead on the left", column="left_{}")
+        Encounter,
+        FieldSpec(
+            "the ego behind the vehicle ahead on the left", column=ColumnName(prefix="left_")
+        ),
     ]
     rear: Annotated[
-        Encounter, meant("the vehicle behind on the left, behind the ego", column="left_{}")
+        Encounter,
+        FieldSpec(
+            "the vehicle behind on the left, behind the ego", column=ColumnName(prefix="left_")
+        ),
     ]
     occupancy: Annotated[
         F32, _left("Lengths of vehicles in 200 m of the lane to the left, over 200 m")
     ]
     count: Annotated[U8, _left("Vehicles there")]
-    space_mean_speed: Annotated[F32, _left("Mean of their speeds", "m/s", present=".count")]
+    space_mean_speed: Annotated[F32, _left("Mean of their speeds", "m/s", null_unless=".count")]
     time_mean_speed: Annotated[
-        F32, _left("Mean of the speeds past a place there", "m/s", present=".count")
+        F32, _left("Mean of the speeds past a place there", "m/s", null_unless=".count")
     ]
     crossable: Annotated[
         Mask, _left("Whether the line on the left may be crossed", needs=["marks"])
     ]
 
 
-_other_side = partial(meant, column="oncoming_{}", present=".exists", since=4)
-_comes = partial(_other_side, present=".comes")
+_other_side = partial(
+    FieldSpec, column=ColumnName(prefix="oncoming_"), null_unless=".exists", since=4
+)
+_comes = partial(_other_side, null_unless=".comes")
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OncomingState(Batch):
     """The side of oncoming traffic; every array has shape (simulation,).
@@ -159,9 +176,9 @@ class OncomingState(Batch):
     """
 
     exists: Annotated[
-        Mask, meant("Whether the lane to the left is for oncoming traffic", column=None)
+        Mask, FieldSpec("Whether the lane to the left is for oncoming traffic", column=None)
     ]
-    comes: Annotated[Mask, meant("Whether anybody comes", column=None)]
+    comes: Annotated[Mask, FieldSpec("Whether anybody comes", column=None)]
     kind: Annotated[U8, _comes("Type of who comes next", needs=["kinds"], names=_KINDS)]
     gap: Annotated[F32, _comes("Gap to it", "m")]
     closing_speed: Annotated[F32, _comes("Both speeds together", "m/s")]
@@ -175,24 +192,26 @@ class OncomingState(Batch):
     ]
 
 
-_scene = partial(meant, needs=["weather"])
+_scene = partial(FieldSpec, needs=["weather"])
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadAndWeather(Batch):
     """Road, weather and light; every array has shape (simulation,)."""
 
     on_road: Annotated[
         Mask,
-        meant(
+        FieldSpec(
             "Whether the ego's centre is in a driving lane; else its lane means nothing",
             column=None,
         ),
     ]
-    lane: Annotated[U8, meant("Lane, 0 the slowest", present=".on_road")]
-    lanes_to_left: Annotated[U8, meant("Driving lanes to the left of it", present=".on_road")]
-    lane_width: Annotated[F32, meant("Its width", "m", present=".on_road")]
+    lane: Annotated[U8, FieldSpec("Lane, 0 the slowest", null_unless=".on_road")]
+    lanes_to_left: Annotated[
+        U8, FieldSpec("Driving lanes to the left of it", null_unless=".on_road")
+    ]
+    lane_width: Annotated[F32, FieldSpec("Its width", "m", null_unless=".on_road")]
     speed_limit: Annotated[F32, _scene("Limit as posted", "m/s", needs=["speed_limit"])]
     night: Annotated[Mask, _scene("Whether it is night")]
     low_sun: Annotated[Mask, _scene("Whether the sun stands low ahead")]
@@ -206,10 +225,10 @@ class RoadAndWeather(Batch):
     ]
 
 
-_law = partial(meant, column="law_{}", needs=["weather"])
+_law = partial(FieldSpec, column=ColumnName(prefix="law_"), needs=["weather"])
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawMarginsOnPullOut(Batch):
     """Margins of the law if the ego moved over now, negative in a breach; shape (simulation,).
@@ -222,7 +241,7 @@ class LawMarginsOnPullOut(Batch):
         _law(
             "L3: gap to the vehicle ahead minus the safe distance",
             "m",
-            present="ahead.encounter.valid",
+            null_unless="ahead.encounter.valid",
         ),
     ]
     entry_front: Annotated[
@@ -230,7 +249,7 @@ class LawMarginsOnPullOut(Batch):
         _law(
             "L4 if the ego moved over now: room to the vehicle ahead on the left",
             "m",
-            present="left.front.valid",
+            null_unless="left.front.valid",
         ),
     ]
     entry_rear: Annotated[
@@ -238,7 +257,7 @@ class LawMarginsOnPullOut(Batch):
         _law(
             "L5 if the ego moved over now: room to the vehicle behind on the left",
             "m",
-            present="left.rear.valid",
+            null_unless="left.rear.valid",
         ),
     ]
     speed: Annotated[

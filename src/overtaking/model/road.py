@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
-from overtaking.model.batch import within
+from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
 from overtaking.model.reference_line import CurveSegment, ReferenceLine, cos_sin
 from overtaking.model.road_course import (
@@ -58,8 +58,8 @@ def _reference_line(pieces: tuple[CurveSegment, ...]) -> ReferenceLine:
     return ReferenceLine.from_segments(pieces)
 
 
-_COORDINATE = within(-MAX_COORDINATE, MAX_COORDINATE, "m")
-_ORIGIN = within(-MAX_ORIGIN, MAX_ORIGIN, "m")
+_COORDINATE = FieldSpec(unit="m", low=-MAX_COORDINATE, high=MAX_COORDINATE)
+_ORIGIN = FieldSpec(unit="m", low=-MAX_ORIGIN, high=MAX_ORIGIN)
 
 
 class DrivingSide(enum.Enum):
@@ -91,10 +91,12 @@ class Lane:
         ConfigError: A value is of another type or out of range.
     """
 
-    lane_id: Annotated[int, within(-32768, 32767)]  # Tables hold it in 16 bits.
-    width: Annotated[float, within(0.0, MAX_NEIGHBOUR_WIDTH, "m", is_open=True)]
+    lane_id: Annotated[int, FieldSpec(low=-32768, high=32767)]  # Tables hold it in 16 bits.
+    width: Annotated[
+        float, FieldSpec(unit="m", low=0.0, high=MAX_NEIGHBOUR_WIDTH, low_is_open=True)
+    ]
     kind: str = "driving"
-    direction: Annotated[int, within(-1, 1)] = 1
+    direction: Annotated[int, FieldSpec(low=-1, high=1)] = 1
     right_mark: RoadMark
     left_mark: RoadMark
 
@@ -143,11 +145,13 @@ class Road:
     driving_side: DrivingSide
     lanes: tuple[Lane, ...]
     edge_d: Annotated[float, _COORDINATE]
-    length: Annotated[float, within(0.0, MAX_LENGTH, "m", is_open=True)]
+    length: Annotated[float, FieldSpec(unit="m", low=0.0, high=MAX_LENGTH, low_is_open=True)]
     x0: Annotated[float, _COORDINATE]
     y0: Annotated[float, _COORDINATE]
-    heading: Annotated[float, within(-math.tau, math.tau, "rad")]
-    speed_limit: Annotated[float, within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True)]
+    heading: Annotated[float, FieldSpec(unit="rad", low=-math.tau, high=math.tau)]
+    speed_limit: Annotated[
+        float, FieldSpec(unit="m/s", low=0.0, high=MAX_SPEED_LIMIT, low_is_open=True)
+    ]
     origin_x: Annotated[float, _ORIGIN] = 0.0
     origin_y: Annotated[float, _ORIGIN] = 0.0
     slow_side_neighbour: Lane | None = None

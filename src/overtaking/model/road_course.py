@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
-from overtaking.model.batch import within
+from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
 from overtaking.model.reference_line import CurveSegment
 
@@ -27,7 +27,7 @@ MAX_SPANS = 1_000
 MAX_SEGMENTS = 20_000
 MAX_CURVATURE = 0.1  # A radius of 10 m; sharper bends are no place to overtake.
 MAX_GRADE = 0.2  # The steepest public roads come near a third, main roads hardly above a tenth.
-_STATION = within(0.0, MAX_LENGTH, "m")
+_STATION = FieldSpec(unit="m", low=0.0, high=MAX_LENGTH)
 MAX_SPEED_LIMIT = 100.0
 
 
@@ -88,7 +88,7 @@ class RoadZone:
     kind: ZoneKind
     start: Annotated[float, _STATION]
     stop: Annotated[float, _STATION]
-    direction: Annotated[int, within(-1, 1)] = 0
+    direction: Annotated[int, FieldSpec(low=-1, high=1)] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,8 +120,8 @@ class SpeedLimitSpan:
 
     start: Annotated[float, _STATION]
     stop: Annotated[float, _STATION]
-    speed: Annotated[float, within(0.0, MAX_SPEED_LIMIT, "m/s", is_open=True)]
-    direction: Annotated[int, within(-1, 1)] = 0
+    speed: Annotated[float, FieldSpec(unit="m/s", low=0.0, high=MAX_SPEED_LIMIT, low_is_open=True)]
+    direction: Annotated[int, FieldSpec(low=-1, high=1)] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

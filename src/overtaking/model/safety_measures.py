@@ -5,7 +5,7 @@ from functools import partial
 from typing import Annotated
 
 from overtaking.core.arrays import F32, I32, Mask
-from overtaking.model.batch import Batch, documented, meant
+from overtaking.model.batch import Batch, ColumnName, FieldSpec, with_field_docs
 
 MEASURED_MOMENTS = (
     "manoeuvre",
@@ -17,14 +17,14 @@ MEASURED_MOMENTS = (
 )
 """When measures are taken: the worst of the manoeuvre, and events by the names of `Events`."""
 
-_of_two = partial(meant, present=".valid")
+_of_two = partial(FieldSpec, null_unless=".valid")
 """Declaration of a measure of two vehicles."""
 
-_to_front = partial(meant, column="front_{}", present="front.valid")
+_to_front = partial(FieldSpec, column=ColumnName(prefix="front_"), null_unless="front.valid")
 """Declaration of a measure of the ego and the vehicle ahead."""
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encounter(Batch):
     """One vehicle behind another in a lane, one of them the ego; all arrays have one shape.
@@ -32,7 +32,7 @@ class Encounter(Batch):
     What never happens has an infinite time. Where `valid` is false the values mean nothing.
     """
 
-    valid: Annotated[Mask, meant("Whether there are two vehicles", column=None)]
+    valid: Annotated[Mask, FieldSpec("Whether there are two vehicles", column=None)]
     gap: Annotated[F32, _of_two("Gap between the bumpers, negative alongside", "m")]
     closing_speed: Annotated[F32, _of_two("Speed at which that gap shrinks", "m/s")]
     time_gap: Annotated[
@@ -45,10 +45,10 @@ class Encounter(Batch):
     ]
 
 
-_measure = partial(meant, present=".exists")
+_measure = partial(FieldSpec, null_unless=".exists")
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassingSafety(Batch):
     """Measures of a batch against the nearest vehicle that comes; arrays have shape (simulation,).
@@ -57,7 +57,7 @@ class PassingSafety(Batch):
     to the other side. NaN where no vehicle came. A time to meet is a distance over both speeds.
     """
 
-    exists: Annotated[Mask, meant("Whether the ego came to the other side", column=None)]
+    exists: Annotated[Mask, FieldSpec("Whether the ego came to the other side", column=None)]
     distance_out: Annotated[
         F32, _measure("Gap to who comes as the ego comes to the other side", "m")
     ]
@@ -95,7 +95,7 @@ class PassingSafety(Batch):
     given_up: Annotated[Mask, _measure("Whether the ego fell back behind its target")]
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyMeasures(Batch):
     """Surrogate measures of safety of a batch, after the fact.
@@ -109,12 +109,12 @@ class SafetyMeasures(Batch):
 
     frame: Annotated[
         I32,
-        meant(
+        FieldSpec(
             "Frame of each moment, `NEVER` where it did not come; of the manoeuvre the first one",
             column=None,
         ),
     ]
-    front: Annotated[Encounter, meant("the ego behind the vehicle ahead")]
+    front: Annotated[Encounter, FieldSpec("the ego behind the vehicle ahead")]
     headway: Annotated[
         F32, _to_front("From front bumper to front bumper; null if the ego stands", "s")
     ]
@@ -125,28 +125,32 @@ class SafetyMeasures(Batch):
     lawful_margin: Annotated[
         F32, _to_front("Gap minus the safe distance of L3", "m", needs=["weather"])
     ]
-    rear: Annotated[Encounter, meant("the vehicle behind, behind the ego")]
-    entered_front: Annotated[Encounter, meant("the vehicle ahead in the lane entered")]
-    entered_rear: Annotated[Encounter, meant("the vehicle behind in the lane entered")]
+    rear: Annotated[Encounter, FieldSpec("the vehicle behind, behind the ego")]
+    entered_front: Annotated[Encounter, FieldSpec("the vehicle ahead in the lane entered")]
+    entered_rear: Annotated[Encounter, FieldSpec("the vehicle behind in the lane entered")]
     stop_margin_lit: Annotated[
-        F32, meant("Sight of the lit minus stopping distance", "m", needs=["weather"])
+        F32, FieldSpec("Sight of the lit minus stopping distance", "m", needs=["weather"])
     ]
     stop_margin_unlit: Annotated[
-        F32, meant("Sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"])
+        F32,
+        FieldSpec("Sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]),
     ]
     close_share: Annotated[
-        F32, meant("Share of the manoeuvre closer than the safe distance of L3", needs=["weather"])
+        F32,
+        FieldSpec("Share of the manoeuvre closer than the safe distance of L3", needs=["weather"]),
     ]
-    time_exposed: Annotated[F32, meant("Time at a critical time to collision, TET", "s")]
-    time_integrated: Annotated[F32, meant("What it lacks, integrated, TIT", "s^2")]
+    time_exposed: Annotated[F32, FieldSpec("Time at a critical time to collision, TET", "s")]
+    time_integrated: Annotated[F32, FieldSpec("What it lacks, integrated, TIT", "s^2")]
     entry_encroachment: Annotated[
         F32,
-        meant("Until the vehicle behind on the left was where the ego entered; null if never", "s"),
+        FieldSpec(
+            "Until the vehicle behind on the left was where the ego entered; null if never", "s"
+        ),
     ]
     return_encroachment: Annotated[
-        F32, meant("Until the overtaken vehicle was where the ego returned; null if never", "s")
+        F32, FieldSpec("Until the overtaken vehicle was where the ego returned; null if never", "s")
     ]
-    oncoming: Annotated[PassingSafety, meant("on two-way roads", since=4)]
+    oncoming: Annotated[PassingSafety, FieldSpec("on two-way roads", since=4)]
 
 
 WHOLE_MANOEUVRE_MEASURES = (

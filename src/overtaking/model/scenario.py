@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64, U8, U64
 from overtaking.core.errors import convert_integers
-from overtaking.model.batch import Batch, Constraint, IdentityBatch, within
+from overtaking.model.batch import AxisEnd, Batch, Constraint, FieldSpec, IdentityBatch
 from overtaking.model.road import MAX_LENGTH, Road
 from overtaking.model.vehicles import DriverTraits, Role, VehicleSpecs
 from overtaking.model.weather import LateralPushes, Weather
@@ -57,18 +57,18 @@ class Scenario(IdentityBatch):
 
     profile: str
     road: Road
-    seed: Annotated[int, within(0, 2**64 - 1)]
-    frame_interval_ms: Annotated[int, within(1, 1000, "ms")]
+    seed: Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
+    frame_interval_ms: Annotated[int, FieldSpec(unit="ms", low=1, high=1000)]
     index: U64
-    horizon: Annotated[F32, within(0.0, MAX_DURATION, "s", is_open=True)]
-    attempt_deadline: Annotated[F32, within(0.0, 1e6, "s", is_open=True)]
-    weight: Annotated[F64, within(0.0, 1e12)]
+    horizon: Annotated[F32, FieldSpec(unit="s", low=0.0, high=MAX_DURATION, low_is_open=True)]
+    attempt_deadline: Annotated[F32, FieldSpec(unit="s", low=0.0, high=1e6, low_is_open=True)]
+    weight: Annotated[F64, FieldSpec(low=0.0, high=1e12)]
     vehicles: VehicleSpecs
     drivers: DriverTraits
     weather: Weather
-    start_s: Annotated[F32, within(-MAX_LENGTH, MAX_LENGTH, "m", axes=_EACH)]
-    start_lane: Annotated[U8, within(0, "lane or oncoming", axes=_EACH)]
-    start_speed: Annotated[F32, within(0.0, 150.0, "m/s", axes=_EACH)]
+    start_s: Annotated[F32, FieldSpec(unit="m", low=-MAX_LENGTH, high=MAX_LENGTH, axes=_EACH)]
+    start_lane: Annotated[U8, FieldSpec(low=0, high=AxisEnd("lane or oncoming"), axes=_EACH)]
+    start_speed: Annotated[F32, FieldSpec(unit="m/s", low=0.0, high=150.0, axes=_EACH)]
     pushes: LateralPushes | None = None
 
     def __post_init__(self) -> None:
@@ -139,14 +139,14 @@ class Intervention:
         removed: Whether it is taken away. Drivers who have noticed it look anew at once.
     """
 
-    frame: Annotated[int, within(0, 2**31 - 1)] = 0
+    frame: Annotated[int, FieldSpec(low=0, high=2**31 - 1)] = 0
     decision: ForcedDecision | None = None
     weather: Weather | None = None
     without: tuple[str, ...] = ()
-    vehicle: Annotated[int, within(0, MAX_VEHICLES - 1)] = Role.EGO
+    vehicle: Annotated[int, FieldSpec(low=0, high=MAX_VEHICLES - 1)] = Role.EGO
     traits: Mapping[str, float] = field(default_factory=dict[str, float])
-    ahead: Annotated[float, within(-1e4, 1e4, "m")] = 0.0
-    faster: Annotated[float, within(-100.0, 100.0, "m/s")] = 0.0
+    ahead: Annotated[float, FieldSpec(unit="m", low=-1e4, high=1e4)] = 0.0
+    faster: Annotated[float, FieldSpec(unit="m/s", low=-100.0, high=100.0)] = 0.0
     removed: bool = False
 
     def __post_init__(self) -> None:

@@ -19,14 +19,13 @@ from overtaking.core import units
 from overtaking.core.arrays import I16, I32, U8, U32, Mask
 from overtaking.core.errors import SchemaError
 from overtaking.model.batch import (
+    AxisEnd,
     Batch,
     Constraint,
+    FieldSpec,
     IdentityBatch,
-    along,
     batch_fields,
-    documented,
-    meant,
-    within,
+    with_field_docs,
 )
 from overtaking.model.driver_interface import Actions
 from overtaking.model.import_report import ImportFinding
@@ -98,7 +97,7 @@ class ManoeuvreKind(IntEnum):
     ABORT = 2
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class States(Batch):
     """Recorded states; shape (simulation, vehicle, time), the frames of one vehicle adjacent.
@@ -109,39 +108,37 @@ class States(Batch):
 
     AXES = ("simulation", "vehicle", "time")
 
-    x: Annotated[I32, meant("OpenDRIVE x of the bounding-box centre", "mm")]
-    y: Annotated[I32, meant("OpenDRIVE y of the bounding-box centre, right-handed", "mm")]
-    s: Annotated[I32, meant("Position along the road", "mm")]
-    d: Annotated[I32, meant("Position across the road, positive to the left", "mm")]
-    speed: Annotated[I32, within(0, 1_000_000, "mm/s", "Speed, never negative")]
+    x: Annotated[I32, FieldSpec("OpenDRIVE x of the bounding-box centre", "mm")]
+    y: Annotated[I32, FieldSpec("OpenDRIVE y of the bounding-box centre, right-handed", "mm")]
+    s: Annotated[I32, FieldSpec("Position along the road", "mm")]
+    d: Annotated[I32, FieldSpec("Position across the road, positive to the left", "mm")]
+    speed: Annotated[I32, FieldSpec("Speed, never negative", "mm/s", 0, 1_000_000)]
     heading: Annotated[
-        I16, within(-31_416, 31_416, "0.1 mrad", "Heading, anticlockwise from world x")
+        I16, FieldSpec("Heading, anticlockwise from world x", "0.1 mrad", -31_416, 31_416)
     ]
     wheel_angle: Annotated[
         I16,
-        within(
-            -31_416,
-            31_416,
-            "0.1 mrad",
-            "Front wheels, positive to the left",
-            needs=["wheel_angle"],
+        FieldSpec(
+            "Front wheels, positive to the left", "0.1 mrad", -31_416, 31_416, needs=["wheel_angle"]
         ),
     ]
-    accel_lon: Annotated[I16, meant("Acceleration forwards, contacts excluded", "mm/s^2")]
-    accel_lat: Annotated[I16, meant("Acceleration to the left", "mm/s^2")]
-    yaw_rate: Annotated[I16, meant("Turning rate, anticlockwise", "0.1 mrad/s", needs=["yaw_rate"])]
+    accel_lon: Annotated[I16, FieldSpec("Acceleration forwards, contacts excluded", "mm/s^2")]
+    accel_lat: Annotated[I16, FieldSpec("Acceleration to the left", "mm/s^2")]
+    yaw_rate: Annotated[
+        I16, FieldSpec("Turning rate, anticlockwise", "0.1 mrad/s", needs=["yaw_rate"])
+    ]
     lane: Annotated[
         U8,
-        within(
+        FieldSpec(
+            "Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the slow edge",
+            "1",
             0,
-            "lane or beyond",
-            meaning="Lane index, 0 the slowest; `num_lanes` beyond the fast edge, 255 beyond the "
-            "slow edge",
-            also=BEYOND_KERB_EDGE,
+            AxisEnd("lane or beyond"),
+            missing=BEYOND_KERB_EDGE,
             column=None,
         ),
     ]
-    lights: Annotated[U8, within(0, sum(Lights), meaning="`Lights` bits", column=None)]
+    lights: Annotated[U8, FieldSpec("`Lights` bits", "1", 0, sum(Lights), column=None)]
 
 
 STATE_DTYPES = {
@@ -213,9 +210,9 @@ class Contacts(Batch):
 
     AXES = ("simulation", "vehicle")
 
-    partner: Annotated[U8, within(0, "vehicle", also=int(NO_VEHICLE))]
-    time: Annotated[I32, within(0, MAX_DURATION * 1000, "ms")]
-    impulse: Annotated[I32, within(0, 2**31 - 1, "N s")]
+    partner: Annotated[U8, FieldSpec(low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE))]
+    time: Annotated[I32, FieldSpec(unit="ms", low=0, high=MAX_DURATION * 1000)]
+    impulse: Annotated[I32, FieldSpec(unit="N s", low=0, high=2**31 - 1)]
     closing_speed: I32
 
 
@@ -240,10 +237,12 @@ class Percepts(Batch):
 
     AXES = ("simulation", "decision", 3)
 
-    valid: Annotated[Mask, along("simulation", "decision")]
-    kind: Annotated[U8, within(0, max(ManoeuvreKind), axes=("simulation", "decision"))]
-    time: Annotated[I32, within(0, MAX_DURATION * 1000, "ms", axes=("simulation", "decision"))]
-    vehicle: Annotated[U8, within(0, "vehicle", also=int(NO_VEHICLE))]
+    valid: Annotated[Mask, FieldSpec(axes=("simulation", "decision"))]
+    kind: Annotated[U8, FieldSpec(low=0, high=max(ManoeuvreKind), axes=("simulation", "decision"))]
+    time: Annotated[
+        I32, FieldSpec(unit="ms", low=0, high=MAX_DURATION * 1000, axes=("simulation", "decision"))
+    ]
+    vehicle: Annotated[U8, FieldSpec(low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE))]
     detected: Mask
     gap: I32
     closing_speed: I32
@@ -338,16 +337,19 @@ class Trajectories(IdentityBatch):
     scenario: Scenario
     num_frames: I32
     states: States
-    stage: Annotated[U8, within(0, max(Stage), axes=("simulation", "time"))]
+    stage: Annotated[U8, FieldSpec(low=0, high=max(Stage), axes=("simulation", "time"))]
     collided_with: Annotated[
-        U8, within(0, "vehicle", also=int(NO_VEHICLE), axes=("simulation", "time"))
+        U8,
+        FieldSpec(
+            low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE), axes=("simulation", "time")
+        ),
     ]
     contacts: Contacts
     percepts: Percepts
-    trace_hash: Annotated[U32, along("simulation", 4)]
+    trace_hash: Annotated[U32, FieldSpec(axes=("simulation", 4))]
     unknown: frozenset[str] = frozenset()
-    is_recorded: Annotated[Mask | None, along(*States.AXES)] = None
-    is_kind_known: Annotated[Mask | None, along("simulation", "vehicle")] = None
+    is_recorded: Annotated[Mask | None, FieldSpec(axes=States.AXES)] = None
+    is_kind_known: Annotated[Mask | None, FieldSpec(axes=("simulation", "vehicle"))] = None
     actions: Actions | None = None
     branch_origin: BranchOrigin | None = None
     import_findings: tuple[ImportFinding, ...] = field(default=(), compare=False)

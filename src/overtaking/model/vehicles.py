@@ -10,15 +10,7 @@ from numpy.typing import ArrayLike
 
 from overtaking.core.arrays import F32, U8, Mask
 from overtaking.knowledge.toml_reader import number
-from overtaking.model.batch import (
-    Batch,
-    Constraint,
-    FieldSpec,
-    batch_fields,
-    documented,
-    meant,
-    within,
-)
+from overtaking.model.batch import Batch, Constraint, FieldSpec, batch_fields, with_field_docs
 
 
 class Role(IntEnum):
@@ -80,7 +72,7 @@ class Colour(IntEnum):
     BROWN = 7
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleSpecs(Batch):
     """Bodies of all vehicles; every array has shape (simulation, vehicle)."""
@@ -89,51 +81,57 @@ class VehicleSpecs(Batch):
 
     valid: Annotated[
         Mask,
-        meant("Whether the slot holds a vehicle; an empty one has values in range without meaning"),
+        FieldSpec(
+            "Whether the slot holds a vehicle; an empty one has values in range without meaning"
+        ),
     ]
-    kind: Annotated[U8, within(0, max(VehicleKind), "", "`VehicleKind`")]
-    colour: Annotated[U8, within(0, max(Colour), "", "`Paint`")]
-    length: Annotated[F32, within(0.1, 60.0, "m", "Bumper to bumper")]
-    width: Annotated[F32, within(0.1, 60.0, "m", "Body without mirrors")]
-    height: Annotated[F32, within(0.1, 6.0, "m", "Height")]
-    mass: Annotated[F32, within(20.0, 2e5, "kg", "With driver and load")]
-    wheelbase: Annotated[F32, within(0.1, 60.0, "m", "Distance of the axles")]
-    cg_to_front: Annotated[F32, within(0.01, 60.0, "m", "Centre of gravity to front axle")]
-    cg_height: Annotated[F32, within(0.01, 6.0, "m", "Height of the centre of gravity")]
-    yaw_inertia: Annotated[F32, within(0.1, 1e8, "kg m^2", "About the vertical axis")]
+    kind: Annotated[U8, FieldSpec("`VehicleKind`", "1", 0, max(VehicleKind))]
+    colour: Annotated[U8, FieldSpec("`Paint`", "1", 0, max(Colour))]
+    length: Annotated[F32, FieldSpec("Bumper to bumper", "m", 0.1, 60.0)]
+    width: Annotated[F32, FieldSpec("Body without mirrors", "m", 0.1, 60.0)]
+    height: Annotated[F32, FieldSpec("Height", "m", 0.1, 6.0)]
+    mass: Annotated[F32, FieldSpec("With driver and load", "kg", 20.0, 2e5)]
+    wheelbase: Annotated[F32, FieldSpec("Distance of the axles", "m", 0.1, 60.0)]
+    cg_to_front: Annotated[F32, FieldSpec("Centre of gravity to front axle", "m", 0.01, 60.0)]
+    cg_height: Annotated[F32, FieldSpec("Height of the centre of gravity", "m", 0.01, 6.0)]
+    yaw_inertia: Annotated[F32, FieldSpec("About the vertical axis", "kg m^2", 0.1, 1e8)]
     front_stiffness: Annotated[
-        F32, within(0.1, 100.0, "1/rad", "Cornering stiffness of the front axle per axle load")
+        F32, FieldSpec("Cornering stiffness of the front axle per axle load", "1/rad", 0.1, 100.0)
     ]
     rear_stiffness: Annotated[
-        F32, within(0.1, 100.0, "1/rad", "Cornering stiffness of the rear axle per axle load")
+        F32, FieldSpec("Cornering stiffness of the rear axle per axle load", "1/rad", 0.1, 100.0)
     ]
-    launch_accel: Annotated[F32, within(0.01, 30.0, "m/s^2", "Largest acceleration at low speed")]
-    power: Annotated[F32, within(1.0, 1e7, "W", "Power at the wheels")]
-    drag_area: Annotated[F32, within(0.0, 50.0, "m^2", "Drag coefficient times frontal area")]
-    side_area: Annotated[F32, within(0.0, 200.0, "m^2", "Side area exposed to wind")]
-    rolling_resistance: Annotated[F32, within(0.0, 0.5, "", "Rolling force per weight")]
-    max_speed: Annotated[F32, within(0.1, 150.0, "m/s", "Governor or top speed")]
+    launch_accel: Annotated[
+        F32, FieldSpec("Largest acceleration at low speed", "m/s^2", 0.01, 30.0)
+    ]
+    power: Annotated[F32, FieldSpec("Power at the wheels", "W", 1.0, 1e7)]
+    drag_area: Annotated[F32, FieldSpec("Drag coefficient times frontal area", "m^2", 0.0, 50.0)]
+    side_area: Annotated[F32, FieldSpec("Side area exposed to wind", "m^2", 0.0, 200.0)]
+    rolling_resistance: Annotated[F32, FieldSpec("Rolling force per weight", "1", 0.0, 0.5)]
+    max_speed: Annotated[F32, FieldSpec("Governor or top speed", "m/s", 0.1, 150.0)]
     peak_decel: Annotated[
-        F32, within(0.1, 30.0, "m/s^2", "Strongest braking that the brakes allow, positive")
+        F32, FieldSpec("Strongest braking that the brakes allow, positive", "m/s^2", 0.1, 30.0)
     ]
     wind_side_coefficient: Annotated[
-        F32, within(0.0, 5.0, "", "Side force coefficient on the side area")
+        F32, FieldSpec("Side force coefficient on the side area", "1", 0.0, 5.0)
     ]
     wind_centre_ratio: Annotated[
-        F32, within(-2.0, 2.0, "", "Centre of wind pressure ahead of mid-wheelbase, per wheelbase")
+        F32,
+        FieldSpec("Centre of wind pressure ahead of mid-wheelbase, per wheelbase", "1", -2.0, 2.0),
     ]
     front_drive_share: Annotated[
-        F32, within(0.0, 1.0, "", "Share of the drive force at the front axle")
+        F32, FieldSpec("Share of the drive force at the front axle", "1", 0.0, 1.0)
     ]
-    tyre_wear: Annotated[F32, within(0.0, 1.0, "", "Tread wear, 0 new to 1 worn")]
-    track_width: Annotated[F32, within(0.01, 6.0, "m", "Distance of left and right wheels")]
-    spray_factor: Annotated[F32, within(0.0, 100.0, "", "Spray behind it relative to a car")]
-    lamp_separation: Annotated[F32, within(0.01, 6.0, "m", "Distance of its rear lamps")]
+    tyre_wear: Annotated[F32, FieldSpec("Tread wear, 0 new to 1 worn", "1", 0.0, 1.0)]
+    track_width: Annotated[F32, FieldSpec("Distance of left and right wheels", "m", 0.01, 6.0)]
+    spray_factor: Annotated[F32, FieldSpec("Spray behind it relative to a car", "1", 0.0, 100.0)]
+    lamp_separation: Annotated[F32, FieldSpec("Distance of its rear lamps", "m", 0.01, 6.0)]
     contrast: Annotated[
-        F32, within(0.0, 1.0, "", "Luminance contrast of its colour against the background by day")
+        F32,
+        FieldSpec("Luminance contrast of its colour against the background by day", "1", 0.0, 1.0),
     ]
-    two_wheeler: Annotated[Mask, meant("Moves as a point mass")]
-    unlawful_presence: Annotated[Mask, meant("May not be on a motorway at all")]
+    two_wheeler: Annotated[Mask, FieldSpec("Moves as a point mass")]
+    unlawful_presence: Annotated[Mask, FieldSpec("May not be on a motorway at all")]
 
     def constraints(self) -> Iterable[Constraint]:
         """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""
@@ -151,7 +149,7 @@ _DISABLED = 1e9
 """Largest threshold: it disables the behaviour."""
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriverTraits(Batch):
     """Driver parameters; every array has shape (simulation, vehicle).
@@ -165,75 +163,87 @@ class DriverTraits(Batch):
 
     desired_speed: Annotated[
         F32,
-        within(0.0, 150.0, "m/s", "Speed wanted on a free road in good weather, without a limit"),
+        FieldSpec(
+            "Speed wanted on a free road in good weather, without a limit", "m/s", 0.0, 150.0
+        ),
     ]
-    time_gap: Annotated[F32, within(0.0, 60.0, "s", "Net time gap wanted behind a leader")]
-    min_gap: Annotated[F32, within(0.0, 100.0, "m", "Gap wanted at standstill")]
-    accel: Annotated[F32, within(0.01, 30.0, "m/s^2", "Everyday acceleration")]
-    decel: Annotated[F32, within(0.01, 30.0, "m/s^2", "Comfortable deceleration, positive")]
-    reaction_time: Annotated[F32, within(0.0, 10.0, "s", "From seeing to acting, good conditions")]
+    time_gap: Annotated[F32, FieldSpec("Net time gap wanted behind a leader", "s", 0.0, 60.0)]
+    min_gap: Annotated[F32, FieldSpec("Gap wanted at standstill", "m", 0.0, 100.0)]
+    accel: Annotated[F32, FieldSpec("Everyday acceleration", "m/s^2", 0.01, 30.0)]
+    decel: Annotated[F32, FieldSpec("Comfortable deceleration, positive", "m/s^2", 0.01, 30.0)]
+    reaction_time: Annotated[
+        F32, FieldSpec("From seeing to acting, good conditions", "s", 0.0, 10.0)
+    ]
     caution: Annotated[
-        F32, within(0.0, 1.0, "", "How far speed follows sight and grip, 0 not at all to 1 fully")
+        F32,
+        FieldSpec("How far speed follows sight and grip, 0 not at all to 1 fully", "1", 0.0, 1.0),
     ]
-    politeness: Annotated[F32, within(0.0, 10.0, "", "Politeness of the lane-change model MOBIL")]
+    politeness: Annotated[
+        F32, FieldSpec("Politeness of the lane-change model MOBIL", "1", 0.0, 10.0)
+    ]
     lane_change_threshold: Annotated[
-        F32, within(0.0, _DISABLED, "m/s^2", "Threshold of the lane-change model MOBIL")
+        F32, FieldSpec("Threshold of the lane-change model MOBIL", "m/s^2", 0.0, _DISABLED)
     ]
     right_bias: Annotated[
-        F32, within(0.0, 10.0, "m/s^2", "Bias of the lane-change model MOBIL towards the slow side")
+        F32,
+        FieldSpec("Bias of the lane-change model MOBIL towards the slow side", "m/s^2", 0.0, 10.0),
     ]
     safe_decel: Annotated[
-        F32, within(0.01, 30.0, "m/s^2", "Largest braking imposed on a new follower, positive")
+        F32, FieldSpec("Largest braking imposed on a new follower, positive", "m/s^2", 0.01, 30.0)
     ]
     lane_change_duration: Annotated[
-        F32, within(0.1, 100.0, "s", "Time from lane centre to lane centre")
+        F32, FieldSpec("Time from lane centre to lane centre", "s", 0.1, 100.0)
     ]
     passing_gain: Annotated[
         F32,
-        within(
-            0.0, _DISABLED, "m/s", "Speed wanted above the leader's before overtaking is worth it"
+        FieldSpec(
+            "Speed wanted above the leader's before overtaking is worth it", "m/s", 0.0, _DISABLED
         ),
     ]
     patience: Annotated[
-        F32, within(0.01, _DISABLED, "s", "Time of waiting over which demands fall by a factor e")
+        F32,
+        FieldSpec("Time of waiting over which demands fall by a factor e", "s", 0.01, _DISABLED),
     ]
     pull_out_time: Annotated[
         F32,
-        within(
+        FieldSpec(
+            "Time to collision with the leader at which a flying overtake pulls out",
+            "s",
             0.0,
             _DISABLED,
-            "s",
-            "Time to collision with the leader at which a flying overtake pulls out",
         ),
     ]
     gap_acceptance: Annotated[
-        F32, within(0.0, 100.0, "", "Factor on the gaps and times demanded of the target lane")
+        F32, FieldSpec("Factor on the gaps and times demanded of the target lane", "1", 0.0, 100.0)
     ]
     return_time_gap: Annotated[
-        F32, within(0.0, 60.0, "s", "Net time gap left to the overtaken vehicle before returning")
+        F32,
+        FieldSpec("Net time gap left to the overtaken vehicle before returning", "s", 0.0, 60.0),
     ]
     signal_time: Annotated[
-        F32, within(0.0, 60.0, "s", "How long the indicator is on before moving over")
+        F32, FieldSpec("How long the indicator is on before moving over", "s", 0.0, 60.0)
     ]
-    uses_indicator: Annotated[Mask, meant("Whether the indicator is used at all")]
+    uses_indicator: Annotated[Mask, FieldSpec("Whether the indicator is used at all")]
     checks_blind_spot: Annotated[
-        F32, within(0.0, 1.0, "", "Share of lane changes that a look over the shoulder precedes")
+        F32,
+        FieldSpec("Share of lane changes that a look over the shoulder precedes", "1", 0.0, 1.0),
     ]
     limit_respect: Annotated[
-        F32, within(0.0, 1.0, "", "Share of the speed above the limit that is given up")
+        F32, FieldSpec("Share of the speed above the limit that is given up", "1", 0.0, 1.0)
     ]
     need_factor: Annotated[
         F32,
-        within(
+        FieldSpec(
+            "Time that passing against oncoming traffic is believed to take, over what it takes",
+            "1",
             0.0,
             100.0,
-            "",
-            "Time that passing against oncoming traffic is believed to take, over what it takes",
             since=5,
         ),
     ]
     heeds_lines: Annotated[
-        Mask, meant("Whether solid lines between the directions are heeded when passing", since=5)
+        Mask,
+        FieldSpec("Whether solid lines between the directions are heeded when passing", since=5),
     ]
 
 

@@ -11,13 +11,13 @@ from overtaking.core.arrays import F32, U8, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.knowledge.toml_reader import constant
-from overtaking.model.batch import Batch, documented, meant, within
+from overtaking.model.batch import AxisEnd, Batch, FieldSpec, with_field_docs
 
 NO_PRESET = np.uint8(255)
 """Preset of a weather that is none of the presets."""
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LateralPushes(Batch):
     """How weather acts where it does not act by physics: as in the study, by pushes and less sight.
@@ -25,53 +25,54 @@ class LateralPushes(Batch):
     The road is dry, and air, rain and wind do nothing else.
     """
 
-    accel: Annotated[float, within(0.0, 50.0, "m/s^2", "Lateral acceleration of a push")]
-    duration: Annotated[float, within(0.05, 10.0, "s", "How long a push lasts")]
+    accel: Annotated[float, FieldSpec("Lateral acceleration of a push", "m/s^2", 0.0, 50.0)]
+    duration: Annotated[float, FieldSpec("How long a push lasts", "s", 0.05, 10.0)]
     interval: Annotated[
-        float, within(0.05, 1000.0, "s", "From one push to the next at 100 % of rain and wind")
+        float, FieldSpec("From one push to the next at 100 % of rain and wind", "s", 0.05, 1000.0)
     ]
     sight: Annotated[
-        float, within(1.0, 1000.0, "m", "Field of vision by night, under clouds, towards the sun")
+        float,
+        FieldSpec("Field of vision by night, under clouds, towards the sun", "m", 1.0, 1000.0),
     ]
 
 
-@documented
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weather(Batch):
     """Weather of each simulation; every array has shape (simulation,)."""
 
     preset: Annotated[
         U8,
-        within(
-            0,
-            "preset",
-            "",
+        FieldSpec(
             "Index of the weather preset, or `NO_PRESET` if each quantity was drawn by itself",
-            also=int(NO_PRESET),
+            "1",
+            0,
+            AxisEnd("preset"),
+            missing=int(NO_PRESET),
         ),
     ]
-    cloudiness: Annotated[F32, within(0.0, 100.0, "%", "CARLA's cloudiness")]
-    rain: Annotated[F32, within(0.0, 100.0, "%", "CARLA's precipitation")]
-    puddles: Annotated[F32, within(0.0, 100.0, "%", "CARLA's precipitation deposits")]
-    wind: Annotated[F32, within(0.0, 100.0, "%", "CARLA's wind intensity")]
+    cloudiness: Annotated[F32, FieldSpec("CARLA's cloudiness", "%", 0.0, 100.0)]
+    rain: Annotated[F32, FieldSpec("CARLA's precipitation", "%", 0.0, 100.0)]
+    puddles: Annotated[F32, FieldSpec("CARLA's precipitation deposits", "%", 0.0, 100.0)]
+    wind: Annotated[F32, FieldSpec("CARLA's wind intensity", "%", 0.0, 100.0)]
     wind_direction: Annotated[
         F32,
-        within(
+        FieldSpec(
+            "Where the wind blows to, anticlockwise from the direction of travel",
+            "rad",
             -math.tau,
             math.tau,
-            "rad",
-            "Where the wind blows to, anticlockwise from the direction of travel",
         ),
     ]
-    fog: Annotated[F32, within(0.0, 100.0, "%", "CARLA's fog density")]
+    fog: Annotated[F32, FieldSpec("CARLA's fog density", "%", 0.0, 100.0)]
     sun_altitude: Annotated[
-        F32, within(-1.5708, 1.5708, "rad", "Height of the sun above the horizon")
+        F32, FieldSpec("Height of the sun above the horizon", "rad", -1.5708, 1.5708)
     ]
     sun_azimuth: Annotated[
-        F32, within(-math.tau, math.tau, "rad", "Anticlockwise from the direction of travel")
+        F32, FieldSpec("Anticlockwise from the direction of travel", "rad", -math.tau, math.tau)
     ]
-    night: Annotated[Mask, meant("Whether it is night")]
-    horizon_line: Annotated[Mask, meant("Whether the sun stands low ahead")]
+    night: Annotated[Mask, FieldSpec("Whether it is night")]
+    horizon_line: Annotated[Mask, FieldSpec("Whether the sun stands low ahead")]
 
     def axis_lengths(self) -> Mapping[str, int]:
         """How many presets there are."""

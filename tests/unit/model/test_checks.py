@@ -101,7 +101,7 @@ def test_a_scenario_that_is_none_is_refused(scenario, path: str, value: object, 
         ("contacts.partner", 6, "expected 0 to 5, or 255, got 6 in simulation 1, vehicle 0"),
         ("unknown", frozenset({"colour"}), "expected names among weather, drivers"),
         ("scenario.weather.fog", -1.0, "expected 0 to 100 %, got -1 in simulation 1"),
-        ("present", np.ones((3, 6, 41)), "expected an array of bool with the axes"),
+        ("is_recorded", np.ones((3, 6, 41)), "expected an array of bool with the axes"),
         ("trace_hash", np.ones((3, 5), np.uint32), "expected length 4 along 4, got 5"),
     ],
 )
@@ -169,7 +169,10 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             "sample: simulations: expected a whole number",
         ),
         (lambda s: ot.branch(s, 10**6), "branch: frame: expected 0 to 40, "),
-        (lambda s: ot.branch(s, 3, decision=7), "branch: decision: expected a Decision or None"),
+        (
+            lambda s: ot.branch(s, 3, decision=7),
+            "branch: decision: expected a ForcedDecision or None",
+        ),
         (
             lambda s: ot.branch(s, 3, weather=s.weather.select(slice(0, 2))),
             "branch: weather.preset: expected length 3 along simulation, as index has, got 2",

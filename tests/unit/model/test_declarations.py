@@ -15,16 +15,7 @@ from numpy.typing import NDArray
 import overtaking
 import overtaking as ot
 from overtaking.core import arrays
-from overtaking.model.batch import (
-    AxisEnd,
-    Batch,
-    ColumnName,
-    FieldSpec,
-    along,
-    batch_fields,
-    meant,
-    within,
-)
+from overtaking.model.batch import AxisEnd, Batch, ColumnName, FieldSpec, batch_fields
 from overtaking.model.trajectories import BYTES_PER_STATE, STATE_DTYPES
 
 TEXTS = {"Comparison"}
@@ -36,8 +27,8 @@ class Example(Batch):
     """A batch with each form of annotation."""
 
     speed: arrays.F32
-    lane: Annotated[arrays.U8, within(0, 3)]
-    preset: Annotated[arrays.I64 | None, along("simulation", 2)] = None
+    lane: Annotated[arrays.U8, FieldSpec(low=0, high=3)]
+    preset: Annotated[arrays.I64 | None, FieldSpec(axes=("simulation", 2))] = None
     is_braking: arrays.Mask | None = None
     name: str = ""
 
@@ -76,16 +67,6 @@ def test_a_field_declares_dtype_and_axes(field, dtype, is_optional, axes):
     declared = batch_fields(Example)[field]
     assert declared.dtype == (dtype and np.dtype(dtype))
     assert (declared.is_optional, declared.axes) == (is_optional, axes)
-
-
-def test_the_short_forms_declare_what_field_specs_do():
-    assert within(0.0, 60.0, "s", "Time gap") == FieldSpec("Time gap", "s", 0.0, 60.0)
-    assert within(0, "lane", also=255) == FieldSpec(low=0, high=AxisEnd("lane"), missing=255)
-    assert meant("Gap", "m", column="ego_{}") == FieldSpec(
-        "Gap", "m", column=ColumnName(prefix="ego_")
-    )
-    assert meant("Day or night", column="DN") == FieldSpec("Day or night", column=ColumnName("DN"))
-    assert along("simulation", 4) == FieldSpec(axes=("simulation", 4))
 
 
 def test_a_column_is_named_after_its_field():
