@@ -21,7 +21,7 @@ from typing import Any
 from overtaking.analysis.validation.figures import Figure
 from overtaking.analysis.validation.run import Validation, validate
 from overtaking.analysis.validation.targets import TargetRole, targets
-from overtaking.knowledge.toml_reader import load_toml, number
+from overtaking.knowledge.toml_reader import number, numbers_below
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profiles
 
@@ -50,7 +50,7 @@ FACTORS = (0.9, 1.0, 1.1)
 def parameters() -> dict[str, Any]:
     """Everything that decides how the traffic behaves, as JSON types."""
     return {
-        "population": load_toml("drivers.toml")[PROFILE],
+        "population": numbers_below("drivers.toml", PROFILE),
         "profile": profiles.load_specification(PROFILE).to_dict(),
         "free_ahead_time": number("model.toml", "lane_change.free_ahead_time"),
     }

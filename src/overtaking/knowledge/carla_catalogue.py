@@ -73,10 +73,9 @@ _CARLA_FIELDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherPreset:
-    """The fields of one named weather; percentages are 0 to 100 without physical meaning.
+    """The fields of a named weather; percentages are 0 to 100 without physical meaning.
 
     Attributes:
-        name: As CARLA spells it.
         in_pinto2023: Whether the study `pinto-2023` used it.
         cloudiness_percent: Cover of the sky.
         precipitation_percent: Rain.
@@ -94,7 +93,6 @@ class WeatherPreset:
         dust_storm_percent: Dust in the air.
     """
 
-    name: str
     in_pinto2023: bool
     cloudiness_percent: float
     precipitation_percent: float

@@ -61,6 +61,11 @@ class Quantity:
     source: str
     rationale: str | None
 
+    def numbers(self) -> dict[str, Any]:
+        """The fields that decide values and their unit, as JSON types."""
+        limits = {"sigma": self.sigma, "low": self.low, "high": self.high}
+        return {"value": self.value, **limits, "unit": self.unit}
+
     @property
     def number(self) -> float:
         """The value of a scalar quantity; KnowledgeError for a table."""
@@ -110,6 +115,11 @@ class Distribution:
     def __post_init__(self) -> None:
         """Close the parameters, so that a cached distribution cannot be changed."""
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    def numbers(self) -> dict[str, Any]:
+        """The fields that decide draws and their unit, as JSON types."""
+        limits = {"low": self.low, "high": self.high}
+        return {"kind": self.kind, **self.parameters, **limits, "unit": self.unit}
 
     def parameter(self, name: str) -> float:
         """One scalar parameter; KnowledgeError if this kind has none of that name."""

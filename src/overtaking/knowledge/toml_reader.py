@@ -1,9 +1,20 @@
 """Reads the TOML files of the knowledge base into typed, frozen values.
 
-Every number in a file is an inline table with at least a value, a unit and a source. Whatever is
-unknown, missing, unitless or unsourced is an error here, so that nothing above has to check.
+Every number in a file is an inline table with at least a value, a unit and a source. An unknown or
+missing key, unit or source raises an error here, so callers need not check.
+
+Three forms of a document state unit and source once for many numbers; `load_toml` expands them:
+
+- `[columns]` and `[rows]`: one row for each item, with values in the order of the columns. A
+  column has a unit and a source; a column `{}` holds texts or flags.
+- `[labels]` and `[quantities]`: one line for each quantity, with a value for each item and with
+  unit, source and rationale at its end. An item may state its own source or rationale as a table;
+  with a source of its own, it has no rationale but its own. Labels are texts or flags.
+- `base = "name"` in a table: the table takes each entry of the table `name`, which stands above it,
+  that it does not state itself.
 """
 
+import copy
 import dataclasses
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -31,6 +42,9 @@ Record = TypeVar("Record")
 DATA_FOLDER = Path(__file__).with_name("data")
 """The folder of the files that are part of the package."""
 _SOURCES = "sources.toml"
+_ROW_TABLES = {"columns", "rows"}
+_LINE_TABLES = {"labels", "quantities"}
+_SHARED_KEYS = ("unit", "source", "rationale")
 
 
 @cache
@@ -41,14 +55,15 @@ def load_toml(file: str | Path) -> dict[str, Any]:
         file: A name inside the package's data folder, or an absolute path.
 
     Returns:
-        The TOML document; callers must not change it.
+        The TOML document, with tables expanded to one entry a number (see the head of this
+        module); callers must not change it.
 
     Raises:
-        KnowledgeError: The file is missing or is no TOML.
+        KnowledgeError: The file is missing or invalid, or a table in it is incomplete.
     """
     path = DATA_FOLDER / file
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, tomllib.TOMLDecodeError) as error:
         raise KnowledgeError.of(
             what="file",
@@ -57,6 +72,12 @@ def load_toml(file: str | Path) -> dict[str, Any]:
             got=str(error),
             next_step="restore or correct the file",
         ) from error
+    if document.keys() == _ROW_TABLES:
+        return _entries_of_rows(document["columns"], document["rows"], path.name)
+    if document.keys() == _LINE_TABLES:
+        return _entries_of_lines(document["labels"], document["quantities"], path.name)
+    _inherit(document, document, path.name)
+    return document
 
 
 @cache
@@ -131,6 +152,28 @@ def all_quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
     return MappingProxyType(dict(_walk(load_toml(file), "", Path(file).name)))
 
 
+def numbers_below(file: str | Path, section: str) -> dict[str, dict[str, Any]]:
+    """The numbers of a section as JSON types, without sources and reasons.
+
+    Args:
+        file: A name inside the package's data folder, or an absolute path.
+        section: Dotted name of a table.
+
+    Returns:
+        Dotted name of each entry below the section, to the fields of its quantity or distribution
+        that decide values.
+
+    Raises:
+        KnowledgeError: A number stands alone, or an entry lacks its unit or source.
+    """
+    prefix = f"{section}."
+    return {
+        name.removeprefix(prefix): entry.numbers()
+        for name, entry in all_quantities(file).items()
+        if name.startswith(prefix)
+    }
+
+
 def number(file: str | Path, name: str) -> float:
     """The value of one scalar quantity of a knowledge file.
 
@@ -154,6 +197,83 @@ def number(file: str | Path, name: str) -> float:
         got="none" if entry is None else f"a {entry.kind} distribution",
         next_step="correct the name, or draw from the distribution",
     )
+
+
+def _entries_of_rows(
+    columns: Mapping[str, dict[str, Any]], rows: Mapping[str, list[Any]], file: str
+) -> dict[str, Any]:
+    """One table of entries for each row of values in the order of the columns."""
+    for name, row in rows.items():
+        if len(row) != len(columns):
+            raise _wrong_kind(f"{file} [{name}]", f"{len(columns)} values", f"{len(row)} values")
+    return {
+        name: {
+            key: {"value": value, **column} if column else value
+            for (key, column), value in zip(columns.items(), row, strict=True)
+        }
+        for name, row in rows.items()
+    }
+
+
+def _entries_of_lines(
+    labels: Mapping[str, dict[str, Any]], quantities: Mapping[str, dict[str, Any]], file: str
+) -> dict[str, Any]:
+    """One table of entries for each item that the lines name, in the order of the first line."""
+    items = list(next(iter(labels.values()), {}))
+    document: dict[str, Any] = {item: {} for item in items}
+    for name, line in (*labels.items(), *quantities.items()):
+        shared = {key: line[key] for key in _SHARED_KEYS if key in line}
+        values = {key: value for key, value in line.items() if key not in shared}
+        if values.keys() != document.keys():
+            raise _wrong_kind(f"{file} [{name}]", f"a value for {', '.join(items)}", list(values))
+        for item, value in values.items():
+            document[item][name] = value if name in labels else _entry_with_shared(value, shared)
+    return document
+
+
+def _entry_with_shared(value: Any, shared: Mapping[str, str]) -> dict[str, Any]:
+    """The entry of one item; its own source and rationale win over those of its line."""
+    if not isinstance(value, dict):
+        return {"value": value, **shared}
+    entry = cast("dict[str, Any]", value)
+    if "source" in entry:
+        # The rationale of a line explains the source of the line only.
+        shared = {key: text for key, text in shared.items() if key != "rationale"}
+    return {**shared, **entry}
+
+
+def _inherit(table: dict[str, Any], document: Mapping[str, Any], file: str) -> None:
+    """Replace each `base` below a table by the entries of the table that it names, in place."""
+    for name, item in table.items():
+        if not isinstance(item, dict) or is_entry(item):
+            continue
+        child = cast("dict[str, Any]", item)
+        if isinstance(path := child.get("base"), str):
+            base = _table_at(document, path, f"{file} [{name}]")
+            del child["base"]
+            table[name] = child = _merged(base, child)
+        _inherit(child, document, file)
+
+
+def _table_at(document: Mapping[str, Any], path: str, where: str) -> Mapping[str, Any]:
+    """The table with a dotted name, whose own base is expanded already."""
+    table: Any = document
+    for part in path.split("."):
+        table = table.get(part) if isinstance(table, dict) else None
+    if not isinstance(table, dict) or "base" in table or is_entry(table):
+        raise _wrong_kind(where, "as base a table above this one", path)
+    return cast("dict[str, Any]", table)
+
+
+def _merged(base: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries of a base in their order, replaced by those of the table, then its new ones."""
+    merged = copy.deepcopy(dict(base))
+    for key, item in table.items():
+        below = merged.get(key)
+        if isinstance(below, dict) and isinstance(item, dict) and not is_entry(item):
+            item = _merged(cast("dict[str, Any]", below), cast("dict[str, Any]", item))
+        merged[key] = item
+    return merged
 
 
 def _source(id_: str, item: Any) -> Source:

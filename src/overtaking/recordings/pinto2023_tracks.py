@@ -282,21 +282,21 @@ def weather_of(table: pa.Table, frames: Frames, count: int) -> tuple[Weather, bo
     given = {name: table[name].to_numpy()[first] for name in ("Prec", "Fog", "Wind")}
     night = np.asarray(table["DN"].to_pylist())[first] == "Night"
     glare = np.asarray(table["HL"].to_pylist())[first] == "Yes"
-    known = tuple(weather_presets().values())
+    presets = weather_presets()
     fits = np.stack([
-        (given["Prec"] == one.precipitation_percent)
-        & (given["Fog"] == one.fog_density_percent)
-        & (given["Wind"] == one.wind_intensity_percent)
-        & (night == (one.sun_altitude_deg < 0.0))
-        & (glare == (one.name == _GLARING))
-        for one in known
+        (given["Prec"] == preset.precipitation_percent)
+        & (given["Fog"] == preset.fog_density_percent)
+        & (given["Wind"] == preset.wind_intensity_percent)
+        & (night == (preset.sun_altitude_deg < 0.0))
+        & (glare == (name == _GLARING))
+        for name, preset in presets.items()
     ])  # fmt: skip
-    from_paper = np.array([one.in_pinto2023 for one in known])[:, None]
+    from_paper = np.array([preset.in_pinto2023 for preset in presets.values()])[:, None]
     fits &= from_paper | ~(fits & from_paper).any(axis=0)
     best, num_fitting = fits.argmax(axis=0), fits.sum(axis=0)
 
     def of_best(name: str, otherwise: F32) -> F32:
-        values = np.array([getattr(one, name) for one in known], np.float32)[best]
+        values = np.array([getattr(preset, name) for preset in presets.values()], np.float32)[best]
         return np.where(num_fitting > 0, values, otherwise)
 
     assumed = default_weather(count)

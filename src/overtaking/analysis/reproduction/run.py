@@ -34,7 +34,7 @@ from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, check_in_range
 from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.core.representation import CompactRepr, json_values
-from overtaking.knowledge.toml_reader import load_toml
+from overtaking.knowledge.toml_reader import numbers_below
 from overtaking.scenarios.profiles import load_specification as checked_spec
 
 if TYPE_CHECKING:
@@ -279,9 +279,9 @@ def _compared(
 
 
 def parameter_hash(spec: Specification) -> str:
-    """SHA-256 over the drivers and the profile of a specification, in hexadecimal."""
+    """SHA-256 over the numbers of the drivers and of the profile, in hexadecimal."""
     decided = {
-        "population": load_toml("drivers.toml")[spec.drivers.population],
+        "population": numbers_below("drivers.toml", spec.drivers.population),
         "profile": spec.to_dict(),
     }
     text = json.dumps(decided, sort_keys=True, separators=(",", ":"))

@@ -92,7 +92,7 @@ def test_wind_is_its_share_of_the_strongest(calm):
 
 
 def test_every_preset_gives_finite_numbers(calm):
-    for preset in weather_presets().values():
+    for name, preset in weather_presets().items():
         found = derived(
             calm,
             rain=preset.precipitation_percent,
@@ -101,4 +101,4 @@ def test_every_preset_gives_finite_numbers(calm):
             fog=preset.fog_density_percent,
             night=preset.sun_altitude_deg < 0,
         )
-        assert all(np.isfinite(value) and value >= 0 for value in found.values()), preset.name
+        assert all(np.isfinite(value) and value >= 0 for value in found.values()), name

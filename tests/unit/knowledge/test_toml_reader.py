@@ -9,7 +9,14 @@ import pytest
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.quantities import Distribution, Quantity
-from overtaking.knowledge.toml_reader import all_quantities, number, read_record, sources
+from overtaking.knowledge.toml_reader import (
+    all_quantities,
+    load_toml,
+    number,
+    numbers_below,
+    read_record,
+    sources,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -179,3 +186,127 @@ def test_a_source_says_what_it_is_and_whether_it_was_read():
         assert "http" not in source.citation
         assert isinstance(source.checked, bool)
     assert "choice" not in sources()
+
+
+ROWS = """
+[columns]
+word = {}
+length = { unit = "m", source = "bosch-handbook" }
+speeds = { unit = "km/h", source = "choice", rationale = "two speeds" }
+
+[rows]
+first = ["a", 1.0, [36, 72]]
+second = ["b", 2.0, [18, 36]]
+"""
+
+LINES = """
+[labels]
+name = { S = "small", T = "truck", B = "bicycle" }
+
+[quantities]
+width = { S = 1.5, T = { value = 2.5, sigma = 0.1 }, B = { value = 0.6, rationale = "narrow" }, $ }
+speed = { S = 36, T = { value = 18, source = "bosch-handbook" }, B = 9, $ }
+""".replace("$ }\n", 'unit = "m", source = "choice", rationale = "typical" }\n', 1).replace(
+    "$ }", 'unit = "km/h", source = "choice", rationale = "typical" }'
+)
+
+TABLES_WITH_BASE = """
+[calm.traits]
+length = { value = 1.0, unit = "m", source = "bosch-handbook" }
+width = { value = 2.0, unit = "m", source = "bosch-handbook" }
+[calm.classes.T]
+factor = { value = 3.0, unit = "1", source = "bosch-handbook" }
+[hurried]
+base = "calm"
+[hurried.traits]
+height = { value = 4.0, unit = "m", source = "bosch-handbook" }
+length = { value = 5.0, unit = "m", source = "bosch-handbook" }
+[late]
+base = "hurried"
+"""
+
+
+def values_by_name(file: Path) -> dict[str, object]:
+    return {name: getattr(entry, "value", None) for name, entry in all_quantities(file).items()}
+
+
+def test_a_row_gives_each_value_the_unit_and_source_of_its_column(toml: Toml):
+    file = toml(ROWS)
+    assert load_toml(file)["second"]["word"] == "b"
+    entries = all_quantities(file)
+    assert list(entries) == ["first.length", "first.speeds", "second.length", "second.speeds"]
+    speeds = entries["second.speeds"]
+    assert isinstance(speeds, Quantity)
+    assert speeds.value == (5.0, 10.0)
+    assert (speeds.unit, speeds.quoted_unit) == ("m/s", "km/h")
+    assert (speeds.source, speeds.rationale) == ("choice", "two speeds")
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ('["b", 2.0]', "[second]: entry: expected 3 values, got 2 values"),
+        ('["b", 2.0, [18, 36], 1.0]', "expected 3 values, got 4 values"),
+        ('["b", true, [18, 36]]', "expected a finite number"),
+    ],
+)
+def test_a_row_with_a_missing_or_wrong_value_is_refused(toml: Toml, row: str, message: str):
+    with pytest.raises(KnowledgeError) as caught:
+        all_quantities(toml(ROWS.replace('["b", 2.0, [18, 36]]', row)))
+    assert message in str(caught.value)
+
+
+def test_a_line_gives_each_item_its_value_and_the_items_own_source_wins(toml: Toml):
+    file = toml(LINES)
+    assert list(load_toml(file)) == ["S", "T", "B"]
+    assert load_toml(file)["T"]["name"] == "truck"
+    entries = all_quantities(file)
+    assert values_by_name(file) == {
+        "S.width": 1.5,
+        "S.speed": 10.0,
+        "T.width": 2.5,
+        "T.speed": 5.0,
+        "B.width": 0.6,
+        "B.speed": 2.5,
+    }
+    width = entries["T.width"]
+    assert isinstance(width, Quantity)
+    assert (width.sigma, width.rationale) == (0.1, "typical")
+    assert entries["B.width"].rationale == "narrow"
+    assert (entries["T.speed"].source, entries["T.speed"].rationale) == ("bosch-handbook", None)
+
+
+def test_a_line_without_a_value_for_each_item_is_refused(toml: Toml):
+    with pytest.raises(KnowledgeError, match=r"\[speed\]: entry: expected a value for S, T, B"):
+        load_toml(toml(LINES.replace("B = 9, ", "")))
+
+
+def test_a_table_takes_from_its_base_what_it_does_not_state(toml: Toml):
+    values = values_by_name(toml(TABLES_WITH_BASE))
+    traits = {"traits.length": 5.0, "traits.width": 2.0, "traits.height": 4.0}
+    for name in ("hurried", "late"):
+        below = {
+            key.removeprefix(f"{name}."): value
+            for key, value in values.items()
+            if key.startswith(f"{name}.")
+        }
+        assert below == traits | {"classes.T.factor": 3.0}
+        # The order decides which random number a trait gets.
+        assert list(below) == [*traits, "classes.T.factor"]
+    assert values["calm.traits.length"] == 1.0
+
+
+@pytest.mark.parametrize("base", ["late", "nowhere", "hurried", "calm.traits.length"])
+def test_a_base_that_is_no_table_above_is_refused(toml: Toml, base: str):
+    text = TABLES_WITH_BASE.replace('base = "calm"', f'base = "{base}"')
+    with pytest.raises(KnowledgeError, match="as base a table above this one"):
+        load_toml(toml(text))
+
+
+def test_the_numbers_below_a_table_lack_sources_and_reasons(toml: Toml):
+    file = toml(WHOLE)
+    numbers = numbers_below(file, "a.b")
+    length = {"value": 4.4, "sigma": 0.2, "low": 4.4 - 0.4, "high": 4.4 + 0.4, "unit": "m"}
+    assert numbers["length"] == length
+    assert numbers["time"] == {"kind": "uniform", "low": 1.0, "high": 2.0, "unit": "s"}
+    assert numbers == numbers_below(toml(WHOLE.replace('"three"', '"four"')), "a.b")

@@ -56,14 +56,13 @@ CARLA_NAMES = [
 ]
 
 
-def study() -> list[WeatherPreset]:
-    return [preset for preset in weather_presets().values() if preset.in_pinto2023]
+def study_presets() -> dict[str, WeatherPreset]:
+    return {name: preset for name, preset in weather_presets().items() if preset.in_pinto2023}
 
 
 def test_the_eight_presets_of_the_study_come_first():
     assert list(weather_presets()) == list(CARLA_SOURCE)
-    assert [preset.name for preset in study()] == list(CARLA_SOURCE)[:8]
-    assert all(name == preset.name for name, preset in weather_presets().items())
+    assert list(study_presets()) == list(CARLA_SOURCE)[:8]
 
 
 @pytest.mark.parametrize("name", CARLA_SOURCE)
@@ -93,21 +92,21 @@ def test_what_hardly_varies_in_carlas_source_is_right_too(name: str):
 
 
 def test_rain_and_wind_are_as_correlated_as_published():
-    rain = [preset.precipitation_percent for preset in study()]
-    wind = [preset.wind_intensity_percent for preset in study()]
+    rain = [preset.precipitation_percent for preset in study_presets().values()]
+    wind = [preset.wind_intensity_percent for preset in study_presets().values()]
     assert spearmanr(rain, wind)[0] == pytest.approx(1.0, abs=1e-12)
     assert pearsonr(rain, wind)[0] == pytest.approx(0.998, abs=5e-4)
 
 
 def test_fog_and_night_are_as_correlated_as_published():
-    fog = [preset.fog_density_percent for preset in study()]
-    night = [preset.sun_altitude_deg < 0.0 for preset in study()]
+    fog = [preset.fog_density_percent for preset in study_presets().values()]
+    night = [preset.sun_altitude_deg < 0.0 for preset in study_presets().values()]
     assert spearmanr(fog, night)[0] == pytest.approx(0.91, abs=5e-3)
 
 
 def test_the_published_fog_of_legal_overtakes_leaves_one_mix_of_presets():
     # 29 runs of mean fog 3.90: how many of each fog value? One night would already be too many.
-    values = sorted({preset.fog_density_percent for preset in study()})
+    values = sorted({preset.fog_density_percent for preset in study_presets().values()})
     assert values == [2.0, 7.0, 60.0, 100.0]
     mixes = [
         (29 - b - c - d, b, c, d)
@@ -121,8 +120,8 @@ def test_the_published_fog_of_legal_overtakes_leaves_one_mix_of_presets():
 
 def test_the_one_published_row_is_a_mid_rainy_night():
     rows = [
-        preset.name
-        for preset in study()
+        name
+        for name, preset in study_presets().items()
         if preset.precipitation_percent == preset.fog_density_percent == 60.0
         and preset.wind_intensity_percent == 60.0
         and preset.sun_altitude_deg < 0.0
@@ -143,8 +142,8 @@ def test_every_preset_is_a_weather_that_carla_accepts():
 
 def test_a_name_tells_the_time_of_day():
     altitude = {"Noon": 45.0, "Sunset": 15.0, "Night": -90.0}
-    named = [preset for preset in weather_presets().values() if preset.name != "DustStorm"]
+    named = {name: preset for name, preset in weather_presets().items() if name != "DustStorm"}
     assert len(named) == 21
-    for preset in named:
-        suffix = next(word for word in altitude if preset.name.endswith(word))
+    for name, preset in named.items():
+        suffix = next(word for word in altitude if name.endswith(word))
         assert preset.sun_altitude_deg == altitude[suffix]
