@@ -30,7 +30,6 @@ BINDINGS = (
     "overtaking.show.video.encode",
     "overtaking.sim",
     "overtaking.simulators.carla_server.camera",
-    "overtaking.core.native",
 )
 REFERENCE = "overtaking.sim.reference"
 

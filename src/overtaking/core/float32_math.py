@@ -14,6 +14,11 @@ import numpy as np
 
 from overtaking.core.arrays import F32, F32Like
 
+ZERO = np.float32(0.0)
+ONE = np.float32(1.0)
+HALF = np.float32(0.5)
+TWO = np.float32(2.0)
+
 _LOG2_E = np.float32(1.442_695_04)
 _LN2_HIGH = np.float32(0.693_359_375)
 _LN2_LOW = np.float32(-2.121_944_4e-4)

@@ -38,6 +38,18 @@ _ITERATIONS = 8  # Newton's method doubles the digits; four steps reach a microm
 _MAX_PAIRS_IN_MEMORY = 1_000_000  # Distances that are held in memory at a time.
 
 
+class Points(NamedTuple):
+    """Points in the plane.
+
+    Attributes:
+        x: Shape (point,) [m].
+        y: Shape (point,) [m].
+    """
+
+    x: F64
+    y: F64
+
+
 class Pose(NamedTuple):
     """Points of a line; every array has the same shape.
 

@@ -1,4 +1,7 @@
-"""Model constants, the clock, effects that can be switched off."""
+"""Model constants, the clock, effects that can be switched off.
+
+The step reads `ModelConstants`; `engine_constants` hands the same numbers to the engine.
+"""
 # ruff: noqa: RUF009 - `_constant_field` and `_inverse_field` return fields.
 
 import dataclasses
@@ -9,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from overtaking import _core
+from overtaking.core.float32_math import HALF, ONE
 from overtaking.knowledge.friction import friction_table
 from overtaking.knowledge.toml_reader import constant
 
@@ -18,10 +21,12 @@ STEP_MS = 10
 
 SUBSTEPS = 5
 """Steps between two decisions."""
+
 STEPS_PER_SECOND = np.float32(1000 // STEP_MS)
 DECISIONS_PER_SECOND = np.float32(1000 // (STEP_MS * SUBSTEPS))
-_ONE = np.float32(1.0)
-_HALF = np.float32(0.5)
+
+_UNLIMITED = 1e6
+"""A range farther than any road is long [m]."""
 
 
 def _constant_field(path: str) -> Any:
@@ -30,28 +35,33 @@ def _constant_field(path: str) -> Any:
 
 
 def _inverse_field(path: str) -> Any:
-    """A field whose value is one over an entry: the step multiplies instead of dividing."""
-    return field(default_factory=lambda: _ONE / constant(path))
+    """A field whose value is one over an entry of the knowledge base.
+
+    The step multiplies by it instead of dividing.
+    """
+    return field(default_factory=lambda: ONE / constant(path))
 
 
-def _row(numbers: Iterable[float]) -> tuple[np.float32, ...]:
-    return tuple(np.float32(each) for each in numbers)
+def _to_float32(numbers: Iterable[float]) -> tuple[np.float32, ...]:
+    """Numbers of a table's row, each rounded once."""
+    return tuple(np.float32(number) for number in numbers)
 
 
-def _table(rows: Iterable[Iterable[float]]) -> tuple[tuple[np.float32, ...], ...]:
-    return tuple(_row(row) for row in rows)
+def _table_to_float32(rows: Iterable[Iterable[float]]) -> tuple[tuple[np.float32, ...], ...]:
+    """Numbers of a table, each rounded once."""
+    return tuple(_to_float32(row) for row in rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelConstants:
-    """Every constant of the step, as the model was published; SI unless the name says otherwise.
+    """Constants of the step, as the model was published; in SI units unless the name says another.
 
-    `knowledge/data/model.toml`, `weather.toml` and `friction.toml` have meaning, unit and source of
-    each. The engine has a field of the same name, see `crates/fields.py`.
+    `knowledge/data/model.toml`, `weather.toml` and `friction.toml` state meaning, unit and source
+    of each. The engine has a field of the same name, see `crates/fields.py`.
 
     Attributes:
         friction_new: Peak friction of a new tyre at (speed, film) knots, shape (3, 4).
-        friction_worn: The same for a worn one.
+        friction_worn: Peak friction of a worn tyre at the same knots, shape (3, 4).
         friction_speeds: Speed knots [m/s].
         friction_films: Film knots [mm].
     """
@@ -189,31 +199,38 @@ class ModelConstants:
     beside_margin: np.float32 = _constant_field("model.oncoming.beside_margin")
     gravity: np.float32 = _constant_field("model.nature.gravity")
     half_air_density: np.float32 = field(
-        default_factory=lambda: _HALF * constant("model.nature.air_density")
+        default_factory=lambda: HALF * constant("model.nature.air_density")
     )
     friction_new: tuple[tuple[np.float32, ...], ...] = field(
-        default_factory=lambda: _table(friction_table().new)
+        default_factory=lambda: _table_to_float32(friction_table().new)
     )
     friction_worn: tuple[tuple[np.float32, ...], ...] = field(
-        default_factory=lambda: _table(friction_table().worn)
+        default_factory=lambda: _table_to_float32(friction_table().worn)
     )
     friction_speeds: tuple[np.float32, ...] = field(
-        default_factory=lambda: _row(friction_table().speeds)
+        default_factory=lambda: _to_float32(friction_table().speeds)
     )
     friction_films: tuple[np.float32, ...] = field(
-        default_factory=lambda: _row(friction_table().films_mm)
+        default_factory=lambda: _to_float32(friction_table().films_mm)
     )
 
     def replace(self, **changes: float) -> "ModelConstants":
-        """A copy with some numbers changed, for ablations; unknown names raise TypeError."""
+        """Copy the constants with some numbers changed, for ablations.
+
+        Args:
+            changes: New values by name, rounded to float32.
+
+        Raises:
+            TypeError: A name is not a constant.
+        """
         numbers: dict[str, Any] = {name: np.float32(value) for name, value in changes.items()}
         return dataclasses.replace(self, **numbers)
 
 
 CONSTANT_NAMES = tuple(
-    one.name for one in dataclasses.fields(ModelConstants) if one.type is np.float32
+    entry.name for entry in dataclasses.fields(ModelConstants) if entry.type is np.float32
 )
-"""The names of the single numbers."""
+"""Names of the constants that are single numbers, in the order in which the engine takes them."""
 
 
 @cache
@@ -222,18 +239,14 @@ def model_constants() -> ModelConstants:
     return ModelConstants()
 
 
-_UNLIMITED = 1e6
-"""A range farther than any road is long [m]."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnabledEffects:
-    """Which effects of the world are switched on; all of them, except in ablations.
+    """Switches of physical and perceptual effects; all effects are on, except in ablations.
 
     Attributes:
-        film: Water on the road.
+        film: The film of water and the puddles on the road.
         gusts: Turbulence, and the gusts of bridges and cuttings.
-        wake: The lee of high-sided vehicles.
+        wake: The shelter from wind beside high-sided vehicles.
         range: Limits of sight by fog, rain, darkness and distance.
         delay: Reaction times and times of detection.
         distance_error: Misjudged distances.
@@ -253,8 +266,16 @@ class EnabledEffects:
     mobil: bool = True
 
 
-def without_disabled_effects(c: ModelConstants, effects: EnabledEffects) -> ModelConstants:
-    """The constants without the effects that are switched off."""
+def without_disabled_effects(constants: ModelConstants, effects: EnabledEffects) -> ModelConstants:
+    """Constants with which the disabled effects do nothing.
+
+    Only effects that a constant can switch off are treated here. The others change the parameters
+    of vehicles and simulations, see `world.step_parameters`.
+
+    Args:
+        constants: Constants of the model.
+        effects: The effects that are enabled.
+    """
     changes: dict[str, float] = {}
     if not effects.gusts:
         changes["turbulence_intensity"] = 0.0
@@ -266,15 +287,19 @@ def without_disabled_effects(c: ModelConstants, effects: EnabledEffects) -> Mode
         changes["detection_growth"] = 0.0
     if not effects.range:
         changes |= {"sight_range": _UNLIMITED, "mirror_range": _UNLIMITED}
-    return c.replace(**changes) if changes else c
+    return constants.replace(**changes) if changes else constants
 
 
-def engine_constants(c: ModelConstants) -> dict[str, Any]:
-    """The constants as the compiled engine takes them."""
+def engine_constants(constants: ModelConstants) -> dict[str, Any]:
+    """Constants in the form that the compiled engine takes.
+
+    Returns:
+        `values`, the single numbers in the order of `CONSTANT_NAMES`, and the tables of friction.
+    """
     return {
-        "values": [float(getattr(c, name)) for name in _core.constant_fields()],
-        "friction_new": [[float(x) for x in row] for row in c.friction_new],
-        "friction_worn": [[float(x) for x in row] for row in c.friction_worn],
-        "friction_speeds": [float(x) for x in c.friction_speeds],
-        "friction_films": [float(x) for x in c.friction_films],
+        "values": [float(getattr(constants, name)) for name in CONSTANT_NAMES],
+        "friction_new": [[float(friction) for friction in row] for row in constants.friction_new],
+        "friction_worn": [[float(friction) for friction in row] for row in constants.friction_worn],
+        "friction_speeds": [float(speed) for speed in constants.friction_speeds],
+        "friction_films": [float(film) for film in constants.friction_films],
     }

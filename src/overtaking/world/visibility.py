@@ -1,11 +1,25 @@
-"""Sight distances: extinction, contrast, lamps, glare."""
+"""Extinction of air, contrast, lamps and glare: how far an object is visible.
+
+Ranges follow the laws of Koschmieder (objects by daylight) and of Allard (lamps).
+"""
 
 from functools import cache
 
 import numpy as np
 
 from overtaking.core.arrays import F32, F32Like, Mask
-from overtaking.core.float32_math import as_f32, exp, log, maximum, minimum, power, sincos
+from overtaking.core.float32_math import (
+    ONE,
+    TWO,
+    ZERO,
+    as_f32,
+    exp,
+    log,
+    maximum,
+    minimum,
+    power,
+    sincos,
+)
 from overtaking.core.units import deg_from_rad
 from overtaking.knowledge.toml_reader import constant
 from overtaking.world.road_surface import PERCENT
@@ -13,12 +27,18 @@ from overtaking.world.road_surface import PERCENT
 MIN_EXTINCTION = np.float32(1e-7)
 """Keeps ranges finite in perfectly clear air [1/m]."""
 
+MIN_ILLUMINANCE = np.float32(1e-12)
+"""Keeps the range of lamps finite where light has no limit [lx]."""
+
 _NEWTON_STEPS = 8
-"""More than convergence to the last bit takes, for any lamp and any fog."""
+"""Enough for convergence to the last bit for any lamp in any fog."""
+
+_MIN_LAMP_RANGE = np.float32(0.5)
+"""Newton's method stays above this distance, where its logarithm is finite [m]."""
 
 
 def meteorological_range(fog: F32) -> F32:
-    """Meteorological optical range of CARLA's fog density [m].
+    """Meteorological optical range at CARLA's fog density [m].
 
     Args:
         fog: 0 to 100 [%], any shape.
@@ -34,30 +54,46 @@ def _log_range_ratio() -> F32:
 
 
 def fog_extinction(fog: F32) -> F32:
-    """Extinction coefficient of CARLA's fog density [1/m]."""
+    """Extinction coefficient at CARLA's fog density [1/m].
+
+    Args:
+        fog: 0 to 100 [%], any shape.
+    """
     return extinction_of_range(meteorological_range(fog))
 
 
 def extinction_of_range(optical_range: F32Like) -> F32:
-    """Extinction coefficient of air with a meteorological optical range [1/m] (Koschmieder)."""
+    """Extinction coefficient of air [1/m].
+
+    Args:
+        optical_range: Its meteorological optical range [m].
+
+    Source:
+        Koschmieder's law: the range is the distance at which a set share of contrast is left.
+    """
     return constant("weather.fog.transmission_depth") / as_f32(optical_range)
 
 
 def rain_extinction(rain_rate: F32) -> F32:
-    """Extinction coefficient of falling rain at rest [1/m] (Marshall and Palmer)."""
+    """Extinction coefficient of falling rain, to an observer at rest [1/m].
+
+    Args:
+        rain_rate: Any shape [mm/h].
+
+    Source:
+        Marshall and Palmer (1948), distribution of raindrops with size.
+    """
     scaled = power(np.asarray(rain_rate, np.float32), constant("weather.rain_sight.exponent"))
-    return np.where(
-        rain_rate > 0, constant("weather.rain_sight.coefficient") * scaled, np.float32(0.0)
-    )
+    return np.where(rain_rate > 0, constant("weather.rain_sight.coefficient") * scaled, ZERO)
 
 
 def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
-    """Share of contrast left when looking within `angle` of a low sun, 1 without glare.
+    """Share of contrast that glare of a low sun leaves, 1 without glare.
 
     Args:
-        sun_altitude: [rad].
+        sun_altitude: Angle of the sun above the horizon [rad].
         angle: Horizontal angle between line of sight and sun, 0 to pi [rad].
-        cloudiness: [%].
+        cloudiness: CARLA's cloudiness, 0 to 100 [%].
 
     Source:
         Veiling luminance of Stiles and Holladay.
@@ -67,53 +103,65 @@ def glare_factor(sun_altitude: F32, angle: F32, cloudiness: F32) -> F32:
     theta = maximum(theta, constant("weather.glare.min_angle_deg"))
     veil = constant("weather.glare.coefficient") * sun_illuminance(sun_altitude) / (theta * theta)
     luminance = constant("weather.glare.road_luminance")
-    low = (sun_altitude >= constant("weather.glare.min_sun_altitude")) & (
+    is_low = (sun_altitude >= constant("weather.glare.min_sun_altitude")) & (
         sun_altitude <= constant("weather.glare.max_sun_altitude")
     )
-    dazzled = (
-        low
+    is_dazzled = (
+        is_low
         & (angle < constant("weather.glare.half_width"))
         & (cloudiness < constant("weather.glare.max_cloud_percent"))
     )
-    return np.where(dazzled, luminance / (luminance + veil), np.float32(1.0))
+    return np.where(is_dazzled, luminance / (luminance + veil), ONE)
 
 
 def sun_illuminance(altitude: F32) -> F32:
     """Illuminance of the sun in clear air on a plane that faces it [lx].
 
     Args:
-        altitude: Of the sun; below the horizon as at it [rad].
+        altitude: Angle above the horizon; a sun below the horizon counts as at it [rad].
 
     Source:
         Kasten and Young 1989 (relative optical air mass); IES RP-21 (extinction of clear air).
     """
-    degrees = maximum(altitude, np.float32(0.0)) * np.float32(deg_from_rad(1.0))
-    sine, _ = sincos(maximum(altitude, np.float32(0.0)))
+    degrees = maximum(altitude, ZERO) * np.float32(deg_from_rad(1.0))
+    sine, _ = sincos(maximum(altitude, ZERO))
     offset, exponent = (
         constant("weather.sunlight.mass_offset_deg"),
         constant("weather.sunlight.exponent"),
     )
     haze = constant("weather.sunlight.mass_factor") * power(degrees + offset, -exponent)
-    air_mass = np.float32(1.0) / (sine + haze)
-    outside = constant("weather.sunlight.outside")
-    return outside * exp(-constant("weather.sunlight.extinction") * air_mass)
+    air_mass = ONE / (sine + haze)
+    above_air = constant("weather.sunlight.outside")
+    return above_air * exp(-constant("weather.sunlight.extinction") * air_mass)
 
 
 def contrast_threshold(night: Mask, dusk: Mask, rain_rate: F32) -> F32:
-    """Smallest contrast that is seen through a wet windscreen [1]."""
+    """Smallest contrast that a driver detects through a wet windscreen [1].
+
+    Args:
+        night: Whether it is night, any shape.
+        dusk: Whether it is dusk.
+        rain_rate: [mm/h].
+    """
     dark = np.where(
         dusk,
         constant("weather.contrast.threshold_dusk"),
         constant("weather.contrast.threshold_day"),
     )
     threshold = np.where(night, constant("weather.contrast.threshold_night"), dark)
-    return threshold * (
-        np.float32(1.0) + rain_rate / constant("weather.rain_sight.screen_rate_mmph")
-    )
+    return threshold * (ONE + rain_rate / constant("weather.rain_sight.screen_rate_mmph"))
 
 
 def lamp_threshold(night: Mask, dusk: Mask) -> F32:
-    """Smallest illuminance at the eye at which a lamp is seen [lx] (Allard)."""
+    """Smallest illuminance at the eye at which a driver detects a lamp [lx].
+
+    Args:
+        night: Whether it is night, any shape.
+        dusk: Whether it is dusk.
+
+    Source:
+        Allard's law.
+    """
     dark = np.where(
         dusk, constant("weather.lamps.threshold_dusk"), constant("weather.lamps.threshold_day")
     )
@@ -121,22 +169,38 @@ def lamp_threshold(night: Mask, dusk: Mask) -> F32:
 
 
 def lamp_range(extinction: F32, intensity: F32, threshold: F32) -> F32:
-    """Distance at which a lamp of `intensity` [cd] falls to `threshold` [lx] [m] (Allard).
+    """Distance at which the illuminance of a lamp falls to a threshold [m].
 
-    Solves I exp(-beta r) / r^2 = E for r by Newton's method on its logarithm.
+    Args:
+        extinction: Extinction coefficient of the air, any shape [1/m].
+        intensity: Luminous intensity of the lamp [cd].
+        threshold: Illuminance at the eye, positive [lx].
+
+    Source:
+        Allard's law, I exp(-beta r) / r^2 = E, solved for r by Newton's method on its logarithm.
     """
     target = log(intensity / threshold)
     clear = np.sqrt(intensity / threshold)
-    # No lamp is seen farther than in clear air, nor through more than a few optical depths.
+    # The start of the iteration: the range in clear air, or four optical depths if that is less.
+    # The bound of the extinction keeps the quotient finite in clear air.
     r = minimum(clear, np.float32(4.0) / maximum(extinction, np.float32(1e-6)))
     for _ in range(_NEWTON_STEPS):
-        excess = np.float32(2.0) * log(r) + extinction * r - target
-        r = r - r * excess / (np.float32(2.0) + extinction * r)
-        r = maximum(r, np.float32(0.5))
+        excess = TWO * log(r) + extinction * r - target
+        r = r - r * excess / (TWO + extinction * r)
+        r = maximum(r, _MIN_LAMP_RANGE)
     return r
 
 
 def contrast_range(extinction: F32, contrast: F32, threshold: F32) -> F32:
-    """Distance at which `contrast` falls to `threshold` [m] (Koschmieder)."""
-    depth = maximum(log(contrast / threshold), np.float32(0.0))
+    """Distance at which a contrast falls to a threshold [m].
+
+    Args:
+        extinction: Extinction coefficient of the air, any shape [1/m].
+        contrast: Contrast of the object beside its background, from near [1].
+        threshold: Smallest contrast that is detected [1].
+
+    Source:
+        Koschmieder's law.
+    """
+    depth = maximum(log(contrast / threshold), ZERO)
     return depth / maximum(extinction, MIN_EXTINCTION)
