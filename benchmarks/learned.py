@@ -47,10 +47,10 @@ def columns(runs: ot.Trajectories, stay: ot.Trajectories) -> Columns:
     seconds = 1e-3 * last * runs.scenario.frame_interval_ms
     gained = (runs.states.s[rows, 0, last] - end) * seconds / np.maximum(end - begin, 1.0)
     found = {
-        "attempted": events.attempted,
-        "completed": events.completed,
-        "collision": events.attempted & (events.collision != NEVER),
-        "lost": events.attempted & events.lost,
+        "attempted": events.has_attempt,
+        "completed": events.is_completed,
+        "collision": events.has_attempt & (events.collision != NEVER),
+        "lost": events.has_attempt & events.lost_control,
         "legal": labels.is_legal[:, labels.policies.index("default")],
         "gained": gained,
     }

@@ -205,8 +205,8 @@ def main() -> None:
     scenes = ot.sample(given.profiles[0], 100, seed=1)
     runs = ot.drive(scenes, Learned(given.out), observe="truth", action="decision", hold=HOLD)
     labels = ot.label(runs)
-    print(f"100 scenes: {labels.events.attempted.sum()} overtakes begun", end=", ")
-    print(f"{labels.events.completed.sum()} completed", end=", ")
+    print(f"100 scenes: {labels.events.has_attempt.sum()} overtakes begun", end=", ")
+    print(f"{labels.events.is_completed.sum()} completed", end=", ")
     print(f"{np.count_nonzero(labels.events.collision >= 0)} collisions")
 
 

@@ -20,7 +20,7 @@ ENTRIES = json.loads(PINNED.read_text(encoding="utf-8"))
 
 def simulated(entry):
     road = load_road(entry["road"])
-    road = road.mirrored() if entry["mirrored"] else road
+    road = road.mirror() if entry["mirrored"] else road
     index = np.array([entry["index"]], np.uint64)
     return engine.simulate(
         sample(load_specification(entry["profile"], entry["overrides"]), road, entry["seed"], index)

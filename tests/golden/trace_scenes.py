@@ -99,7 +99,7 @@ class Scene:
     def run(self, index: NDArray[np.uint64]) -> Trajectories:
         """The simulations of these numbers."""
         road = load_road(self.road)
-        road = road.mirrored() if self.mirrored else road
+        road = road.mirror() if self.mirrored else road
         return engine.simulate(
             sample(load_specification(self.profile, self.overrides), road, self.seed, index)
         )

@@ -60,7 +60,7 @@ def test_every_road_has_no_issue(tmp_path: Path):
         turned["course"] = None  # Lines and sight of the other way go with its lane.
         for kind, one in {
             "": road,
-            "-left": road.mirrored(),
+            "-left": road.mirror(),
             "-turned": dataclasses.replace(road, **turned),
             "-short": dataclasses.replace(road, length=12.0, course=None),
         }.items():
@@ -77,7 +77,7 @@ def test_roads_with_several_limits_have_no_issue(tmp_path: Path):
     against = SpeedLimitSpan(start=400.0, stop=5000.0, speed=15.0, direction=-1)
     for name, limits in (("town06", lower), ("rural", lower[:1]), ("rural", (*lower[1:], against))):
         road = dataclasses.replace(known_road(name), course=RoadCourse(limits=limits))
-        for kind, one in (("", road), ("-left", road.mirrored())):
+        for kind, one in (("", road), ("-left", road.mirror())):
             text = write_opendrive(one)
             (tmp_path / f"{name}{len(limits)}{kind}.xodr").write_text(text, encoding="utf-8")
     said = issues(tmp_path)
@@ -95,7 +95,7 @@ def test_roads_and_scenarios_with_two_directions_bends_and_slopes_have_no_issue(
     rural = known_road("rural")
     for kind, one in {
         "winding": on(rural, *BENDS, grade=HILLS),
-        "left": on(rural, *BENDS, grade=HILLS).mirrored(),
+        "left": on(rural, *BENDS, grade=HILLS).mirror(),
         "one-way": on(known_road("town06"), *BENDS),
     }.items():
         (tmp_path / f"{kind}.xodr").write_text(write_opendrive(one), encoding="utf-8")

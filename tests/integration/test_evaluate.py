@@ -46,7 +46,7 @@ def test_rates_are_those_of_the_labels():
     scenes = ot.sample("pinto2023-physical", 40, 3, overrides=SHORT)
     labelled = ot.label(ot.simulate(scenes))
     assert found.counts["human"]["collision"] == (labelled.events.collision >= 0).sum()
-    assert found.counts["human"]["attempted"] == labelled.events.attempted.sum()
+    assert found.counts["human"]["attempted"] == labelled.events.has_attempt.sum()
     legal = labelled.labels.is_legal[:, labelled.labels.policies.index("default")]
     assert found.rate("human", "legal").value == pytest.approx(legal.mean())
     assert found.rate("stay", "gained").value == 0.0
@@ -205,8 +205,8 @@ def test_the_network_of_the_examples_overtakes_and_signals_before(repository: Pa
     scenes = ot.sample("pinto2023-physical", 60, 11)
     runs = ot.drive(scenes, driver.policy, observe="truth", action="decision", hold=20)
     events = ot.label(runs).events
-    assert events.attempted.sum() > 30
-    assert events.completed.sum() > 10
+    assert events.has_attempt.sum() > 30
+    assert events.is_completed.sum() > 10
     assert runs.actions
     moves = runs.actions.values[:, :, 0]
     for one, first in zip(*np.nonzero(moves == ot.Move.PULL_OUT), strict=True):

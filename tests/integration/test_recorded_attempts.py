@@ -49,7 +49,7 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
     beyond = road.fast_side_neighbour
     lanes = road.num_lanes - (0 if beyond is not None and beyond.kind == "driving" else 1)
     kinds = {"crossing": 0, "return": 0}
-    for number in np.flatnonzero(events.attempted):
+    for number in np.flatnonzero(events.has_attempt):
         across, corner, cosine = raw(found, int(number))
         begin, back = int(events.attempt[number]), int(events.back[number])
         lane = int(events.original_lane[number])

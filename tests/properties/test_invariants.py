@@ -29,7 +29,7 @@ from overtaking.world.step_parameters import VEHICLE_FIELDS, Parameters, paramet
 if TYPE_CHECKING:
     from overtaking.model.scenario import Scenario
 
-ROAD = known_road("town06").extended(3_000.0)
+ROAD = known_road("town06").extend_to(3_000.0)
 STATE_NAMES = [field.name for field in dataclasses.fields(States)]
 
 seeds = st.integers(0, 2**64 - 1)
@@ -119,7 +119,7 @@ def mirrored(world: Scenario) -> Scenario:
     """Left and right swapped: the road, the wind and the sun."""
     weather = world.weather
     return world.replace(
-        road=world.road.mirrored(),
+        road=world.road.mirror(),
         weather=weather.replace(
             wind_direction=-weather.wind_direction, sun_azimuth=-weather.sun_azimuth
         ),

@@ -68,7 +68,7 @@ def mirrored(run: Trajectories) -> Trajectories:
     left, right = states.lights & Lights.INDICATOR_LEFT, states.lights & Lights.INDICATOR_RIGHT
     rest = states.lights & np.uint8(0xFF ^ (Lights.INDICATOR_LEFT | Lights.INDICATOR_RIGHT))
     lights = (rest | (left << 1) | (right >> 1)).astype(np.uint8)
-    world = scenario.replace(road=scenario.road.mirrored(), weather=weather)
+    world = scenario.replace(road=scenario.road.mirror(), weather=weather)
     return states_with(run.replace(scenario=world), lights=lights, **flipped)
 
 
@@ -178,7 +178,7 @@ def test_breaches_lie_within_the_recording_and_have_negative_margins():
 
 def test_phases_of_completed_overtakes_are_in_order():
     events = labelled().events
-    done = events.completed
+    done = events.is_completed
     assert done.sum() > 50
     names = ("attempt", "overlap_begin", "overlap_end", "return_end")
     frames = [getattr(events, name)[done] for name in names]

@@ -98,7 +98,7 @@ class Situation:
             road = on(extend_road(plan, road), *BENDS, grade=HILLS)
             # Not even the line between two directions is the reference line.
             road = dataclasses.replace(road, edge_d=road.edge_d + 0.7)
-        road = road.mirrored() if self.mirrored else road
+        road = road.mirror() if self.mirrored else road
         if self.heading is not None:
             road = dataclasses.replace(road, heading=self.heading)
         rest = np.uint64(self.first) + np.arange(count, dtype=np.uint64)

@@ -39,7 +39,7 @@ GRAVITY, AIR_DENSITY, USABLE_POWER = 9.81, 1.2, 0.9
 @cache
 def wide() -> Road:
     """A straight road of five lanes."""
-    return known_road("town06").extended(6000.0)
+    return known_road("town06").extend_to(6000.0)
 
 
 def lone(road: Road, *, seconds: float = 20.0, kind: str = "M", **changes: float) -> Trajectories:
@@ -82,12 +82,12 @@ def test_left_and_right_are_the_same():
         wind_direction=-batch.weather.wind_direction, sun_azimuth=-batch.weather.sun_azimuth
     )
     one = engine.simulate(batch)
-    other = engine.simulate(batch.replace(road=batch.road.mirrored(), weather=weather))
+    other = engine.simulate(batch.replace(road=batch.road.mirror(), weather=weather))
     for name in ("s", "x", "speed"):
         np.testing.assert_array_equal(getattr(one.states, name), getattr(other.states, name))
     for name in ("d", "y", "yaw_rate", "heading"):
         np.testing.assert_array_equal(getattr(one.states, name), -getattr(other.states, name))
-    assert batch.road.mirrored().mirrored() == batch.road
+    assert batch.road.mirror().mirror() == batch.road
 
 
 @pytest.mark.parametrize("radius", [150.0, 400.0, 1500.0])

@@ -26,7 +26,7 @@ def given_for(count: int, weather: str) -> Parameters:
     names = sorted(carla_vehicles())
     bodies = [body_of(names[7 * k % len(names)]) for k in range(count)]
     fields = tuple(weather_presets()[weather].carla_fields().values())
-    road = known_road("town06").extended(3000.0)
+    road = known_road("town06").extend_to(3000.0)
     scene = scenario_of(road, bodies, fields, Nature(5, simulation=3, wind_direction=1.1))
     given = parameters(scene)
     c = given.constants.replace(step=TICK / STEPS, decision=TICK)

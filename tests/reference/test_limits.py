@@ -146,7 +146,7 @@ def on_limits(profile: str, count: int, **changes: Any) -> Scenario:
     plan = load_specification(profile, changes)
     length = sample(plan, known_road(plan.road), 5, np.arange(1)).road.length
     starts = np.linspace(0.0, length - 300.0, 16)
-    road = dataclasses.replace(known_road(plan.road).extended(length))
+    road = dataclasses.replace(known_road(plan.road).extend_to(length))
     both = (
         SpeedLimitSpan(start=float(s), stop=float(s) + 300.0, speed=LOW, direction=0)
         for s in starts
@@ -161,7 +161,7 @@ def test_left_and_right_are_the_same():
         wind_direction=-batch.weather.wind_direction, sun_azimuth=-batch.weather.sun_azimuth
     )
     left = engine.simulate(batch)
-    right = engine.simulate(batch.replace(road=batch.road.mirrored(), weather=weather))
+    right = engine.simulate(batch.replace(road=batch.road.mirror(), weather=weather))
     np.testing.assert_array_equal(left.states.s, right.states.s)
     np.testing.assert_array_equal(left.states.d, -right.states.d)
 

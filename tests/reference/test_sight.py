@@ -31,7 +31,7 @@ CLEARANCE, CAR, TRUCK = 5.0, 1.08, 2.4
 @cache
 def two_way() -> Road:
     """A straight road of two lanes without a course."""
-    return dataclasses.replace(known_road("rural").extended(LENGTH), course=None)
+    return dataclasses.replace(known_road("rural").extend_to(LENGTH), course=None)
 
 
 def bent(*parts: tuple[float, float, float], **course) -> Road:

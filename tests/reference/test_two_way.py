@@ -34,7 +34,7 @@ COMES = {"desired_speed": 25.0}
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_both_engines_record_the_same_bits_by_hand(mirrored):
     on = road(is_open=False)
-    on = on.mirrored() if mirrored else on
+    on = on.mirror() if mirrored else on
     world = scenario(*SCENES, road=on, horizon=12.0, num_slots=5)
     given = parameters(world)
     expected = reference.run(world, given)
@@ -91,7 +91,7 @@ def turned(road: Road) -> Road:
 
     lines = tuple(
         dataclasses.replace(
-            one, start=length - one.stop, stop=length - one.start, mark=one.mark.reversed
+            one, start=length - one.stop, stop=length - one.start, mark=one.mark.reverse
         )
         for one in reversed(course.lines)
     )

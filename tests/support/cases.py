@@ -146,7 +146,7 @@ def two_way_road(mark: RoadMark = RoadMark.BROKEN) -> Road:
         lane_id=1,
         width=3.5,
         direction=-1,
-        right_mark=mark.reversed,
+        right_mark=mark.reverse,
         left_mark=RoadMark.SOLID,
     )
     return dataclasses.replace(

@@ -89,7 +89,7 @@ def mixed_road(near: RoadMark) -> Road:
     slow, fast = road.lanes[:2]
     lanes = (
         dataclasses.replace(slow, left_mark=near),
-        dataclasses.replace(fast, right_mark=near.reversed, left_mark=RoadMark.SOLID),
+        dataclasses.replace(fast, right_mark=near.reverse, left_mark=RoadMark.SOLID),
     )
     return dataclasses.replace(road, lanes=lanes)
 

@@ -27,7 +27,7 @@ KEEN = {
 @cache
 def road(*, is_open: bool = True) -> Road:
     """The rural road; an open one does not limit sight, and its line is broken."""
-    rural = known_road("rural").extended(8000.0)
+    rural = known_road("rural").extend_to(8000.0)
     return dataclasses.replace(rural, course=None) if is_open else rural
 
 

@@ -116,7 +116,7 @@ def scenario(
     }
     return Scenario(
         profile="by hand",
-        road=road or known_road("town06").extended(10_000.0),
+        road=road or known_road("town06").extend_to(10_000.0),
         seed=seed,
         frame_interval_ms=frame_interval_ms,
         index=np.array(index if index is not None else range(batch), np.uint64),

@@ -6,8 +6,8 @@ from overtaking.model.weather import (
     clear,
     dry,
     still,
-    undazzled,
     without,
+    without_glare,
 )
 
 __all__ = [
@@ -16,6 +16,6 @@ __all__ = [
     "clear",
     "dry",
     "still",
-    "undazzled",
     "without",
+    "without_glare",
 ]

@@ -129,8 +129,8 @@ def outcome(events: OvertakeEvents) -> U8:
     recordings of this package end three seconds after the overtake, and what happens until then
     belongs to it.
     """
-    ended = np.where(events.completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
-    tried = np.where(events.attempted, ended, Outcome.NO_ATTEMPT)
+    ended = np.where(events.is_completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
+    tried = np.where(events.has_attempt, ended, Outcome.NO_ATTEMPT)
     return np.where(events.collision != NEVER, Outcome.COLLISION, tried).astype(np.uint8)
 
 
@@ -148,11 +148,11 @@ def detail(events: OvertakeEvents, frame_interval_ms: int) -> U8:
     frames = float(constant("event_detection.phases.stay_time")) * 1000.0 / frame_interval_ms
     stayed = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
     cases = [
-        (collided & ~events.attempted, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
+        (collided & ~events.has_attempt, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
         (collided & events.struck, OutcomeDetail.STRUCK_BY_OTHER),
         (collided, OutcomeDetail.RAN_INTO_OTHER),
-        (events.lost & spun_first, OutcomeDetail.SPUN),
-        (events.lost, OutcomeDetail.DEPARTED),
+        (events.lost_control & spun_first, OutcomeDetail.SPUN),
+        (events.lost_control, OutcomeDetail.DEPARTED),
         (how == Outcome.COMPLETED, OutcomeDetail.NONE),
         (how == Outcome.NO_ATTEMPT, OutcomeDetail.NONE),
         (back & (events.line_crossed == NEVER), OutcomeDetail.ABORTED_BEFORE_CROSSING),

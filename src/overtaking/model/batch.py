@@ -148,7 +148,7 @@ class BatchField:
 def batch_fields(cls: type) -> Mapping[str, BatchField]:
     """The declared fields of a dataclass by name, in their order.
 
-    Fields without a part in comparisons (`compare=False`) are remarks, not declared fields.
+    Fields that comparisons leave out (`compare=False`) are remarks, not declared fields.
 
     Raises:
         TypeError: A field is an array without a dtype.
@@ -215,53 +215,53 @@ def _metadata(annotation: Any) -> Iterator[object]:
 
 @dataclass(frozen=True, slots=True)
 class Constraint:
-    """What the fields of a batch must fulfil together.
+    """A condition that several fields of a batch must fulfil together.
 
     Attributes:
-        field: Name of the field that is at fault.
-        expected: What it should be, for people.
-        broken: Where it is not, along the first axes of the batch.
-        got: Values of the field, a shape that begins like that of `broken`.
+        field: Name of the field that an error message names.
+        expected: The expected values, in words.
+        broken: Mask of the values that break the condition, along the first axes of the batch.
+        values: Values of the field; its shape begins with the shape of `broken`.
     """
 
     field: str
     expected: str
     broken: Mask
-    got: NDArray[Any]
+    values: NDArray[Any]
 
 
 class Batch(CompactRepr, ContentEquality):
     """Base of the frozen dataclasses whose array fields all lead with the `simulation` axis.
 
-    A field may also be another batch, or a tuple of them. What comes from outside is checked by
-    `model.checks`, with `AXES`, `axis_lengths` and `constraints`.
+    A field may also be another batch, or a tuple of batches. `model.checks` checks batches of
+    users against `AXES`, `axis_lengths` and `constraints`.
     """
 
     __slots__ = ()
 
     IS_INTERNAL: ClassVar[bool] = False
-    """Whether only this package makes it, from checked values."""
+    """Whether only this package creates it, from checked values, so that it needs no check."""
 
     AXES: ClassVar[tuple[str | int, ...]] = ("simulation",)
-    """Axes of the fields that do not name their own."""
+    """Axes of the fields whose `FieldSpec` names none."""
 
     @property
     def nbytes(self) -> int:
-        """Bytes that its arrays take."""
+        """Size of its arrays, and of the arrays of nested batches [bytes]."""
         values = [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]
-        return sum(one.nbytes for one in values if isinstance(one, np.ndarray | Batch))
+        return sum(value.nbytes for value in values if isinstance(value, np.ndarray | Batch))
 
     def axis_lengths(self) -> Mapping[str, int]:
-        """Lengths of axes that no array of the batch has."""
+        """Lengths of axes that ranges refer to and no array of the batch has, by name."""
         return {}
 
     def constraints(self) -> Iterable[Constraint]:
-        """What its fields must fulfil together."""
+        """Conditions that its fields must fulfil together."""
         return ()
 
-    def equals(self, other: object) -> bool:
+    def equals(self, batch: object) -> bool:
         """Whether another batch has the same class and the same content; NaN equals NaN."""
-        return is_same_content(self, other)
+        return is_same_content(self, batch)
 
     def select(self, simulations: NDArray[np.integer] | NDArray[np.bool_] | slice) -> Self:
         """The same batch, restricted to some simulations.
@@ -270,11 +270,11 @@ class Batch(CompactRepr, ContentEquality):
             simulations: Indices, a mask or a slice.
 
         Raises:
-            NoSuchSimulationError: They are something else, or there is no such simulation.
+            NoSuchSimulationError: The argument is of another type, or an index is out of range.
         """
         try:
             if isinstance(simulations, slice) or np.ndim(simulations) == 1:
-                return self._selected(simulations)
+                return self._select(simulations)
             problem: object = f"{simulations!r}"
         except (IndexError, TypeError, ValueError) as error:
             problem = error
@@ -286,7 +286,7 @@ class Batch(CompactRepr, ContentEquality):
             next_step="choose among the simulations of the batch",
         )
 
-    def _selected(self, simulations: Any) -> Self:
+    def _select(self, simulations: Any) -> Self:
         changes = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
@@ -295,7 +295,7 @@ class Batch(CompactRepr, ContentEquality):
             elif isinstance(value, Batch):
                 changes[field.name] = value.select(simulations)
             elif _are_batches(value):
-                changes[field.name] = tuple(one.select(simulations) for one in value)
+                changes[field.name] = tuple(part.select(simulations) for part in value)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
     def replace(self, **changes: Any) -> Self:
@@ -304,16 +304,16 @@ class Batch(CompactRepr, ContentEquality):
         Raises:
             ConfigError: There is no such field.
         """
-        known = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        field_names = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
         for name in changes:
-            if name not in known:
+            if name not in field_names:
                 where = f"{type(self).__name__}.replace"
-                raise ConfigError.unknown_choice("field", where, known, name)
+                raise ConfigError.unknown_choice("field", where, field_names, name)
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
 
 class IdentityBatch(Batch):
-    """A batch that equals no other object, so that results can be stored by it (`model.batch`).
+    """A batch that equals no other object, so that `cached_per_batch` can store results by it.
 
     `equals` compares the content.
     """
@@ -331,26 +331,27 @@ class Delayed(Batch):
 
     @classmethod
     def partly(cls, later: Mapping[str, Callable[[], Mapping[str, Any]]], **known: Any) -> Self:
-        """A batch that knows some of its fields.
+        """A batch with the values of some fields, and functions that compute the others.
 
         Args:
-            later: For each other field a function that works it out, perhaps with others.
-            **known: Fields by name.
+            later: For each other field a function that returns its value, and perhaps the values of
+                more fields, by name.
+            **known: Values of fields by name.
         """
-        one = object.__new__(cls)
+        batch = object.__new__(cls)
         for name, value in [*known.items(), ("_later", later)]:
-            object.__setattr__(one, name, value)
-        return one
+            object.__setattr__(batch, name, value)
+        return batch
 
-    if not TYPE_CHECKING:  # Else any name would pass for a field.
+    if not TYPE_CHECKING:  # Type checkers would accept any name as a field.
 
         def __getattr__(self, name: str) -> Any:
             """Compute a field at its first use."""
             later = {} if name == "_later" else self._later
             if name not in later:
                 raise AttributeError(name, name=name, obj=self)
-            for each, value in later[name]().items():
-                object.__setattr__(self, each, value)
+            for field_name, value in later[name]().items():
+                object.__setattr__(self, field_name, value)
             return object.__getattribute__(self, name)
 
 
@@ -374,7 +375,7 @@ def concatenate(batches: list[B]) -> B:
             changes[field.name] = concatenate(values)
         elif _are_batches(values[0]):
             changes[field.name] = tuple(
-                concatenate(list(ones)) for ones in zip(*values, strict=True)
+                concatenate(list(parts)) for parts in zip(*values, strict=True)
             )
         elif not field.compare:
             changes[field.name] = joined_findings(values)
@@ -384,7 +385,7 @@ def concatenate(batches: list[B]) -> B:
 
 
 def _are_batches(value: object) -> bool:
-    """Whether a field holds several batches side by side."""
+    """Whether a value is a tuple of one or more batches."""
     return isinstance(value, tuple) and len(value) > 0 and isinstance(value[0], Batch)
 
 
@@ -393,19 +394,19 @@ T = TypeVar("T")
 
 
 def cached_per_batch(function: Callable[[IdentityT], T]) -> Callable[[IdentityT], T]:
-    """A function whose result for a batch is kept as long as the batch exists.
+    """The function, with its result for a batch stored as long as the batch exists.
 
     All callers share the result; its arrays must not be changed.
     """
-    answers: WeakKeyDictionary[IdentityT, T] = WeakKeyDictionary()
+    results: WeakKeyDictionary[IdentityT, T] = WeakKeyDictionary()
 
     @wraps(function)
-    def asked(batch: IdentityT) -> T:
-        if batch not in answers:
-            answers[batch] = function(batch)
-        return answers[batch]
+    def cached_function(batch: IdentityT) -> T:
+        if batch not in results:
+            results[batch] = function(batch)
+        return results[batch]
 
-    return asked
+    return cached_function
 
 
 Cls = TypeVar("Cls", bound=type)

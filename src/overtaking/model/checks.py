@@ -71,13 +71,13 @@ def check_batch(batch: Any, where: str, name: str = "") -> None:
 
 
 def check_arguments(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, with its arguments held to their annotations before it begins.
+    """The function, with a check of its arguments against their annotations.
 
-    Iterables are handed on as tuples, because some can be read only once. A function with a
+    Iterables are passed on as tuples, because some can be read only once. A function with a
     parameter `progress` shows its progress in notebooks (`show_progress`).
 
     Raises:
-        ConfigError: An argument is something else.
+        ConfigError: An argument is of another type or out of range.
         SystemLimitError: The system refuses memory, threads or open files.
     """
     signature = inspect.signature(function)
@@ -85,27 +85,29 @@ def check_arguments(function: Callable[P, T]) -> Callable[P, T]:
 
     @cache
     def hints() -> dict[str, Any]:
-        found = {
-            name: one.annotation
-            for name, one in signature.parameters.items()
-            if one.annotation is not one.empty and one.kind is not one.VAR_KEYWORD
+        annotations = {
+            name: parameter.annotation
+            for name, parameter in signature.parameters.items()
+            if parameter.annotation is not parameter.empty
+            and parameter.kind is not parameter.VAR_KEYWORD
         }
-        # Not of the function itself: what it returns may be imported for type checkers alone.
-        asked = types.SimpleNamespace(__annotations__=found)
-        spaces = getattr(function, "__globals__", {})
-        return type_hints(asked, globalns=spaces, include_extras=True)
+        # `type_hints(function)` would also resolve the type of the result, which some modules
+        # import for type checkers alone.
+        holder = types.SimpleNamespace(__annotations__=annotations)
+        namespace = getattr(function, "__globals__", {})
+        return type_hints(holder, globalns=namespace, include_extras=True)
 
     @wraps(function)
-    def called(*args: P.args, **kwargs: P.kwargs) -> T:
-        given = signature.bind(*args, **kwargs)
+    def checked_function(*args: P.args, **kwargs: P.kwargs) -> T:
+        bound = signature.bind(*args, **kwargs)
         check_address_space(where)
         for name, hint in hints().items():
-            if name in given.arguments:
-                given.arguments[name] = check_argument(given.arguments[name], hint, where, name)
+            if name in bound.arguments:
+                bound.arguments[name] = check_argument(bound.arguments[name], hint, where, name)
         with explain_refusals(where):
-            return function(*given.args, **given.kwargs)
+            return function(*bound.args, **bound.kwargs)
 
-    return show_progress(called) if PROGRESS in signature.parameters else called
+    return show_progress(checked_function) if PROGRESS in signature.parameters else checked_function
 
 
 def check_argument(value: Any, annotation: Any, where: str, name: str) -> Any:
@@ -122,7 +124,8 @@ def check_argument(value: Any, annotation: Any, where: str, name: str) -> Any:
         only once.
 
     Raises:
-        ConfigError: It is of another type or out of range, or an output path that is not UTF-8.
+        ConfigError: The argument is of another type or out of range, or an output path is not
+            UTF-8.
     """
     checked_value = _BatchChecker(where).check_value(
         field_from_annotation(name, annotation), value, name
@@ -170,7 +173,7 @@ class _BatchChecker:
             if np.any(constraint.broken):
                 index = _first_true(constraint.broken)
                 axes = batch_fields(type(batch))[constraint.field].axes
-                element = _describe_element(constraint.got[index], index, axes)
+                element = _describe_element(constraint.values[index], index, axes)
                 raise self._error(_join(path, constraint.field), constraint.expected, element)
 
     def check_value(self, field: BatchField, value: Any, path: str) -> Any:

@@ -1,10 +1,10 @@
-"""What a driver observes and answers: names, units, order."""
+"""Observations and actions of a driver: names, units, order."""
 
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ EGO_COLUMNS: Final = {
     "heading": ("rad", "Heading from the road"),
     "yaw_rate": ("rad/s", "Turning rate"),
     "lane": ("1", "Lane it drives in or changes to, 0 is the slowest"),
-    "stage": ("Stage", "What it is doing"),
-    "stage_time": ("s", "For how long"),
+    "stage": ("Stage", "Stage of its overtake"),
+    "stage_time": ("s", "Time in this stage"),
     "waited": ("s", "Time behind a slower leader so far"),
     "signalled": ("s", "For how long it has signalled the next lane change"),
     "wanted": ("1", "Side that it signals"),
@@ -39,10 +39,10 @@ EGO_COLUMNS: Final = {
 """Unit and meaning of each number of the ego; sides and angles grow towards the fast side."""
 
 NEIGHBOUR_COLUMNS: Final = {
-    "detected": ("flag", "Somebody is seen there"),
-    "gap": ("m", "Gap between the bumpers, negative alongside; far where nobody is seen"),
+    "detected": ("flag", "The driver sees a vehicle in this role"),
+    "gap": ("m", "Gap between the bumpers, negative alongside; far without a vehicle"),
     "closing": ("m/s", "Speed of approach"),
-    "accel": ("m/s^2", "Acceleration; of percepts how hard somebody ahead brakes, never positive"),
+    "accel": ("m/s^2", "Acceleration; in percepts the braking of a vehicle ahead, never positive"),
     "aside": ("m", "Distance of the centres across the road"),
     "indicator": ("1", "Side that it signals"),
     "brake_lamp": ("flag", "Its stop lamps are on"),
@@ -50,9 +50,9 @@ NEIGHBOUR_COLUMNS: Final = {
     "truck": ("flag", "It is a truck"),
     "two_wheeler": ("flag", "It is a motorcycle or bicycle"),
 }
-"""Unit and meaning of each number of a neighbour, zero where none is seen, but for the gap.
+"""Unit and meaning of each number of a neighbour. Without a vehicle all but the gap are zero.
 
-Sides are the ego's. Stop lamps of who comes towards it are not seen.
+Sides are those as the ego sees them. The ego sees no stop lamps of oncoming vehicles.
 """
 
 NEIGHBOUR_ROLES: Final = (
@@ -65,16 +65,25 @@ NEIGHBOUR_ROLES: Final = (
     "oncoming",
     "behind_oncoming",
 )
-"""Neighbours: ahead and behind in its lane, in the next faster and slower one; who comes the other
-way, and the next one behind that, where no vehicle is on roads that run one way."""
+"""Neighbours ahead and behind in the ego's lane, in the next faster and in the next slower lane;
+then the nearest oncoming vehicle and the one behind it, which one-way roads do not have."""
 
 PASSING_COLUMNS: Final = {
-    "sight": ("m", "How far it sees who comes: by the road, the weather and past the leader"),
-    "sure": ("flag", "It has looked for long enough to know who comes, if anybody"),
-    "expected": ("m/s", "Speed of approach that it expects of who comes, before it can tell"),
-    "room": ("m", "Gap ahead of the leader, to whoever is next there"),
-    "room_left": ("1", "Times the room that it leaves to a car at its return: to a truck more"),
-    "solid": ("flag", "The line between the directions is not to be crossed here, or soon"),
+    "sight": (
+        "m",
+        "Distance at which it sees an oncoming vehicle, by road and weather, past the leader",
+    ),
+    "sure": ("flag", "It has looked long enough to know whether a vehicle comes, and its speed"),
+    "expected": (
+        "m/s",
+        "Expected speed of approach of an oncoming vehicle that it cannot judge yet",
+    ),
+    "room": ("m", "Gap between the leader and the next vehicle ahead of it"),
+    "room_left": (
+        "1",
+        "Factor on the gap that it leaves at its return, larger for a truck than a car",
+    ),
+    "solid": ("flag", "The line between the directions must not be crossed here, or soon"),
     "hurries": (
         "1",
         "Its pedals and lane changes are hasty: 1 where little time would be left, 0.5 "
@@ -87,33 +96,45 @@ PASSING_COLUMNS: Final = {
     ),
     "can_fall_in": ("flag", "It is behind the vehicle that is overtaken, and can give up the pass"),
 }
-"""Unit and meaning of each number about a pass against oncoming traffic, zero on roads that run one
-way. They are the model driver's own, whatever is observed of others; a sensor measures no room."""
+"""Unit and meaning of each number about a pass against oncoming traffic, zero on one-way roads.
+
+They are always beliefs of the model driver, also where a sensor measures the neighbours."""
 
 OBSERVATION_SIZE: Final = (
     len(EGO_COLUMNS) + len(NEIGHBOUR_ROLES) * len(NEIGHBOUR_COLUMNS) + len(PASSING_COLUMNS)
 )
-"""Numbers that a simulation has."""
+"""Numbers in the observation of one simulation."""
 
 
-def split_observation(table: F32) -> tuple[F32, F32, F32]:
-    """The numbers of `OWN`, of each of `ROLES`, and of `MEETING`, as views of a whole table.
+class SplitObservation(NamedTuple):
+    """The three parts of observations, as views of their table.
+
+    Attributes:
+        ego: Numbers of the ego, shape (..., `EGO_COLUMNS`).
+        neighbours: Numbers of each neighbour, shape (..., `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
+        passing: Numbers about a pass against oncoming traffic, shape (..., `PASSING_COLUMNS`).
+    """
+
+    ego: F32
+    neighbours: F32
+    passing: F32
+
+
+def split_observation(table: F32) -> SplitObservation:
+    """Observations by their three parts.
 
     Args:
-        table: Shape (..., `WIDTH`).
-
-    Returns:
-        Shapes (..., `OWN`), (..., `ROLES`, `AROUND`) and (..., `MEETING`).
+        table: Observations, shape (..., `OBSERVATION_SIZE`).
     """
-    own, meeting = len(EGO_COLUMNS), OBSERVATION_SIZE - len(PASSING_COLUMNS)
-    around = table[..., own:meeting].reshape(
+    ego_end, passing_start = len(EGO_COLUMNS), OBSERVATION_SIZE - len(PASSING_COLUMNS)
+    neighbours = table[..., ego_end:passing_start].reshape(
         *table.shape[:-1], len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS)
     )
-    return table[..., :own], around, table[..., meeting:]
+    return SplitObservation(table[..., :ego_end], neighbours, table[..., passing_start:])
 
 
 class Move(IntEnum):
-    """A decision of the ego; what is not possible is not done."""
+    """A decision of the ego. Impossible moves have no effect."""
 
     KEEP = 0
     """Go on as before; an indicator that is on fades."""
@@ -162,28 +183,29 @@ ACTION_KINDS: Final[dict[str, tuple[ActionPart, ...]]] = {
 }
 """The numbers of each kind of action that the simulators carry out.
 
-Of the last two the indicator is a part: a `Move` shows the side that it names, and beside a wheel
-angle the wish for a lane is what is shown and nothing else.
+The last two include the indicator: a `Move` sets it to the side that it names, and beside a wheel
+angle `lane_change` only sets the indicator.
 """
 
 MAX_ACTION_PARTS: Final = max(len(parts) for parts in ACTION_KINDS.values())
-"""Numbers that the longest action has."""
+"""Numbers in the longest action."""
 
-_HASHED: Final = 2
-"""Numbers in a hash at least, zero where an action has fewer."""
+_MIN_HASHED_PARTS: Final = 2
+"""Smallest number of values that a hash takes of an action. For an action of one number the hash
+includes a zero, as in earlier data sets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actions(Batch):
-    """What another driver did with the ego.
+    """Actions of an external driver, which drives the ego instead of the model driver.
 
     Attributes:
         values: Steps of each number of the action at each decision, 20 a second; zero where the
             action has fewer and once the simulation is over. Shape (simulation, action,
             `MAX_ACTION_PARTS`).
         kind: A name in `ACTION_KINDS`.
-        num_clipped: Answers that were beyond the limits of a part, shape (simulation,); None where
-            it is not known, as in a data set, which holds what acted.
+        num_clipped: Number of actions that were clipped to the limits of a part, shape
+            (simulation,); None if unknown, as in a data set, which holds the clipped actions.
     """
 
     values: Annotated[I32, FieldSpec(axes=("simulation", "action", MAX_ACTION_PARTS))]
@@ -200,7 +222,7 @@ class Actions(Batch):
 
     @property
     def is_change(self) -> NDArray[np.bool_]:
-        """Where an action is not that of the decision before, shape (simulation, action)."""
+        """Whether an action differs from the previous one, shape (simulation, action)."""
         differs = np.ones(self.values.shape[:2], np.bool_)
         differs[:, 1:] = (np.diff(self.values, axis=1) != 0).any(axis=2)
         return differs
@@ -208,14 +230,14 @@ class Actions(Batch):
     @property
     def hashes(self) -> list[str]:
         """A hash over kind and changes of each simulation, 32 hexadecimal digits."""
-        found: list[str] = []
-        hashed = max(_HASHED, len(self.parts))
-        for values, changed in zip(self.values, self.is_change, strict=True):
-            at = np.flatnonzero(changed)
-            rows = np.column_stack([at, values[at, :hashed]]).astype("<i4")
+        hashes: list[str] = []
+        num_parts = max(_MIN_HASHED_PARTS, len(self.parts))
+        for values, is_change in zip(self.values, self.is_change, strict=True):
+            actions = np.flatnonzero(is_change)
+            rows = np.column_stack([actions, values[actions, :num_parts]]).astype("<i4")
             content = self.kind.encode() + rows.tobytes()
-            found.append(hashlib.blake2b(content, digest_size=16).hexdigest())
-        return found
+            hashes.append(hashlib.blake2b(content, digest_size=16).hexdigest())
+        return hashes
 
     @property
     def parts(self) -> tuple[ActionPart, ...]:
@@ -224,12 +246,14 @@ class Actions(Batch):
 
     def constraints(self) -> Iterable[Constraint]:
         """A known kind, and numbers within the limits of their parts."""
-        unknown = np.array(self.kind not in ACTION_KINDS)
-        yield Constraint("kind", f"one of {', '.join(ACTION_KINDS)}", unknown, np.array(self.kind))
-        if unknown:
+        is_unknown = np.array(self.kind not in ACTION_KINDS)
+        expected = f"one of {', '.join(ACTION_KINDS)}"
+        yield Constraint("kind", expected, is_unknown, np.array(self.kind))
+        if is_unknown:
             return
         for k, part in enumerate(self.parts):
             numbers = self.values[:, :, k]
-            least, most = round(part.low / part.resolution), round(part.high / part.resolution)
-            wrong = (numbers < least) | (numbers > most)
-            yield Constraint("values", f"{part.name} of {least} to {most} steps", wrong, numbers)
+            low, high = round(part.low / part.resolution), round(part.high / part.resolution)
+            is_outside = (numbers < low) | (numbers > high)
+            expected = f"{part.name} of {low} to {high} steps"
+            yield Constraint("values", expected, is_outside, numbers)

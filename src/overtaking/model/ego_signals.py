@@ -1,8 +1,7 @@
 """Signals of the ego, frame by frame, from a recording of any origin.
 
-Left and right are meant as in right-hand traffic, the law's point of view: left is the fast side,
-right the slow side. In left-hand traffic they are the mirror image, so a mirrored world has the
-same signals.
+Left is the overtaking side and right the kerb side, also in left-hand traffic, so a mirrored world
+has the same signals.
 """
 
 from dataclasses import dataclass
@@ -19,31 +18,32 @@ class EgoSignals(Delayed):
 
     Arrays have shape (simulation, time), or (simulation, neighbour, time) with `NeighbourRole` as
     the middle axis. Where `valid` is false, and where `neighbour_slot` is `NO_VEHICLE`, the values
-    are finite and mean nothing.
+    are finite and undefined.
 
     Attributes:
         frame_interval_ms: Time between frames [ms].
         valid: Whether the frame was recorded.
-        lane: Lane index of the ego's centre, 0 the slowest; `num_lanes` beyond the fast edge, 255
-            beyond the slow edge.
+        lane: Lane index of the ego's centre, 0 the slowest; `num_lanes` beyond the edge on the
+            overtaking side, 255 beyond the edge on the kerb side.
         s: Position of the ego along the road [m].
         lateral_position: Position of the ego across the road, growing to the left [m].
         lateral_speed: Speed of the ego to the left, a central difference over about 0.2 s [m/s].
-        speed: Of the ego [m/s].
-        accel: Of the ego, along its axis [m/s^2].
+        speed: Speed of the ego [m/s].
+        accel: Acceleration of the ego along its axis [m/s^2].
         right_edge: `lateral_position` of the right-most corner of the ego's body [m].
         left_edge: `lateral_position` of its left-most corner [m].
-        neighbour_slot: Slot of the neighbour, `NO_VEHICLE` if there is none, (simulation,
+        neighbour_slot: Slot of the neighbour, `NO_VEHICLE` without a neighbour, shape (simulation,
             neighbour, time).
-        gap: Between the bumpers of ego and neighbour, negative alongside, same shape [m].
+        gap: Gap between the bumpers of ego and neighbour, negative alongside, same shape [m].
         closing_speed: Speed at which that gap shrinks, same shape [m/s].
-        lateral_gap: Between the sides of their bodies, negative where they overlap, same shape [m].
+        lateral_gap: Gap between the sides of their bodies, negative where they overlap, same
+            shape [m].
         left_occupancy: Vehicle lengths within 100 m ahead and behind in the lane to the left, over
             200 m [1].
         left_count: Number of vehicles in the lane to the left.
         friction: Peak friction under the ego at its speed on the mean film of its lane [1].
-        sight_lit: Distance at which a lit vehicle ahead is seen [m].
-        sight_unlit: Distance at which an unlit one is seen [m].
+        sight_lit: Distance at which the ego's driver sees a lit vehicle ahead [m].
+        sight_unlit: Distance at which the ego's driver sees an unlit vehicle ahead [m].
     """
 
     frame_interval_ms: int
@@ -77,7 +77,7 @@ class EgoSignals(Delayed):
         return self.lane.shape[1]
 
     def has_neighbour(self, neighbour: NeighbourRole) -> Mask:
-        """Whether a vehicle is at a position around the ego, shape (simulation, time)."""
+        """Whether the ego has a neighbour in a role, shape (simulation, time)."""
         return self.valid & (self.neighbour_slot[:, neighbour] != NO_VEHICLE)
 
 
@@ -94,9 +94,9 @@ class TargetSignals(Delayed):
         ego_lead: Centre of the ego minus its centre, along the road: negative while it is ahead
             [m].
         overlaps: Whether ego and target overlap along the road.
-        gap: Between their bumpers, whichever is ahead; negative while they overlap [m].
-        lateral_position: Its position across the road, as `EgoSignals.lateral` [m].
-        lateral_gap: Between the sides of their bodies [m].
+        gap: Gap between their bumpers, whichever is ahead; negative while they overlap [m].
+        lateral_position: Its position across the road, as `EgoSignals.lateral_position` [m].
+        lateral_gap: Gap between the sides of their bodies [m].
         lane: Its lane index, as `EgoSignals.lane`.
         speed: Its speed [m/s].
         accel: Its acceleration [m/s^2].

@@ -36,7 +36,7 @@ class _NeighbourEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _CourseEntry:
-    """What changes along a two-way road: where each stretch begins and ends [m].
+    """Changes along a two-way road: where each stretch begins and ends [m].
 
     Attributes:
         solid: Where the line between the directions is solid for both.
@@ -45,7 +45,7 @@ class _CourseEntry:
         junction: Junctions.
         crest: Crests.
         bend: Bends of reduced visibility.
-        sight: Stations, and how far one sees from there along the road.
+        sight: Stations, and the sight distance from there along the road.
         sight_against: The same for oncoming traffic.
     """
 
@@ -79,7 +79,7 @@ class _RoadEntry:
         speed_limit: Posted limit [m/s].
         slow_side: Lane beside the first lane.
         fast_side: Lane beside the last lane.
-        course: What changes along it, if anything does.
+        course: Changes along it, or None.
     """
 
     kind: str
@@ -170,7 +170,7 @@ def _course(facts: _CourseEntry) -> RoadCourse:
 
 
 def _marks(facts: _RoadEntry) -> Iterable[tuple[str, str]]:
-    """The marks of each driving lane on its slow and its fast side."""
+    """The marks of each driving lane on its kerb side and on its overtaking side."""
     between = [facts.lane_mark] * (len(facts.lane_ids) - 1)
     return pairwise([facts.slow_edge_mark, *between, facts.fast_edge_mark])
 
@@ -181,7 +181,7 @@ def _neighbour_lane(facts: _RoadEntry, beside: _NeighbourEntry, marks: tuple[str
 
 
 def _lane(facts: _RoadEntry, lane_id: int, width: float, marks: tuple[str, str], kind: str) -> Lane:
-    """A lane whose marks are given by side of the road rather than by hand."""
+    """A lane, from its marks on the kerb side and on the overtaking side."""
     slow, fast = map(RoadMark, marks)
     right, left = (slow, fast) if facts.driving_side == "right" else (fast, slow)
     return Lane(lane_id=lane_id, width=width, kind=kind, right_mark=right, left_mark=left)

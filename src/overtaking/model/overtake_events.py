@@ -1,4 +1,4 @@
-"""When what happened: the phases of an overtake, as frame numbers."""
+"""Phases of an overtake as frame numbers, its outcome, and the detail of the outcome."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -22,7 +22,7 @@ class Outcome(IntEnum):
 
 
 class OutcomeDetail(IntEnum):
-    """How it came to the outcome."""
+    """Reason of the outcome."""
 
     NONE = 0
     ABORTED_BEFORE_CROSSING = 1
@@ -40,14 +40,15 @@ class OutcomeDetail(IntEnum):
 class OvertakeEvents(Batch):
     """Events of the attempt that decides each simulation; every array has shape (simulation,).
 
-    The paper's symbols are in brackets. An ego that gives up and tries again is judged by its last
-    attempt; `num_attempts` says how many there were.
+    The paper's symbols are in brackets. Of several attempts the last one counts; `num_attempts` is
+    their number.
 
     Attributes:
         first: First recorded frame [t_0].
         last: Last recorded frame.
-        target: Slot of the vehicle to overtake: the nearest ahead at `attempt`; without an attempt
-            the leader at `follow`, else the last leader; `NO_VEHICLE` if there never was one.
+        target: Slot of the vehicle to overtake: the nearest vehicle ahead at `attempt`; without an
+            attempt the leader at `follow`, else the last leader; `NO_VEHICLE` if the ego never had
+            a leader.
         original_lane: Lane index of the ego at `attempt`, or at the first frame.
         follow: First frame less than 3 s behind the target, or the first frame [t_follow].
         attempt: Start of the movement to the left [t_a].
@@ -60,20 +61,20 @@ class OvertakeEvents(Batch):
         back: First frame with the whole body in the original lane after an abort.
         collision: First frame after the ego's first contact.
         road_departure: First frame with the ego's centre outside the driving lanes.
-        spin: First frame in which the ego is so far across the road that no driver brings it back.
-        num_attempts: How often the ego began.
+        spin: First frame in which the ego stands so far across the road that no driver recovers
+            control.
+        num_attempts: Number of attempts.
         num_passed: Vehicles that were ahead of the ego at `attempt` and are behind at the end of
             the overtake, the target among them.
         partner: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
-        struck: Whether the other one ran into the ego.
-        drift: Start of the first movement to the left that is no part of an attempt and leads into
-            no other lane.
-        num_drifts: How many of those there are, at most 255.
+        struck: Whether the other vehicle ran into the ego.
+        drift: Start of the first movement to the left outside attempts that ends in the same lane.
+        num_drifts: Number of such movements, at most 255.
         under_way: First frame, if the attempt had begun before the recording: `attempt` is then
             that frame and too late.
         intended: Whether the ego's driver meant to overtake: it was in a stage of an overtake
-            between `attempt` and the line, or `back`. It says nothing of a recording without
-            stages, nor without an attempt.
+            between `attempt` and the line, or `back`. It is undefined without an attempt, and in
+            recordings without stages.
     """
 
     first: I32
@@ -102,17 +103,17 @@ class OvertakeEvents(Batch):
     intended: Mask
 
     @property
-    def attempted(self) -> Mask:
+    def has_attempt(self) -> Mask:
         """Whether the ego began to overtake."""
         return self.attempt != NEVER
 
     @property
-    def lost(self) -> Mask:
+    def lost_control(self) -> Mask:
         """Whether the ego left the lanes or spun, and touched no other vehicle."""
         out_of_control = (self.road_departure != NEVER) | (self.spin != NEVER)
         return out_of_control & (self.collision == NEVER)
 
     @property
-    def completed(self) -> Mask:
+    def is_completed(self) -> Mask:
         """Whether it ended in the original lane ahead of the target, without an accident."""
-        return (self.return_end != NEVER) & (self.collision == NEVER) & ~self.lost
+        return (self.return_end != NEVER) & (self.collision == NEVER) & ~self.lost_control

@@ -12,7 +12,7 @@ from overtaking.model.vehicles import VehicleKind
 
 
 def _paper(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
-    """Declaration of a feature; its words are those of `knowledge/data/glossary.toml`."""
+    """Declaration of a feature, with its meaning from `knowledge/data/glossary.toml`."""
     return FieldSpec(terms("features")[code].meaning, unit, column=ColumnName(code), **declared)
 
 
@@ -92,8 +92,9 @@ _passing = partial(_ahead, column=ColumnName(), needs=["bodies", "weather"])
 class LeaderState(Batch):
     """The vehicle ahead in the ego's lane; every array has shape (simulation,).
 
-    Where `encounter.valid` is false the others mean nothing. `overtaking_time` is that to be a
-    reaction distance ahead of it at `EgoState.available_accel`, infinite if the ego cannot.
+    Where `encounter.valid` is false, all other fields are undefined. `overtaking_time` is the time
+    until the ego is a reaction distance ahead of it at `EgoState.available_accel`, infinite if the
+    ego cannot pass.
     """
 
     encounter: Annotated[
@@ -171,15 +172,15 @@ _comes = partial(_other_side, null_unless=".comes")
 class OncomingState(Batch):
     """The side of oncoming traffic; every array has shape (simulation,).
 
-    Where `exists` is false, on one-way roads, the others mean nothing; where `comes` is false
-    nobody comes from ahead, and what is of that vehicle means nothing.
+    Where `exists` is false, as on one-way roads, all other fields are undefined. Where `comes` is
+    false, the fields of the oncoming vehicle are undefined.
     """
 
     exists: Annotated[
         Mask, FieldSpec("Whether the lane to the left is for oncoming traffic", column=None)
     ]
-    comes: Annotated[Mask, FieldSpec("Whether anybody comes", column=None)]
-    kind: Annotated[U8, _comes("Type of who comes next", needs=["kinds"], names=_KINDS)]
+    comes: Annotated[Mask, FieldSpec("Whether a vehicle comes the other way", column=None)]
+    kind: Annotated[U8, _comes("Type of the next oncoming vehicle", needs=["kinds"], names=_KINDS)]
     gap: Annotated[F32, _comes("Gap to it", "m")]
     closing_speed: Annotated[F32, _comes("Both speeds together", "m/s")]
     time: Annotated[F32, _comes("Time to meet it", "s")]
@@ -233,7 +234,7 @@ _law = partial(FieldSpec, column=ColumnName(prefix="law_"), needs=["weather"])
 class LawMarginsOnPullOut(Batch):
     """Margins of the law if the ego moved over now, negative in a breach; shape (simulation,).
 
-    A margin to a vehicle means nothing where that vehicle is not there.
+    A margin to a vehicle is undefined without that vehicle.
     """
 
     follow: Annotated[
@@ -277,17 +278,18 @@ class LawMarginsOnPullOut(Batch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefsAtPullOut(Batch):
-    """What the ego believed when it last decided to pull out.
+    """Beliefs of the ego's driver at its last decision to pull out.
 
-    Arrays have shape (simulation,), or (simulation, 3) for the vehicle ahead, and the front and the
-    rear of the lane on the left.
+    Arrays have shape (simulation,), or (simulation, 3) for the leader, and the leader and the
+    follower in the lane on the left.
 
     Attributes:
-        exists: Whether it had decided to; there is nothing to believe of a decision not made.
-        age: Time since [s].
-        detected: Whether it had noticed each, (simulation, 3); otherwise its values mean nothing.
-        gap: To it, from bumper to bumper, (simulation, 3) [m].
-        closing_speed: (simulation, 3) [m/s].
+        exists: Whether there was such a decision; otherwise all other fields are undefined.
+        age: Time since the decision [s].
+        detected: Whether the driver had noticed the vehicle, (simulation, 3); otherwise its gap and
+            speed are undefined.
+        gap: Believed gap to it, from bumper to bumper, (simulation, 3) [m].
+        closing_speed: Believed speed at which that gap shrinks, (simulation, 3) [m/s].
     """
 
     exists: Mask
@@ -299,7 +301,7 @@ class BeliefsAtPullOut(Batch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttemptFeatures(Batch):
-    """Features of the decision to overtake: nothing in them is later than `frame`.
+    """Features of the decision to overtake. They use nothing that happens after `frame`.
 
     All values are true ones, except those in `believed`.
 
@@ -310,8 +312,8 @@ class AttemptFeatures(Batch):
         left: The lane to its left.
         oncoming: The side of oncoming traffic.
         around: Road, weather and light.
-        law: What the law would say.
-        believed: What the driver believed.
+        law: Margins of the law for pulling out now.
+        believed: Beliefs of the driver at the last decision to pull out.
     """
 
     frame: I32

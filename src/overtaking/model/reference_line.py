@@ -1,11 +1,11 @@
-"""A reference line in the plane, of pieces whose curvature changes linearly along them.
+"""Reference lines in the plane, whose segments are straight lines, arcs and clothoids.
 
-A piece is a straight line, an arc or a clothoid. With the heading h and the curvature k at its
+The curvature of a segment changes linearly along it. With the heading h and the curvature k at its
 start, and the change of curvature c along it, the heading after t metres is h + k t + c t^2 / 2.
 The position is the integral of its cosine and sine, by Gauss-Legendre quadrature with eight nodes
-(Abramowitz and Stegun, Handbook of Mathematical Functions, table 25.4). Pieces are split until each
-turns by one radian at most; the error then is that of rounding. All of it is additions,
-multiplications and divisions of float64 in a fixed order, so every machine computes the same bits.
+(Abramowitz and Stegun, Handbook of Mathematical Functions, table 25.4). Segments are split until
+each turns by one radian at most; the error then is a rounding error. The code adds, multiplies and
+divides float64 in a fixed order only, so every machine computes the same bits.
 """
 
 import math
@@ -85,15 +85,15 @@ class CurveSegment(NamedTuple):
     curvature: float = 0.0
     end_curvature: float = 0.0
 
-    def reversed(self) -> "CurveSegment":
-        """The piece for who goes along it from its end."""
+    def reverse(self) -> "CurveSegment":
+        """The same segment in the other direction, from its end to its start."""
         end = ReferenceLine.from_segments([self]).pose_at(self.length)
         heading = math.remainder(float(end.heading) + math.pi, math.tau)
         place = (float(end.x), float(end.y), heading, self.length)
         return CurveSegment(*place, -self.end_curvature, -self.curvature)
 
-    def mirrored(self) -> "CurveSegment":
-        """The piece in a world where left and right are swapped."""
+    def mirror(self) -> "CurveSegment":
+        """The segment in a world where left and right are swapped."""
         return CurveSegment(
             self.x, -self.y, -self.heading, self.length, -self.curvature, -self.end_curvature
         )
@@ -101,17 +101,17 @@ class CurveSegment(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceLine(ContentEquality):
-    """A line of pieces; arrays have shape (piece,).
+    """A line of segments; arrays have shape (segment,).
 
     Before its start and beyond its end the line goes on straight.
 
     Attributes:
-        segment_start: Way along the line up to each piece [m].
-        x: World coordinate at the start of each [m].
-        y: World coordinate at the start of each [m].
+        segment_start: Distance along the line to the start of each segment [m].
+        x: World coordinate at the start of each segment [m].
+        y: World coordinate at the start of each segment [m].
         heading: Direction there [rad].
         curvature: Curvature there [1/m].
-        curvature_rate: Change of the curvature along each [1/m^2].
+        curvature_rate: Change of the curvature along each segment [1/m^2].
         length: Length of the line [m].
     """
 
@@ -124,9 +124,9 @@ class ReferenceLine(ContentEquality):
     length: float
 
     @classmethod
-    def from_segments(cls, pieces: Sequence[CurveSegment]) -> Self:
-        """The line of one or more pieces of positive length, each in its own place."""
-        short = [part for piece in pieces for part in _split_by_turn(piece)]
+    def from_segments(cls, segments: Sequence[CurveSegment]) -> Self:
+        """The line of one or more segments of positive length, each at its own world position."""
+        short = [part for segment in segments for part in _split_by_turn(segment)]
         lengths = [part.length for part in short]
         return cls(
             segment_start=np.cumsum([0.0, *lengths[:-1]]),
@@ -151,43 +151,43 @@ class ReferenceLine(ContentEquality):
         """Points of the line.
 
         Args:
-            s: Way along the line, any shape [m].
+            s: Distance along the line, any shape [m].
         """
-        piece, t, beyond = self._locate(s)
-        k, c = self.curvature[piece], self.curvature_rate[piece]
-        east, north = segment_displacement(self.heading[piece], k, c, t)
+        segment, t, overrun = self._locate(s)
+        k, c = self.curvature[segment], self.curvature_rate[segment]
+        east, north = segment_displacement(self.heading[segment], k, c, t)
         heading = self.heading_at(s)
         cosine, sine = cos_sin(heading)
         return Pose(
-            x=self.x[piece] + east + beyond * cosine,
-            y=self.y[piece] + north + beyond * sine,
+            x=self.x[segment] + east + overrun * cosine,
+            y=self.y[segment] + north + overrun * sine,
             heading=heading,
-            curvature=np.where(beyond == 0.0, k + c * t, 0.0),
+            curvature=np.where(overrun == 0.0, k + c * t, 0.0),
         )
 
     def heading_at(self, s: ArrayLike) -> F64:
-        """Direction of the line, anticlockwise from x [rad]: that of `at`, for much less work.
+        """Direction of the line, anticlockwise from x, without the quadrature of `pose_at` [rad].
 
         Args:
-            s: Way along the line, any shape [m].
+            s: Distance along the line, any shape [m].
         """
-        piece, t, _ = self._locate(s)
-        return self.heading[piece] + t * (
-            self.curvature[piece] + 0.5 * self.curvature_rate[piece] * t
+        segment, t, _ = self._locate(s)
+        return self.heading[segment] + t * (
+            self.curvature[segment] + 0.5 * self.curvature_rate[segment] * t
         )
 
     def _locate(self, s: ArrayLike) -> tuple[NDArray[np.intp], F64, F64]:
-        """The piece of each point, the way along it, and how far beyond the line it lies [m]."""
-        way = np.asarray(s, dtype=np.float64)
-        on_line = np.clip(way, 0.0, self.length)
-        piece = np.searchsorted(self.segment_start, on_line, side="right") - 1
-        return piece, on_line - self.segment_start[piece], way - on_line
+        """The segment of each point, the distance along it, and beyond the line [m]."""
+        station = np.asarray(s, dtype=np.float64)
+        on_line = np.clip(station, 0.0, self.length)
+        segment = np.searchsorted(self.segment_start, on_line, side="right") - 1
+        return segment, on_line - self.segment_start[segment], station - on_line
 
     def to_world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
         """World coordinates of points beside the line.
 
         Args:
-            s: Way along the line, any shape [m].
+            s: Distance along the line, any shape [m].
             d: Offset to its left, a shape that broadcasts with it [m].
 
         Returns:
@@ -199,10 +199,10 @@ class ReferenceLine(ContentEquality):
         return pose.x - left * sine, pose.y + left * cosine
 
     def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
-        """Way along the line and offset from it; the inverse of `world`.
+        """Distance along the line and offset from it; the inverse of `to_world`.
 
-        Where several points of the line are square to a point, the one nearest to it is taken,
-        among samples of the line every ten metres, and then by Newton's method.
+        Several points of the line may have the given point at a right angle. The search begins at
+        the nearest of samples of the line every ten metres, and Newton's method refines it.
 
         Args:
             x: World coordinate, any shape [m].
@@ -226,20 +226,20 @@ class ReferenceLine(ContentEquality):
         return east * cosine + north * sine, north * cosine - east * sine, pose.curvature
 
     def _nearest(self, x: F64, y: F64) -> F64:
-        """The nearest sample of the line to each point, or the foot on what goes on straight."""
+        """The nearest sample to each point, or its foot on the straight continuation."""
         samples = np.linspace(0.0, self.length, max(2, math.ceil(self.length / _SPACING) + 1))
         line = self.pose_at(samples)
         step = max(1, _MAX_PAIRS_IN_MEMORY // len(samples))
-        found = np.empty(len(x), np.intp)
+        nearest = np.empty(len(x), np.intp)
         for first in range(0, len(x), step):
-            part = slice(first, first + step)
-            apart = (x[part, None] - line.x) ** 2 + (y[part, None] - line.y) ** 2
-            found[part] = np.argmin(apart, axis=1)
-        s = samples[found]
-        ends = (found == 0) | (found == len(samples) - 1)
+            points = slice(first, first + step)
+            squared_distance = (x[points, None] - line.x) ** 2 + (y[points, None] - line.y) ** 2
+            nearest[points] = np.argmin(squared_distance, axis=1)
+        s = samples[nearest]
+        is_end = (nearest == 0) | (nearest == len(samples) - 1)
         ahead = self._offset_from(s, x, y)[0]
-        outside = ends & (np.where(found == 0, ahead, -ahead) < 0.0)
-        return np.where(outside, s + ahead, s)
+        is_outside = is_end & (np.where(nearest == 0, ahead, -ahead) < 0.0)
+        return np.where(is_outside, s + ahead, s)
 
 
 def _split_by_turn(piece: CurveSegment) -> list[CurveSegment]:
@@ -253,7 +253,7 @@ def _split_by_turn(piece: CurveSegment) -> list[CurveSegment]:
     for number in range(1, count + 1):
         end = piece.curvature + growth * (length * number)
         parts.append(CurveSegment(x, y, heading, length, curvature, end))
-        if number == count:  # Where the last one ends is nobody's start; most pieces have one.
+        if number == count:  # No part starts at the end of the last one; most have one part.
             break
         east, north = segment_displacement(*map(np.asarray, (heading, curvature, growth, length)))
         x, y = x + float(east), y + float(north)
@@ -262,13 +262,13 @@ def _split_by_turn(piece: CurveSegment) -> list[CurveSegment]:
 
 
 def segment_displacement(heading: F64, k: F64, c: F64, t: F64) -> tuple[F64, F64]:
-    """From the start of a piece to the point after `t` metres, east and north [m].
+    """Displacement from the start of a segment to the point after `t` metres, east and north [m].
 
     Args:
         heading: Direction at the start, any shape [rad].
         k: Curvature there [1/m].
-        c: Its change along the piece [1/m^2].
-        t: Way along it, which turns by one radian at most [m].
+        c: Its change along the segment [1/m^2].
+        t: Distance along it, over which it turns by one radian at most [m].
     """
     east, north = np.zeros_like(t), np.zeros_like(t)
     for node, weight in _QUADRATURE:
@@ -289,9 +289,9 @@ def cos_sin(heading: ArrayLike) -> tuple[F64, F64]:
     """
     angle = np.asarray(heading, dtype=np.float64)
     turns = np.rint(angle / _HALF_PI)
-    rest = angle - turns * _HALF_PI
-    square = rest * rest
-    cosine, sine = _series(_COSINE, square), rest * _series(_SINE, square)
+    remainder = angle - turns * _HALF_PI
+    square = remainder * remainder
+    cosine, sine = _series(_COSINE, square), remainder * _series(_SINE, square)
     quarter = turns.astype(np.int64) & 3
     return (
         np.choose(quarter, (cosine, -sine, -cosine, sine)),

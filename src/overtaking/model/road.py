@@ -9,10 +9,10 @@
 ```
 
 `s` grows along the direction of travel and `d` to the left of it, in either kind of traffic; on a
-road that bends, both are those of its reference line (`model.reference_line`), where `d` is 0.
+road with bends, both refer to its reference line (`model.reference_line`), where `d` is 0.
 Lanes are counted from the slow side: from the right in right-hand traffic, where `side` is +1, and
 from the left in left-hand traffic, where it is -1. On a two-way road the neighbour on the fast side
-is the lane of oncoming traffic; `course` says what changes along a road.
+is the lane of oncoming traffic; `course` holds everything that changes along the road.
 """
 
 import dataclasses
@@ -53,9 +53,9 @@ MAX_CURVATURE_TIMES_OFFSET = (
 
 
 @lru_cache(maxsize=16)
-def _reference_line(pieces: tuple[CurveSegment, ...]) -> ReferenceLine:
-    """The line of these pieces; all callers share its arrays."""
-    return ReferenceLine.from_segments(pieces)
+def _reference_line(segments: tuple[CurveSegment, ...]) -> ReferenceLine:
+    """The line of these segments; all callers share its arrays."""
+    return ReferenceLine.from_segments(segments)
 
 
 _COORDINATE = FieldSpec(unit="m", low=-MAX_COORDINATE, high=MAX_COORDINATE)
@@ -104,7 +104,7 @@ class Lane:
         """Refuse invalid lanes."""
         check_batch(self, f"lane {self.lane_id}")
 
-    def mirrored(self) -> Self:
+    def mirror(self) -> Self:
         """The lane in a world where left and right are swapped."""
         return dataclasses.replace(
             self, lane_id=-self.lane_id, right_mark=self.left_mark, left_mark=self.right_mark
@@ -134,7 +134,8 @@ class Road:
         origin_y: y of the same point [m].
         slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
         fast_side_neighbour: Lane beside `lanes[-1]`, or None.
-        course: What changes along the road; None if nothing does.
+        course: Changes along the road; None for a straight and level road with the same marks and
+            speed limit everywhere.
 
     Raises:
         ConfigError: A value is outside the model's range.
@@ -177,8 +178,8 @@ class Road:
     @property
     def is_two_way(self) -> bool:
         """Whether the lane beyond the fast edge belongs to oncoming traffic."""
-        beyond = self.fast_side_neighbour
-        return beyond is not None and beyond.kind == "driving" and beyond.direction == -1
+        neighbour = self.fast_side_neighbour
+        return neighbour is not None and neighbour.kind == "driving" and neighbour.direction == -1
 
     @property
     def fast_edge_marks(self) -> tuple[tuple[float, RoadMark], ...]:
@@ -206,12 +207,12 @@ class Road:
 
     @property
     def pieces(self) -> tuple[CurveSegment, ...]:
-        """The reference line by pieces, empty where the road is straight."""
+        """The segments of the reference line; empty for a straight road."""
         return self.course.line if self.course else ()
 
     @property
     def bends(self) -> bool:
-        """Whether the reference line is anything but straight."""
+        """Whether the reference line has segments; without segments it is straight."""
         return bool(self.pieces)
 
     def heading_at(self, s: ArrayLike) -> F64:
@@ -249,7 +250,7 @@ class Road:
     def speed_limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
         """The posted limit [m/s].
 
-        Where a stretch ends and another begins, the limit is that of the second.
+        Where one span ends and another begins, the limit of the second applies.
 
         Args:
             s: Station, any shape [m].
@@ -257,8 +258,8 @@ class Road:
         """
         station = np.asarray(s, np.float64)
         limits = np.full(station.shape, self.speed_limit)
-        for one in self.course.speed_limits_for(direction) if self.course else ():
-            limits[(one.start <= station) & (station < one.stop)] = one.speed
+        for span in self.course.speed_limits_for(direction) if self.course else ():
+            limits[(span.start <= station) & (station < span.stop)] = span.speed
         return limits
 
     def height_at(self, s: ArrayLike) -> F64:
@@ -268,7 +269,9 @@ class Road:
             s: Station, any shape [m].
         """
         station = np.asarray(s, np.float64)
-        knots = np.array(sorted({0.0, *(at for at, _ in (self.course or RoadCourse()).grade)}))
+        knots = np.array(
+            sorted({0.0, *(s_knot for s_knot, _ in (self.course or RoadCourse()).grade)})
+        )
         slopes = self.grade_at(knots)
         steps = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(knots)
         heights = np.concatenate([[0.0], np.cumsum(steps)])
@@ -296,7 +299,7 @@ class Road:
         )
 
     def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
-        """Road coordinates (s, d) of world points [m]; the inverse of `world`."""
+        """Road coordinates (s, d) of world points [m]; the inverse of `to_world`."""
         if self.bends:
             return _reference_line(self.pieces).to_road(x, y)
         east = np.asarray(x, dtype=np.float64) - self.x0
@@ -339,10 +342,13 @@ class Road:
         return np.searchsorted(self.side * self.boundaries, offset, side="right") - 1
 
     def check_straight(self, where: str) -> None:
-        """ConfigError for a road that bends or rises.
+        """Refuse a road with bends or grades.
 
         Args:
-            where: A part of the package that knows straight and level roads only.
+            where: The part of the package that handles straight and level roads only.
+
+        Raises:
+            ConfigError: The road bends or rises.
         """
         if self.course and (self.course.line or self.course.grade):
             raise ConfigError.of(
@@ -354,10 +360,13 @@ class Road:
             )
 
     def check_one_speed_limit(self, where: str) -> None:
-        """ConfigError for a road whose limit changes.
+        """Refuse a road with several speed limits.
 
         Args:
-            where: A part of the package that knows one limit for a road.
+            where: The part of the package that handles one speed limit per road.
+
+        Raises:
+            ConfigError: The speed limit changes along the road.
         """
         if self.course and self.course.limits:
             raise ConfigError.of(
@@ -368,36 +377,36 @@ class Road:
                 next_step="choose another road",
             )
 
-    def mirrored(self) -> Self:
+    def mirror(self) -> Self:
         """The road in a world where left and right are swapped: d, y and heading change sign.
 
-        `mirrored().world(s, -d)` is `(x, -y)` bit for bit, and mirroring twice gives an equal road.
+        `mirror().to_world(s, -d)` is `(x, -y)` bit for bit; mirroring twice gives an equal road.
         """
         slow, fast = self.slow_side_neighbour, self.fast_side_neighbour
         return dataclasses.replace(
             self,
             driving_side=self.driving_side.opposite,
-            lanes=tuple(lane.mirrored() for lane in self.lanes),
+            lanes=tuple(lane.mirror() for lane in self.lanes),
             edge_d=-self.edge_d,
             y0=-self.y0,
             origin_y=-self.origin_y,
             heading=-self.heading,
-            slow_side_neighbour=slow.mirrored() if slow else None,
-            fast_side_neighbour=fast.mirrored() if fast else None,
-            course=self.course and self.course.mirrored(),
+            slow_side_neighbour=slow.mirror() if slow else None,
+            fast_side_neighbour=fast.mirror() if fast else None,
+            course=self.course and self.course.mirror(),
         )
 
-    def extended(self, length: float) -> Self:
-        """The same road, going on straight until it is `length` long [m].
+    def extend_to(self, length: float) -> Self:
+        """The same road, with a straight continuation up to a length of `length` [m].
 
         Raises:
             ConfigError: `length` is shorter than the road is.
         """
         if not length >= self.length:  # Also true for NaN.
-            raise self._refused("extended length", f"at least {self.length:g} m", f"{length:g} m")
+            raise self._error("extended length", f"at least {self.length:g} m", f"{length:g} m")
         return dataclasses.replace(self, length=length)
 
-    def _refused(self, what: str, expected: str, got: str) -> ConfigError:
+    def _error(self, what: str, expected: str, got: str) -> ConfigError:
         return ConfigError.of(
             what=what,
             where=f"road {self.name}",
@@ -408,20 +417,20 @@ class Road:
 
     def _check_lanes(self) -> None:
         if not 1 <= self.num_lanes <= MAX_LANES:
-            raise self._refused("driving lanes", f"1 to {MAX_LANES}", str(self.num_lanes))
+            raise self._error("driving lanes", f"1 to {MAX_LANES}", str(self.num_lanes))
         ids = [lane.lane_id for lane in self.lanes]
         if len(set(ids)) < self.num_lanes:
-            raise self._refused("lane ids", "a different one for each lane", str(ids))
+            raise self._error("lane ids", "a different one for each lane", str(ids))
         for lane in self.lanes:
             self._check_driving_lane(lane)
         for slow, fast in pairwise(self.lanes):
             near, far = slow.left_mark, fast.right_mark
             if self.driving_side is DrivingSide.LEFT:
                 near, far = slow.right_mark, fast.left_mark
-            if near is not far.reversed:
-                raise self._refused(
+            if near is not far.reverse:
+                raise self._error(
                     f"line between lanes {slow.lane_id} and {fast.lane_id}",
-                    f"{near.reversed.value} from the second as it is {near.value} from the first",
+                    f"{near.reverse.value} from the second as it is {near.value} from the first",
                     far.value,
                 )
 
@@ -429,28 +438,28 @@ class Road:
         course = self.course
         if course is None:
             return
-        stretches = (*course.lines, *course.limits, *course.places)
-        stations = [one.stop for one in stretches]
+        spans = (*course.lines, *course.limits, *course.places)
+        stations = [span.stop for span in spans]
         stations += [s for s, _ in (*course.sight, *course.sight_against, *course.grade)]
         if stations and max(stations) > self.length:
             length = f"at most {self.length:g} m, the length of the road"
-            raise self._refused("course", length, f"{max(stations):g} m")
-        above = [one.speed for one in course.limits if one.speed >= self.speed_limit]
+            raise self._error("course", length, f"{max(stations):g} m")
+        above = [span.speed for span in course.limits if span.speed >= self.speed_limit]
         if above:
             lower = f"below {self.speed_limit:g} m/s, the limit of the road"
-            raise self._refused("limits", lower, f"{max(above):g} m/s")
+            raise self._error("limits", lower, f"{max(above):g} m/s")
         directed = (*course.limits, *course.places)
-        against = course.sight_against or [one for one in directed if one.direction < 0]
+        against = course.sight_against or [span for span in directed if span.direction < 0]
         if not self.is_two_way and (course.lines or against):
             lane = "oncoming traffic: a driving lane with direction -1 beside the fast lane"
-            raise self._refused("course", lane, "lines or sight for it, and no such lane")
+            raise self._error("course", lane, "lines or sight for it, and no such lane")
         if course.line:
             self._check_line(course.line)
 
     def _check_line(self, line: tuple[CurveSegment, ...]) -> None:
         start = (line[0].x, line[0].y, line[0].heading)
         if start != (self.x0, self.y0, self.heading):
-            raise self._refused(
+            raise self._error(
                 "start of the line",
                 f"x0, y0, heading: {self.x0}, {self.y0}, {self.heading}",
                 str(start),
@@ -458,7 +467,7 @@ class Road:
         sharpest = _reference_line(line).max_curvature
         widest = max(abs(self.edge_d), abs(float(self.boundaries[-1])))
         if not sharpest * widest < MAX_CURVATURE_TIMES_OFFSET:
-            raise self._refused(
+            raise self._error(
                 "bend",
                 f"lanes within {MAX_CURVATURE_TIMES_OFFSET:g} of its radius from the reference "
                 "line",
@@ -467,13 +476,13 @@ class Road:
 
     def _check_driving_lane(self, lane: Lane) -> None:
         if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:  # Also true for NaN.
-            raise self._refused(
+            raise self._error(
                 f"width of lane {lane.lane_id}",
                 f"{MIN_LANE_WIDTH:g} to {MAX_LANE_WIDTH:g} m",
                 f"{lane.width:g} m",
             )
         if lane.kind != "driving" or lane.direction != 1:
-            raise self._refused(
+            raise self._error(
                 f"lane {lane.lane_id}",
                 "a 'driving' lane with direction 1; others can only be neighbours",
                 f"{lane.kind!r} with direction {lane.direction}",

@@ -1,7 +1,7 @@
-"""What changes along a road: its bends and grades, lines, places, and how far one sees.
+"""Changes along a road: bends, grades, centre line, zones, speed limits and sight distance.
 
-Stations are those of the road: `s` grows in the direction of its driving lanes, also where a
-driver who comes the other way is meant. Directions are those of `Lane`: +1 along `s`, -1 against.
+Stations belong to the road: `s` grows in the direction of its driving lanes, also in tables for
+drivers of the other direction. Directions are +1 along `s` and -1 against it, as in `Lane`.
 """
 
 import dataclasses
@@ -51,7 +51,7 @@ class RoadMark(enum.Enum):
     OTHER = "Other"
 
     @property
-    def reversed(self) -> "RoadMark":
+    def reverse(self) -> "RoadMark":
         """The same line as seen from the lane on its other side."""
         if self is RoadMark.SOLID_BROKEN:
             return RoadMark.BROKEN_SOLID
@@ -61,7 +61,7 @@ class RoadMark(enum.Enum):
 
 
 class ZoneKind(enum.Enum):
-    """What a stretch of road is; the last three are where a sign forbids to overtake."""
+    """Kind of a zone; in the last three a sign forbids to overtake."""
 
     JUNCTION = "junction"
     PEDESTRIAN_CROSSING = "pedestrian_crossing"
@@ -76,10 +76,10 @@ class ZoneKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadZone:
-    """A stretch of road that is something.
+    """A stretch of road with a feature that rules refer to.
 
     Attributes:
-        kind: What it is. A bend is one of reduced visibility; `narrow` is too narrow to pass in.
+        kind: The feature. A bend has reduced visibility; a narrow road is too narrow to pass on.
         start: Where it begins [m].
         stop: Where it ends, behind `start` [m].
         direction: Direction of travel that it counts for: +1, -1, or 0 for both.
@@ -98,8 +98,8 @@ class CentreLineSpan:
     Attributes:
         start: Where it begins [m].
         stop: Where it ends, behind `start` [m].
-        mark: The line, seen from the driving lanes of the road; `mark.reversed` is how the other
-            direction sees it.
+        mark: The line, seen from the driving lanes of the road; `mark.reverse` is the same line,
+            seen from the other direction.
     """
 
     start: Annotated[float, _STATION]
@@ -126,21 +126,21 @@ class SpeedLimitSpan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadCourse:
-    """What changes along a road.
+    """Changes along a road.
 
     Attributes:
-        line: Reference line, by pieces that join; empty for a straight road. Beyond its ends it
-            goes on straight.
+        line: Segments of the reference line, end to start; empty for a straight road. Beyond its
+            ends the line is straight.
         grade: Slope of the road by station: pairs (s, rise per metre) in order of s, linear in
             between and constant beyond; empty for a level road.
         lines: Stretches of the line between the directions, in order, without overlap. Elsewhere
             the mark of the fast-most driving lane holds.
-        limits: Stretches with a limit below that of the road, `Road.speed_limit`, in order of
+        limits: Stretches with a limit below `Road.speed_limit`, the limit elsewhere, in order of
             `start`, without overlap in one direction of travel.
-        places: What stretches of the road are, in any order; they may overlap.
-        sight: How far a driver along `s` sees the road, by station: pairs (s, distance) in order of
-            s, linear in between and constant beyond [m]. Empty if the road does not limit sight.
-        sight_against: The same for a driver who comes the other way.
+        places: Zones, in any order; they may overlap.
+        sight: Sight distance of a driver along `s`, by station: pairs (s, distance) in order of s,
+            linear in between and constant beyond [m]. Empty if the road does not limit sight.
+        sight_against: The same for a driver in the other direction.
 
     Raises:
         ConfigError: A stretch is empty, stretches or stations are not in order, or a bend or grade
@@ -156,15 +156,15 @@ class RoadCourse:
     sight_against: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what is out of order."""
+        """Refuse fields out of order or out of range."""
         check_batch(self, "course of a road")
         for name in ("lines", "limits", "places", "sight", "sight_against"):
             if len(getattr(self, name)) > MAX_SPANS:
-                raise _refused(name, f"at most {MAX_SPANS}", len(getattr(self, name)))
-        for one in (*self.lines, *self.limits, *self.places):
-            check_batch(one, "course of a road")
-            if not one.start < one.stop:
-                raise _refused("stretch", "start before stop", f"{one.start:g} to {one.stop:g} m")
+                raise _error(name, f"at most {MAX_SPANS}", len(getattr(self, name)))
+        for span in (*self.lines, *self.limits, *self.places):
+            check_batch(span, "course of a road")
+            if not span.start < span.stop:
+                raise _error("stretch", "start before stop", f"{span.start:g} to {span.stop:g} m")
         _check_order("lines", self.lines)
         for direction in (1, -1):
             _check_order("limits", self.speed_limits_for(direction))
@@ -172,18 +172,18 @@ class RoadCourse:
             _check_station_table(name, getattr(self, name))
         _check_line(self.line)
 
-    def mirrored(self) -> Self:
+    def mirror(self) -> Self:
         """The same in a world where left and right are swapped.
 
-        Lines, limits, places and sight stay: they are told from the lane, not from the left.
+        Lines, limits, places and sight stay the same, because they refer to lanes, not to left.
         """
-        return dataclasses.replace(self, line=tuple(piece.mirrored() for piece in self.line))
+        return dataclasses.replace(self, line=tuple(piece.mirror() for piece in self.line))
 
     def sight_at(self, s: ArrayLike, direction: int = 1) -> F64:
-        """How far a driver sees the road.
+        """Sight distance along the road.
 
         Args:
-            s: Where the driver is, any shape [m].
+            s: Position of the driver, any shape [m].
             direction: +1 along the road, -1 against it.
 
         Returns:
@@ -197,50 +197,50 @@ class RoadCourse:
 
     def speed_limits_for(self, direction: int) -> tuple[SpeedLimitSpan, ...]:
         """The stretches with a limit of their own for a direction of travel, +1 or -1."""
-        return tuple(one for one in self.limits if one.direction in (0, direction))
+        return tuple(span for span in self.limits if span.direction in (0, direction))
 
     def zones_for(self, direction: int) -> tuple[RoadZone, ...]:
-        """The places that count for a direction of travel, +1 or -1."""
-        return tuple(one for one in self.places if one.direction in (0, direction))
+        """The zones for a direction of travel, +1 or -1."""
+        return tuple(zone for zone in self.places if zone.direction in (0, direction))
 
 
 def _check_order(name: str, stretches: Sequence[CentreLineSpan] | Sequence[SpeedLimitSpan]) -> None:
     """Refuse stretches that overlap or are not in order."""
-    for one, other in pairwise(stretches):
-        if one.stop > other.start:
-            got = f"one to {one.stop:g} m, then one from {other.start:g} m"
-            raise _refused(name, "in order, without overlap", got)
+    for span, next_span in pairwise(stretches):
+        if span.stop > next_span.start:
+            overlap = f"one to {span.stop:g} m, then one from {next_span.start:g} m"
+            raise _error(name, "in order, without overlap", overlap)
 
 
 def _check_station_table(name: str, table: Sequence[tuple[float, float]]) -> None:
-    """Refuse a table of sight or grade by station that is not one."""
+    """Refuse a table of sight or grade with invalid values, or with stations out of order."""
     for s, value in table:
         if name == "grade":
             fits, bounds = abs(value) <= MAX_GRADE, f"{-MAX_GRADE:g} to {MAX_GRADE:g}"
-            got = f"{value:g} at {s:g} m"
+            entry = f"{value:g} at {s:g} m"
         else:
             fits, bounds = 0.0 < value <= MAX_SIGHT, f"more than 0 and at most {MAX_SIGHT:g} m"
-            got = f"{value:g} m at {s:g} m"
+            entry = f"{value:g} m at {s:g} m"
         if not (0.0 <= s <= MAX_LENGTH and fits):  # Also true for NaN.
-            raise _refused(name, f"0 to {MAX_LENGTH:g} m, and {bounds}", got)
-    if not all(one < other for (one, _), (other, _) in pairwise(table)):
-        raise _refused(name, "stations in order", ", ".join(f"{s:g}" for s, _ in table))
+            raise _error(name, f"0 to {MAX_LENGTH:g} m, and {bounds}", entry)
+    if not all(s < next_s for (s, _), (next_s, _) in pairwise(table)):
+        raise _error(name, "stations in order", ", ".join(f"{s:g}" for s, _ in table))
 
 
 def _check_line(line: Sequence[CurveSegment]) -> None:
-    """Refuse a reference line of too many pieces, or of one that is none."""
+    """Refuse a reference line with too many segments, or with an invalid one."""
     if len(line) > MAX_SEGMENTS:
-        raise _refused("line", f"at most {MAX_SEGMENTS} pieces", len(line))
+        raise _error("line", f"at most {MAX_SEGMENTS} pieces", len(line))
     for piece in line:
         if not (all(map(math.isfinite, piece)) and piece.length > 0.0):
-            raise _refused("line", "pieces of finite numbers and positive length", piece)
+            raise _error("line", "pieces of finite numbers and positive length", piece)
         sharpest = max(abs(piece.curvature), abs(piece.end_curvature))
         if sharpest > MAX_CURVATURE:
             expected = f"bends of at least {1.0 / MAX_CURVATURE:g} m radius"
-            raise _refused("line", expected, f"{1.0 / sharpest:.2f} m")
+            raise _error("line", expected, f"{1.0 / sharpest:.2f} m")
 
 
-def _refused(what: str, expected: str, got: object) -> ConfigError:
+def _error(what: str, expected: str, got: object) -> ConfigError:
     return ConfigError.of(
         what=what,
         where="course of a road",
@@ -262,13 +262,13 @@ def marks_along(
     Returns:
         Where each mark begins, the first at minus infinity, and the mark; neighbours differ.
     """
-    found = [(-math.inf, otherwise)]
-    for one in lines:
-        if found[-1][0] == one.start:  # The one before ends here.
-            found.pop()
-        found += [(one.start, one.mark), (one.stop, otherwise)]
-    kept = found[:1]
-    for start, mark in found[1:]:
-        if mark is not kept[-1][1]:
-            kept.append((start, mark))
-    return tuple(kept)
+    starts = [(-math.inf, otherwise)]
+    for span in lines:
+        if starts[-1][0] == span.start:  # The previous span ends here.
+            starts.pop()
+        starts += [(span.start, span.mark), (span.stop, otherwise)]
+    changes = starts[:1]
+    for start, mark in starts[1:]:
+        if mark is not changes[-1][1]:
+            changes.append((start, mark))
+    return tuple(changes)

@@ -15,7 +15,8 @@ MEASURED_MOMENTS = (
     "return_begin",
     "return_end",
 )
-"""When measures are taken: the worst of the manoeuvre, and events by the names of `Events`."""
+"""Moments of the measures: the whole manoeuvre, with its worst values, and fields of
+`OvertakeEvents`."""
 
 _of_two = partial(FieldSpec, null_unless=".valid")
 """Declaration of a measure of two vehicles."""
@@ -29,7 +30,8 @@ _to_front = partial(FieldSpec, column=ColumnName(prefix="front_"), null_unless="
 class Encounter(Batch):
     """One vehicle behind another in a lane, one of them the ego; all arrays have one shape.
 
-    What never happens has an infinite time. Where `valid` is false the values mean nothing.
+    The time of an event that never happens is infinite. Where `valid` is false, the values are
+    undefined.
     """
 
     valid: Annotated[Mask, FieldSpec("Whether there are two vehicles", column=None)]
@@ -41,7 +43,7 @@ class Encounter(Batch):
     ttc: Annotated[F32, _of_two("Time to collision at constant speeds; null if never", "s")]
     mttc: Annotated[F32, _of_two("Time to collision at constant accelerations; null if never", "s")]
     drac: Annotated[
-        F32, _of_two("Deceleration that just avoids a collision; null if none does", "m/s^2")
+        F32, _of_two("Deceleration that just avoids a collision; null if no braking can", "m/s^2")
     ]
 
 
@@ -51,43 +53,48 @@ _measure = partial(FieldSpec, null_unless=".exists")
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassingSafety(Batch):
-    """Measures of a batch against the nearest vehicle that comes; arrays have shape (simulation,).
+    """Measures against the nearest oncoming vehicle; arrays have shape (simulation,).
 
-    Where `exists` is false the others mean nothing: on one-way roads, and where the ego never came
-    to the other side. NaN where no vehicle came. A time to meet is a distance over both speeds.
+    Where `exists` is false, on one-way roads and where the ego never entered the opposing lane, all
+    other fields are undefined. Values are NaN where no vehicle came. A time to meet is a gap over
+    the sum of both speeds.
     """
 
-    exists: Annotated[Mask, FieldSpec("Whether the ego came to the other side", column=None)]
+    exists: Annotated[Mask, FieldSpec("Whether the ego entered the opposing lane", column=None)]
     distance_out: Annotated[
-        F32, _measure("Gap to who comes as the ego comes to the other side", "m")
+        F32, _measure("Gap to the oncoming vehicle as the ego enters the opposing lane", "m")
     ]
     time_out: Annotated[
-        F32, _measure("Time to meet who comes as the ego comes to the other side", "s")
+        F32, _measure("Time to meet the oncoming vehicle as the ego enters the opposing lane", "s")
     ]
     distance_abreast: Annotated[
-        F32, _measure("Gap to who comes as ego and target begin to overlap", "m")
+        F32, _measure("Gap to the oncoming vehicle as ego and target begin to overlap", "m")
     ]
     time_abreast: Annotated[
-        F32, _measure("Time to meet who comes as ego and target begin to overlap", "s")
+        F32, _measure("Time to meet the oncoming vehicle as ego and target begin to overlap", "s")
     ]
     distance_back: Annotated[
-        F32, _measure("Gap to who comes as the ego is back on its side, or collides", "m")
+        F32,
+        _measure("Gap to the oncoming vehicle as the ego is back in its lane, or collides", "m"),
     ]
     time_back: Annotated[
-        F32, _measure("Time to meet who comes as the ego is back on its side, or collides", "s")
+        F32,
+        _measure(
+            "Time to meet the oncoming vehicle as the ego is back in its lane, or collides", "s"
+        ),
     ]
-    least_time: Annotated[F32, _measure("Least time to meet while on the other side", "s")]
+    least_time: Annotated[F32, _measure("Least time to meet while in the opposing lane", "s")]
     sight_out: Annotated[
         F32,
         _measure(
-            "Sight of air and road as the ego comes to the other side", "m", needs=["weather"]
+            "Sight of air and road as the ego enters the opposing lane", "m", needs=["weather"]
         ),
     ]
-    time_needed: Annotated[F32, _measure("Time on the other side", "s")]
+    time_needed: Annotated[F32, _measure("Time in the opposing lane", "s")]
     time_available: Annotated[
         F32,
         _measure(
-            "Time to meet who comes, or who might come at the limit from beyond sight",
+            "Time to meet the oncoming vehicle, or one at the limit from beyond sight",
             "s",
             needs=["weather", "speed_limit"],
         ),
@@ -100,11 +107,11 @@ class PassingSafety(Batch):
 class SafetyMeasures(Batch):
     """Surrogate measures of safety of a batch, after the fact.
 
-    Arrays have shape (simulation, moment) with `MOMENTS` as the last axis; those of
-    `MANOEUVRE_MEASURES` have shape (simulation,). In the column of the manoeuvre each measure has
-    its worst value: the largest closing speed and deceleration, the smallest of all others. The
-    lane that the ego enters is the one on the left at `attempt` and `line_crossed`, and the one on
-    the right at `return_begin`; at other moments there is none.
+    Arrays have shape (simulation, moment) with `MEASURED_MOMENTS` as the last axis; the measures in
+    `WHOLE_MANOEUVRE_MEASURES` have shape (simulation,). In the column of the manoeuvre each measure
+    has its worst value: the largest closing speed and deceleration, the smallest of all others. The
+    ego enters the lane on the left at `attempt` and `line_crossed`, the lane on the right at
+    `return_begin`, and no lane at other moments.
     """
 
     frame: Annotated[
@@ -140,7 +147,9 @@ class SafetyMeasures(Batch):
         FieldSpec("Share of the manoeuvre closer than the safe distance of L3", needs=["weather"]),
     ]
     time_exposed: Annotated[F32, FieldSpec("Time at a critical time to collision, TET", "s")]
-    time_integrated: Annotated[F32, FieldSpec("What it lacks, integrated, TIT", "s^2")]
+    time_integrated: Annotated[
+        F32, FieldSpec("Shortfall below the critical time to collision, integrated, TIT", "s^2")
+    ]
     entry_encroachment: Annotated[
         F32,
         FieldSpec(
@@ -161,4 +170,4 @@ WHOLE_MANOEUVRE_MEASURES = (
     "return_encroachment",
     "oncoming",
 )
-"""The fields of `Safety` that are measured once, over the whole manoeuvre."""
+"""The fields of `SafetyMeasures` that are measured once, over the whole manoeuvre."""

@@ -1,4 +1,4 @@
-"""Scenarios, and what branches change in them."""
+"""Scenarios, and the interventions of branches."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping
@@ -24,7 +24,7 @@ MAX_VEHICLES = SLOT_CAPACITIES[-1]
 
 MAX_DURATION = 6000.0
 """Longest simulation, and recording of one overtake [s]."""
-_EACH = ("simulation", "vehicle")
+_VEHICLE_AXES = ("simulation", "vehicle")
 
 
 def slots_for(vehicles: int) -> int:
@@ -50,9 +50,10 @@ class Scenario(IdentityBatch):
         weather: Weather, (simulation,).
         start_s: Position of the centre at the first frame, (simulation, vehicle) [m].
         start_lane: Lane index, 0 the slowest; on a two-way road the number of its lanes stands for
-            the lane of who comes the other way, (simulation, vehicle).
+            the opposing lane, (simulation, vehicle).
         start_speed: Speed at the first frame, (simulation, vehicle) [m/s].
-        pushes: How weather acts instead of by physics, the same for the batch; None for physics.
+        pushes: Effects of weather that replace its physics, the same for the batch; None for
+            physics.
     """
 
     profile: str
@@ -66,9 +67,13 @@ class Scenario(IdentityBatch):
     vehicles: VehicleSpecs
     drivers: DriverTraits
     weather: Weather
-    start_s: Annotated[F32, FieldSpec(unit="m", low=-MAX_LENGTH, high=MAX_LENGTH, axes=_EACH)]
-    start_lane: Annotated[U8, FieldSpec(low=0, high=AxisEnd("lane or oncoming"), axes=_EACH)]
-    start_speed: Annotated[F32, FieldSpec(unit="m/s", low=0.0, high=150.0, axes=_EACH)]
+    start_s: Annotated[
+        F32, FieldSpec(unit="m", low=-MAX_LENGTH, high=MAX_LENGTH, axes=_VEHICLE_AXES)
+    ]
+    start_lane: Annotated[
+        U8, FieldSpec(low=0, high=AxisEnd("lane or oncoming"), axes=_VEHICLE_AXES)
+    ]
+    start_speed: Annotated[F32, FieldSpec(unit="m/s", low=0.0, high=150.0, axes=_VEHICLE_AXES)]
     pushes: LateralPushes | None = None
 
     def __post_init__(self) -> None:
@@ -91,7 +96,7 @@ class Scenario(IdentityBatch):
         return self.vehicles.valid.sum(axis=1)
 
     def summary(self) -> Mapping[str, object]:
-        """Where it comes from and how large it is."""
+        """Origin and size of the batch, by name."""
         return {
             "profile": self.profile,
             "road": self.road.name,
@@ -101,16 +106,16 @@ class Scenario(IdentityBatch):
         }
 
     def axis_lengths(self) -> Mapping[str, int]:
-        """Lanes of the road; a place may also be beyond the fastest one."""
+        """Number of lanes, alone, with the index beyond the edge, and with the opposing lane."""
         lanes = self.road.num_lanes
         ways = {"lane": lanes, "lane or beyond": lanes + 1}
         return ways | {"lane or oncoming": lanes + self.road.is_two_way}
 
     def constraints(self) -> Iterable[Constraint]:
         """Vehicles start before the end of the road."""
-        beyond = self.vehicles.valid & (self.start_s > self.road.length)
-        end = f"at most {self.road.length:g} m, the length of the road"
-        yield Constraint("start_s", end, beyond, self.start_s)
+        is_beyond_end = self.vehicles.valid & (self.start_s > self.road.length)
+        expected = f"at most {self.road.length:g} m, the length of the road"
+        yield Constraint("start_s", expected, is_beyond_end, self.start_s)
 
 
 class ForcedDecision(IntEnum):
@@ -125,18 +130,18 @@ class ForcedDecision(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intervention:
-    """What is different from a frame on; what is left out stays.
+    """Changes of a simulation from a frame on. A field with its default changes nothing.
 
     Attributes:
-        frame: First frame that it can affect; at 0 the start itself is another one.
-        decision: Forced on every ego until another change says something else.
+        frame: First frame that it can affect; at 0 the start itself changes.
+        decision: Forced on every ego, until an intervention at a later frame forces another one.
         weather: Weather from then on, shape (simulation,) or of one simulation for all.
-        without: What is taken away from the weather: names in `model.weather.REMOVABLE_FACTORS`.
-        vehicle: Slot of the vehicle that the rest is about.
+        without: Factors removed from the weather: names in `model.weather.REMOVABLE_FACTORS`.
+        vehicle: Slot of the vehicle that the fields below change.
         traits: Traits of its driver, names in `model.vehicles.DriverTraits`, SI units.
-        ahead: How much further along the road it is, also in the memory of all drivers [m].
-        faster: How much faster it drives and wants to drive [m/s].
-        removed: Whether it is taken away. Drivers who have noticed it look anew at once.
+        ahead: Distance by which it is moved along the road, also in the memory of all drivers [m].
+        faster: Increase of its speed and of its desired speed [m/s].
+        removed: Whether it is removed. Drivers who have noticed it look anew at once.
     """
 
     frame: Annotated[int, FieldSpec(low=0, high=2**31 - 1)] = 0
@@ -154,55 +159,57 @@ class Intervention:
         convert_integers(self, "frame", "vehicle")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values of what is different, from which `from_json` makes an equal change."""
-        found: dict[str, Any] = {"frame": self.frame}
+        """Its changes as plain values, from which `from_dict` makes an equal intervention."""
+        values: dict[str, Any] = {"frame": self.frame}
         if self.decision is not None:
-            found["decision"] = self.decision.name
+            values["decision"] = self.decision.name
         if self.weather is not None:
-            rows = dataclasses.fields(self.weather)
-            found["weather"] = {one.name: getattr(self.weather, one.name).tolist() for one in rows}
+            names = [field.name for field in dataclasses.fields(self.weather)]
+            values["weather"] = {name: getattr(self.weather, name).tolist() for name in names}
         for name in ("without", "traits", "ahead", "faster", "removed"):
             if value := getattr(self, name):
-                found[name] = list(value) if isinstance(value, tuple) else value
-        if self.about_vehicle:
-            found["vehicle"] = self.vehicle
-        return found
+                values[name] = list(value) if isinstance(value, tuple) else value
+        if self.is_about_vehicle:
+            values["vehicle"] = self.vehicle
+        return values
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> "Intervention":
-        """The change that `as_json` has written.
+        """The intervention that `to_dict` has written.
 
         Raises:
-            KeyError, TypeError, ValueError: It is none.
+            KeyError, TypeError, ValueError: The values describe no intervention.
         """
-        given = dict(values)
-        if "decision" in given:
-            given["decision"] = ForcedDecision[given["decision"]]
-        if "weather" in given:
-            given["weather"] = Weather(**_arrays(given["weather"]))
-        given["without"] = tuple(given.get("without", ()))
-        return cls(**given)
+        fields = dict(values)
+        if "decision" in fields:
+            fields["decision"] = ForcedDecision[fields["decision"]]
+        if "weather" in fields:
+            fields["weather"] = Weather(**_weather_arrays(fields["weather"]))
+        fields["without"] = tuple(fields.get("without", ()))
+        return cls(**fields)
 
     @property
-    def about_vehicle(self) -> bool:
-        """Whether it is about a single vehicle."""
+    def is_about_vehicle(self) -> bool:
+        """Whether it changes a single vehicle."""
         return bool(self.traits or self.ahead or self.faster or self.removed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BranchOrigin(Batch):
-    """What a batch branches from, and by what.
+    """Origin of a batch of branches.
 
     Attributes:
-        scenario: The scenarios before any change.
-        changes: All changes, in the order of their frames.
+        scenario: The scenarios before any intervention.
+        changes: All interventions, in the order of their frames.
     """
 
     scenario: Scenario
     changes: tuple[Intervention, ...]
 
 
-def _arrays(columns: Mapping[str, list[Any]]) -> dict[str, Any]:
-    """Columns of a weather with the types of its fields."""
-    kinds = {"preset": np.uint8, "night": np.bool_, "horizon_line": np.bool_}
-    return {name: np.array(one, kinds.get(name, np.float32)) for name, one in columns.items()}
+def _weather_arrays(columns: Mapping[str, list[Any]]) -> dict[str, Any]:
+    """The fields of a weather as arrays of their dtypes."""
+    dtypes = {"preset": np.uint8, "night": np.bool_, "horizon_line": np.bool_}
+    return {
+        name: np.array(values, dtypes.get(name, np.float32)) for name, values in columns.items()
+    }

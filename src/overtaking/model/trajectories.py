@@ -1,7 +1,6 @@
-"""What happened: the recorded states of a batch of simulations, as integers of stated steps.
+"""Recorded states of a batch of simulations, as integers of fixed resolutions.
 
-Everything after the simulation reads these values, so that labels from memory and from a file
-agree.
+All later code reads these integers, so that labels from memory and from a file agree.
 """
 
 import dataclasses
@@ -38,7 +37,7 @@ NO_VEHICLE = np.uint8(255)
 UNKNOWNS = (
     "weather",  # Weather and light.
     "drivers",  # Everything in `DriverTraits`.
-    "bodies",  # What of `VehicleSpecs` is not length, width and kind.
+    "bodies",  # All of `VehicleSpecs` except length, width and kind.
     "kinds",  # Types of the vehicles.
     "marks",  # Lines between the lanes.
     "speed_limit",
@@ -51,10 +50,10 @@ UNKNOWNS = (
     "stage",
     "percepts",
 )
-"""What a recording from elsewhere may not say; rules that need it are undecidable."""
+"""Properties that a recording may leave open. Rules that need them are then undecidable."""
 
 BEYOND_KERB_EDGE = 255
-"""Lane index of a vehicle beyond the slow edge of the road."""
+"""Lane index of a vehicle beyond the edge of the road on the kerb side."""
 POSITION_RESOLUTION = 1e-3
 _MAX_RECORDED = 2.0e9  # Steps that fit into the recorded integers, as the step clamps them.
 SPEED_RESOLUTION = 1e-3
@@ -63,7 +62,7 @@ ACCEL_RESOLUTION = 1e-3
 
 
 class Stage(IntEnum):
-    """What the ego is doing, as its own state machine sees it."""
+    """Stage of the ego's overtake, the state of its state machine."""
 
     FOLLOW = 0
     PULL_OUT = 1
@@ -90,7 +89,7 @@ class Lights(IntFlag):
 
 
 class ManoeuvreKind(IntEnum):
-    """Which decision a percept was written down for."""
+    """Kind of the decision that a percept was recorded for."""
 
     PULL_OUT = 0
     RETURN = 1
@@ -159,7 +158,7 @@ range of the recorded integers, although no vehicle reaches it; such values are 
 
 
 def largest_state(name: str) -> float:
-    """Largest magnitude of a field of `States`, one of `STEPS`, that is recorded [SI units]."""
+    """Largest magnitude of a field of `States`, one of `STATE_RESOLUTION` [SI units]."""
     _, high = batch_fields(States)[name].spec.limits
     return min(float(np.iinfo(STATE_DTYPES[name]).max), high) * STATE_RESOLUTION[name]
 
@@ -168,7 +167,7 @@ def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[An
     """The recorded integers of a field of `States`, rounded half to even.
 
     Args:
-        name: The field, one of `STEPS`.
+        name: The field, one of `STATE_RESOLUTION`.
         steps: Its values divided by the size of a step, any shape [steps].
         where: Name of the recording or simulation, for the message.
 
@@ -194,7 +193,7 @@ def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[An
 
 
 BYTES_PER_STATE = sum(np.dtype(kind).itemsize for kind in STATE_DTYPES.values())
-"""Bytes that `States` has for each vehicle and frame."""
+"""Size of the recorded state of one vehicle in one frame [bytes]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,21 +217,21 @@ class Contacts(Batch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percepts(Batch):
-    """What the ego believed at each decision.
+    """Beliefs of the ego's driver at each decision.
 
-    Shape (simulation, decision), or with a last axis of three: leader, front of the target lane,
-    rear of the target lane.
+    Arrays have shape (simulation, decision), or a last axis of three: the leader, and the new
+    leader and the new follower in the lane that the ego enters.
 
     Attributes:
         valid: Whether the row holds a decision.
         kind: `ManoeuvreKind`.
         time: Instant of the decision [ms].
-        vehicle: True neighbour's slot, `NO_VEHICLE` if there is none, (simulation, decision, 3).
+        vehicle: Slot of the true neighbour, `NO_VEHICLE` without one, (simulation, decision, 3).
         detected: Whether the ego had noticed it, (simulation, decision, 3).
         gap: Believed bumper-to-bumper gap, (simulation, decision, 3) [mm].
         closing_speed: Believed speed of approach, (simulation, decision, 3) [mm/s].
-        true_gap: The gap as it was, (simulation, decision, 3) [mm].
-        true_closing_speed: The speed of approach as it was, (simulation, decision, 3) [mm/s].
+        true_gap: True gap, (simulation, decision, 3) [mm].
+        true_closing_speed: True speed of approach, (simulation, decision, 3) [mm/s].
     """
 
     AXES = ("simulation", "decision", 3)
@@ -251,7 +250,7 @@ class Percepts(Batch):
 
     @classmethod
     def empty(cls, num_simulations: int, num_rows: int) -> "Percepts":
-        """Rows for decisions of which nothing is written down yet, nor need ever be."""
+        """Rows without a recorded decision."""
         pair, triple = (num_simulations, num_rows), (num_simulations, num_rows, 3)
         return cls(
             valid=np.zeros(pair, bool),
@@ -267,44 +266,44 @@ class Percepts(Batch):
 
 
 def rotate_headings(road: Road, states: States, sign: float) -> NDArray[np.int16]:
-    """Headings with the direction of the road added or taken away, same shape [0.1 mrad].
+    """Headings with the direction of the road added or subtracted, same shape [0.1 mrad].
 
     Args:
         road: The road.
         states: Stations and headings.
-        sign: +1 to add it, -1 to take it away.
+        sign: +1 to add it, -1 to subtract it.
     """
-    found = np.empty_like(states.heading)
+    headings = np.empty_like(states.heading)
     for row, s in enumerate(states.s):
         direction = road.heading_at(s * POSITION_RESOLUTION)
         angle = states.heading[row] * ANGLE_RESOLUTION + sign * direction
         angle = angle - math.tau * np.rint(angle / math.tau)
-        found[row] = np.rint(angle / ANGLE_RESOLUTION)
-    return found
+        headings[row] = np.rint(angle / ANGLE_RESOLUTION)
+    return headings
 
 
-def with_world_coordinates(road: Road, states: States, there: NDArray[np.bool_]) -> States:
-    """States on a road that bends, from those in its own coordinates, as the step records them.
+def with_world_coordinates(road: Road, states: States, is_present: NDArray[np.bool_]) -> States:
+    """The same states with world positions and headings, on a road with bends.
 
-    Positions follow from the recorded millimetres by float64 arithmetic in a fixed order, so they
-    have the same bits whatever engine made them.
+    Positions follow from the recorded millimetres by float64 arithmetic in a fixed order, so that
+    both engines give the same bits.
 
     Args:
         road: The road.
         states: Recorded states, with headings relative to the road.
-        there: Which of them are of a vehicle, same shape.
+        is_present: Which states belong to a vehicle, same shape.
     """
     if not road.bends:
         return states
     x, y = np.zeros_like(states.s), np.zeros_like(states.s)
-    # One simulation at a time: its points fit into the caches, those of a batch do not.
-    for row, here in enumerate(there):
-        s, d = (one[row][here] * POSITION_RESOLUTION for one in (states.s, states.d))
-        for found, metres in zip((x, y), road.to_world(s, d), strict=True):
-            found[row][here] = np.rint(metres / POSITION_RESOLUTION).clip(
+    # One simulation at a time: its points fit into the caches, the points of a batch do not.
+    for row, mask in enumerate(is_present):
+        s, d = (values[row][mask] * POSITION_RESOLUTION for values in (states.s, states.d))
+        for coordinate, metres in zip((x, y), road.to_world(s, d), strict=True):
+            coordinate[row][mask] = np.rint(metres / POSITION_RESOLUTION).clip(
                 -_MAX_RECORDED, _MAX_RECORDED
             )
-    heading = np.where(there, rotate_headings(road, states, 1.0), np.int16(0))
+    heading = np.where(is_present, rotate_headings(road, states, 1.0), np.int16(0))
     return dataclasses.replace(states, x=x, y=y, heading=heading)
 
 
@@ -313,23 +312,23 @@ class Trajectories(IdentityBatch):
     """A batch of recorded simulations with everything needed to label them.
 
     Attributes:
-        scenario: What was simulated.
+        scenario: The simulated scenarios.
         num_frames: Recorded frames of each simulation, shape (simulation,).
         states: Padded to the longest simulation of the batch.
         stage: `Stage` of the ego, (simulation, time).
         collided_with: Slot that the ego has collided with so far, `NO_VEHICLE` before,
             (simulation, time).
         contacts: First collision of each vehicle.
-        percepts: What the ego believed.
+        percepts: Beliefs of the ego's driver at its decisions.
         trace_hash: 128-bit hash over the recorded integers, (simulation, 4) words.
-        unknown: What the source of the recording could not tell, names of `UNKNOWNS`; the values
-            are there and mean nothing. Empty for simulations of this package.
+        unknown: Properties that the recording does not state, names of `UNKNOWNS`; their values
+            are placeholders. Empty for simulations of this package.
         is_recorded: Which vehicles were recorded in which frame, (simulation, vehicle, time); None
-            where every vehicle is there from the first frame to the last.
+            where every vehicle was recorded from the first frame to the last.
         is_kind_known: Whether the kind of each vehicle is known, (simulation, vehicle); None if all
             kinds are known, or none of them because "kinds" is among `unknown`.
-        actions: What another driver did with the ego; None where the model drove it.
-        branch_origin: What it branches from, and what is different; None for a simulation as it is.
+        actions: Actions of a driver of the user's; None where the model driver drove the ego.
+        branch_origin: Origin and interventions of branches; None for other simulations.
         import_findings: Rows of `import_report`. They describe the source, so comparisons and
             hashes ignore them.
     """
@@ -395,22 +394,25 @@ class Trajectories(IdentityBatch):
         return rotate_headings(self.road, self.states, -1.0), 0.0
 
     def summary(self) -> Mapping[str, object]:
-        """That of the scenario, and the frames."""
+        """The summary of the scenario, with the number of frames and their interval [ms]."""
         frames = {"frames": self.stage.shape[1], "ms": self.scenario.frame_interval_ms}
         return {**self.scenario.summary(), **frames}
 
     def constraints(self) -> Iterable[Constraint]:
         """Each simulation has a frame or more, and `unknown` has known names."""
         frames = self.num_frames
-        wrong = (frames < 1) | (frames > self.stage.shape[1])
-        yield Constraint("num_frames", f"1 to {self.stage.shape[1]}, as stage has", wrong, frames)
-        strange = sorted(self.unknown - set(UNKNOWNS))
+        is_invalid = (frames < 1) | (frames > self.stage.shape[1])
+        expected = f"1 to {self.stage.shape[1]}, as stage has"
+        yield Constraint("num_frames", expected, is_invalid, frames)
+        invalid_names = sorted(self.unknown - set(UNKNOWNS))
         expected = f"names among {', '.join(UNKNOWNS)}"
-        yield Constraint("unknown", expected, np.array(bool(strange)), np.array(strange))
+        yield Constraint(
+            "unknown", expected, np.array(bool(invalid_names)), np.array(invalid_names)
+        )
 
     @property
     def state_mask(self) -> NDArray[np.bool_]:
-        """Where there is a recorded state, shape (simulation, vehicle, time)."""
+        """Whether a vehicle has a recorded state in a frame, shape (simulation, vehicle, time)."""
         rows = self.scenario.vehicles.valid[:, :, None] & self.frame_mask[:, None, :]
         return rows if self.is_recorded is None else rows & self.is_recorded
 

@@ -135,14 +135,14 @@ class VehicleSpecs(Batch):
 
     def constraints(self) -> Iterable[Constraint]:
         """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""
-        filled = self.valid
-        is_ego = np.arange(filled.shape[1]) == Role.EGO
-        after_hole = np.zeros_like(filled)
-        after_hole[:, 1:] = filled[:, 1:] & ~filled[:, :-1]
+        is_ego = np.arange(self.valid.shape[1]) == Role.EGO
+        follows_empty_slot = np.zeros_like(self.valid)
+        follows_empty_slot[:, 1:] = self.valid[:, 1:] & ~self.valid[:, :-1]
+        is_broken = follows_empty_slot | (is_ego & ~self.valid)
         expected = "True for the ego in slot 0, and no True after a False"
-        yield Constraint("valid", expected, after_hole | (is_ego & ~filled), filled)
-        beyond = self.cg_to_front >= self.wheelbase
-        yield Constraint("cg_to_front", "less than the wheelbase", beyond, self.cg_to_front)
+        yield Constraint("valid", expected, is_broken, self.valid)
+        is_behind_axle = self.cg_to_front >= self.wheelbase
+        yield Constraint("cg_to_front", "less than the wheelbase", is_behind_axle, self.cg_to_front)
 
 
 _DISABLED = 1e9
@@ -154,8 +154,8 @@ _DISABLED = 1e9
 class DriverTraits(Batch):
     """Driver parameters; every array has shape (simulation, vehicle).
 
-    Most parameters depend on a hidden temper of the driver, from careful to reckless. It is drawn
-    and not kept. A new trait is a field here, a line for each population and extreme in
+    Most traits depend on the driving style of the driver, from careful to reckless, which is drawn
+    and not stored. A new trait is a field here, a line for each population and extreme in
     `knowledge/data/drivers.toml`, and its use in the step.
     """
 
@@ -164,7 +164,7 @@ class DriverTraits(Batch):
     desired_speed: Annotated[
         F32,
         FieldSpec(
-            "Speed wanted on a free road in good weather, without a limit", "m/s", 0.0, 150.0
+            "Desired speed on a free road in good weather, without a limit", "m/s", 0.0, 150.0
         ),
     ]
     time_gap: Annotated[F32, FieldSpec("Net time gap wanted behind a leader", "s", 0.0, 60.0)]
@@ -176,7 +176,9 @@ class DriverTraits(Batch):
     ]
     caution: Annotated[
         F32,
-        FieldSpec("How far speed follows sight and grip, 0 not at all to 1 fully", "1", 0.0, 1.0),
+        FieldSpec(
+            "Degree to which speed follows sight and grip, 0 not at all to 1 fully", "1", 0.0, 1.0
+        ),
     ]
     politeness: Annotated[
         F32, FieldSpec("Politeness of the lane-change model MOBIL", "1", 0.0, 10.0)

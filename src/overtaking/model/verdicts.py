@@ -11,7 +11,7 @@ from overtaking.model.trajectories import Trajectories
 
 
 class Verdict(IntEnum):
-    """What a rule says of a simulation."""
+    """Verdict of a rule about a simulation."""
 
     LEGAL = 0
     ILLEGAL = 1
@@ -20,13 +20,13 @@ class Verdict(IntEnum):
 
 
 class Belief(IntEnum):
-    """Whether the driver could know: the truth at a decision beside what was believed."""
+    """The verdict at a decision beside the verdict by the driver's belief."""
 
-    NONE = 0  # The rule is not about what is believed at a decision, or nothing was recorded.
-    LEGAL = 1  # Right, and believed to be.
-    MISTAKEN = 2  # Wrong, believed to be right.
-    KNOWINGLY_ILLEGAL = 3  # Wrong, and believed to be.
-    LUCKY = 4  # Right, believed to be wrong.
+    NONE = 0  # The rule does not judge beliefs, or no belief was recorded.
+    LEGAL = 1  # Legal, and legal by belief.
+    MISTAKEN = 2  # Illegal, and legal by belief.
+    KNOWINGLY_ILLEGAL = 3  # Illegal, and illegal by belief.
+    LUCKY = 4  # Legal, and illegal by belief.
 
 
 class Severity(IntEnum):
@@ -70,12 +70,12 @@ _TITLES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class Case(IdentityBatch):
-    """All that rules and features may look at; equal to itself alone.
+    """All inputs of rules and features; a case equals itself alone.
 
     Attributes:
         trajectories: The recording, with its road, weather and vehicles.
-        signals: What was around the ego.
-        events: What happened when.
+        signals: Signals of the ego and its neighbours, frame by frame.
+        events: Phases of the overtake as frame numbers.
         target: The vehicle to overtake, frame by frame.
     """
 
@@ -87,12 +87,12 @@ class Case(IdentityBatch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding(Batch):
-    """What one rule says of each simulation; every array has shape (simulation,).
+    """Findings of one rule; every array has shape (simulation,).
 
     Attributes:
         verdict: `Verdict`.
-        margin: How far from the border of the law, in the unit of the rule, negative in a breach;
-            0 where the verdict is neither legal nor illegal.
+        margin: Distance from the limit of the law, in the unit of the rule, negative in a breach; 0
+            where the verdict is neither legal nor illegal.
         first: First frame of the breach, `NEVER` without one.
         last: Last frame of the breach, `NEVER` without one.
         longest: Number of frames of its longest unbroken part, 0 without one.
@@ -111,7 +111,7 @@ class Finding(Batch):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings(Finding):
-    """What each rule of a pack says; the arrays of `Check` have shape (simulation, rule) here.
+    """Findings of each rule of a pack; the arrays of `Finding` have shape (simulation, rule).
 
     Attributes:
         rules: Codes of the rules, in the order of the last axis.

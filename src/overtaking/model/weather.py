@@ -14,15 +14,15 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.model.batch import AxisEnd, Batch, FieldSpec, with_field_docs
 
 NO_PRESET = np.uint8(255)
-"""Preset of a weather that is none of the presets."""
+"""Value of `Weather.preset` for any other weather."""
 
 
 @with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LateralPushes(Batch):
-    """How weather acts where it does not act by physics: as in the study, by pushes and less sight.
+    """Effects of weather as in the study: lateral pushes and less sight instead of physics.
 
-    The road is dry, and air, rain and wind do nothing else.
+    The road is dry, and air, rain and wind have no other effect.
     """
 
     accel: Annotated[float, FieldSpec("Lateral acceleration of a push", "m/s^2", 0.0, 50.0)]
@@ -108,7 +108,7 @@ def bright(weather: Weather) -> Weather:
     )
 
 
-def undazzled(weather: Weather) -> Weather:
+def without_glare(weather: Weather) -> Weather:
     """Without a low sun: by day it stands high."""
     altitude = np.where(weather.night, weather.sun_altitude, _NOON)
     return _with_consequences(weather.replace(sun_altitude=altitude))
@@ -119,9 +119,9 @@ REMOVABLE_FACTORS: dict[str, Callable[[Weather], Weather]] = {
     "rain": dry,
     "fog": clear,
     "night": bright,
-    "glare": undazzled,
+    "glare": without_glare,
 }
-"""What can be taken away, by name."""
+"""Functions that remove a factor from weather, by its name."""
 
 
 def without(weather: Weather, names: Iterable[str]) -> Weather:
@@ -134,11 +134,11 @@ def without(weather: Weather, names: Iterable[str]) -> Weather:
     Raises:
         ConfigError: One of them is no such name.
     """
-    chosen = set(names)
-    for name in sorted(chosen - set(REMOVABLE_FACTORS)):
+    factors = set(names)
+    for name in sorted(factors - set(REMOVABLE_FACTORS)):
         raise ConfigError.unknown_choice("without", "weather", REMOVABLE_FACTORS, name)
     for name, take in REMOVABLE_FACTORS.items():
-        weather = take(weather) if name in chosen else weather
+        weather = take(weather) if name in factors else weather
     return weather
 
 

@@ -135,7 +135,7 @@ def _mirrored(recording: Recording) -> Recording:
     tracks = recording.tracks
     names = ("y", "d", "heading", "accel_lat", "yaw_rate", "wheel_angle")
     changes: dict[str, Any] = {name: -getattr(tracks, name) for name in names}
-    return replace(recording, road=recording.road.mirrored(), tracks=replace(tracks, **changes))
+    return replace(recording, road=recording.road.mirror(), tracks=replace(tracks, **changes))
 
 
 def _is_read(name: str, attributes: Mapping[str, str]) -> bool:

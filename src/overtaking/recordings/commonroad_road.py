@@ -144,7 +144,7 @@ def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, froze
                 lane_id=k - count,
                 width=float(widths[k]),
                 right_mark=marks[k],
-                left_mark=marks[k + 1].reversed,
+                left_mark=marks[k + 1].reverse,
             )
             for k in range(count)
         ),
@@ -171,7 +171,7 @@ def _marks(strip: Strip) -> tuple[list[RoadMark], bool]:
     seen: list[Counter[RoadMark | None]] = [Counter() for _ in range(len(strip) + 1)]
     for k, lane in enumerate(strip):
         for piece in lane:
-            left = piece.left_mark.reversed if piece.left_mark else None
+            left = piece.left_mark.reverse if piece.left_mark else None
             seen[k][piece.right_mark] += round(piece.length)
             seen[k + 1][left] += round(piece.length)
     inner = seen[1:-1]

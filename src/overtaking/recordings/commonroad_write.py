@@ -198,7 +198,7 @@ def _own_marks(road: Road, lane: Lane, k: int, middle: RoadMark) -> tuple[RoadMa
     if k == road.num_lanes - 1:
         left, right = (middle, right) if fast_is_left else (left, middle)
     elif k == road.num_lanes:
-        shared = middle.reversed
+        shared = middle.reverse
         left, right = (left, shared) if fast_is_left else (shared, right)
     return left, right
 

@@ -628,15 +628,15 @@ class _CrossSection(NamedTuple):
         """
         section = self.near if side == self.side else self.far
         lanes = () if section is None else section.lanes
-        inner = self.centre.reversed if side == "right" else self.centre
+        inner = self.centre.reverse if side == "right" else self.centre
         strips: list[_MarkedLane] = []
         for lane in lanes:
             mark = lane.mark_at(self.start)
             if self._has_width(lane):
                 strips.append(_MarkedLane(lane, inner, mark, mark))
-                inner = mark.reversed
+                inner = mark.reverse
             elif mark is not RoadMark.NONE:
-                inner = mark.reversed
+                inner = mark.reverse
                 if strips:
                     strips[-1] = strips[-1].bounded_by(mark, is_edge=lane.kind == DRIVING)
         return strips

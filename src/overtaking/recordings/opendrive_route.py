@@ -425,7 +425,7 @@ def _bent(way: Way, row: Sequence[Cell], half: float | None) -> list[CurveSegmen
         one._replace(heading=math.remainder(one.heading, math.tau))
         for one in pieces_between(road, start, end, aside)
     ]
-    return bends if way.along else [one.reversed() for one in reversed(bends)]
+    return bends if way.along else [one.reverse() for one in reversed(bends)]
 
 
 def _grade(way: Way, row: Sequence[Cell], length: float) -> list[tuple[float, float]]:

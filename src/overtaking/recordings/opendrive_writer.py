@@ -72,7 +72,7 @@ def write_opendrive(road: Road, *, road_id: str = "1") -> str:
     along = right == (road.driving_side is DrivingSide.RIGHT)
     line = whole_plan(road)
     if not along:
-        line = [piece.reversed() for piece in reversed(line)]
+        line = [piece.reverse() for piece in reversed(line)]
     inner = _inner_edge(road) * (1.0 if along else -1.0)
     name = quoted(road.name)
     rule = "RHT" if road.driving_side is DrivingSide.RIGHT else "LHT"
@@ -301,8 +301,8 @@ def _inner_marks(road: Road, *, along: bool) -> Marks:
     """The line of the innermost lane towards the reference line, seen from beyond it."""
     fast, _ = _beside(road)
     if fast is not None:
-        return _same(_marks(road, fast)[0].reversed)
-    found = [(max(start, 0.0), mark.reversed) for start, mark in road.fast_edge_marks]
+        return _same(_marks(road, fast)[0].reverse)
+    found = [(max(start, 0.0), mark.reverse) for start, mark in road.fast_edge_marks]
     found = [one for one in found if one[0] < road.length]
     if along:
         return tuple(found)
@@ -320,7 +320,7 @@ def _centre_marks(road: Road, *, along: bool) -> Marks:
     found = _inner_marks(road, along=along)
     if innermost.lane_id < 0:
         return found
-    return tuple((start, mark.reversed) for start, mark in found)
+    return tuple((start, mark.reverse) for start, mark in found)
 
 
 def _lane(strip: _Strip, start: float, end: float, linked: tuple[str, ...] = ()) -> str:

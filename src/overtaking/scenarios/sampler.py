@@ -171,7 +171,7 @@ def _traffic_sampler(spec: Specification, road: Road) -> tuple[TrafficSampler, R
     traffic = spec.traffic
     if isinstance(traffic, FlowTraffic):
         _check_flow(spec, traffic, road)
-        long_road = road.extended(
+        long_road = road.extend_to(
             max(road.length, _round(motorway_traffic.road_length(spec, traffic)))
         )
         return partial(
@@ -179,12 +179,12 @@ def _traffic_sampler(spec: Specification, road: Road) -> tuple[TrafficSampler, R
         ), long_road
     if isinstance(traffic, TwoWayTraffic):
         _check_ways(spec, road)
-        long_road = road.extended(
+        long_road = road.extend_to(
             max(road.length, _round(two_way_traffic.road_length(spec, traffic)))
         )
         return partial(two_way_traffic.sample_two_way_traffic, spec, traffic, long_road), long_road
     zone = start_zone(spec, traffic, road)
-    long_road = road.extended(_needed_length(spec, traffic, road, zone))
+    long_road = road.extend_to(_needed_length(spec, traffic, road, zone))
     return partial(sample_placed_traffic, spec, traffic, zone), long_road
 
 

@@ -100,7 +100,7 @@ def thought(of: Thought) -> Values:
 def _intended(labelled: Labelled) -> bool | None:
     """Whether the ego's driver meant its attempt; None without one, or if that is not recorded."""
     events = labelled.events
-    is_known = events.attempted[0] and not labelled.trajectories.is_excerpt
+    is_known = events.has_attempt[0] and not labelled.trajectories.is_excerpt
     return bool(events.intended[0]) if is_known else None
 
 

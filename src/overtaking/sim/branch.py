@@ -168,7 +168,7 @@ def changed(scenario: Scenario, change: Intervention) -> Scenario:
     if len(weather.rain) == 1:
         weather = weather.select(np.zeros(scenario.num_simulations, np.int64))
     found = scenario.replace(weather=without(weather, change.without))
-    if not change.about_vehicle:
+    if not change.is_about_vehicle:
         return found
     _check_vehicle(scenario, change)
     slot, start, drivers = change.vehicle, scenario.start_s, _drivers(scenario.drivers, change)

@@ -256,7 +256,7 @@ def _line_table(road: Road) -> F32:
     marks = road.fast_edge_marks
     stations = [max(start, -_FAR) for start, _ in marks]
     along = [float(mark in _SOLID) for _, mark in marks]
-    against = [float(mark.reversed in _SOLID) for _, mark in marks]
+    against = [float(mark.reverse in _SOLID) for _, mark in marks]
     return _pad_stations([stations, along, against])
 
 

@@ -59,7 +59,7 @@ def mirrored(recorded: Trajectories) -> Trajectories:
     lights = states.lights & ~np.uint8(LEFT | RIGHT)
     lights |= np.where(states.lights & LEFT, np.uint8(RIGHT), np.uint8(0))
     lights |= np.where(states.lights & RIGHT, np.uint8(LEFT), np.uint8(0))
-    scenario = recorded.scenario.replace(road=recorded.road.mirrored())
+    scenario = recorded.scenario.replace(road=recorded.road.mirror())
     return recorded.replace(scenario=scenario, states=states.replace(lights=lights, **changes))
 
 

@@ -28,7 +28,7 @@ def simulated(
 ) -> Trajectories:
     given = load_specification(profile, {"profile.frame_interval_ms": interval_ms})
     road = load_road(given.road)
-    road = road.mirrored() if mirrored else road
+    road = road.mirror() if mirrored else road
     return simulator.simulate(sample(given, road, 27, np.arange(count, dtype=np.uint64)))
 
 

@@ -244,7 +244,7 @@ def test_a_contact_is_recorded_for_both_and_ends_the_simulation():
 @pytest.mark.ci
 def test_left_hand_traffic_is_the_mirror_image():
     road = known_road("town06")
-    one, other = (sumo.simulate(sampled(3).replace(road=way)) for way in (road, road.mirrored()))
+    one, other = (sumo.simulate(sampled(3).replace(road=way)) for way in (road, road.mirror()))
     assert (one.num_frames == other.num_frames).all()
     for name in ("s", "speed", "accel_lon", "lane"):
         assert (getattr(one.states, name) == getattr(other.states, name)).all(), name
@@ -378,7 +378,7 @@ def two_way_batch(**changes):
     scenes = [pair(), pair(300.0), pair(500.0, 700.0)]
     place = two_way_road()
     if changes.get("mirrored"):
-        place = place.mirrored()
+        place = place.mirror()
     return scenario(*scenes, road=place, horizon=35.0)
 
 

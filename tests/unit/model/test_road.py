@@ -25,7 +25,7 @@ def straight(**changes) -> Road:
         Lane(
             lane_id=index - 3,
             width=width,
-            right_mark=marks[index].reversed if index else marks[0],
+            right_mark=marks[index].reverse if index else marks[0],
             left_mark=marks[index + 1],
         )
         for index, width in enumerate(WIDTHS)
@@ -70,7 +70,7 @@ roads = st.builds(
     st.floats(-1e5, 1e5),
     st.floats(-math.tau, math.tau),
 )
-either_hand = st.one_of(roads, roads.map(Road.mirrored))
+either_hand = st.one_of(roads, roads.map(Road.mirror))
 
 
 def test_lanes_are_laid_out_from_the_slow_side_to_the_left_in_right_hand_traffic():
@@ -81,7 +81,7 @@ def test_lanes_are_laid_out_from_the_slow_side_to_the_left_in_right_hand_traffic
 
 
 def test_lanes_are_laid_out_to_the_right_in_left_hand_traffic():
-    road = straight().mirrored()
+    road = straight().mirror()
     assert (road.driving_side, road.side) == (DrivingSide.LEFT, -1.0)
     np.testing.assert_array_equal(road.boundaries, [10.5, 6.75, 3.25, 0.0])
 
@@ -143,7 +143,7 @@ def test_lane_index_counts_the_borders_that_are_passed(road: Road, d: list[float
 
 
 def test_a_border_belongs_to_the_faster_lane_and_the_edges_are_outside():
-    for road in (straight(), straight().mirrored()):
+    for road in (straight(), straight().mirror()):
         assert road.lane_index(road.boundaries).tolist() == [0, 1, 2, 3]
         assert road.lane_index(road.centres).tolist() == [0, 1, 2]
         beyond = road.boundaries[[0, -1]] + road.side * np.array([-0.01, 0.01])
@@ -152,8 +152,8 @@ def test_a_border_belongs_to_the_faster_lane_and_the_edges_are_outside():
 
 @given(road=either_hand, s=st.floats(0.0, 1e5), d=st.floats(-100.0, 100.0))
 def test_the_mirror_image_is_exact(road: Road, s: float, d: float):
-    image = road.mirrored()
-    assert image.mirrored() == road
+    image = road.mirror()
+    assert image.mirror() == road
     x, y = road.to_world(s, d)
     image_x, image_y = image.to_world(s, -d)
     assert (float(image_x), float(image_y)) == (float(x), -float(y))
@@ -162,7 +162,7 @@ def test_the_mirror_image_is_exact(road: Road, s: float, d: float):
 
 
 def test_the_mirror_image_swaps_marks_ids_and_neighbours_hands():
-    image = straight().mirrored()
+    image = straight().mirror()
     assert [lane.lane_id for lane in image.lanes] == [3, 2, 1]
     assert image.lanes[0].left_mark is RoadMark.SOLID
     assert image.lanes[2].left_mark is RoadMark.BROKEN_SOLID
@@ -173,8 +173,8 @@ def test_the_mirror_image_swaps_marks_ids_and_neighbours_hands():
 
 @pytest.mark.parametrize("mark", RoadMark)
 def test_a_mark_seen_twice_from_the_other_side_is_itself(mark: RoadMark):
-    assert mark.reversed.reversed is mark
-    assert (mark.reversed is not mark) == (mark in (RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID))
+    assert mark.reverse.reverse is mark
+    assert (mark.reverse is not mark) == (mark in (RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID))
 
 
 def test_world_points_come_back_in_the_coordinates_of_the_source():
@@ -187,19 +187,19 @@ def test_world_points_come_back_in_the_coordinates_of_the_source():
 
 def test_the_origin_of_the_mirror_image_is_mirrored():
     road = straight(origin_x=691_000.0, origin_y=5_335_000.0)
-    image = road.mirrored()
+    image = road.mirror()
     assert (image.origin_x, image.origin_y) == (691_000.0, -5_335_000.0)
-    assert image.mirrored() == road
+    assert image.mirror() == road
 
 
 def test_an_extended_road_only_grows():
     road = straight()
-    longer = road.extended(2500.0)
+    longer = road.extend_to(2500.0)
     assert longer == dataclasses.replace(road, length=2500.0)
-    assert road.extended(1000.0) == road
+    assert road.extend_to(1000.0) == road
     for length in (999.0, math.nan, -math.inf):
         with pytest.raises(ConfigError, match="extended length"):
-            road.extended(length)
+            road.extend_to(length)
 
 
 def with_lane(**changes) -> tuple[Lane, ...]:

@@ -13,8 +13,8 @@ from overtaking.model.weather import (
     clear,
     dry,
     still,
-    undazzled,
     without,
+    without_glare,
 )
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
@@ -58,7 +58,7 @@ def test_wind_fog_night_and_a_low_sun_go_alone(drawn):
         day.sun_altitude[~weather.night], weather.sun_altitude[~weather.night]
     )
     assert weather.horizon_line.any()
-    assert not undazzled(weather).horizon_line.any()
+    assert not without_glare(weather).horizon_line.any()
     for take in REMOVABLE_FACTORS.values():
         assert (take(weather).preset == NO_PRESET).all()
 

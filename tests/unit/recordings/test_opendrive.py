@@ -98,12 +98,12 @@ def test_a_double_centre_line_is_named_from_left_to_right(
     """Seen from the lane on its right, the second word is the nearer line."""
     text = road(sections=section(left=LEFT, centre=centre, right=ONE_LANE))
     assert read(tmp_path, text).lanes[-1].left_mark is seen
-    assert read(tmp_path, text, lanes="left").lanes[-1].left_mark is seen.reversed
+    assert read(tmp_path, text, lanes="left").lanes[-1].left_mark is seen.reverse
     oncoming = read(tmp_path, text).fast_side_neighbour
     assert oncoming is not None
     assert (oncoming.lane_id, oncoming.direction) == (1, -1)
     # Its outer line is "solid broken", and lies left as we drive.
-    assert (oncoming.right_mark, oncoming.left_mark) == (seen.reversed, RoadMark.SOLID_BROKEN)
+    assert (oncoming.right_mark, oncoming.left_mark) == (seen.reverse, RoadMark.SOLID_BROKEN)
 
 
 @pytest.mark.parametrize(

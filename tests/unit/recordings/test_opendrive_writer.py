@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 ROADS = {
     "town06": known_road("town06"),
     "motorway": known_road("motorway"),
-    "longer": known_road("town06").extended(3000.0),
-    "left-hand traffic": known_road("motorway").mirrored(),
+    "longer": known_road("town06").extend_to(3000.0),
+    "left-hand traffic": known_road("motorway").mirror(),
     "without shoulders": wide_road(),
     "short": dataclasses.replace(wide_road(), length=15.0),
 }
@@ -72,7 +72,7 @@ LIMITED = {
         known_road("rural"),
         (limit(0, 5000, 22.0, 1), limit(100, 900, 20.0, -1), limit(4995, 5000, 15.0, -1)),
     ),
-    "of those who come": (known_road("rural").mirrored(), (limit(100, 900, 20.0, -1),)),
+    "of those who come": (known_road("rural").mirror(), (limit(100, 900, 20.0, -1),)),
 }
 
 
@@ -114,7 +114,7 @@ def test_carla_reads_the_limit_of_each_stretch():
 def test_every_mark_comes_back_on_either_side(mark: RoadMark, tmp_path: Path):
     lanes = (
         Lane(lane_id=-3, width=3.0, right_mark=mark, left_mark=mark),
-        Lane(lane_id=-2, width=3.0, right_mark=mark.reversed, left_mark=mark),
+        Lane(lane_id=-2, width=3.0, right_mark=mark.reverse, left_mark=mark),
     )
     road = dataclasses.replace(wide_road(), lanes=lanes)
     assert written(road, tmp_path).lanes == lanes
@@ -155,10 +155,10 @@ def test_carla_finds_our_lanes_where_they_are(name: str):
 
 OPEN = dataclasses.replace(known_road("rural"), course=None, length=1500.0)
 WINDING = {
-    "of one direction": on(known_road("town06").extended(1500.0), *BENDS, grade=HILLS),
+    "of one direction": on(known_road("town06").extend_to(1500.0), *BENDS, grade=HILLS),
     "of two directions": on(OPEN, *BENDS, grade=HILLS),
-    "in left-hand traffic": on(OPEN, *BENDS, grade=HILLS).mirrored(),
-    "that goes on straight": on(known_road("town06").extended(2500.0), *BENDS),
+    "in left-hand traffic": on(OPEN, *BENDS, grade=HILLS).mirror(),
+    "that goes on straight": on(known_road("town06").extend_to(2500.0), *BENDS),
     "that ends in a bend": on(known_road("town06"), *BENDS),
 }
 STATIONS = np.linspace(0.0, 1.0, 41)

@@ -263,7 +263,7 @@ def test_the_lane_says_what_lies_around_it(lane, lane_id, around):
 
 
 def test_in_left_hand_traffic_the_shoulder_is_on_the_left():
-    row = with_lane(0, town06().mirrored())
+    row = with_lane(0, town06().mirror())
     assert tuple(row[name] for name in AROUND) == ("Broken", "Solid", 3.5, 3.5, 0.5)
     assert row["L"][0]["lane_id"] == 7
 

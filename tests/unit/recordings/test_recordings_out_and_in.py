@@ -181,7 +181,7 @@ def test_a_folder_appears_whole_or_not_at_all(runs, tmp_path):
     with pytest.raises(ConfigError, match="expected a name that is free"):
         write_folder(pairs, out, file_format="highd", total=COUNT, road=runs.road)
     with pytest.raises(ConfigError, match="left-hand"):
-        write_folder(pairs, tmp_path / "b", file_format="highd", total=4, road=runs.road.mirrored())
+        write_folder(pairs, tmp_path / "b", file_format="highd", total=4, road=runs.road.mirror())
 
 
 # --- the paper's table ---

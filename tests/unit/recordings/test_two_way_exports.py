@@ -44,7 +44,7 @@ LIMITED = dataclasses.replace(
     ),
 )
 WINDING = on(road(), *BENDS, grade=HILLS)
-MIRRORED = WINDING.mirrored()
+MIRRORED = WINDING.mirror()
 
 
 def run_on(place: Road) -> Trajectories:
@@ -192,7 +192,7 @@ def test_highd_is_refused_on_bends_and_where_the_limit_changes(tmp_path: Path):
 
 @pytest.mark.parametrize("place", ["LIMITED", "MIRRORED"])
 def test_commonroad_posts_every_limit_where_it_holds(place: str, tmp_path: Path):
-    road = LIMITED if place == "LIMITED" else LIMITED.mirrored()
+    road = LIMITED if place == "LIMITED" else LIMITED.mirror()
     write_commonroad(run_on(road), np.array([0]), tmp_path)
     root = ET.parse(tmp_path / f"{scenario_id(0)}.xml").getroot()
     limits = {

@@ -357,14 +357,14 @@ def test_the_fastest_lane_is_refused_to_the_ego(town06):
 def test_the_road_reaches_as_far_as_anyone_can_drive(pinto, town06):
     fastest = np.where(pinto.vehicles.valid, pinto.drivers.desired_speed, 0.0).max()
     assert pinto.road.length > pinto.start_s.max() + 1.1 * fastest * pinto.horizon.max()
-    assert pinto.road == town06.extended(pinto.road.length)
+    assert pinto.road == town06.extend_to(pinto.road.length)
 
 
 def test_other_roads_and_their_mirror_images_work():
     motorway = known_road("motorway")
     chosen = load_specification("pinto2023-physical", {"traffic.spawn_s_m": "50..180"})
     here = sample(chosen, motorway, seed=1, index=np.arange(300))
-    there = sample(chosen, motorway.mirrored(), seed=1, index=np.arange(300))
+    there = sample(chosen, motorway.mirror(), seed=1, index=np.arange(300))
     assert here.start_lane[here.vehicles.valid].max() == motorway.num_lanes - 1
     np.testing.assert_array_equal(here.start_s, there.start_s)
     np.testing.assert_array_equal(here.start_speed, there.start_speed)

@@ -53,7 +53,7 @@ def test_the_interval_is_the_stated_one_over_the_mean_of_rain_and_wind(preset: s
 @pytest.mark.parametrize("is_mirrored", [False, True])
 def test_pushes_go_where_the_wind_blows_to_on_either_side_of_the_road(is_mirrored: bool):
     scenario = drawn("HardRainNight")
-    road = scenario.road.mirrored() if is_mirrored else scenario.road
+    road = scenario.road.mirror() if is_mirrored else scenario.road
     pushed = parameters(scenario.replace(road=road)).of_simulations.push_accel
     left = np.sin(scenario.weather.wind_direction) > 0
     towards_fast_side = pushed > 0  # The fast side is on the left in right-hand traffic.

@@ -86,7 +86,7 @@ def test_a_contact_is_no_acceleration_of_driving():
 
 
 def test_in_left_hand_traffic_the_lateral_axis_is_turned():
-    road = wide_road().mirrored()
+    road = wide_road().mirror()
     assert road.driving_side is DrivingSide.LEFT
     one = scenario([Vehicle()], road=road)
     state = initial_state(parameters(one))

@@ -19,7 +19,7 @@ def lanes(road, friction=None):
 @pytest.mark.parametrize("name", ["town06", "motorway"])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_lanes_lie_where_ours_do_counted_from_the_slow_side(name, mirrored):
-    road = known_road(name).mirrored() if mirrored else known_road(name)
+    road = known_road(name).mirror() if mirrored else known_road(name)
     found = lanes(road)
     assert [int(lane.get("index")) for lane in found] == list(range(road.num_lanes))
     assert [float(lane.get("width")) for lane in found] == [lane.width for lane in road.lanes]

@@ -54,7 +54,7 @@ def test_lateral_acceleration_is_the_change_of_lateral_speed():
 
 def test_left_hand_traffic_is_the_mirror_image():
     right = recorded(signals=BLINKER_LEFT)
-    left = recorded(road=wide_road().mirrored(), signals=BLINKER_LEFT)
+    left = recorded(road=wide_road().mirror(), signals=BLINKER_LEFT)
     for name in ("s", "speed", "accel_lon", "lane"):
         assert first(right, name) == first(left, name)
     for name in ("d", "heading"):

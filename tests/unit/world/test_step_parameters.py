@@ -162,14 +162,14 @@ def test_interaction_and_exponent_follow_from_the_driver():
 
 def test_left_hand_traffic_is_the_mirror_image():
     road = wide_road(lanes=3)
-    one, other = road_parameters(road), road_parameters(road.mirrored())
+    one, other = road_parameters(road), road_parameters(road.mirror())
     np.testing.assert_array_equal(one.boundaries, other.boundaries)
     np.testing.assert_array_equal(one.film_path, other.film_path)
     assert (float(one.side), float(other.side)) == (1.0, -1.0)
     weather = {"wind": 50.0, "wind_direction": 0.7}
     mirrored = weather | {"wind_direction": -0.7}
     _, right = step_fields(scenario([Vehicle()], road=road, weather=weather))
-    _, left = step_fields(scenario([Vehicle()], road=road.mirrored(), weather=mirrored))
+    _, left = step_fields(scenario([Vehicle()], road=road.mirror(), weather=mirrored))
     assert float(right.wind_across[0]) == float(left.wind_across[0]) > 0.0
     assert float(right.wind_along[0]) == float(left.wind_along[0])
 

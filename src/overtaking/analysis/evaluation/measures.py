@@ -66,11 +66,11 @@ def _outcome(labelled: Labelled) -> dict[str, Array]:
     events, labels = labelled.events, labelled.labels
     kind = labels.classes[:, labels.policies.index(POLICY)]
     return {
-        "attempted": events.attempted,
-        "completed": events.completed,
+        "attempted": events.has_attempt,
+        "completed": events.is_completed,
         "given_up": kind == OvertakeClass.UNSUCCESS_NCOL,
         "open": kind == OvertakeClass.CENSORED,
-        "departed": events.lost,
+        "departed": events.lost_control,
         "collision": events.collision != NEVER,
         "struck": labels.detail == OutcomeDetail.STRUCK_BY_OTHER,
         "lawful": kind == OvertakeClass.SUCCESS_L,
@@ -98,7 +98,7 @@ def _law(labelled: Labelled) -> dict[str, Array]:
 
 def _margins(labelled: Labelled) -> dict[str, Array]:
     """Attempts that came too close, at their worst."""
-    safety, attempted = labelled.safety, labelled.events.attempted
+    safety, attempted = labelled.safety, labelled.events.has_attempt
     front = attempted & safety.front.valid[:, 0]
     return {
         "near_front": front & (safety.front.ttc[:, 0] < limit("near_crash_ttc")),

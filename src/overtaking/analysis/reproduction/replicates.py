@@ -115,7 +115,7 @@ def _kept(labelled: Labelled) -> dict[str, Array]:
         kept[name] = kept[name] / 100.0
     for name in _OF_TARGET:
         kept[name] = np.where(found.has_target, kept[name], np.nan)
-    kept["BEGUN"] = labelled.events.attempted.astype(np.float64)
+    kept["BEGUN"] = labelled.events.has_attempt.astype(np.float64)
     at, is_flying = flying(labelled.trajectories, labelled.events)
     kept["FLYING"] = np.full(len(kept["SE"]), np.nan)
     kept["FLYING"][at] = is_flying

@@ -44,7 +44,7 @@ def paper_features(case: Case) -> PaperFeatures:
     the number of vehicles in the lane to the left over that of all others.
     """
     events = case.events
-    attempted = events.attempted
+    attempted = events.has_attempt
     waited = np.where(attempted, events.attempt, _end_of(case, events.collision))
     ended = _end_of(case, events.collision, events.return_end)
     lasted = np.where(attempted, ended - events.attempt, np.int32(0))
@@ -68,7 +68,7 @@ def matched_features(case: Case) -> PaperFeatures:
     occupancy is the share of 100 m of the lane to the left, ahead and behind, that vehicles cover.
     """
     events = case.events
-    attempted = events.attempted
+    attempted = events.has_attempt
     frame = moment(case)
     waited = np.maximum(frame - events.follow, 0)
     ended = _end_of(case, events.collision, events.return_end, events.back)
@@ -127,7 +127,7 @@ def _means(case: Case) -> dict[str, F32]:
 @cached_per_batch
 def moment(case: Case) -> I32:
     """The attempt, or the instant that stands for it, shape (simulation,)."""
-    attempt = np.where(case.events.attempted, case.events.attempt, pseudo_attempt(case))
+    attempt = np.where(case.events.has_attempt, case.events.attempt, pseudo_attempt(case))
     return attempt.astype(np.int32, copy=False)
 
 
@@ -152,7 +152,7 @@ def pseudo_attempt(case: Case) -> I32:
     waited = _quantile(quantiles, draw * _share_below(quantiles, longest))
     frames = np.rint(waited * np.float32(1000.0 / case.signals.frame_interval_ms))
     frame = np.minimum(events.follow + frames.astype(np.int32), end)
-    return np.where(events.attempted, NEVER, frame)
+    return np.where(events.has_attempt, NEVER, frame)
 
 
 def _waiting_times(profile: str) -> F32:

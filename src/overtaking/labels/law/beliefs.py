@@ -49,7 +49,7 @@ def pull_out(case: Case) -> Decision:
     events = case.events
     seen = events.attempt + frames_of(case, _LATEST_PULL_OUT)
     until = np.where(events.line_crossed != NEVER, events.line_crossed, seen)
-    return _last(case, ManoeuvreKind.PULL_OUT, np.where(events.attempted, until, NEVER))
+    return _last(case, ManoeuvreKind.PULL_OUT, np.where(events.has_attempt, until, NEVER))
 
 
 @cached_per_batch

@@ -88,14 +88,14 @@ def manoeuvre(case: Case) -> Span:
     stop = np.minimum(over, driving_end(case))
     return Span(
         start=np.maximum(events.attempt - before, events.first),
-        stop=np.where(events.attempted, stop, NEVER).astype(np.int32),
+        stop=np.where(events.has_attempt, stop, NEVER).astype(np.int32),
     )
 
 
 @cached_per_batch
 def conduct(case: Case) -> Span:
     """The manoeuvre, or all that was driven where there was no attempt."""
-    attempted, within = case.events.attempted, manoeuvre(case)
+    attempted, within = case.events.has_attempt, manoeuvre(case)
     return Span(
         start=np.where(attempted, within.start, case.events.first),
         stop=np.where(attempted, within.stop, driving_end(case)),
@@ -214,7 +214,7 @@ def stretches(case: Case) -> Stretches:
     """All that rules and features ask about stretches of frames."""
     events = case.events
     until = np.where(events.collision == NEVER, events.last, events.collision)
-    until = np.where(events.attempted, NEVER, until).astype(np.int32)
+    until = np.where(events.has_attempt, NEVER, until).astype(np.int32)
     spans = {
         "conduct": conduct(case),
         "settled": settled(case),

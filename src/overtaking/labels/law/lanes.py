@@ -151,7 +151,7 @@ def _wide_enough(case: Case) -> Finding:
     lane = np.minimum(events.original_lane, len(widths) - 1)
     spare = np.float32(2.0) * constant("law.width.border")
     needed = case.trajectories.scenario.vehicles.width[:, Role.EGO] + spare
-    return instant(events.attempt, widths[lane] - needed, events.attempted)
+    return instant(events.attempt, widths[lane] - needed, events.has_attempt)
 
 
 def left_widths(road: Road) -> F32:

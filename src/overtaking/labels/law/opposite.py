@@ -296,7 +296,7 @@ def _leaves_room(case: Case) -> Finding:
     heavy |= "kinds" in run.unknown
     # Who is about to overtake may close up (paragraph 2).
     span, end = conduct(case), driving_end(case)
-    stop = np.where(heavy & ~events.attempted, np.minimum(span.stop, end), span.start - 1)
+    stop = np.where(heavy & ~events.has_attempt, np.minimum(span.stop, end), span.start - 1)
     rows, frames = Span(start=span.start, stop=stop).frames()
     slow = seen.speed[rows, frames] <= constant("law.slow.speed")
     slow &= seen.neighbour_slot[rows, NeighbourRole.LEADER, frames] != NO_VEHICLE

@@ -125,7 +125,7 @@ def _until_passed(case: Case) -> Span:
     """From the attempt until the target is passed, or to the end; empty without an attempt."""
     events, stop = case.events, manoeuvre(case).stop
     passed = np.where(events.overlap_end != NEVER, np.minimum(events.overlap_end, stop), stop)
-    return Span(start=np.where(events.attempted, events.attempt, passed + 1), stop=passed)
+    return Span(start=np.where(events.has_attempt, events.attempt, passed + 1), stop=passed)
 
 
 def _sees(case: Case, sight: F32) -> Finding:
@@ -134,7 +134,7 @@ def _sees(case: Case, sight: F32) -> Finding:
     if not case.trajectories.road.is_two_way:
         return never_negative(limited(sight, least, span, is_most=False), span)
     margin = sight - least
-    row, first = np.flatnonzero(case.events.attempted), pull_out_frame(case)
+    row, first = np.flatnonzero(case.events.has_attempt), pull_out_frame(case)
     clear = passing_margin(case)[row]
     margin[row, first[row]] = np.minimum(margin[row, first[row]], clear)
     return always(margin, span)

@@ -48,7 +48,7 @@ KEEPS_RIGHT = (
 
 def _nobody_overtakes(case: Case) -> Finding:
     """At the start no vehicle arrives on the left within 4 s, and no follower is pulling out."""
-    frame, attempted = case.events.attempt, case.events.attempted
+    frame, attempted = case.events.attempt, case.events.has_attempt
     rows = np.flatnonzero(attempted)
     others, own_lane = others_at(case, frame[rows], rows), case.signals.lane[rows, frame[rows]]
     behind = others.valid & ~others.oncoming & (others.lead > 0)
@@ -84,7 +84,7 @@ def _arrival(case: Case, others: Others, left: Mask, rows: IndexArray) -> F32:
 
 def _arrival_error(case: Case, found: Finding, errors: Errors) -> F32:
     """Error of the arrival of the first on the left, by positions and speeds of both [s]."""
-    rows = np.flatnonzero(case.events.attempted)
+    rows = np.flatnonzero(case.events.has_attempt)
     frame = case.events.attempt[rows]
     others = others_at(case, frame, rows)
     lane = case.signals.lane[rows, frame]
@@ -95,7 +95,7 @@ def _arrival_error(case: Case, found: Finding, errors: Errors) -> F32:
         seen = replace(others, gap=others.gap + own - its, speed=others.speed + its_faster - faster)
         return _arrival(case, seen, left, rows)
 
-    attempted = case.events.attempted
+    attempted = case.events.has_attempt
     error = spread_over(standard_error(moved, *of_both(errors)), attempted, len(attempted))
     begun = found.margin <= -constant("law.others.arrival")
     return np.where(begun, np.float32(0.0), error)
@@ -138,7 +138,7 @@ def _target_keeps_lane(case: Case) -> Finding:
     hidden = "indicators" in run.unknown
     shown = there & ((lights & out_indicator(case)) != 0) & (not hidden)
     # Without an attempt the target need not be recorded in the frame that is looked at.
-    speed, begun = np.zeros(len(slot), np.float32), np.flatnonzero(there & case.events.attempted)
+    speed, begun = np.zeros(len(slot), np.float32), np.flatnonzero(there & case.events.has_attempt)
     speed[begun] = steady_speed_at(run, begun, slot[begun], frame[begun], float(limit))
     margin = limit - speed
     margin = np.where(shown, np.minimum(margin, -limit), margin)

@@ -213,7 +213,7 @@ def known_map(name: str) -> Map:
     if key not in ROAD_NAMES:
         raise _no_map(name, ROAD_NAMES, "an OpenDRIVE file")
     road = known_road(key)
-    road = road.extended(max(road.length, ROAD_LENGTH))
+    road = road.extend_to(max(road.length, ROAD_LENGTH))
     carla_name, road_id = _CARLA_NAMES.get(key, (key, "1"))
     return Map(
         carla_name,

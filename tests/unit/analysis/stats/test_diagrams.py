@@ -41,7 +41,7 @@ def of(labelled: Labelled, simulation: int) -> Diagram:
 
 
 def completed(labelled: Labelled) -> int:
-    return int(np.flatnonzero(labelled.events.completed)[0])
+    return int(np.flatnonzero(labelled.events.is_completed)[0])
 
 
 def test_phases_follow_each_other_without_gaps(labelled: Labelled):
@@ -102,7 +102,7 @@ def test_the_ego_leaves_its_lane_for_the_fast_side(labelled: Labelled):
 
 
 def test_in_left_hand_traffic_the_fast_side_is_up_as_well():
-    road = load_road("town06").mirrored()
+    road = load_road("town06").mirror()
     run = engine.simulate(
         sample(load_specification("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64))
     )
@@ -126,7 +126,7 @@ def test_a_collision_is_marked(labelled: Labelled):
 def test_without_an_attempt_the_ego_follows(labelled: Labelled):
     events = labelled.events
     ended = (events.collision != NEVER) | (events.road_departure != NEVER)
-    simulation = int(np.flatnonzero(~events.attempted & ~ended)[0])
+    simulation = int(np.flatnonzero(~events.has_attempt & ~ended)[0])
     one = of(labelled, simulation)
     assert [phase.name for phase in one.phases] == ["follows"]
     assert one.marks == ()

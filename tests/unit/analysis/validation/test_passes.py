@@ -40,7 +40,7 @@ def driven() -> Trajectories:
         Vehicle(kind="T", s=1050.0, speed=LEADER, driver={"desired_speed": LEADER}),
         Vehicle(kind="MC", s=2500.0, lane=1, speed=COMES, driver={"desired_speed": COMES}),
     ]
-    world = scenario(vehicles, road=known_road("rural").extended(8000.0), horizon=20.0)
+    world = scenario(vehicles, road=known_road("rural").extend_to(8000.0), horizon=20.0)
     return engine.run(world, parameters(world))
 
 

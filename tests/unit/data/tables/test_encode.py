@@ -137,7 +137,7 @@ def test_the_lanes_of_town06_are_those_of_the_papers_frame_70():
 
 def test_right_and_left_change_places_in_a_mirrored_world():
     road = known_road("town06")
-    here, there = lane_columns(road), lane_columns(road.mirrored())
+    here, there = lane_columns(road), lane_columns(road.mirror())
     assert np.array_equal(there["lane_id"].values, -here["lane_id"].values)
     for name in ("line", "lane_width_m"):
         for mine, other in zip(here[f"left_{name}"], there[f"right_{name}"], strict=True):

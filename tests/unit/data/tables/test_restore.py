@@ -69,7 +69,7 @@ def trimmed(recorded: Trajectories) -> Trajectories:
 @given(seed=st.integers(0, 2**32), road=st.sampled_from(["town06", "motorway"]), left=st.booleans())
 @settings(max_examples=25)
 def test_tables_hold_all_of_a_recording(recorder, seed: int, road: str, left: bool):
-    place = known_road(road).mirrored() if left else known_road(road)
+    place = known_road(road).mirror() if left else known_road(road)
     recorded = trimmed(recorder(seed, road=place))
     restored = restore(encode(recorded, np.arange(5)), place)
     assert_same(recorded, restored)

@@ -165,7 +165,7 @@ def test_touching_the_line_is_a_drift_and_being_over_it_an_attempt():
         reach = ((width - 1.8) / 2 + beyond) / width
         ego = Track(speed=20.0, lane=way((3, 0), (10, reach), (17, 0)), body=body)
         events = case(ego, AHEAD, frames=FRAMES, road=ROAD).events
-        assert bool(events.attempted[0]) == is_attempt
+        assert bool(events.has_attempt[0]) == is_attempt
 
 
 def test_the_leader_of_the_lane_that_the_ego_came_from_is_not_overtaken():

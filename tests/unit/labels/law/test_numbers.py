@@ -343,5 +343,5 @@ def test_l11_takes_the_worse_of_room_and_speed():
 
 def test_the_standard_overtake_is_what_its_events_say():
     one = overtake(ego={"lane": OUT_AND_BACK})
-    assert one.events.completed[0]
+    assert one.events.is_completed[0]
     assert (one.events.line_crossed[0], one.events.return_end[0]) == (76, 335)

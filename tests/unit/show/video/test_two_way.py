@@ -25,7 +25,7 @@ COURSE = RoadCourse(
 
 def film(course: RoadCourse | None = COURSE, side: str = "right") -> Film:
     road = dataclasses.replace(two_way_road(), course=course)
-    road = road if side == "right" else road.mirrored()
+    road = road if side == "right" else road.mirror()
     case = rural(meeting(60.0), road=road)
     return Film(case.trajectories, events=case.events)
 
@@ -94,7 +94,7 @@ def test_the_shape_of_a_road_that_is_drawn_straight_is_told():
     here = shape_of(road, 600.0)
     assert here == "road shown straight; here a bend to the left, radius 400 m, downhill 2 %"
     assert "to the right" in shape_of(road, 1200.0)
-    assert "to the right" in shape_of(road.mirrored(), 600.0)
+    assert "to the right" in shape_of(road.mirror(), 600.0)
 
 
 def test_a_film_of_a_bend_says_that_it_is_one():

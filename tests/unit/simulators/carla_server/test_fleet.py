@@ -26,7 +26,7 @@ def fleet_in(**changes: float) -> Fleet:
     weather = (
         dict(weather_presets()["ClearNoon"].carla_fields()) | {"wind_intensity": 0.0} | changes
     )
-    road = known_road("town06").extended(3000.0)
+    road = known_road("town06").extend_to(3000.0)
     return Fleet(Ground(road, shelters=True), tuple(weather.values()), Nature(1))
 
 

@@ -181,7 +181,7 @@ A3 = Rule(
 
 def _leaves_room(case: Case) -> Finding:
     """Where a truck can be overtaken, the gap ahead of it holds another vehicle."""
-    run, trucks = case.trajectories, ego_may_be(case, VehicleKind.T) & ~case.events.attempted
+    run, trucks = case.trajectories, ego_may_be(case, VehicleKind.T) & ~case.events.has_attempt
     in_town = run.road.kind == "town" and "road_kind" not in run.unknown
     if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
         return inapplicable(case.signals.num_simulations)

@@ -33,7 +33,7 @@ _FINE = "100 EUR, 1 point (BKat 19, Kraftfahrt-Bundesamt)"
 
 def _signs(case: Case) -> Finding:
     """The ego does not overtake vehicles with several tracks where a sign forbids it."""
-    run, attempted = case.trajectories, case.events.attempted
+    run, attempted = case.trajectories, case.events.has_attempt
     if not all_zones_for(run.road, 1):
         # Only a posted limit tells that signs are known.
         may_stand = attempted & ("speed_limit" in run.unknown)
@@ -98,7 +98,7 @@ def _oversees(case: Case) -> Finding:
     """As the line is crossed, air and road show as much as the overtake takes."""
     if not case.trajectories.road.is_two_way:
         return inapplicable(case.signals.num_simulations)
-    return instant(pull_out_frame(case), passing_margin(case), case.events.attempted)
+    return instant(pull_out_frame(case), passing_margin(case), case.events.has_attempt)
 
 
 O16 = Rule(

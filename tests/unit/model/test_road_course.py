@@ -101,7 +101,7 @@ def test_limits_hold_from_where_they_begin_to_where_they_end_by_direction():
         road.speed_limit_at(stations, -1), [25.0, 20.0, 20.0, 25.0, 15.0, 25.0]
     )
     assert road.speed_limit_at(150.0) == 20.0
-    assert road.mirrored().course == road.course
+    assert road.mirror().course == road.course
 
 
 def test_the_limit_of_a_road_is_its_highest():
@@ -111,10 +111,10 @@ def test_the_limit_of_a_road_is_its_highest():
 
 def test_a_course_is_the_same_in_a_mirrored_world():
     road = known_road("rural")
-    mirrored = road.mirrored()
+    mirrored = road.mirror()
     assert mirrored.course == road.course
     assert mirrored.fast_edge_marks == road.fast_edge_marks
-    assert mirrored.mirrored() == road
+    assert mirrored.mirror() == road
 
 
 def test_the_sight_of_the_rural_road_is_that_of_its_bends_and_crests():
