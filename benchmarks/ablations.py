@@ -24,7 +24,7 @@ from overtaking.core.arrays import Buffers
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Trajectories
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.world.constants import EnabledEffects
 from overtaking.world.step_parameters import parameters
@@ -207,7 +207,7 @@ def arms(ablation: Ablation, simulations: int, seed: int) -> tuple[Values, Value
     full, without = list[Values](), list[Values]()
     for begin in range(0, simulations, PIECE):
         index = np.arange(begin, min(begin + PIECE, simulations), dtype=np.uint64)
-        scenario = sample(given, road, seed, index)
+        scenario = ScenarioSource(given, road, seed).sample(index)
         for effects, kept in (
             (EnabledEffects(), full),
             (EnabledEffects(**{ablation.effect: False}), without),

@@ -43,7 +43,7 @@ from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine, reference
 from overtaking.sim.reference import perception
@@ -85,7 +85,7 @@ def drive(
     if not hasattr(own, "buffers"):
         own.buffers = Buffers()
     index = np.arange(first, first + BATCH, dtype=np.uint64)
-    runs = engine.simulate(sample(given, road, seed, index), buffers=own.buffers)
+    runs = engine.simulate(ScenarioSource(given, road, seed).sample(index), buffers=own.buffers)
     found = [asdict(one) | {"simulation": first + one.simulation} for one in accidents(runs)]
     return float(Batch.of(runs).metres().sum()), found
 
@@ -190,7 +190,7 @@ def replay(
 
     index = np.array(numbers, np.uint64)
     with patch.object(perception, "perceive", noting):
-        runs = reference.simulate(sample(given, road, seed, index))
+        runs = reference.simulate(ScenarioSource(given, road, seed).sample(index))
     return runs, seen
 
 

@@ -35,7 +35,7 @@ from overtaking.core.arrays import Buffers
 from overtaking.model.scenario import SLOT_CAPACITIES, Scenario
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification, profile_names
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine
 from overtaking.world.step_parameters import Parameters, parameters
@@ -143,7 +143,7 @@ def lasting(drawn: Specification, count: int) -> Scenario:
 
 def first(drawn: Specification, count: int) -> Scenario:
     """The first scenarios of a specification."""
-    return sample(drawn, load_road(drawn.road), 1, np.arange(count, dtype=np.uint64))
+    return ScenarioSource(drawn, load_road(drawn.road), 1).sample(np.arange(count, dtype=np.uint64))
 
 
 def endless(scenario: Scenario) -> Parameters:

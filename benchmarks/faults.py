@@ -21,7 +21,7 @@ from overtaking.model.trajectories import Trajectories
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 BATCH = 128
@@ -185,7 +185,7 @@ def main() -> None:
     passes, way = 0, 0.0
     for first in range(0, asked.simulations, BATCH):
         index = range(first, min(first + BATCH, asked.simulations))
-        batch = Batch.of(engine.simulate(sample(given, road, asked.seed, index)))
+        batch = Batch.of(engine.simulate(ScenarioSource(given, road, asked.seed).sample(index)))
         for name, found, of in faults(batch):
             counts[name] += found
             chances[name] += of

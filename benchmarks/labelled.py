@@ -41,7 +41,7 @@ from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, check
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, reference
 from overtaking.world.step_parameters import parameters
 from readable import readable
@@ -72,7 +72,7 @@ def against_the_reference(data: Dataset, count: int) -> Measure:
     given = load_specification("pinto2023-physical")
     index = draw.astype(np.uint64)
     with readable():
-        runs = reference.simulate(sample(given, load_road(given.road), 5, index))
+        runs = reference.simulate(ScenarioSource(given, load_road(given.road), 5).sample(index))
         expected = encode_labels(label(runs), draw.astype(np.int64))
     hashes = data.table("simulations")["trace_hash"].take(draw).to_pylist()
     own = [row.astype("<u4").tobytes() for row in runs.trace_hash]
@@ -105,14 +105,14 @@ def stages() -> list[Measure]:
     """Processor time of each stage for a simulation, on pieces as `rate` worked on them."""
     given = load_specification("pinto2023-physical")
     road, index = load_road(given.road), np.arange(PIECE, dtype=np.uint64)
-    scenario = sample(given, road, 9, index)
+    scenario = ScenarioSource(given, road, 9).sample(index)
     prepared, buffers = parameters(scenario), Buffers()
     runs = engine.run(scenario, prepared, buffers=buffers)
     case = case_of(runs)
     numbers = index.astype(np.int64)
     rows = contents(runs, numbers, KEPT)
     work: dict[str, Callable[[], object]] = {
-        "sample": lambda: sample(given, road, 9, index),
+        "sample": lambda: ScenarioSource(given, road, 9).sample(index),
         "parameters": lambda: parameters(scenario),
         "simulate": lambda: engine.run(scenario, prepared, buffers=buffers),
         "signals and events": lambda: case_of(runs),

@@ -27,7 +27,7 @@ from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.formats import read_recording
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 BATCH = 256
@@ -76,7 +76,7 @@ def simulated() -> Iterator[Trajectories]:
         road = load_road(given.road)
         for first in range(0, count, BATCH):
             index = np.arange(first, min(first + BATCH, count), dtype=np.uint64)
-            yield engine.simulate(sample(given, road, 3, index))
+            yield engine.simulate(ScenarioSource(given, road, 3).sample(index))
 
 
 def recorded(folder: Path) -> Iterator[Trajectories]:

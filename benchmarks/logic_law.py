@@ -30,7 +30,7 @@ from overtaking.labels.law import PACKS, check
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 SHARES = {"pinto2023-physical": 0.94, "motorway-risk": 0.03, "motorway": 0.03}
@@ -63,7 +63,7 @@ def drawn(profile: str, number: int, seed: int) -> Iterator[Group]:
     road = load_road(chosen.road)
     for first in range(0, number, PIECE):
         numbers = np.arange(first, min(first + PIECE, number))
-        runs = engine.simulate(sample(chosen, road, seed, numbers.astype(np.uint64)))
+        runs = engine.simulate(ScenarioSource(chosen, road, seed).sample(numbers.astype(np.uint64)))
         yield Group(numbers=numbers, case=case_of(runs), done=int(numbers[-1]) + 1)
 
 

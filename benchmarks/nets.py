@@ -34,7 +34,7 @@ from overtaking.core.arrays import Buffers
 from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.world.step_parameters import (
     VEHICLE_FIELDS,
@@ -134,7 +134,7 @@ def arms(
     weights: list[Values] = []
     for first in range(0, simulations, PIECE):
         index = np.arange(first, min(first + PIECE, simulations), dtype=np.uint64)
-        drawn = sample(given, road, seed, index)
+        drawn = ScenarioSource(given, road, seed).sample(index)
         plain = without.of(parameters(drawn))
         weights.append(drawn.weight)
         for name, parts in found.items():

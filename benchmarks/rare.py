@@ -22,7 +22,7 @@ from measure import Measure, parser, report
 from overtaking.core.arrays import Buffers
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 WORSE: dict[str, Any] = {
@@ -53,7 +53,7 @@ def rates(profile: str, seed: int, simulations: int) -> tuple[dict[str, Any], fl
     weights: list[Values] = []
     for first in range(0, simulations, PIECE):
         index = np.arange(first, min(first + PIECE, simulations), dtype=np.uint64)
-        drawn = sample(given, road, seed, index)
+        drawn = ScenarioSource(given, road, seed).sample(index)
         weights.append(drawn.weight)
         parts.append(conflicts(engine.simulate(drawn, buffers=buffers)))
     weight = np.concatenate(weights)

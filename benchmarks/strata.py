@@ -25,7 +25,7 @@ from overtaking.model.overtake_events import Outcome
 from overtaking.model.verdicts import Labels, OvertakeClass
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.world.road_surface import rain_rate
 from overtaking.world.visibility import meteorological_range
@@ -69,7 +69,7 @@ def labels_of(profile: str, overrides: dict[str, Any], simulations: int) -> Labe
     road = load_road(given.road)
     return concatenate(
         [
-            label(engine.simulate(sample(given, road, 3, piece))).labels
+            label(engine.simulate(ScenarioSource(given, road, 3).sample(piece))).labels
             for piece in np.split(
                 np.arange(simulations, dtype=np.uint64), range(PIECE, simulations, PIECE)
             )

@@ -20,7 +20,7 @@ from overtaking.model.verdicts import OvertakeClass
 from overtaking.model.weather import REMOVABLE_FACTORS
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import Specification
 from overtaking.sim import engine
 
@@ -56,7 +56,7 @@ def twins(given: Specification, pairs: int, seed: int) -> dict[str, NDArray[np.u
     parts: dict[str, list[NDArray[np.uint8]]] = {"": [], **{name: [] for name in REMOVABLE_FACTORS}}
     for first in range(0, pairs, CHUNK):
         index = np.arange(first, min(first + CHUNK, pairs), dtype=np.uint64)
-        scenario = sample(given, road, seed, index)
+        scenario = ScenarioSource(given, road, seed).sample(index)
         parts[""].append(classes_of(scenario))
         for name, take in REMOVABLE_FACTORS.items():
             weather = take(scenario.weather)

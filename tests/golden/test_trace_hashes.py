@@ -9,7 +9,7 @@ import pytest
 
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 from .trace_scenes import PINNED, SCENES, hexadecimal
@@ -23,7 +23,9 @@ def simulated(entry):
     road = road.mirror() if entry["mirrored"] else road
     index = np.array([entry["index"]], np.uint64)
     return engine.simulate(
-        sample(load_specification(entry["profile"], entry["overrides"]), road, entry["seed"], index)
+        ScenarioSource(
+            load_specification(entry["profile"], entry["overrides"]), road, entry["seed"]
+        ).sample(index)
     )
 
 

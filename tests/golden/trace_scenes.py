@@ -27,7 +27,7 @@ from overtaking.model.trajectories import NO_VEHICLE, Lights, Stage, Trajectorie
 from overtaking.model.vehicles import Role, VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.world.road_parameters import road_parameters
 
@@ -101,7 +101,9 @@ class Scene:
         road = load_road(self.road)
         road = road.mirror() if self.mirrored else road
         return engine.simulate(
-            sample(load_specification(self.profile, self.overrides), road, self.seed, index)
+            ScenarioSource(
+                load_specification(self.profile, self.overrides), road, self.seed
+            ).sample(index)
         )
 
     def find(self) -> int:

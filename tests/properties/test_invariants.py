@@ -37,9 +37,9 @@ indices = st.lists(st.integers(0, 2**40), min_size=12, max_size=12, unique=True)
 
 
 def drawn(seed: int, index: list[int]) -> Scenario:
-    return sampler.sample(
-        profiles.load_specification("pinto2023-physical"), ROAD, seed, np.array(index, np.uint64)
-    )
+    return sampler.ScenarioSource(
+        profiles.load_specification("pinto2023-physical"), ROAD, seed
+    ).sample(np.array(index, np.uint64))
 
 
 def simulated(seed: int, index: list[int]) -> Trajectories:
@@ -489,12 +489,9 @@ def test_stages_follow_each_other_as_the_state_machine_allows(seed: int, index: 
 
 
 def test_a_real_map_gives_the_same_simulations_as_the_road_known_by_name():
-    world = sampler.sample(
-        profiles.load_specification("pinto2023-physical"),
-        load_road("town06"),
-        3,
-        np.arange(8, dtype=np.uint64),
-    )
+    world = sampler.ScenarioSource(
+        profiles.load_specification("pinto2023-physical"), load_road("town06"), 3
+    ).sample(np.arange(8, dtype=np.uint64))
     again = world.replace(road=known_road("town06"))
     np.testing.assert_array_equal(
         engine.simulate(world).trace_hash, engine.simulate(again).trace_hash

@@ -16,7 +16,7 @@ from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.verdicts import Verdict
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 SIZE = 400
@@ -37,7 +37,7 @@ TIMES = [
 def recorded(interval_ms: int = 50, size: int = SIZE) -> Trajectories:
     given = load_specification("pinto2023-physical", {"profile.frame_interval_ms": interval_ms})
     index = np.arange(size, dtype=np.uint64)
-    return engine.simulate(sample(given, load_road(given.road), 11, index))
+    return engine.simulate(ScenarioSource(given, load_road(given.road), 11).sample(index))
 
 
 @cache

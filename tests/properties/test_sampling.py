@@ -12,7 +12,7 @@ from overtaking.model.batch import Batch
 from overtaking.model.known_roads import known_road
 from overtaking.model.scenario import SLOT_CAPACITIES
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import BLOCK_SIZE, sample
+from overtaking.scenarios.sampler import BLOCK_SIZE, ScenarioSource
 
 TOWN06 = known_road("town06")
 PINTO = load_specification("pinto2023-physical")
@@ -60,17 +60,17 @@ def specifications(draw):
 @settings(max_examples=25)
 @given(SEEDS, st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=30))
 def test_a_scenario_is_the_same_in_any_batch(seed, numbers):
-    together = sample(PINTO, TOWN06, seed, np.array(numbers, np.uint64))
+    together = ScenarioSource(PINTO, TOWN06, seed).sample(np.array(numbers, np.uint64))
     place = len(numbers) // 2
-    alone = sample(PINTO, TOWN06, seed, np.array([numbers[place]], np.uint64))
+    alone = ScenarioSource(PINTO, TOWN06, seed).sample(np.array([numbers[place]], np.uint64))
     assert_same(together.select(np.array([place])), alone)
-    backwards = sample(PINTO, TOWN06, seed, np.array(numbers[::-1], np.uint64))
+    backwards = ScenarioSource(PINTO, TOWN06, seed).sample(np.array(numbers[::-1], np.uint64))
     assert_same(together.select(slice(None, None, -1)), backwards)
 
 
 def test_a_scenario_is_the_same_whatever_block_it_falls_into():
-    together = sample(PINTO, TOWN06, 1, np.arange(BLOCK_SIZE + 100))
-    later = sample(PINTO, TOWN06, 1, np.arange(BLOCK_SIZE - 50, BLOCK_SIZE + 50))
+    together = ScenarioSource(PINTO, TOWN06, 1).sample(np.arange(BLOCK_SIZE + 100))
+    later = ScenarioSource(PINTO, TOWN06, 1).sample(np.arange(BLOCK_SIZE - 50, BLOCK_SIZE + 50))
     assert_same(together.select(slice(BLOCK_SIZE - 50, BLOCK_SIZE + 50)), later)
 
 
@@ -78,12 +78,11 @@ def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
     # Each slot has streams of its own, so more slots only add vehicles.
     fixed = {"starts.allow_doomed": True, "starts.min_gap_m": 3.0}
     few, many = (
-        sample(
+        ScenarioSource(
             load_specification("pinto2023-physical", fixed | {"traffic.vehicles": [n, n]}),
             TOWN06,
             1,
-            [57],
-        )
+        ).sample([57])
         for n in (3, 6)
     )
     for name in ("kind", "colour", "length", "mass", "tyre_wear"):
@@ -97,7 +96,7 @@ def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
 @settings(max_examples=40)
 @given(specifications(), SEEDS)
 def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
-    batch = sample(given_spec, TOWN06, seed, np.arange(64))
+    batch = ScenarioSource(given_spec, TOWN06, seed).sample(np.arange(64))
     valid, s, lane = batch.vehicles.valid, batch.start_s, batch.start_lane
     fewest, most = given_spec.traffic.vehicles
     assert fewest <= batch.num_vehicles.min() <= batch.num_vehicles.max() <= most
@@ -121,7 +120,7 @@ def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
 @settings(max_examples=20)
 @given(specifications(), SEEDS)
 def test_every_number_is_finite_and_of_the_agreed_shape(given_spec, seed):
-    batch = sample(given_spec, TOWN06, seed, np.arange(16))
+    batch = ScenarioSource(given_spec, TOWN06, seed).sample(np.arange(16))
     for name, values in arrays(batch):
         assert values.shape in ((16,), (16, batch.num_slots)), name
         assert np.all(np.isfinite(values)), name
@@ -133,14 +132,14 @@ def test_every_number_is_finite_and_of_the_agreed_shape(given_spec, seed):
 @settings(max_examples=20)
 @given(SEEDS)
 def test_another_seed_is_another_batch(seed):
-    one = sample(PINTO, TOWN06, seed, np.arange(8))
-    other = sample(PINTO, TOWN06, (seed + 1) % 2**64, np.arange(8))
+    one = ScenarioSource(PINTO, TOWN06, seed).sample(np.arange(8))
+    other = ScenarioSource(PINTO, TOWN06, (seed + 1) % 2**64).sample(np.arange(8))
     assert np.all(one.start_s[one.vehicles.valid] > 0)
     assert not np.array_equal(one.start_s, other.start_s)
 
 
 def test_an_empty_batch_is_a_batch():
-    empty = sample(PINTO, TOWN06, 1, [])
+    empty = ScenarioSource(PINTO, TOWN06, 1).sample([])
     assert empty.num_simulations == 0
     assert empty.start_s.shape == (0, PINTO.traffic.vehicles[1])
 
@@ -148,17 +147,17 @@ def test_an_empty_batch_is_a_batch():
 @pytest.mark.parametrize("index", [[-1], [0.5], [[0, 1]], 3, ["a"]])
 def test_numbers_of_simulations_are_checked(index):
     with pytest.raises(ConfigError, match="a list of whole numbers from 0 on"):
-        sample(PINTO, TOWN06, 1, index)
+        ScenarioSource(PINTO, TOWN06, 1).sample(index)
 
 
 @pytest.mark.parametrize("seed", [-1, 2**64])
 def test_the_seed_is_checked(seed):
     with pytest.raises(ConfigError, match="seed"):
-        sample(PINTO, TOWN06, seed, [0])
+        ScenarioSource(PINTO, TOWN06, seed).sample([0])
 
 
 def test_the_batch_carries_what_the_specification_says():
-    batch = sample(PINTO, TOWN06, 7, [3, 1])
+    batch = ScenarioSource(PINTO, TOWN06, 7).sample([3, 1])
     assert (batch.profile, batch.seed, batch.frame_interval_ms) == ("pinto2023-physical", 7, 50)
     np.testing.assert_array_equal(batch.index, np.array([3, 1], np.uint64))
     np.testing.assert_array_equal(batch.horizon, np.float32([20, 20]))

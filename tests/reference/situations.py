@@ -19,7 +19,7 @@ from tests.support.bends import BENDS, HILLS, on
 from overtaking.model.batch import Batch
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import extend_road, sample
+from overtaking.scenarios.sampler import ScenarioSource, extend_road
 from overtaking.sim import engine
 from overtaking.sim.branch import ForcedDecision
 from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters
@@ -103,7 +103,7 @@ class Situation:
             road = dataclasses.replace(road, heading=self.heading)
         rest = np.uint64(self.first) + np.arange(count, dtype=np.uint64)
         index = np.concatenate([np.array(self.numbers, np.uint64), rest])[:count]
-        drawn = sample(plan, road, self.seed, index)
+        drawn = ScenarioSource(plan, road, self.seed).sample(index)
         return self.placed(drawn) if self.placed else drawn
 
     def run(self, scenario: Scenario, run: Run) -> Trajectories:

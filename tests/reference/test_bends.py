@@ -21,7 +21,7 @@ from overtaking.labels.label import label
 from overtaking.model.known_roads import known_road
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import extend_road, sample
+from overtaking.scenarios.sampler import ScenarioSource, extend_road
 from overtaking.sim import engine, reference
 
 from .situations import difference
@@ -60,14 +60,16 @@ def test_both_engines_have_the_same_bits(profile: str):
     # 20 s are some 600 m: through bends of either side, over a rise or a fall.
     plan = load_specification(profile, {"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0})
     straight = extend_road(plan, known_road(plan.road))
-    batch = sample(plan, on(straight, *BENDS, grade=HILLS), 5, np.arange(4))
+    batch = ScenarioSource(plan, on(straight, *BENDS, grade=HILLS), 5).sample(np.arange(4))
     read = reference.simulate(batch)
     for level in LEVELS:
         assert not difference(read, engine.simulate(batch, level=level))
 
 
 def test_a_line_without_bends_is_a_straight_road():
-    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(16))
+    batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
+        np.arange(16)
+    )
     road = batch.road
     placed = dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0)
     straight = engine.simulate(dataclasses.replace(batch, road=placed))
@@ -76,7 +78,9 @@ def test_a_line_without_bends_is_a_straight_road():
 
 
 def test_left_and_right_are_the_same():
-    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(8))
+    batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
+        np.arange(8)
+    )
     batch = batch.replace(road=on(batch.road, *BENDS, grade=HILLS))
     weather = batch.weather.replace(
         wind_direction=-batch.weather.wind_direction, sun_azimuth=-batch.weather.sun_azimuth
@@ -180,7 +184,7 @@ def crooked() -> Road:
 
 
 def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
-    batch = sample(load_specification("rural"), crooked(), 5, np.arange(48))
+    batch = ScenarioSource(load_specification("rural"), crooked(), 5).sample(np.arange(48))
     run = engine.simulate(batch)
     there, comes = batch.vehicles.valid.copy(), batch.start_lane == 1
     # Once with the road, once against it: a bend is `ARC` long, and one way from the next.
@@ -239,7 +243,9 @@ def test_height_is_the_integral_of_the_slope():
 
 def test_overtakes_in_bends_are_labelled_as_on_straight_roads():
     """The same traffic on a road that bends hardly at all gets the same labels."""
-    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(64))
+    batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
+        np.arange(64)
+    )
     hardly = on(batch.road, (batch.road.length, 1e-9, 1e-9))
     straight, bent = (
         label(engine.simulate(dataclasses.replace(batch, road=road)))

@@ -10,7 +10,7 @@ import pytest
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.sim.reference import collisions, dynamics, steering
 from overtaking.sim.reference.recording import Recorder
@@ -32,12 +32,9 @@ CENTISECOND = 0.0105
 
 
 def scenarios(index: np.ndarray):
-    return sample(
-        load_specification("pinto2023-physical", ROUGH),
-        load_road("town06"),
-        5,
-        index.astype(np.uint64),
-    )
+    return ScenarioSource(
+        load_specification("pinto2023-physical", ROUGH), load_road("town06"), 5
+    ).sample(index.astype(np.uint64))
 
 
 def crashes(count: int) -> list[int]:

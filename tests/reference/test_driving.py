@@ -25,7 +25,7 @@ from overtaking.model.scenario import ForcedDecision
 from overtaking.model.trajectories import Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification, profile_names
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.traffic_specification import TwoWayTraffic
 from overtaking.sim import engine, reference
 from overtaking.sim.branch import branch
@@ -46,7 +46,7 @@ SHORTER = {
 
 def scenes(count: int, profile: str = "pinto2023-physical", **changes: object):
     given = load_specification(profile, SHORT | changes)
-    return sample(given, load_road(given.road), 4, np.arange(count, dtype=np.uint64))
+    return ScenarioSource(given, load_road(given.road), 4).sample(np.arange(count, dtype=np.uint64))
 
 
 def random_actions(kind: str, shape: tuple[int, int], seed: int = 1) -> Actions:
@@ -145,7 +145,9 @@ HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
 @pytest.mark.parametrize("profile", ONE_WAY)
 def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
     given = load_specification(profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0})
-    scenario = sample(given, load_road(given.road), 7, np.arange(48, dtype=np.uint64))
+    scenario = ScenarioSource(given, load_road(given.road), 7).sample(
+        np.arange(48, dtype=np.uint64)
+    )
     expected = engine.run(scenario, parameters(scenario))
     found = drive(scenario, HUMAN, engine.run)
     assert np.unique(expected.stage).size > 4
@@ -158,7 +160,9 @@ def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
     given = load_specification(profile)
     road, same = load_road(given.road), 0
     for first in range(0, 1000, 100):
-        scenario = sample(given, road, 7, np.arange(first, first + 100, dtype=np.uint64))
+        scenario = ScenarioSource(given, road, 7).sample(
+            np.arange(first, first + 100, dtype=np.uint64)
+        )
         expected = engine.run(scenario, parameters(scenario)).trace_hash
         same += int((drive(scenario, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
     assert same == 1000
@@ -167,7 +171,9 @@ def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
 @pytest.mark.soak
 def test_what_a_policy_does_does_not_depend_on_a_large_batch():
     given = load_specification("pinto2023-physical")
-    scenario = sample(given, load_road(given.road), 9, np.arange(4096, dtype=np.uint64))
+    scenario = ScenarioSource(given, load_road(given.road), 9).sample(
+        np.arange(4096, dtype=np.uint64)
+    )
     whole = drive(scenario, HUMAN, engine.run)
     order = np.random.default_rng(5).permutation(4096)
     small = [order[k : k + 16] for k in range(0, 256, 16)]

@@ -16,7 +16,7 @@ from overtaking.model.trajectories import Lights, ManoeuvreKind, Stage
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import branch, engine, reference
 from overtaking.world.step_parameters import parameters
 
@@ -68,7 +68,9 @@ CROWDED = {
 @pytest.mark.parametrize("vehicles", [[9, 16], [17, 32]])
 def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
     crowded = load_specification("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
-    scenario = sample(crowded, load_road("motorway"), 4, np.arange(18, dtype=np.uint64))
+    scenario = ScenarioSource(crowded, load_road("motorway"), 4).sample(
+        np.arange(18, dtype=np.uint64)
+    )
     assert scenario.num_slots == vehicles[1]
     given = parameters(scenario)
     expected = reference.run(scenario, given)
@@ -157,7 +159,7 @@ def test_behind_the_end_of_a_simulation_there_is_nothing_whatever_was_in_the_mem
     road, lengths = load_road(given.road), []
     for first in range(0, 192, 48):
         index = np.arange(first, first + 48, dtype=np.uint64)
-        run = engine.simulate(sample(given, road, 3, index), buffers=buffers)
+        run = engine.simulate(ScenarioSource(given, road, 3).sample(index), buffers=buffers)
         there = run.frame_mask[:, None] & run.scenario.vehicles.valid[:, :, None]
         for field in dataclasses.fields(run.states):
             assert not getattr(run.states, field.name)[~there].any(), field.name

@@ -11,17 +11,14 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.sim.reference.run import run
 from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
 
-DRAWN = sample(
-    load_specification("pinto2023", {"traffic.vehicles": "3..4"}),
-    load_road("town06"),
-    4,
-    np.arange(4),
-)
+DRAWN = ScenarioSource(
+    load_specification("pinto2023", {"traffic.vehicles": "3..4"}), load_road("town06"), 4
+).sample(np.arange(4))
 
 
 @pytest.mark.ci

@@ -17,7 +17,7 @@ from overtaking.model.driver_interface import MAX_ACTION_PARTS
 from overtaking.model.known_roads import known_road
 from overtaking.model.road_course import SpeedLimitSpan, ZoneKind
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, reference
 from overtaking.sim.stepping import stepper
 from overtaking.simulators.carla import traffic
@@ -104,7 +104,9 @@ def test_a_stretch_is_driven_as_a_road_that_has_its_limit(respect: float, sky: d
 
 @pytest.mark.ci
 def test_limits_beyond_where_anybody_drives_change_nothing():
-    batch = sample(load_specification("motorway"), known_road("motorway"), 5, np.arange(16))
+    batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
+        np.arange(16)
+    )
     far = SpeedLimitSpan(start=batch.road.length - 10.0, stop=batch.road.length, speed=3.0)
     posted = dataclasses.replace(batch.road, course=limited(batch.road, far).course)
     runs = [engine.simulate(batch.replace(road=road)) for road in (batch.road, posted)]
@@ -144,14 +146,14 @@ def test_both_engines_have_the_same_bits(profile: str):
 def on_limits(profile: str, count: int, **changes: Any) -> Scenario:
     """Traffic of a profile on its road, with a lower limit on 300 m of each sixteenth of it."""
     plan = load_specification(profile, changes)
-    length = sample(plan, known_road(plan.road), 5, np.arange(1)).road.length
+    length = ScenarioSource(plan, known_road(plan.road), 5).sample(np.arange(1)).road.length
     starts = np.linspace(0.0, length - 300.0, 16)
     road = dataclasses.replace(known_road(plan.road).extend_to(length))
     both = (
         SpeedLimitSpan(start=float(s), stop=float(s) + 300.0, speed=LOW, direction=0)
         for s in starts
     )
-    return sample(plan, limited(road, *both), 5, np.arange(count))
+    return ScenarioSource(plan, limited(road, *both), 5).sample(np.arange(count))
 
 
 @pytest.mark.ci

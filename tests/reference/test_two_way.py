@@ -14,7 +14,7 @@ from overtaking import _core
 from overtaking.core.errors import ConfigError
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, reference
 from overtaking.world.sight_distance import sight_at
 from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters
@@ -154,7 +154,9 @@ def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
 
 @pytest.mark.ci
 def test_no_arrival_is_missing_within_sight():
-    world = sample(load_specification("rural"), load_road("rural"), 5, np.arange(300))
+    world = ScenarioSource(load_specification("rural"), load_road("rural"), 5).sample(
+        np.arange(300)
+    )
     run = engine.run(world, parameters(world))
     comes = (world.start_lane == 1) & world.vehicles.valid
     place = np.where(comes[:, :, None], run.states.s, -1)

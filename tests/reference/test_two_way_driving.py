@@ -23,7 +23,7 @@ from overtaking.model.driver_interface import (
 from overtaking.model.trajectories import Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, policies, reference
 from overtaking.sim.driving import Driver, drive
 from overtaking.sim.sensor import Sensor
@@ -39,7 +39,7 @@ HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
 
 def rural(numbers, seed: int = 7, **changes: object):
     given = load_specification("rural", {"traffic.held_up": 1.0} | changes)
-    return sample(given, load_road("rural"), seed, np.asarray(numbers, np.uint64))
+    return ScenarioSource(given, load_road("rural"), seed).sample(np.asarray(numbers, np.uint64))
 
 
 @pytest.mark.ci
@@ -111,7 +111,9 @@ def test_a_thousand_of_the_rural_profile_leave_the_same_trace():
     same = 0
     for first in range(0, 1000, 100):
         given = load_specification("rural")
-        world = sample(given, load_road("rural"), 7, np.arange(first, first + 100, dtype=np.uint64))
+        world = ScenarioSource(given, load_road("rural"), 7).sample(
+            np.arange(first, first + 100, dtype=np.uint64)
+        )
         expected = engine.run(world, parameters(world)).trace_hash
         same += int((drive(world, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
     assert same == 1000

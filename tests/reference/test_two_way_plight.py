@@ -13,7 +13,7 @@ from overtaking.analysis.validation.passes import meeting
 from overtaking.model.trajectories import NO_VEHICLE, Stage
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.world.step_parameters import parameters
 
@@ -94,7 +94,9 @@ def test_nobody_stays_beside_another_with_neither_time_nor_room():
         "traffic.slow_share": 0.2,
         "drivers.temper": [0.7, 1.0],
     }
-    world = sample(load_specification("rural", pressed), load_road("rural"), 5, np.arange(192, 448))
+    world = ScenarioSource(load_specification("rural", pressed), load_road("rural"), 5).sample(
+        np.arange(192, 448)
+    )
     run = engine.run(world, parameters(world))
     tried = np.flatnonzero((run.stage == Stage.PASS).any(axis=1))
     assert len(tried) > 20
@@ -116,7 +118,7 @@ def test_who_falls_back_touches_nobody_and_stays_on_the_road():
     """Without the mends the first left the road at a walking pace, the others touched somebody."""
     numbers = [11703, 199, 4685, 7020, 25921, 27697, 29696]
     slow = load_specification("rural-risk", {"traffic.slow_share": 0.6, "traffic.held_up": 1.0})
-    world = sample(slow, load_road("rural"), 58, np.array(numbers))
+    world = ScenarioSource(slow, load_road("rural"), 58).sample(np.array(numbers))
     run = engine.run(world, parameters(world))
     assert (run.stage == Stage.ABORT).any(axis=1).all()
     assert (run.contacts.partner[:, 0] == NO_VEHICLE).all()

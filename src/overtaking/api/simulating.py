@@ -74,12 +74,12 @@ def sample(
     spec = profiles.load_specification(profile, overrides)
     place = road_of(road or spec.road)
     index = np.uint64(first) + np.arange(simulations, dtype=np.uint64)
-    one = sampler.sample(spec, place, seed, index[:1])
+    one = sampler.ScenarioSource(spec, place, seed).sample(index[:1])
     check_batch(one, "sample", "scenario")
     # Twice, as parts are joined in the end.
     next_step = "draw fewer at a time, or call generate"
     check_memory(2 * one.nbytes * simulations, "sample", next_step)
-    return sampler.sample(spec, place, seed, index)
+    return sampler.ScenarioSource(spec, place, seed).sample(index)
 
 
 @check_arguments

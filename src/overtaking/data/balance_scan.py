@@ -25,7 +25,7 @@ from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.labels.label import label
 from overtaking.labels.law import PORTUGAL, choose_policy, policy
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 FILE_NAME = "balance.json"
 
@@ -217,7 +217,7 @@ class Scan:
         """The cells of some candidates."""
         recipe = self._recipe
         index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
-        scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
+        scenario = ScenarioSource(recipe.spec, recipe.road, recipe.seed).sample(index)
         labelled = label(self._simulator.simulate(scenario), policies=[self._policy])
         return self._balance.cell_of(labelled.labels.classes[:, 0], scenario.weather.night)
 

@@ -24,7 +24,7 @@ from overtaking.data.tables.schemas import schema_of
 from overtaking.model.scenario import Intervention, Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim.branch import branch, changed
 from overtaking.sim.version import MODEL_VERSION
 
@@ -177,6 +177,6 @@ def drawn(
         )
     change = None if redrawn is None else partial(changed, change=redrawn)
     numbers = np.array([index], np.uint64)
-    return sample(
-        load_specification(identity.spec, overrides), identity.road, identity.seed, numbers, change
-    )
+    return ScenarioSource(
+        load_specification(identity.spec, overrides), identity.road, identity.seed
+    ).sample(numbers, change)

@@ -19,7 +19,7 @@ from overtaking.data.plan import Shard
 from overtaking.data.recipe import Keep, Recipe, Simulator
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import schema_of
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 OnDone = Callable[[int], None]
 """Called with a number of simulations that have just been written."""
@@ -191,7 +191,7 @@ def _piece(job: Job, task: Task, clipped: list[int], chunk: range) -> shards.Pie
     recipe, numbers = job.recipe, np.arange(chunk.start, chunk.stop)
     part = slice(chunk.start - task.shard.first, chunk.stop - task.shard.first)
     index = numbers.astype(np.uint64) if task.index is None else task.index[part]
-    scenario = sample(recipe.spec, recipe.road, recipe.seed, index)
+    scenario = ScenarioSource(recipe.spec, recipe.road, recipe.seed).sample(index)
     run = job.simulator.simulate(scenario)
     if run.actions is not None and run.actions.num_clipped is not None:
         clipped.append(int(run.actions.num_clipped.sum()))

@@ -99,7 +99,9 @@ class ScenarioSupply:
 
     def draw(self, scenario_index: NDArray[np.uint64]) -> list[ScenarioRef]:
         """Scenarios of given indices; the sequence that `take` follows stays as it is."""
-        batch = SampledScenarios(sampler.sample(self._spec, self._road, self._seed, scenario_index))
+        batch = SampledScenarios(
+            sampler.ScenarioSource(self._spec, self._road, self._seed).sample(scenario_index)
+        )
         return [ScenarioRef(batch, row) for row in range(len(scenario_index))]
 
     def _draw_ahead(self) -> None:

@@ -21,6 +21,7 @@ from overtaking.model.vehicles import DriverTraits, Role
 from overtaking.scenarios.random_draws import (
     NumberTransform,
     RandomStream,
+    SampleBlock,
     scale_to_range,
     truncate,
     untransformed,
@@ -29,9 +30,12 @@ from overtaking.scenarios.random_draws import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from overtaking.core.arrays import F32, U8, U64
+    from overtaking.core.arrays import F32, U8
     from overtaking.scenarios.specification import DriversSection
     from overtaking.scenarios.traffic_specification import PlacedTraffic
+
+LEADER_SLOT = 1
+"""The slot of the vehicle that the ego follows at the start."""
 
 _FILE = "drivers.toml"
 
@@ -148,44 +152,42 @@ def _wrong(what: str, expected: str, got: object) -> KnowledgeError:
     )
 
 
-LEADER_SLOT = 1
-"""The slot of the vehicle that the ego follows at the start."""
-
-
 def sample_traits(
-    people: DriversSection, seed: int, index: U64, kind: U8, bend: NumberTransform = untransformed
+    block: SampleBlock, kind: U8, transform: NumberTransform = untransformed
 ) -> dict[str, F32]:
-    """The traits of each driver, before speeds are drawn.
+    """Draw the traits of each driver, before speeds are drawn.
 
     Args:
-        people: What the specification says about drivers.
-        seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
-        kind: Vehicle types, shape (simulation, vehicle).
-        bend: Draws tempers and the ego's traits from where more happens (see `proposal`).
+        block: The simulations that are drawn together.
+        kind: Vehicle classes, shape (simulation, vehicle).
+        transform: Transforms the numbers of driving styles and of the ego's traits, see
+            `ProposalSampler`.
 
     Returns:
-        `populations.TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
+        `ALL_TRAITS` by name, each of the shape of `kind`; yes or no is 1 or 0.
     """
-    slots = np.uint32(Stream.DRIVER) + np.arange(kind.shape[1], dtype=np.uint32)
-    noise = RandomStream(seed, index[:, None], slots)
-    who = load_population(people.population)
-    temper = noise.uniform()
-    temper[:, Role.EGO] = bend("ego_temper", temper[:, Role.EGO])
-    for slot in range(Role.EGO + 1, temper.shape[1]):
-        temper[:, slot] = bend("others_temper", temper[:, slot])
-    temper = scale_to_range(temper, *people.temper)
-    traits = {name: _trait(name, who, temper, noise, bend) for name in who.careful}
-    for name, factors in who.factors.items():
+    section = block.specification.drivers
+    stream = block.slot_streams(Stream.DRIVER, kind.shape[1])
+    population = load_population(section.population)
+    driving_style = stream.uniform()
+    driving_style[:, Role.EGO] = transform("ego_temper", driving_style[:, Role.EGO])
+    for slot in range(Role.EGO + 1, driving_style.shape[1]):
+        driving_style[:, slot] = transform("others_temper", driving_style[:, slot])
+    driving_style = scale_to_range(driving_style, *section.temper)
+    traits = {
+        name: _trait(name, population, driving_style, stream, transform)
+        for name in population.careful
+    }
+    for name, factors in population.factors.items():
         traits[name] = traits[name] * as_f32(factors)[kind]
-    for name, value in people.fixed.values().items():
+    for name, value in section.fixed.values().items():
         traits[name] = np.full(kind.shape, value, np.float32)
-    for name, factor in (people.scale or {}).items():
+    for name, factor in (section.scale or {}).items():
         traits[name] = traits[name] * np.float32(factor)
     return traits
 
 
-def drivers_from_speeds(traits: dict[str, F32], came_with: F32, max_speed: F32) -> DriverTraits:
+def drivers_from_speeds(traits: Mapping[str, F32], came_with: F32, max_speed: F32) -> DriverTraits:
     """Drivers with the speeds that they want.
 
     The traffic goes on at about the speed that it came with. The ego wants to be faster than its
@@ -204,7 +206,7 @@ def drivers_from_speeds(traits: dict[str, F32], came_with: F32, max_speed: F32) 
     return drivers_with_speed(traits, minimum(desired, max_speed))
 
 
-def drivers_with_speed(traits: dict[str, F32], desired_speed: F32) -> DriverTraits:
+def drivers_with_speed(traits: Mapping[str, F32], desired_speed: F32) -> DriverTraits:
     """Drivers who want given speeds, shape (simulation, vehicle) [m/s]."""
     kept: dict[str, Any] = {
         name: traits[name] > 0 if field.is_flag else traits[name]
@@ -230,29 +232,31 @@ def max_cruise_factor(people: DriversSection) -> float:
 
 
 def _trait(
-    name: str, who: Population, driving_style: F32, noise: RandomStream, bend: NumberTransform
+    name: str,
+    population: Population,
+    driving_style: F32,
+    stream: RandomStream,
+    transform: NumberTransform,
 ) -> F32:
-    """One parameter of each driver, drawn from the distribution of its temper."""
-    ends = (who.careful[name], who.reckless[name])
+    """One trait of each driver, drawn from the distribution of its driving style."""
+    ends = (population.careful[name], population.reckless[name])
     kind = ends[0].kind
     if kind == "constant":
         return _between(driving_style, *(end.parameter("value") for end in ends))
     if kind == "bernoulli":
         probability = _between(driving_style, *(end.parameter("probability") for end in ends))
-        drawn = noise.uniform()
-        drawn[:, Role.EGO] = bend(f"ego_{name}", drawn[:, Role.EGO])
-        return (drawn < probability).astype(np.float32)
+        u = stream.uniform()
+        u[:, Role.EGO] = transform(f"ego_{name}", u[:, Role.EGO])
+        return (u < probability).astype(np.float32)
     low, high = (
         _between(driving_style, *(getattr(end, side) for end in ends)) for side in ("low", "high")
     )
     if kind == "uniform":
-        return scale_to_range(noise.uniform(), low, high)
-    normal = noise.unbounded_normal()
-    normal[:, Role.EGO] = bend(f"ego_{name}", normal[:, Role.EGO])
-    deviation = _between(driving_style, *(end.parameter("sigma") for end in ends)) * truncate(
-        normal
-    )
-    return clamp(_shifted(kind, ends, driving_style, deviation), low, high)
+        return scale_to_range(stream.uniform(), low, high)
+    normal = stream.unbounded_normal()
+    normal[:, Role.EGO] = transform(f"ego_{name}", normal[:, Role.EGO])
+    sigma = _between(driving_style, *(end.parameter("sigma") for end in ends))
+    return clamp(_shifted(kind, ends, driving_style, sigma * truncate(normal)), low, high)
 
 
 def _shifted(

@@ -1,19 +1,17 @@
 """Traffic of one direction at a density."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from overtaking.core.arrays import F32, U8, U64, Mask
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.core.native import exp, maximum, minimum
 from overtaking.core.random_numbers import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
-from overtaking.model.road import Road
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import Role, VehicleSpecs
 from overtaking.scenarios.driver_sampling import (
     drivers_with_speed,
     max_cruise_factor,
@@ -22,45 +20,57 @@ from overtaking.scenarios.driver_sampling import (
 from overtaking.scenarios.random_draws import (
     MAX_SIGMAS,
     NumberTransform,
-    RandomStream,
+    SampleBlock,
     choose_weighted,
     scale_to_range,
     sort_columns,
     unsort_columns,
     weights_of,
 )
-from overtaking.scenarios.safe_start import StartZone, TrafficStart
+from overtaking.scenarios.safe_start import StartStates, StartZone, TrafficStart
 from overtaking.scenarios.specification import Specification
 from overtaking.scenarios.traffic_specification import FlowTraffic
 from overtaking.scenarios.vehicle_sampling import kind_number, sample_vehicles, top_speeds
 
 APPROACH_MARGIN = number("sampling.toml", "flow.approach_margin")
-"""By how much an end of the traffic may approach faster than is thought [m/s]."""
+"""An end of the traffic may approach faster than estimated, by up to this much [m/s]."""
 
 EGO_SPEED_SHARE = number("sampling.toml", "flow.ego_speed_share")
-"""What the ego drives at is between the speed of its lane and what it wants, at this part."""
+"""The ego's estimated speed lies this share of the way from its lane's speed to its desired one."""
 
 MIN_SPACING = number("sampling.toml", "flow.min_spacing")
-"""Least part of a distance of centres that is vehicles [m]; with `LEAST_TIME_GAP` it is what no
-spacing goes below."""
+"""The part of the smallest distance of centres that does not depend on speed [m]; `MIN_TIME_GAP`
+gives the part that does."""
 
 MIN_TIME_GAP = number("sampling.toml", "flow.min_time_gap")
-"""Least part of a distance of centres that is time at the lane's speed [s]."""
+"""The part of the smallest distance of centres that grows with the lane's speed [s]."""
 
 RELAXING_DECEL = number("sampling.toml", "flow.relaxing_decel")
-"""A vehicle farther behind than it wants may be faster by what braking this softly makes up for
-[m/s^2]: the comfortable braking of the calm."""
-_FREE = np.float32(1e6)  # Position [m] and speed [m/s] of an absent vehicle.
+"""A vehicle with a larger gap than its driver wants may be faster than its leader, by the speed
+that this deceleration loses over the additional distance [m/s^2]. It is the comfortable
+deceleration of careful drivers."""
+
+PASSING_MARGIN = number("sampling.toml", "flow.passing_margin")
+"""Largest speed while overtaking, over the desired speed."""
+
+RETURN_TIME = number("sampling.toml", "flow.return_time")
+"""Time from the last attempt until the ego may see an end of the traffic, where there are vehicles
+enough: the duration of a common overtake [s]."""
+
+END_MARGIN = number("sampling.toml", "flow.end_margin")
+"""Road behind the rearmost vehicle [m]."""
+
+_FREE = np.float32(1e6)  # Station [m] and speed [m/s] of an absent vehicle.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleLayout:
-    """Lanes and positions of the vehicles around the ego, slot 0, and how long it stays among them.
+    """Lanes and stations of the ego and the vehicles around it.
 
     Attributes:
         valid: Whether the slot holds a vehicle, (simulation, vehicle).
         lane: Lane, 0 the slowest, (simulation, vehicle).
-        s: Position along the road, of the ego 0, (simulation, vehicle) [m].
+        s: Station, (simulation, vehicle) [m].
         time: When the ego may see the first end of the traffic, (simulation,) [s].
     """
 
@@ -70,126 +80,228 @@ class VehicleLayout:
     time: F32
 
 
-def draw_ego_lane(flow: FlowTraffic, seed: int, index: U64) -> U8:
-    """The lane that the ego starts in, shape (simulation,)."""
-    u = RandomStream(seed, index, Stream.LAYOUT).uniform()
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EgoStart:
+    """The ego's lane and the speed that it wants, which decide where the traffic is placed.
+
+    Attributes:
+        lane: Lane, shape (simulation,).
+        desired_speed: Desired speed, shape (simulation,) [m/s].
+    """
+
+    lane: U8
+    desired_speed: F32
+
+
+def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficStart:
+    """Draw vehicles of one direction, the ego among them.
+
+    Args:
+        block: The simulations that are drawn together.
+        flow: Section `[traffic]` of the specification.
+    """
+    lane = draw_ego_lane(block, flow)
+    desired_speed, transform = _ego_desired_speed(block, flow, lane)
+    layout = place_around_ego(block, flow, EgoStart(lane=lane, desired_speed=desired_speed))
+    kinds = partial(vehicle_kinds, flow, lane=layout.lane)
+    vehicles = sample_vehicles(block, kinds, flow.colours, flow.vehicles[1])
+    traits = sample_traits(block, vehicles.kind, transform)
+    speeds = desired_speeds(flow, traits["cruise_factor"], vehicles.kind, layout.lane)
+    speeds = minimum(speeds, top_speeds()[vehicles.kind])
+    deadline = np.float32(block.specification.time.attempt_deadline_s)
+    return TrafficStart(
+        vehicles=vehicles.replace(valid=layout.valid),
+        drivers=drivers_with_speed(traits, speeds),
+        lane=layout.lane,
+        kept_gap_share=np.zeros_like(speeds),
+        zone=StartZone.unbounded(block.road),
+        states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
+        deadline=minimum(layout.time, deadline),
+    )
+
+
+def road_length(specification: Specification, flow: FlowTraffic) -> float:
+    """Length of a road that no vehicle leaves before the horizon [m]."""
+    horizon = specification.time.horizon_s
+    lane_speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
+    speed_range = max(lane_speeds) - min(lane_speeds) + 2.0 * APPROACH_MARGIN
+    speed_factor = max(lane.wish for lane in flow.lanes)
+    speed_factor *= max_cruise_factor(specification.drivers)
+    max_speed = speed_factor * mps_from_kmh(max(flow.free_speed_kmh.values()))
+    density_ratio = max(lane.density for lane in flow.lanes)
+    density_ratio /= min(lane.density for lane in flow.lanes)
+    max_spacing = 1e3 * density_ratio / flow.density_per_km_lane[0]
+    max_spacing *= float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
+    traffic = sum(flow.sight_m) + (speed_range + max_speed) * horizon + 2.0 * max_spacing
+    return END_MARGIN + traffic + PASSING_MARGIN * max_speed * horizon
+
+
+def draw_ego_lane(block: SampleBlock, flow: FlowTraffic) -> U8:
+    """The lane in which the ego starts, shape (simulation,)."""
+    u = block.stream(Stream.LAYOUT).uniform()
     weights = [flow.lanes[lane].density for lane in flow.ego_lanes]
     return np.array(flow.ego_lanes, np.uint8)[choose_weighted(u, weights)]
 
 
-def place_around_ego(
-    flow: FlowTraffic,
-    seed: int,
-    index: U64,
-    lane: U8,
-    wish: F32,
-    horizon: float,
-    bend: Callable[[str, F32], F32],
-) -> VehicleLayout:
+def place_around_ego(block: SampleBlock, flow: FlowTraffic, ego: EgoStart) -> VehicleLayout:
     """Place vehicles around the ego until the traffic is long enough or all slots are taken.
 
     Args:
-        flow: What the specification says about traffic.
-        seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
-        lane: The ego's lane, shape (simulation,).
-        wish: The speed that the ego wants, shape (simulation,) [m/s].
-        horizon: How long the ego must not see an end, if there are vehicles enough [s].
-        bend: Draws the density from where more happens (see `proposal`).
+        block: The simulations that are drawn together.
+        flow: Section `[traffic]` of the specification.
+        ego: The ego's lane and desired speed.
+
+    Returns:
+        The vehicles with the ego in slot 0, at station 0.
     """
-    noise = RandomStream(seed, index, Stream.LAYOUT)
-    noise.uniform()  # The ego's lane.
-    per_metre = scale_to_range(bend("density", noise.uniform()), *_per_metre(flow))
-    ends = _TrafficEnds(flow, per_metre, lane, wish, [noise.uniform() for _ in flow.lanes])
-    fewest, most = flow.vehicles
-    valid, lanes, places = [np.ones(len(index), np.bool_)], [lane], [np.zeros_like(wish)]
-    for slot in range(1, most):
-        needed = ends.time < np.float32(horizon)
-        valid.append(needed | (slot < fewest))
-        chosen, place = ends.add(noise.normal(), valid[-1])
-        lanes.append(chosen)
-        places.append(place)
+    stream = block.stream(Stream.LAYOUT)
+    stream.uniform()  # The number that `draw_ego_lane` used.
+    u = block.proposal.transform("density", stream.uniform())
+    vehicles_per_metre = scale_to_range(u, *_vehicles_per_metre(flow))
+    phases = [stream.uniform() for _ in flow.lanes]
+    ends = _TrafficEnds(flow, vehicles_per_metre, ego, phases)
+    end_time = np.float32(block.specification.time.attempt_deadline_s + RETURN_TIME)
+    min_vehicles, max_vehicles = flow.vehicles
+    valid = [np.ones(len(ego.lane), np.bool_)]
+    lanes, stations = [ego.lane], [np.zeros_like(ego.desired_speed)]
+    for slot in range(1, max_vehicles):
+        is_needed = (ends.time < end_time) | (slot < min_vehicles)
+        lane, station = ends.add(stream.normal(), is_needed)
+        valid.append(is_needed)
+        lanes.append(lane)
+        stations.append(station)
     return VehicleLayout(
         valid=np.stack(valid, axis=1),
         lane=np.stack(lanes, axis=1),
-        s=np.stack(places, axis=1),
+        s=np.stack(stations, axis=1),
         time=ends.time,
     )
 
 
 def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
-    """Vehicle types by lane; the ego, in slot 0, never has two wheels.
+    """Vehicle classes by lane; the ego, in slot 0, never has two wheels.
 
     Args:
-        flow: What the specification says about traffic.
+        flow: Section `[traffic]` of the specification.
         u: Uniform numbers, shape (simulation, vehicle).
         lane: Lanes, the same shape.
     """
     kind = np.zeros(u.shape, np.uint8)
-    for lane_index, one in enumerate(flow.lanes):
-        weights = weights_of(one.types, VEHICLE_CLASS_NAMES)
-        four_wheels = list(weights)
+    for lane_index, flow_lane in enumerate(flow.lanes):
+        weights = weights_of(flow_lane.types, VEHICLE_CLASS_NAMES)
+        ego_weights = list(weights)
         for name in ("MC", "B"):
-            four_wheels[VEHICLE_CLASS_NAMES.index(name)] = 0.0
+            ego_weights[VEHICLE_CLASS_NAMES.index(name)] = 0.0
         drawn = choose_weighted(u, weights)
-        drawn[:, 0] = choose_weighted(u[:, 0], four_wheels)
+        drawn[:, Role.EGO] = choose_weighted(u[:, Role.EGO], ego_weights)
         kind = np.where(lane == lane_index, drawn, kind)
     return kind
 
 
 def desired_speeds(flow: FlowTraffic, cruise_factor: F32, kind: U8, lane: U8) -> F32:
-    """The speed that each driver wants on a free road, (simulation, vehicle) [m/s]."""
+    """The speed that each driver wants on a free road, (simulation, vehicle) [m/s].
+
+    Args:
+        flow: Section `[traffic]` of the specification.
+        cruise_factor: The trait of that name, shape (simulation, vehicle).
+        kind: Vehicle classes, the same shape.
+        lane: Lanes, the same shape.
+    """
     free = [mps_from_kmh(flow.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_NAMES]
-    lanes = [one.wish for one in flow.lanes]
-    return np.array(free, np.float32)[kind] * cruise_factor * np.array(lanes, np.float32)[lane]
+    factors = [flow_lane.wish for flow_lane in flow.lanes]
+    return np.array(free, np.float32)[kind] * cruise_factor * np.array(factors, np.float32)[lane]
 
 
 def following_starts(
-    around: VehicleLayout, half: F32, wish: F32, time_gap: F32, min_gap: F32
-) -> tuple[F32, F32]:
-    """Positions [m] and speeds [m/s] at which everyone follows, (simulation, vehicle).
+    layout: VehicleLayout, half_length: F32, desired_speed: F32, time_gap: F32, min_gap: F32
+) -> StartStates:
+    """Stations and speeds at which every vehicle follows the one ahead.
 
-    No vehicle is faster or nearer than its driver wants: one that was drawn so starts farther back.
-    Who is farther behind may be closing in, as fast as comfortable braking makes up for.
+    No vehicle is faster or nearer than its driver wants: a vehicle that was drawn nearer starts
+    farther back. A vehicle with a larger gap may close in, see `RELAXING_DECEL`.
 
     Args:
-        around: Lanes and positions.
-        half: Half of the lengths [m].
-        wish: Speeds wanted [m/s].
-        time_gap: Time gaps wanted [s].
-        min_gap: Gaps wanted at standstill [m].
+        layout: Lanes and stations; all other arrays have the shape of its lanes.
+        half_length: Half of the lengths [m].
+        desired_speed: Desired speeds [m/s].
+        time_gap: Desired time gaps [s].
+        min_gap: Desired gaps at standstill [m].
     """
-    order = np.argsort(np.where(around.valid, around.s, np.inf), axis=1, kind="stable")
+    order = np.argsort(np.where(layout.valid, layout.s, np.inf), axis=1, kind="stable")
     # Empty slots come last and have a lane of their own.
-    lane = sort_columns(np.where(around.valid, around.lane, np.uint8(255)), order)
-    place, length = sort_columns(around.s, order), sort_columns(half, order)
-    wanted, time, rest = (sort_columns(values, order) for values in (wish, time_gap, min_gap))
-    free = np.full_like(place[0], _FREE)
-    rear, pace = ([free] * (int(around.lane.max(initial=0)) + 1) for _ in range(2))
-    speed = [free] * len(place)
-    for rank in reversed(range(len(place))):
-        bumper, ahead = _of_lane(rear, lane[rank]), _of_lane(pace, lane[rank])
-        followed = minimum(wanted[rank], ahead)
-        nearest = bumper - length[rank] - rest[rank] - time[rank] * followed
-        place[rank] = minimum(place[rank], nearest)
-        closing = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * (nearest - place[rank]))
-        speed[rank] = minimum(wanted[rank], ahead + closing)
-        for lane_index in range(len(rear)):
-            here = lane[rank] == lane_index
-            rear[lane_index] = np.where(here, place[rank] - length[rank], rear[lane_index])
-            pace[lane_index] = np.where(here, speed[rank], pace[lane_index])
-    return unsort_columns(place, order), unsort_columns(speed, order)
+    lane = sort_columns(np.where(layout.valid, layout.lane, np.uint8(255)), order)
+    s, half = sort_columns(layout.s, order), sort_columns(half_length, order)
+    desired, gap_time, standstill_gap = (
+        sort_columns(values, order) for values in (desired_speed, time_gap, min_gap)
+    )
+    free = np.full_like(s[0], _FREE)
+    num_lanes = int(layout.lane.max(initial=0)) + 1
+    rear_s, rear_speed = [free] * num_lanes, [free] * num_lanes  # Of the rearmost so far.
+    speed = [free] * len(s)
+    for rank in reversed(range(len(s))):
+        bumper, leader_speed = _of_lane(rear_s, lane[rank]), _of_lane(rear_speed, lane[rank])
+        following_speed = minimum(desired[rank], leader_speed)
+        nearest = bumper - half[rank] - standstill_gap[rank] - gap_time[rank] * following_speed
+        s[rank] = minimum(s[rank], nearest)
+        closing_speed = np.sqrt(np.float32(2.0 * RELAXING_DECEL) * (nearest - s[rank]))
+        speed[rank] = minimum(desired[rank], leader_speed + closing_speed)
+        for lane_index in range(num_lanes):
+            is_in_lane = lane[rank] == lane_index
+            rear_s[lane_index] = np.where(is_in_lane, s[rank] - half[rank], rear_s[lane_index])
+            rear_speed[lane_index] = np.where(is_in_lane, speed[rank], rear_speed[lane_index])
+    return StartStates(s=unsort_columns(s, order), speed=unsort_columns(speed, order))
+
+
+def _ego_desired_speed(
+    block: SampleBlock, flow: FlowTraffic, lane: U8
+) -> tuple[F32, NumberTransform]:
+    """The speed that the ego wants, and the transform that gives its traits once more.
+
+    The traffic is placed by the ego's desired speed, so it is drawn before the other drivers are.
+
+    Returns:
+        Desired speeds, shape (simulation,) [m/s], and a transform that replays the ego's numbers:
+        another call of the proposal would count their density ratios twice.
+    """
+    u = kind_number(block, Role.EGO)[:, None]
+    kind = vehicle_kinds(flow, u, lane[:, None])
+    ego_numbers: dict[str, F32] = {}
+
+    def replay_ego_numbers(name: str, number: F32) -> F32:
+        if not name.startswith("ego_"):
+            return block.proposal.transform(name, number)
+        if name not in ego_numbers:
+            ego_numbers[name] = block.proposal.transform(name, number)
+        return ego_numbers[name]
+
+    traits = sample_traits(block, kind, replay_ego_numbers)
+    speed = desired_speeds(flow, traits["cruise_factor"], kind, lane[:, None])
+    return minimum(speed, top_speeds()[kind])[:, 0], replay_ego_numbers
+
+
+def _states_at_speed(
+    layout: VehicleLayout, vehicles: VehicleSpecs, traits: dict[str, F32], desired_speed: F32
+) -> StartStates:
+    """Stations and speeds of vehicles that follow each other, the rearmost near s = 0."""
+    half_length, time_gap = 0.5 * vehicles.length, traits["time_gap"]
+    states = following_starts(layout, half_length, desired_speed, time_gap, traits["min_gap"])
+    rearmost = states.s[:, 0]
+    for slot in range(1, states.s.shape[1]):
+        station = np.where(layout.valid[:, slot], states.s[:, slot], rearmost)
+        rearmost = minimum(rearmost, station)
+    return states._replace(s=states.s - rearmost[:, None] + np.float32(END_MARGIN))
 
 
 def _of_lane(values: list[F32], lane: U8) -> F32:
-    """The value of each simulation's lane, a large one outside of all."""
+    """The value of each simulation's lane, `_FREE` outside of all lanes."""
     chosen = np.full_like(values[0], _FREE)
     for lane_index, value in enumerate(values):
         chosen = np.where(lane == lane_index, value, chosen)
     return chosen
 
 
-def _per_metre(flow: FlowTraffic) -> tuple[float, float]:
+def _vehicles_per_metre(flow: FlowTraffic) -> tuple[float, float]:
+    """Smallest and largest mean density of a lane [1/m]."""
     low, high = flow.density_per_km_lane
     return 1e-3 * low, 1e-3 * high
 
@@ -200,177 +312,97 @@ class _TrafficEnds:
     """The ends of the traffic, in each lane ahead and behind, and when the ego sees them."""
 
     def __init__(
-        self, flow: FlowTraffic, per_metre: F32, lane: U8, wish: F32, phase: list[F32]
+        self, flow: FlowTraffic, vehicles_per_metre: F32, ego: EgoStart, phases: list[F32]
     ) -> None:
-        """Begin with the ego alone; in the other lanes the first vehicle is somewhere beside it."""
-        mean = np.float32(sum(one.density for one in flow.lanes) / len(flow.lanes))
-        speeds = [np.float32(mps_from_kmh(one.speed_kmh)) for one in flow.lanes]
-        own = np.zeros_like(wish)
+        """Begin with the ego alone; in each other lane a first station near the ego is drawn.
+
+        Args:
+            flow: Section `[traffic]` of the specification.
+            vehicles_per_metre: Mean density of the lanes, shape (simulation,) [1/m].
+            ego: The ego's lane and desired speed.
+            phases: For each lane, uniform numbers that give the first station.
+        """
+        mean_density = np.float32(sum(lane.density for lane in flow.lanes) / len(flow.lanes))
+        speeds = [np.float32(mps_from_kmh(lane.speed_kmh)) for lane in flow.lanes]
+        lane_speed = np.zeros_like(ego.desired_speed)
         for lane_index, speed in enumerate(speeds):
-            own = np.where(lane == lane_index, speed, own)
-        self._own = own + np.float32(EGO_SPEED_SHARE) * (wish - own)
+            lane_speed = np.where(ego.lane == lane_index, speed, lane_speed)
+        speed_gain = np.float32(EGO_SPEED_SHARE) * (ego.desired_speed - lane_speed)
+        self._ego_speed = lane_speed + speed_gain
         self._speeds = speeds
-        self._back, self._front = (np.float32(limit) for limit in flow.sight_m)
+        self._sight_behind, self._sight_ahead = (np.float32(sight) for sight in flow.sight_m)
         self._sigma = np.float32(flow.spacing_sigma)
-        self._least = [np.float32(MIN_SPACING) + np.float32(MIN_TIME_GAP) * v for v in speeds]
+        self._min_spacing = [
+            np.float32(MIN_SPACING) + np.float32(MIN_TIME_GAP) * speed for speed in speeds
+        ]
         self._spacing = [
-            np.float32(1.0) / (per_metre * np.float32(one.density) / mean) for one in flow.lanes
+            np.float32(1.0) / (vehicles_per_metre * np.float32(lane.density) / mean_density)
+            for lane in flow.lanes
         ]
-        self._empty = [lane != lane_index for lane_index in range(len(speeds))]
-        start = [
-            np.where(empty, (u - np.float32(0.5)) * spacing, np.float32(0.0))
-            for u, spacing, empty in zip(phase, self._spacing, self._empty, strict=True)
+        self._is_empty = [ego.lane != lane_index for lane_index in range(len(speeds))]
+        first_s = [
+            np.where(is_empty, (u - np.float32(0.5)) * spacing, np.float32(0.0))
+            for u, spacing, is_empty in zip(phases, self._spacing, self._is_empty, strict=True)
         ]
-        self._ahead, self._behind = list(start), [-place for place in start]
+        # Distances of the ends from the ego's start [m].
+        self._ahead, self._behind = list(first_s), [-s for s in first_s]
 
     @property
     def time(self) -> F32:
         """When the ego may see the first of the ends [s]."""
-        first = self._times()[0]
-        for time in self._times()[1:]:
-            first = minimum(first, time)
-        return first
+        soonest, *others = self._times()
+        for time in others:
+            soonest = minimum(soonest, time)
+        return soonest
 
-    def add(self, z: F32, wanted: Mask) -> tuple[U8, F32]:
-        """Add a vehicle at the end that would be seen first; its lane and place [m]."""
+    def add(self, z: F32, is_needed: Mask) -> tuple[U8, F32]:
+        """Add a vehicle at the end that the ego would see first.
+
+        Args:
+            z: Standard normal numbers, which give the spacing, shape (simulation,).
+            is_needed: Simulations that get the vehicle; the ends of others stay, shape
+                (simulation,).
+
+        Returns:
+            Lanes and stations [m] of the vehicle, shape (simulation,).
+        """
         times = self._times()
-        first = np.zeros(z.shape, np.uint8)
+        first_end = np.zeros(z.shape, np.uint8)
         soonest = times[0]
-        for rank, time in enumerate(times):
-            sooner = time < soonest
-            first = np.where(sooner, np.uint8(rank), first)
-            soonest = np.where(sooner, time, soonest)
-        lane, place = np.zeros(z.shape, np.uint8), np.zeros_like(z)
+        for end, time in enumerate(times):
+            is_sooner = time < soonest
+            first_end = np.where(is_sooner, np.uint8(end), first_end)
+            soonest = np.where(is_sooner, time, soonest)
+        lane, station = np.zeros(z.shape, np.uint8), np.zeros_like(z)
         for lane_index in range(len(self._speeds)):
-            ahead, behind = first == 2 * lane_index, first == 2 * lane_index + 1
+            is_ahead, is_behind = first_end == 2 * lane_index, first_end == 2 * lane_index + 1
             distance = self._distance(lane_index, z)
-            front, back = self._ahead[lane_index] + distance, self._behind[lane_index] + distance
-            place = np.where(ahead, front, np.where(behind, -back, place))
-            lane = np.where(ahead | behind, np.uint8(lane_index), lane)
-            self._ahead[lane_index] = np.where(ahead & wanted, front, self._ahead[lane_index])
-            self._behind[lane_index] = np.where(behind & wanted, back, self._behind[lane_index])
-            self._empty[lane_index] = self._empty[lane_index] & ~((ahead | behind) & wanted)
-        return lane, place
+            ahead = self._ahead[lane_index] + distance
+            behind = self._behind[lane_index] + distance
+            station = np.where(is_ahead, ahead, np.where(is_behind, -behind, station))
+            lane = np.where(is_ahead | is_behind, np.uint8(lane_index), lane)
+            gets_ahead, gets_behind = is_ahead & is_needed, is_behind & is_needed
+            self._ahead[lane_index] = np.where(gets_ahead, ahead, self._ahead[lane_index])
+            self._behind[lane_index] = np.where(gets_behind, behind, self._behind[lane_index])
+            self._is_empty[lane_index] = self._is_empty[lane_index] & ~(gets_ahead | gets_behind)
+        return lane, station
 
     def _times(self) -> list[F32]:
         """When the ego may see each end, lane by lane, ahead and behind [s]."""
-        zero, spare = np.float32(0.0), np.float32(APPROACH_MARGIN)
+        zero, margin = np.float32(0.0), np.float32(APPROACH_MARGIN)
         times: list[F32] = []
         for lane_index, speed in enumerate(self._speeds):
-            faster = self._own - speed
-            away = maximum(faster, np.zeros_like(faster)) + spare
-            times.append((self._ahead[lane_index] - self._front) / away)
-            towards = np.where(faster < zero, -faster, zero) + spare
-            times.append((self._behind[lane_index] - self._back) / towards)
+            speed_difference = self._ego_speed - speed
+            gain_ahead = maximum(speed_difference, np.zeros_like(speed_difference)) + margin
+            times.append((self._ahead[lane_index] - self._sight_ahead) / gain_ahead)
+            loss_behind = np.where(speed_difference < zero, -speed_difference, zero) + margin
+            times.append((self._behind[lane_index] - self._sight_behind) / loss_behind)
         return times
 
     def _distance(self, lane: int, z: F32) -> F32:
-        """From the end of a lane to the next vehicle [m]; the first of a lane is at its place."""
-        least = self._least[lane]
-        free = maximum(self._spacing[lane] - least, np.full_like(z, np.float32(1.0)))
-        drawn = least + free * exp(self._sigma * z - np.float32(0.5) * self._sigma * self._sigma)
-        return np.where(self._empty[lane], np.float32(0.0), drawn)
-
-
-PASSING_MARGIN = number("sampling.toml", "flow.passing_margin")
-"""Largest speed while overtaking, over the desired speed."""
-
-RETURN_TIME = number("sampling.toml", "flow.return_time")
-"""How much longer than until the last attempt the traffic lasts where there are vehicles enough: a
-common overtake [s]."""
-
-END_MARGIN = number("sampling.toml", "flow.end_margin")
-"""Road behind the rearmost vehicle [m]."""
-
-
-def sample_motorway_traffic(
-    spec: Specification, flow: FlowTraffic, road: Road, seed: int, index: U64, bend: NumberTransform
-) -> TrafficStart:
-    """Traffic as it is met, the ego one of it.
-
-    Args:
-        spec: What to sample.
-        flow: Its traffic.
-        road: The road.
-        seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
-        bend: Draws from where more happens.
-    """
-    own_lane = draw_ego_lane(flow, seed, index)
-    wish, bent = _ego_desired_speed(spec, flow, seed, index, own_lane, bend)
-    until = spec.time.attempt_deadline_s + RETURN_TIME
-    around = place_around_ego(flow, seed, index, own_lane, wish, until, bend)
-    kinds = partial(vehicle_kinds, flow, lane=around.lane)
-    bodies = sample_vehicles(kinds, flow.colours, seed, index, flow.vehicles[1])
-    traits = sample_traits(spec.drivers, seed, index, bodies.kind, bent)
-    wishes = desired_speeds(flow, traits["cruise_factor"], bodies.kind, around.lane)
-    wishes = minimum(wishes, top_speeds()[bodies.kind])
-
-    def pace(wanted: F32) -> tuple[F32, F32]:
-        s, speed = following_starts(
-            around, 0.5 * bodies.length, wanted, traits["time_gap"], traits["min_gap"]
-        )
-        return _on_road(s, around.valid), speed
-
-    return TrafficStart(
-        vehicles=bodies.replace(valid=around.valid),
-        drivers=drivers_with_speed(traits, wishes),
-        lane=around.lane,
-        kept_gap_share=np.zeros_like(wishes),
-        zone=unbounded(road),
-        states_at_speed=pace,
-        deadline=minimum(around.time, np.float32(spec.time.attempt_deadline_s)),
-    )
-
-
-def road_length(spec: Specification, flow: FlowTraffic) -> float:
-    """Length of a road that no vehicle leaves before the horizon [m]."""
-    speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
-    faster = max(speeds) - min(speeds) + 2.0 * APPROACH_MARGIN
-    wish = max(lane.wish for lane in flow.lanes) * max_cruise_factor(spec.drivers)
-    fastest = wish * mps_from_kmh(max(flow.free_speed_kmh.values()))
-    free = max(lane.density for lane in flow.lanes) / min(lane.density for lane in flow.lanes)
-    longest = 1e3 * free / flow.density_per_km_lane[0]
-    longest *= float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
-    traffic = sum(flow.sight_m) + (faster + fastest) * spec.time.horizon_s + 2.0 * longest
-    return END_MARGIN + traffic + PASSING_MARGIN * fastest * spec.time.horizon_s
-
-
-def _ego_desired_speed(
-    spec: Specification, flow: FlowTraffic, seed: int, index: U64, lane: U8, bend: NumberTransform
-) -> tuple[F32, NumberTransform]:
-    """The speed that the ego wants [m/s], and what gives its temper and traits once more.
-
-    The traffic is placed by what the ego wants, so it is drawn before the others are.
-    """
-    u = kind_number(seed, index, Role.EGO)[:, None]
-    kind = vehicle_kinds(flow, u, lane[:, None])
-    drawn: dict[str, F32] = {}
-
-    def remembered(name: str, u: F32) -> F32:
-        if not name.startswith("ego_"):
-            return bend(name, u)
-        if name not in drawn:
-            drawn[name] = bend(name, u)
-        return drawn[name]
-
-    traits = sample_traits(spec.drivers, seed, index, kind, remembered)
-    wish = desired_speeds(flow, traits["cruise_factor"], kind, lane[:, None])
-    return minimum(wish, top_speeds()[kind])[:, 0], remembered
-
-
-def _on_road(s: F32, valid: Mask) -> F32:
-    """Positions along the road with the rearmost vehicle near its begin [m]."""
-    rearmost = s[:, 0]
-    for slot in range(1, s.shape[1]):
-        place = np.where(valid[:, slot], s[:, slot], rearmost)
-        rearmost = minimum(rearmost, place)
-    return s - rearmost[:, None] + np.float32(END_MARGIN)
-
-
-def unbounded(road: Road) -> StartZone:
-    """Unbounded zone: only start-safety checks move vehicles."""
-    lanes = tuple(range(road.num_lanes))
-    return StartZone(
-        low=0.0, high=road.length, ego_lanes=lanes, num_lanes=road.num_lanes, max_in_lane=255
-    )
+        """Distance from the end of a lane to the next vehicle [m]; 0 in a lane without vehicles."""
+        shortest = self._min_spacing[lane]
+        free = maximum(self._spacing[lane] - shortest, np.full_like(z, np.float32(1.0)))
+        exponent = self._sigma * z - np.float32(0.5) * self._sigma * self._sigma
+        distance = shortest + free * exp(exponent)
+        return np.where(self._is_empty[lane], np.float32(0.0), distance)

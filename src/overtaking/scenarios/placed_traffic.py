@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from overtaking.core.arrays import F32, U8, U64, Mask
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.core.native import maximum, minimum, power
 from overtaking.core.random_numbers import Stream
@@ -14,8 +14,14 @@ from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
 from overtaking.model.road import Road
 from overtaking.model.vehicles import Role
 from overtaking.scenarios.driver_sampling import LEADER_SLOT, drivers_from_speeds, sample_traits
-from overtaking.scenarios.random_draws import NumberTransform, RandomStream, scale_to_range
-from overtaking.scenarios.safe_start import MAX_KEPT_GAP_SHARE, DrawnStarts, StartZone, TrafficStart
+from overtaking.scenarios.random_draws import SampleBlock, scale_to_range
+from overtaking.scenarios.safe_start import (
+    MAX_KEPT_GAP_SHARE,
+    DrawnStarts,
+    StartStates,
+    StartZone,
+    TrafficStart,
+)
 from overtaking.scenarios.specification import Specification
 from overtaking.scenarios.traffic_specification import PlacedTraffic
 from overtaking.scenarios.vehicle_sampling import (
@@ -26,90 +32,36 @@ from overtaking.scenarios.vehicle_sampling import (
     with_able_bicycles,
 )
 
+_SLACK = 0.01  # Rounding may take this much of a zone [m].
 
-def draw_placed_starts(
-    traffic: PlacedTraffic, zone: StartZone, seed: int, index: U64, kind: U8
-) -> DrawnStarts:
-    """Number of vehicles, their lanes, positions and speeds, each on its own.
 
-    The ego and its leader get the smaller and the larger of two positions. Anyone else who comes
-    to lie between them in their lane takes the leader's position, and the leader theirs.
+def sample_placed_traffic(
+    block: SampleBlock, traffic: PlacedTraffic, zone: StartZone
+) -> TrafficStart:
+    """Draw vehicles placed independently, as in the study.
 
     Args:
-        traffic: What the specification says about vehicles.
-        zone: Where they may start.
-        seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
-        kind: Vehicle types, shape (simulation, vehicle).
+        block: The simulations that are drawn together.
+        traffic: Section `[traffic]` of the specification.
+        zone: The part of the road on which vehicles may start, see `start_zone`.
     """
-    noise = RandomStream(seed, index, Stream.LAYOUT)
-    slots = range(kind.shape[1])
-    fewest, most = traffic.vehicles
-    count = fewest + noise.integer(most - fewest + 1)
-    own_lane = np.array(zone.ego_lanes, np.uint8)[noise.integer(len(zone.ego_lanes))]
-    positions: list[F32] = []
-    lanes: list[U8] = []
-    speeds: list[F32] = []
-    kept: list[F32] = []
-    for slot in slots:
-        positions.append(scale_to_range(noise.uniform(), zone.low, zone.high))
-        lanes.append(noise.integer(zone.num_lanes).astype(np.uint8))
-        speeds.append(_speed(traffic, noise.uniform(), kind[:, slot], is_lead=slot == LEADER_SLOT))
-        kept.append(scale_to_range(noise.uniform(), 0.0, MAX_KEPT_GAP_SHARE))
-    lanes[Role.EGO] = lanes[LEADER_SLOT] = own_lane
-    valid = [slot < count for slot in slots]
-    _move_out_of_full_lanes(lanes, valid, zone)
-    _put_leader_ahead_of_ego(positions, lanes, valid)
-    return DrawnStarts(
-        valid=np.stack(valid, axis=1),
-        lane=np.stack(lanes, axis=1),
-        s=np.stack(positions, axis=1),
-        speed=np.stack(speeds, axis=1),
-        kept_gap_share=np.stack(kept, axis=1),
+    kinds = partial(vehicle_kinds, traffic)
+    vehicles = sample_vehicles(block, kinds, traffic.colours, traffic.vehicles[1])
+    traits = sample_traits(block, vehicles.kind, block.proposal.transform)
+    drawn = draw_placed_starts(block, traffic, zone, vehicles.kind)
+    drivers = drivers_from_speeds(traits, drawn.speed, top_speeds()[vehicles.kind])
+    vehicles = vehicles.replace(valid=drawn.valid)
+    deadline = np.float32(block.specification.time.attempt_deadline_s)
+    return TrafficStart(
+        vehicles=with_able_bicycles(vehicles, drivers.desired_speed),
+        drivers=drivers,
+        lane=drawn.lane,
+        kept_gap_share=drawn.kept_gap_share,
+        zone=zone,
+        # The vehicles start at the drawn speeds in any weather.
+        states_at_speed=lambda _: StartStates(drawn.s, drawn.speed),
+        deadline=np.full(block.scenario_index.shape, deadline, np.float32),
     )
-
-
-def _speed(traffic: PlacedTraffic, u: F32, kind: U8, *, is_lead: bool) -> F32:
-    """Speed between the limits of the specification and of the vehicle [m/s]."""
-    low_kmh, high_kmh = traffic.lead_speed_kmh if is_lead else traffic.speed_kmh
-    low, high = np.float32(mps_from_kmh(low_kmh)), np.float32(mps_from_kmh(high_kmh))
-    if is_lead:
-        u = power(u, np.full_like(u, traffic.lead_speed_exponent))
-    return scale_to_range(u, low, minimum(np.full_like(u, high), top_speeds()[kind]))
-
-
-def _move_out_of_full_lanes(lanes: list[U8], valid: list[Mask], zone: StartZone) -> None:
-    """Move each vehicle in a full lane to the next lane with room; changes `lanes`."""
-    if zone.max_in_lane >= len(lanes):
-        return
-    inside = [np.zeros(lanes[0].shape, np.uint8) for _ in range(zone.num_lanes)]
-    for slot, present in enumerate(valid):
-        lane = lanes[slot]
-        for _ in range(zone.num_lanes - 1):
-            full = np.zeros(lane.shape, np.bool_)
-            for lane_index, others in enumerate(inside):
-                full |= (lane == lane_index) & (others >= zone.max_in_lane)
-            lane = np.where(full, (lane + np.uint8(1)) % np.uint8(zone.num_lanes), lane)
-        lanes[slot] = lane
-        for lane_index, others in enumerate(inside):
-            others += (lane == lane_index) & present
-
-
-def _put_leader_ahead_of_ego(positions: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
-    """Order the ego, its leader and the vehicles between them; changes `positions`."""
-    first, second = positions[Role.EGO], positions[LEADER_SLOT]
-    ego, lead = minimum(first, second), maximum(first, second)
-    for slot in range(LEADER_SLOT + 1, len(positions)):
-        position = positions[slot]
-        between = (
-            valid[slot] & (lanes[slot] == lanes[Role.EGO]) & (position >= ego) & (position < lead)
-        )
-        positions[slot] = np.where(between, lead, position)
-        lead = np.where(between, position, lead)
-    positions[Role.EGO], positions[LEADER_SLOT] = ego, lead
-
-
-_SLACK = 0.01  # Metres of a zone that rounding may take.
 
 
 def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> StartZone:
@@ -135,6 +87,48 @@ def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> Start
             next_step="ask for fewer vehicles, a longer zone, or smaller gaps",
         )
     return StartZone(low=low, high=high, ego_lanes=lanes, num_lanes=road.num_lanes, max_in_lane=fit)
+
+
+def draw_placed_starts(
+    block: SampleBlock, traffic: PlacedTraffic, zone: StartZone, kind: U8
+) -> DrawnStarts:
+    """Draw the number of vehicles and their lanes, stations and speeds, independently.
+
+    The ego and its leader get the smaller and the larger of two stations. A vehicle between them
+    in their lane takes the leader's station, and the leader takes the vehicle's.
+
+    Args:
+        block: The simulations that are drawn together.
+        traffic: Section `[traffic]` of the specification.
+        zone: The part of the road on which vehicles may start.
+        kind: Vehicle classes, shape (simulation, vehicle).
+    """
+    stream = block.stream(Stream.LAYOUT)
+    slots = range(kind.shape[1])
+    min_vehicles, max_vehicles = traffic.vehicles
+    num_vehicles = min_vehicles + stream.integer(max_vehicles - min_vehicles + 1)
+    ego_lane = np.array(zone.ego_lanes, np.uint8)[stream.integer(len(zone.ego_lanes))]
+    stations: list[F32] = []
+    lanes: list[U8] = []
+    speeds: list[F32] = []
+    kept_gap_shares: list[F32] = []
+    for slot in slots:
+        stations.append(scale_to_range(stream.uniform(), zone.low, zone.high))
+        lanes.append(stream.integer(zone.num_lanes).astype(np.uint8))
+        is_leader = slot == LEADER_SLOT
+        speeds.append(_speed(traffic, stream.uniform(), kind[:, slot], is_leader=is_leader))
+        kept_gap_shares.append(scale_to_range(stream.uniform(), 0.0, MAX_KEPT_GAP_SHARE))
+    lanes[Role.EGO] = lanes[LEADER_SLOT] = ego_lane
+    valid = [slot < num_vehicles for slot in slots]
+    _move_out_of_full_lanes(lanes, valid, zone)
+    _put_leader_ahead_of_ego(stations, lanes, valid)
+    return DrawnStarts(
+        valid=np.stack(valid, axis=1),
+        lane=np.stack(lanes, axis=1),
+        s=np.stack(stations, axis=1),
+        speed=np.stack(speeds, axis=1),
+        kept_gap_share=np.stack(kept_gap_shares, axis=1),
+    )
 
 
 def _start_range(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple[float, float]:
@@ -199,31 +193,41 @@ def _check_speeds(spec: Specification, traffic: PlacedTraffic) -> None:
                 )
 
 
-def sample_placed_traffic(
-    spec: Specification,
-    traffic: PlacedTraffic,
-    zone: StartZone,
-    seed: int,
-    index: U64,
-    bend: NumberTransform,
-) -> TrafficStart:
-    """Vehicles each on its own, as in the study."""
-    bodies = sample_vehicles(
-        partial(vehicle_kinds, traffic), traffic.colours, seed, index, traffic.vehicles[1]
-    )
-    traits = sample_traits(spec.drivers, seed, index, bodies.kind, bend)
-    draft = draw_placed_starts(traffic, zone, seed, index, bodies.kind)
-    drivers = drivers_from_speeds(traits, draft.speed, top_speeds()[bodies.kind])
-    vehicles = with_able_bicycles(bodies.replace(valid=draft.valid), drivers.desired_speed)
-    return TrafficStart(
-        vehicles=vehicles,
-        drivers=drivers,
-        lane=draft.lane,
-        kept_gap_share=draft.kept_gap_share,
-        zone=zone,
-        states_at_speed=lambda _: (
-            draft.s,
-            draft.speed,
-        ),  # They come with their speeds, whatever the weather.
-        deadline=np.full(index.shape, spec.time.attempt_deadline_s, np.float32),
-    )
+def _speed(traffic: PlacedTraffic, u: F32, kind: U8, *, is_leader: bool) -> F32:
+    """Speed between the limits of the specification and of the vehicle [m/s]."""
+    low_kmh, high_kmh = traffic.lead_speed_kmh if is_leader else traffic.speed_kmh
+    low, high = np.float32(mps_from_kmh(low_kmh)), np.float32(mps_from_kmh(high_kmh))
+    if is_leader:
+        u = power(u, np.full_like(u, traffic.lead_speed_exponent))
+    return scale_to_range(u, low, minimum(np.full_like(u, high), top_speeds()[kind]))
+
+
+def _move_out_of_full_lanes(lanes: list[U8], valid: list[Mask], zone: StartZone) -> None:
+    """Move each vehicle in a full lane to the next lane with room; changes `lanes`."""
+    if zone.max_in_lane >= len(lanes):
+        return
+    inside = [np.zeros(lanes[0].shape, np.uint8) for _ in range(zone.num_lanes)]
+    for slot, present in enumerate(valid):
+        lane = lanes[slot]
+        for _ in range(zone.num_lanes - 1):
+            full = np.zeros(lane.shape, np.bool_)
+            for lane_index, others in enumerate(inside):
+                full |= (lane == lane_index) & (others >= zone.max_in_lane)
+            lane = np.where(full, (lane + np.uint8(1)) % np.uint8(zone.num_lanes), lane)
+        lanes[slot] = lane
+        for lane_index, others in enumerate(inside):
+            others += (lane == lane_index) & present
+
+
+def _put_leader_ahead_of_ego(positions: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
+    """Order the ego, its leader and the vehicles between them; changes `positions`."""
+    first, second = positions[Role.EGO], positions[LEADER_SLOT]
+    ego, lead = minimum(first, second), maximum(first, second)
+    for slot in range(LEADER_SLOT + 1, len(positions)):
+        position = positions[slot]
+        between = (
+            valid[slot] & (lanes[slot] == lanes[Role.EGO]) & (position >= ego) & (position < lead)
+        )
+        positions[slot] = np.where(between, lead, position)
+        lead = np.where(between, position, lead)
+    positions[Role.EGO], positions[LEADER_SLOT] = ego, lead

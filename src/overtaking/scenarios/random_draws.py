@@ -1,170 +1,245 @@
-"""Random streams, choices, importance sampling."""
+"""Random streams, choices, importance sampling, and the block of simulations drawn together."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32, U8, U32, U64, Mask
+from overtaking.core.arrays import F32, F64, U8, U32, U64, IndexArray, Mask
 from overtaking.core.native import PhiloxStream, box_muller, clamp, exp, power
 from overtaking.core.random_numbers import Stream
 from overtaking.knowledge.toml_reader import number
 
 if TYPE_CHECKING:
-    from overtaking.scenarios.specification import Component, Proposal
+    from overtaking.model.road import Road
+    from overtaking.scenarios.specification import Component, Specification
 
 T = TypeVar("T", bound=np.generic)
 Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
 
+NumberTransform = Callable[[str, F32], F32]
+"""Replaces a named number, uniform in (0, 1) or standard normal, of each simulation."""
+
 MAX_SIGMAS = np.float32(number("sampling.toml", "draws.max_sigmas"))
-"""Normal numbers are cut off at this many standard deviations."""
+"""Normal numbers are limited to this many standard deviations on either side of zero."""
 
 
 class RandomStream:
-    """Successive random numbers of one stream, of which none of a pair is thrown away."""
+    """Successive random numbers of one stream.
 
-    def __init__(self, seed: int, index: U64, stream: U32 | int) -> None:
-        """Start at the first draw.
+    Normal numbers come in pairs; the second of a pair is returned by the next call.
+    """
+
+    def __init__(self, seed: int, scenario_index: U64, stream: U32 | int) -> None:
+        """Start at the first number.
 
         Args:
             seed: Seed of the data set.
-            index: Simulation numbers, any shape.
-            stream: `core.random_numbers.Stream`, plus slots that broadcast against `index`.
+            scenario_index: Index of each scenario, any shape.
+            stream: A `core.random_numbers.Stream`, plus slots that broadcast against
+                `scenario_index`.
         """
-        self._draws = PhiloxStream(seed, index, stream)
-        self._spare: F32 | None = None
+        self._draws = PhiloxStream(seed, scenario_index, stream)
+        self._second_normal: F32 | None = None
 
     def uniform(self) -> F32:
         """The next number in (0, 1)."""
         return self._draws.uniform()
 
     def normal(self) -> F32:
-        """The next standard normal number, cut off at `REACH`."""
+        """The next standard normal number, limited to `MAX_SIGMAS`."""
         return truncate(self.unbounded_normal())
 
     def unbounded_normal(self) -> F32:
-        """The next standard normal number, as far out as it may be."""
-        if self._spare is not None:
-            number, self._spare = self._spare, None
-            return number
-        first, self._spare = box_muller(self._draws.uniform(), self._draws.uniform())
-        return first
+        """The next standard normal number, without a limit."""
+        if self._second_normal is not None:
+            normal, self._second_normal = self._second_normal, None
+            return normal
+        normal, self._second_normal = box_muller(self._draws.uniform(), self._draws.uniform())
+        return normal
 
     def integer(self, count: int) -> NDArray[np.int32]:
         """The next integer in [0, count)."""
         return self._draws.integer(count)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleBlock:
+    """Simulations that are drawn together.
+
+    Attributes:
+        specification: The specification of the scenarios.
+        road: The road, as long as the horizon needs.
+        seed: Seed of the data set.
+        scenario_index: Index of each scenario, shape (simulation,).
+        proposal: Transforms the numbers that importance sampling may change. It accumulates density
+            ratios, so each block needs its own instance.
+    """
+
+    specification: Specification
+    road: Road
+    seed: int
+    scenario_index: U64
+    proposal: ProposalSampler
+
+    @classmethod
+    def from_indices(
+        cls, specification: Specification, road: Road, seed: int, scenario_index: U64
+    ) -> SampleBlock:
+        """A block with the proposal of its specification, before the first draw."""
+        proposal = ProposalSampler(specification.proposal or (), seed, scenario_index)
+        return cls(
+            specification=specification,
+            road=road,
+            seed=seed,
+            scenario_index=scenario_index,
+            proposal=proposal,
+        )
+
+    def stream(self, stream: int) -> RandomStream:
+        """A stream of random numbers of shape (simulation,), from its first draw."""
+        return RandomStream(self.seed, self.scenario_index, stream)
+
+    def slot_streams(self, stream: int, num_slots: int) -> RandomStream:
+        """A stream for each slot; its numbers have the shape (simulation, vehicle)."""
+        slots = np.uint32(stream) + np.arange(num_slots, dtype=np.uint32)
+        return RandomStream(self.seed, self.scenario_index[:, None], slots)
+
+
 def truncate(normal: F32) -> F32:
-    """Normal numbers, those beyond `REACH` at it."""
+    """Standard normal numbers, limited to `MAX_SIGMAS` on either side."""
     return clamp(normal, -MAX_SIGMAS, MAX_SIGMAS)
 
 
 def scale_to_range(u: F32, low: Number, high: Number) -> F32:
-    """A number in (0, 1) as one in [low, high]."""
+    """Scale a number from (0, 1) to [low, high]."""
     low32, high32 = np.asarray(low, np.float32), np.asarray(high, np.float32)
     return clamp(low32 + (high32 - low32) * u, low32, high32)
 
 
 def choose_weighted(u: F32, weights: Sequence[float]) -> U8:
-    """Numbers in (0, 1) as positions in `weights`, each as likely as its weight says.
+    """Choose a position in `weights` for each number.
 
     Args:
-        u: Any shape.
-        weights: Not negative, not all zero; at most 255.
+        u: Uniform numbers in (0, 1), any shape.
+        weights: Weight of each position, not negative, not all zero; at most 255 positions.
+
+    Returns:
+        Positions, each as probable as its share of the weights; the shape of `u`.
     """
     # Added one by one: since Python 3.12 `sum` rounds differently.
-    *below, total = itertools.accumulate(weights)
-    chosen = np.zeros(u.shape, np.uint8)
+    *partial_sums, total = itertools.accumulate(weights)
+    position = np.zeros(u.shape, np.uint8)
     last = max(index for index, weight in enumerate(weights) if weight > 0.0)
-    for reached in below[:last]:
-        chosen += u >= np.float32(reached / total)
-    return chosen
+    for partial_sum in partial_sums[:last]:
+        position += u >= np.float32(partial_sum / total)
+    return position
 
 
-def weights_of(given: Mapping[str, float], order: Sequence[str]) -> list[float]:
-    """The weights of all names in `order`, zero for those that are not given."""
-    return [given.get(name, 0.0) for name in order]
+def weights_of(weights: Mapping[str, float], order: Sequence[str]) -> list[float]:
+    """The weights of all names in `order`, zero for names that `weights` does not have."""
+    return [weights.get(name, 0.0) for name in order]
 
 
-def sort_columns(values: NDArray[T], order: NDArray[np.intp]) -> list[NDArray[T]]:
-    """The columns of an array (row, column), those of each row in the given order."""
+def sort_columns(values: NDArray[T], order: IndexArray) -> list[NDArray[T]]:
+    """Sort the entries of each row of an array (row, column), and return the columns.
+
+    Args:
+        values: Shape (row, column).
+        order: Position in `values` of each sorted entry, the same shape.
+    """
     return list(np.ascontiguousarray(np.take_along_axis(values, order, axis=1).T))
 
 
-def unsort_columns(columns: list[F32], order: NDArray[np.intp]) -> F32:
-    """The inverse of `in_order`."""
+def unsort_columns(columns: list[F32], order: IndexArray) -> F32:
+    """Undo `sort_columns`."""
     values = np.empty(order.shape, np.float32)
     np.put_along_axis(values, order, np.stack(columns, axis=1), axis=1)
     return values
 
 
-NumberTransform = Callable[[str, F32], F32]
-"""Draws a named number, uniform in (0, 1) or standard normal, from where more happens."""
-
-
-def untransformed(name: str, u: F32) -> F32:
-    """Bends nothing."""
+def untransformed(name: str, number: F32) -> F32:
+    """Return the number itself: a `NumberTransform` without effect."""
     del name
-    return u
+    return number
 
 
 class ProposalSampler:
-    """Numbers of a batch, drawn as each simulation's component says, independent of each other.
+    """Draws the numbers of scenarios from a proposal, and weighs each simulation.
 
-    Uniform numbers that a component has a power for become u^power, of density v^(1/power - 1) /
-    power; those with a part come from there, of density one over its width; standard normal ones
-    with a shift become z + shift, whose density over the plain one is exp(shift v - shift^2 / 2).
+    Stateful: one per block, numbers in a fixed order.
+
+    Each simulation is drawn from component k with probability `share[k]`, and from the profile with
+    the rest. A component transforms each of its numbers independently:
+
+        powers   u^a of a uniform number u             density ratio v^(1/a - 1) / a
+        parts    a uniform number between two limits   density ratio 1 / (high - low)
+        shifts   z + d of a standard normal number z   density ratio exp(d v - d^2 / 2)
+
+    A density ratio is the component's density over the profile's, at the value v.
+
+    Source:
+        Owen and Zhou (2000), "Safe and effective importance sampling".
     """
 
-    def __init__(self, spec: Proposal | None, seed: int, index: U64) -> None:
-        """Decide which simulations are drawn from which component.
+    def __init__(self, components: Sequence[Component], seed: int, scenario_index: U64) -> None:
+        """Decide which component each simulation is drawn from.
 
         Args:
-            spec: What the specification says; None bends nothing.
+            components: Components of the specification; without any, nothing is transformed.
             seed: Seed of the data set.
-            index: Simulation numbers, shape (simulation,).
+            scenario_index: Index of each scenario, shape (simulation,).
         """
-        self._components = tuple(each for one in spec or () for each in one.tempered())
-        drawn = (
-            RandomStream(seed, index, Stream.PROPOSAL).uniform() if spec else np.ones(len(index))
+        num_simulations = len(scenario_index)
+        self._components = tuple(
+            tempered for component in components for tempered in component.tempered()
         )
-        self._taken: list[Mask] = []
-        below = 0.0
-        for one in self._components:
-            above = below + one.share
-            self._taken.append((drawn >= np.float32(below)) & (drawn < np.float32(above)))
-            below = above
-        self._natural = np.full(len(index), 1.0 - below)
-        self._densities = [np.ones(len(index), np.float64) for _ in self._components]
+        if components:
+            u = RandomStream(seed, scenario_index, Stream.PROPOSAL).uniform()
+        else:
+            u = np.ones(num_simulations)  # 1 lies above every share: each simulation is natural.
+        self._is_drawn_from: list[Mask] = []
+        total_share = 0.0
+        for component in self._components:
+            low, total_share = total_share, total_share + component.share
+            self._is_drawn_from.append((u >= np.float32(low)) & (u < np.float32(total_share)))
+        self._natural_share = np.full(num_simulations, 1.0 - total_share)
+        self._density_ratios = [np.ones(num_simulations, np.float64) for _ in self._components]
 
     def transform(self, name: str, number: F32) -> F32:
-        """The number to use in place of `number`, shape (simulation,)."""
-        if not any(name in kind for one in self._components for kind in changes(one)):
+        """Replace a number of the profile by the number of the simulation's component.
+
+        Args:
+            name: Name of the number, one of `PROPOSAL_UNIFORMS` or `PROPOSAL_NORMALS`.
+            number: Uniform in (0, 1), or standard normal, shape (simulation,).
+        """
+        if not any(component.changes(name) for component in self._components):
             return number
         drawn = number
-        for one, taken in zip(self._components, self._taken, strict=True):
-            drawn = np.where(taken, _transformed(one, name, number), drawn)
-        for one, density in zip(self._components, self._densities, strict=True):
-            density *= _density_ratio(one, name, drawn)
+        for component, is_drawn in zip(self._components, self._is_drawn_from, strict=True):
+            drawn = np.where(is_drawn, _transformed(component, name, number), drawn)
+        # Update the ratio of every component, not only of the one drawn from: the weight divides
+        # the profile's density by that of the mixture (balance heuristic), and so never exceeds
+        # 1 / (1 - sum of the shares).
+        for component, ratio in zip(self._components, self._density_ratios, strict=True):
+            ratio *= _density_ratio(component, name, drawn)
         return drawn
 
     @property
-    def weight_so_far(self) -> NDArray[np.float64]:
-        """Profile's density over the one that was drawn from, shape (simulation,)."""
-        drawn_from = self._natural
-        for one, density in zip(self._components, self._densities, strict=True):
-            drawn_from = drawn_from + one.share * density
-        return 1.0 / drawn_from
+    def weight_so_far(self) -> F64:
+        """The profile's density over that of the mixture for the numbers drawn so far.
 
-
-def changes(component: Component) -> tuple[Mapping[str, object], ...]:
-    """Powers, parts and shifts of a component, each by the name of its quantity."""
-    return component.powers, component.parts, component.shifts
+        Shape (simulation,). After the last number it is the sampling weight.
+        """
+        mixture = self._natural_share
+        for component, ratio in zip(self._components, self._density_ratios, strict=True):
+            mixture = mixture + component.share * ratio
+        return 1.0 / mixture
 
 
 def _transformed(component: Component, name: str, number: F32) -> F32:
@@ -173,19 +248,21 @@ def _transformed(component: Component, name: str, number: F32) -> F32:
         return power(number, np.full_like(number, component.powers[name]))
     if name in component.parts:
         return scale_to_range(number, *component.parts[name])
+    # Numbers that a component does not name stay as they are: shift 0, ratio 1.
     return number + np.float32(component.shifts.get(name, 0.0))
 
 
-def _density_ratio(component: Component, name: str, drawn: F32) -> NDArray[np.float64]:
-    """Density of the component over that of the profile at the drawn values."""
+def _density_ratio(component: Component, name: str, drawn: F32) -> F64:
+    """The component's density over the profile's, at the drawn values."""
     if name in component.powers:
         inverse = np.float32(1.0 / component.powers[name])
-        density = inverse * power(drawn, np.full_like(drawn, inverse - np.float32(1.0)))
+        ratio = inverse * power(drawn, np.full_like(drawn, inverse - np.float32(1.0)))
     elif name in component.parts:
-        low, high = (np.float32(end) for end in component.parts[name])
-        inside = (drawn >= low) & (drawn <= high)
-        density = np.where(inside, np.float32(1.0) / (high - low), np.float32(0.0))
+        low, high = (np.float32(limit) for limit in component.parts[name])
+        is_inside = (drawn >= low) & (drawn <= high)
+        ratio = np.where(is_inside, np.float32(1.0) / (high - low), np.float32(0.0))
     else:
         shift = np.float32(component.shifts.get(name, 0.0))
-        density = exp(shift * (drawn - np.float32(0.5) * shift))
-    return density.astype(np.float64)
+        ratio = exp(shift * (drawn - np.float32(0.5) * shift))
+    # Products of many ratios leave the range of float32.
+    return ratio.astype(np.float64)

@@ -160,6 +160,10 @@ class Component(Section):
             for t in self.tempers
         )
 
+    def changes(self, name: str) -> bool:
+        """Whether the component transforms a number."""
+        return name in self.powers or name in self.parts or name in self.shifts
+
     def without_ego_quantities(self) -> Self:
         """The component without what it bends of the ego: its marginal of the scene and the others.
 

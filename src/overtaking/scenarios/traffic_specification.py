@@ -193,19 +193,18 @@ class TwoWayTraffic(Section):
     colours: Colours
 
     @property
-    def vehicles(self) -> tuple[int, int]:
-        """Fewest and most vehicles: as many as there are slots."""
-        slots = 1 + self.ahead + self.behind + self.oncoming
-        return slots, slots
+    def num_slots(self) -> int:
+        """Vehicles that are drawn, the ego among them."""
+        return 1 + self.ahead + self.behind + self.oncoming
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        if self.vehicles[1] > MAX_VEHICLES:
+        if self.num_slots > MAX_VEHICLES:
             raise specification_error(
                 f"at most {MAX_VEHICLES - 1} vehicles besides the ego",
                 "lower ahead, behind or oncoming",
                 key="oncoming",
-                got=self.vehicles[1] - 1,
+                got=self.num_slots - 1,
             )
         missing = {*self.types, *self.ego_types} - set(self.free_speed_kmh)
         if missing:

@@ -1,25 +1,25 @@
-"""Draws the traffic of a two-way road: who goes along with the ego, and who comes.
+"""Draws the traffic of a two-way road: the ego's direction and the oncoming vehicles.
 
-Every vehicle has a position in the frame of its own direction while it is placed: oncoming ones
-count from the end of the road. Arrivals come at random times, no nearer than a headway, and whoever
+Vehicles arrive with random headways. While they are placed, each vehicle has a station along its
+own direction: stations of oncoming vehicles count from the far end of the road. A vehicle that
 would drive into a slower one ahead follows it.
 """
 
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32, U8, U64
+from overtaking.core.arrays import F32, F64, U8, U64, Mask
 from overtaking.core.native import log, minimum
 from overtaking.core.random_numbers import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
-from overtaking.model.road import Road
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
 from overtaking.scenarios.driver_sampling import (
     drivers_with_speed,
     max_cruise_factor,
@@ -36,133 +36,289 @@ from overtaking.scenarios.random_draws import (
     NumberTransform,
     ProposalSampler,
     RandomStream,
+    SampleBlock,
     choose_weighted,
     scale_to_range,
     weights_of,
 )
-from overtaking.scenarios.safe_start import StartZone, TrafficStart
+from overtaking.scenarios.safe_start import StartStates, StartZone, TrafficStart
 from overtaking.scenarios.specification import Specification
 from overtaking.scenarios.traffic_specification import TwoWayTraffic
 from overtaking.scenarios.vehicle_sampling import sample_vehicles, top_speeds, with_semitrailers
 
 MAX_HEADWAY = number("sampling.toml", "two_way.max_headway")
-"""Arrivals are no farther apart than this [s]; what comes later is not met anyway."""
+"""Longest headway between two arrivals [s]; the ego rarely meets a vehicle that comes later."""
 
 MAX_PLATOON_HEADWAY = number("sampling.toml", "two_way.max_platoon_headway")
-"""Who is held up follows within this time [s]."""
+"""An ego in a platoon follows within this time [s]."""
+
+MIN_DEADLINE = np.float32(1.0)
+"""A deadline must be positive. Where the road behind the last oncoming vehicle is in sight almost
+at once, the computed deadline is zero or negative, and this one holds [s]."""
+
 _DRAWS_PER_DESIRED_SPEED = 2  # Of each vehicle but the ego, before the flows are drawn.
-_OWN, _OTHER = np.uint8(0), np.uint8(1)
 
 
-def sample_two_way_traffic(
-    spec: Specification,
-    traffic: TwoWayTraffic,
-    road: Road,
-    seed: int,
-    index: U64,
-    bend: NumberTransform,
-) -> TrafficStart:
-    """Traffic in both directions, the ego one of it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArrivalProcess:
+    """Arrivals at a point of the road with shifted exponential headways.
+
+    A headway is a minimum plus an exponential part.
+
+    Attributes:
+        min_headway: Shortest time between two vehicles [s].
+        mean_headway: Mean time between them, shape (simulation,) [s].
+        speed: Speed that converts headways into distances [m/s].
+    """
+
+    min_headway: float
+    mean_headway: F32
+    speed: np.float32
+
+    def next_headway(self, stream: RandomStream) -> F32:
+        """Time until the next vehicle, shape (simulation,) [s]."""
+        shortest = np.float32(self.min_headway)
+        headway = shortest - (self.mean_headway - shortest) * log(stream.uniform())
+        return minimum(headway, np.full_like(headway, MAX_HEADWAY))
+
+
+class Arrivals(NamedTuple):
+    """Arrivals in the ego's direction and in the other."""
+
+    own: ArrivalProcess
+    oncoming: ArrivalProcess
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnSlots:
+    """One vehicle for each slot; arrays have shape (simulation, vehicle).
+
+    Stations count along each vehicle's own direction; for oncoming vehicles they begin at the far
+    end of the road. A follower therefore has the smaller station in both directions.
+
+    Attributes:
+        vehicles: Vehicles, trucks with their semitrailers.
+        traits: Traits of the drivers by name.
+        desired_speed: Speed that each driver wants on a free road [m/s].
+        s: Station of the centre [m].
+        is_oncoming: Whether the vehicle drives in the other direction.
+    """
+
+    vehicles: VehicleSpecs
+    traits: Mapping[str, F32]
+    desired_speed: F32
+    s: F32
+    is_oncoming: Mask
+
+
+def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> TrafficStart:
+    """Draw vehicles in both directions of a road, the ego among them.
 
     Args:
-        spec: What to sample.
-        traffic: Its traffic.
-        road: The road, as long as it takes.
-        seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
-        bend: Draws from where more happens.
+        block: The simulations that are drawn together.
+        traffic: Section `[traffic]` of the specification.
     """
-    bodies = sample_vehicles(
-        partial(_vehicle_kinds, traffic), traffic.colours, seed, index, traffic.vehicles[1]
-    )
-    traits = sample_traits(spec.drivers, seed, index, bodies.kind, bend)
-    noise = RandomStream(seed, index, Stream.LAYOUT)
-    wishes = _desired_speeds(traffic, noise, traits["cruise_factor"], bodies.kind)
-    wishes = minimum(wishes, top_speeds()[bodies.kind])
-    own, other = (np.float32(3600.0) / one for one in _flows_per_hour(traffic, noise, bend))
-    begin = scale_to_range(bend("start", noise.uniform()), *traffic.start_s_m)
-    lane = np.zeros(bodies.kind.shape, np.uint8)
-    lane[:, 1 + traffic.ahead + traffic.behind :] = _OTHER
-    pace = _typical_speed(traffic)
-    places = _own_direction_stations(traffic, noise, own, begin, pace, bend)
-    coming = _oncoming_stations(traffic, noise, other, np.float32(road.length) - begin, pace)
-    drawn = np.stack([noise.uniform() for _ in range(bodies.kind.shape[1])], axis=1)
-    bodies = with_semitrailers(bodies, drawn < np.float32(traffic.semitrailers))
-    s = np.stack([*places, *coming], axis=1)
-    # Who would start beyond an end of the road is met by nobody.
-    valid = (s > np.float32(END_MARGIN)) & (s < np.float32(road.length - END_MARGIN))
-    order = np.argsort(~valid, axis=1, kind="stable")
-
-    def filled_first(values: NDArray[Any]) -> NDArray[Any]:
-        return np.take_along_axis(values, order, axis=1)
-
-    valid, lane, s, wishes = (filled_first(one) for one in (valid, lane, s, wishes))
-    traits = {name: filled_first(one) for name, one in traits.items()}
-    bodies = bodies.replace(
-        **{one.name: filled_first(getattr(bodies, one.name)) for one in fields(bodies)}
-    )
-    around = VehicleLayout(
-        valid=valid,
+    drawn = _draw_slots(block, traffic)
+    # A vehicle beyond an end of the road is left out: no other meets it before the horizon.
+    first_s, last_s = np.float32(END_MARGIN), np.float32(block.road.length - END_MARGIN)
+    slots = _pack_slots(drawn, (drawn.s > first_s) & (drawn.s < last_s))
+    lane = slots.is_oncoming.astype(np.uint8)  # Lane 0 in the ego's direction, lane 1 against it.
+    layout = VehicleLayout(
+        valid=slots.vehicles.valid,
         lane=lane,
-        s=s,
-        time=np.full(index.shape, spec.time.horizon_s, np.float32),
+        s=slots.s,
+        time=np.full(len(lane), block.specification.time.horizon_s, np.float32),
     )
-
-    def paced(wanted: F32) -> tuple[F32, F32]:
-        return following_starts(
-            around, 0.5 * bodies.length, wanted, traits["time_gap"], traits["min_gap"]
-        )
-
-    first = coming[-1] if coming else np.full_like(begin, -np.inf)
-    ahead = np.float32(road.length) - first - begin
-    closing = np.float32(2.0 * max_desired_speed(spec, traffic))
-    seen = (ahead - np.float32(traffic.sight_m)) / closing - np.float32(RETURN_TIME)
-    deadline = minimum(seen, np.full_like(seen, spec.time.attempt_deadline_s))
     return TrafficStart(
-        vehicles=bodies.replace(valid=valid),
-        drivers=drivers_with_speed(traits, wishes),
+        vehicles=slots.vehicles,
+        drivers=drivers_with_speed(slots.traits, slots.desired_speed),
         lane=lane,
-        kept_gap_share=np.zeros_like(wishes),
-        zone=unbounded(road),
-        deadline=np.where(deadline < 1.0, np.float32(1.0), deadline),
-        states_at_speed=paced,
-        is_oncoming=lane == _OTHER,
+        kept_gap_share=np.zeros_like(slots.desired_speed),
+        zone=StartZone.unbounded(block.road, low=-block.road.length),
+        deadline=_attempt_deadline(block, traffic, drawn),
+        states_at_speed=partial(_states_at_speed, layout, slots),
+        is_oncoming=slots.is_oncoming,
     )
 
 
-def road_length(spec: Specification, traffic: TwoWayTraffic) -> float:
-    """Length of a road that nobody leaves before the horizon [m]."""
-    most = PASSING_MARGIN * max_desired_speed(spec, traffic)
+def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
+    """Length of a road that no vehicle leaves before the horizon [m]."""
+    horizon = specification.time.horizon_s
+    max_speed = PASSING_MARGIN * max_desired_speed(specification, traffic)
     arrivals = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
-    met = traffic.sight_m + 2.0 * most * spec.time.horizon_s
-    platoon = traffic.ahead * MAX_PLATOON_HEADWAY * most
-    return traffic.start_s_m[1] + platoon + min(arrivals, met) + END_MARGIN
+    within_reach = traffic.sight_m + 2.0 * max_speed * horizon
+    platoon = traffic.ahead * MAX_PLATOON_HEADWAY * max_speed
+    return traffic.start_s_m[1] + platoon + min(arrivals, within_reach) + END_MARGIN
 
 
-def flows_per_second(spec: Specification, seed: int, index: U64) -> NDArray[np.float64]:
+def flows_per_second(specification: Specification, seed: int, scenario_index: U64) -> F64:
     """Vehicles per second in the ego's direction and in the other, shape (2, simulation).
 
     Args:
-        spec: What is sampled, with traffic on a two-way road.
+        specification: A specification with traffic on a two-way road.
         seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
+        scenario_index: Index of each scenario, shape (simulation,).
     """
-    traffic = spec.traffic
+    traffic = specification.traffic
     assert isinstance(traffic, TwoWayTraffic)
-    noise = RandomStream(seed, index, Stream.LAYOUT)
-    for _ in range(_DRAWS_PER_DESIRED_SPEED * (traffic.vehicles[1] - 1)):
-        noise.uniform()
-    both = _flows_per_hour(traffic, noise, ProposalSampler(spec.proposal, seed, index).transform)
-    return np.array(both, np.float64) / 3600.0
+    stream = RandomStream(seed, scenario_index, Stream.LAYOUT)
+    for _ in range(_DRAWS_PER_DESIRED_SPEED * (traffic.num_slots - 1)):
+        stream.uniform()
+    proposal = ProposalSampler(specification.proposal or (), seed, scenario_index)
+    flows = _flows_per_hour(traffic, stream, proposal.transform)
+    return np.array(flows, np.float64) / 3600.0
 
 
-def max_desired_speed(spec: Specification, traffic: TwoWayTraffic) -> float:
-    """The highest speed that anyone may want [m/s]."""
-    return max_cruise_factor(spec.drivers) * mps_from_kmh(max(traffic.free_speed_kmh.values()))
+def max_desired_speed(specification: Specification, traffic: TwoWayTraffic) -> float:
+    """The highest speed that a driver may want [m/s]."""
+    free_speed = mps_from_kmh(max(traffic.free_speed_kmh.values()))
+    return max_cruise_factor(specification.drivers) * free_speed
+
+
+def _draw_slots(block: SampleBlock, traffic: TwoWayTraffic) -> DrawnSlots:
+    """Draw the ego, the vehicles ahead of it, those behind it, and the oncoming ones."""
+    kinds = partial(_vehicle_kinds, traffic)
+    vehicles = sample_vehicles(block, kinds, traffic.colours, traffic.num_slots)
+    traits = sample_traits(block, vehicles.kind, block.proposal.transform)
+
+    # All draws below come from one stream: another order would change every seed's scenarios.
+    stream = block.stream(Stream.LAYOUT)
+    desired_speed = _desired_speeds(traffic, stream, traits["cruise_factor"], vehicles.kind)
+    desired_speed = minimum(desired_speed, top_speeds()[vehicles.kind])
+    arrivals = _arrivals(block, traffic, stream)
+    ego_s = scale_to_range(block.proposal.transform("start", stream.uniform()), *traffic.start_s_m)
+    own_s = _own_direction_stations(block, traffic, stream, arrivals.own, ego_s)
+    ego_s_from_far_end = np.float32(block.road.length) - ego_s
+    oncoming_s = _oncoming_stations(traffic, stream, arrivals.oncoming, ego_s_from_far_end)
+    has_semitrailer = _draw_semitrailers(traffic, stream)
+
+    s = np.stack([*own_s, *oncoming_s], axis=1)
+    return DrawnSlots(
+        vehicles=with_semitrailers(vehicles, has_semitrailer),
+        traits=traits,
+        desired_speed=desired_speed,
+        s=s,
+        is_oncoming=np.broadcast_to(np.arange(s.shape[1]) >= len(own_s), s.shape),
+    )
+
+
+def _pack_slots(drawn: DrawnSlots, is_on_road: Mask) -> DrawnSlots:
+    """Vehicles on the road in the first slots, in the order in which they were drawn.
+
+    The slots behind them keep the numbers of the other vehicles, and `vehicles.valid` is false.
+    """
+    order = np.argsort(~is_on_road, axis=1, kind="stable")
+
+    def packed(values: NDArray[Any]) -> NDArray[Any]:
+        return np.take_along_axis(values, order, axis=1)
+
+    names = (field.name for field in fields(drawn.vehicles))
+    columns = {name: packed(getattr(drawn.vehicles, name)) for name in names}
+    return DrawnSlots(
+        vehicles=drawn.vehicles.replace(**columns | {"valid": packed(is_on_road)}),
+        traits={name: packed(values) for name, values in drawn.traits.items()},
+        desired_speed=packed(drawn.desired_speed),
+        s=packed(drawn.s),
+        is_oncoming=packed(drawn.is_oncoming),
+    )
+
+
+def _arrivals(block: SampleBlock, traffic: TwoWayTraffic, stream: RandomStream) -> Arrivals:
+    """Draw the flows of both directions."""
+    speed = _typical_speed(traffic)
+    own, oncoming = (
+        ArrivalProcess(
+            min_headway=traffic.least_headway_s,
+            mean_headway=np.float32(3600.0) / flow,
+            speed=speed,
+        )
+        for flow in _flows_per_hour(traffic, stream, block.proposal.transform)
+    )
+    return Arrivals(own, oncoming)
+
+
+def _own_direction_stations(
+    block: SampleBlock,
+    traffic: TwoWayTraffic,
+    stream: RandomStream,
+    arrivals: ArrivalProcess,
+    ego_s: F32,
+) -> list[F32]:
+    """Stations of the ego, then of the vehicles ahead, then of those behind [m].
+
+    In each group the nearest comes first.
+    """
+    u = block.proposal.transform("held_up", stream.uniform())
+    is_held_up = u < np.float32(traffic.held_up)
+    platoon_headway = scale_to_range(stream.uniform(), traffic.least_headway_s, MAX_PLATOON_HEADWAY)
+    stations, front, rear = [ego_s], ego_s, ego_s
+    for rank in range(traffic.ahead):
+        headway = arrivals.next_headway(stream)
+        if rank == 0:
+            headway = np.where(is_held_up, platoon_headway, headway)
+        front = front + headway * arrivals.speed
+        stations.append(front)
+    for _ in range(traffic.behind):
+        rear = rear - arrivals.next_headway(stream) * arrivals.speed
+        stations.append(rear)
+    return stations
+
+
+def _oncoming_stations(
+    traffic: TwoWayTraffic, stream: RandomStream, arrivals: ArrivalProcess, ego_s: F32
+) -> list[F32]:
+    """Stations of the oncoming vehicles from the far end, nearest to the ego first [m].
+
+    Args:
+        traffic: Section `[traffic]` of the specification.
+        stream: The stream of the layout.
+        arrivals: Arrivals in the other direction.
+        ego_s: Station of the ego from the far end [m].
+    """
+    stations = []
+    station = ego_s
+    for rank in range(traffic.oncoming):
+        headway = arrivals.next_headway(stream)
+        if rank == 0:
+            # The ego arrives at a random moment between two oncoming vehicles.
+            headway = headway * stream.uniform()
+        station = station - headway * arrivals.speed
+        stations.append(station)
+    return stations
+
+
+def _draw_semitrailers(traffic: TwoWayTraffic, stream: RandomStream) -> Mask:
+    """Slots that get a semitrailer if their vehicle is a truck, shape (simulation, vehicle)."""
+    u = np.stack([stream.uniform() for _ in range(traffic.num_slots)], axis=1)
+    return u < np.float32(traffic.semitrailers)
+
+
+def _states_at_speed(layout: VehicleLayout, slots: DrawnSlots, speed: F32) -> StartStates:
+    """Stations and speeds of vehicles that follow each other and want `speed` [m/s]."""
+    half_length = 0.5 * slots.vehicles.length
+    time_gap, min_gap = slots.traits["time_gap"], slots.traits["min_gap"]
+    return following_starts(layout, half_length, speed, time_gap, min_gap)
+
+
+def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSlots) -> F32:
+    """Time at which a simulation without an attempt ends, shape (simulation,) [s].
+
+    Only a fixed number of oncoming vehicles is drawn. The deadline comes before the ego can see the
+    empty road behind the last of them.
+    """
+    ego_s = drawn.s[:, Role.EGO]
+    last_oncoming = drawn.s[:, -1] if traffic.oncoming else np.full_like(ego_s, -np.inf)
+    distance = np.float32(block.road.length) - last_oncoming - ego_s
+    max_closing_speed = np.float32(2.0 * max_desired_speed(block.specification, traffic))
+    until_in_sight = (distance - np.float32(traffic.sight_m)) / max_closing_speed
+    deadline = until_in_sight - np.float32(RETURN_TIME)
+    longest = np.full_like(deadline, block.specification.time.attempt_deadline_s)
+    deadline = minimum(deadline, longest)
+    return np.where(deadline < MIN_DEADLINE, MIN_DEADLINE, deadline)
 
 
 def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
-    """Vehicle types from uniform numbers (simulation, vehicle)."""
+    """Vehicle classes from uniform numbers (simulation, vehicle)."""
     kind = choose_weighted(u, weights_of(traffic.types, VEHICLE_CLASS_NAMES))
     kind[:, Role.EGO] = choose_weighted(
         u[:, Role.EGO], weights_of(traffic.ego_types, VEHICLE_CLASS_NAMES)
@@ -171,103 +327,33 @@ def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
 
 
 def _typical_speed(traffic: TwoWayTraffic) -> np.float32:
-    """The mean of what drivers want, by which headways become distances [m/s]."""
+    """Mean free speed of the vehicles, which converts headways into distances [m/s]."""
     total = sum(traffic.types.values())
     mean = sum(traffic.free_speed_kmh[name] * share for name, share in traffic.types.items())
     return np.float32(mps_from_kmh(mean / total))
 
 
 def _desired_speeds(
-    traffic: TwoWayTraffic, noise: RandomStream, cruise_factor: F32, kind: U8
+    traffic: TwoWayTraffic, stream: RandomStream, cruise_factor: F32, kind: U8
 ) -> F32:
     """The speed that each driver wants on a free road, (simulation, vehicle) [m/s]."""
     free = [mps_from_kmh(traffic.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_NAMES]
-    wish = np.array(free, np.float32)[kind] * cruise_factor
-    low, high = (mps_from_kmh(one) for one in traffic.slow_speed_kmh)
+    speed = np.array(free, np.float32)[kind] * cruise_factor
+    low, high = (mps_from_kmh(limit) for limit in traffic.slow_speed_kmh)
     for slot in range(Role.EGO + 1, kind.shape[1]):
-        is_slow = noise.uniform() < np.float32(traffic.slow_share)
+        is_slow = stream.uniform() < np.float32(traffic.slow_share)
         is_slow = is_slow & ~np.isin(kind[:, slot], (VehicleKind.MC, VehicleKind.B))
-        slow = scale_to_range(noise.uniform(), low, high)
-        wish[:, slot] = np.where(is_slow, minimum(slow, wish[:, slot]), wish[:, slot])
-    return wish
+        slow_speed = scale_to_range(stream.uniform(), low, high)
+        speed[:, slot] = np.where(is_slow, minimum(slow_speed, speed[:, slot]), speed[:, slot])
+    return speed
 
 
 def _flows_per_hour(
-    traffic: TwoWayTraffic, noise: RandomStream, bend: NumberTransform
+    traffic: TwoWayTraffic, stream: RandomStream, transform: NumberTransform
 ) -> tuple[F32, F32]:
-    """Vehicles per hour in the own and in the other direction, (simulation,)."""
-    flow = scale_to_range(bend("flow", noise.uniform()), *traffic.flow_vph)
-    split = scale_to_range(noise.uniform(), *traffic.split)
-    is_busier = noise.uniform() < np.float32(0.5)
-    own = np.float32(2.0) * np.where(is_busier, split, np.float32(1.0) - split)
-    return flow * own, flow * (np.float32(2.0) - own)
-
-
-def next_headway(traffic: TwoWayTraffic, noise: RandomStream, mean: F32) -> F32:
-    """The time between two arrivals: a least one, and the rest at random [s]."""
-    least = np.float32(traffic.least_headway_s)
-    drawn = least - (mean - least) * log(noise.uniform())
-    return minimum(drawn, np.full_like(drawn, MAX_HEADWAY))
-
-
-def _own_direction_stations(
-    traffic: TwoWayTraffic,
-    noise: RandomStream,
-    mean: F32,
-    begin: F32,
-    pace: np.float32,
-    bend: NumberTransform,
-) -> list[F32]:
-    """Where those of the own direction start: the ego, those ahead, those behind [m].
-
-    Args:
-        traffic: What the specification says.
-        noise: Random numbers.
-        mean: Mean time between arrivals [s].
-        begin: Position of the ego [m].
-        pace: Speed by which times become distances [m/s].
-        bend: Draws from where more happens.
-    """
-    places, front, rear = [begin], begin, begin
-    held_up = bend("held_up", noise.uniform()) < np.float32(traffic.held_up)
-    near = scale_to_range(noise.uniform(), traffic.least_headway_s, MAX_PLATOON_HEADWAY)
-    for rank in range(traffic.ahead):
-        headway = next_headway(traffic, noise, mean)
-        if rank == 0:
-            headway = np.where(held_up, near, headway)
-        front = front + headway * pace
-        places.append(front)
-    for _ in range(traffic.behind):
-        rear = rear - next_headway(traffic, noise, mean) * pace
-        places.append(rear)
-    return places
-
-
-def _oncoming_stations(
-    traffic: TwoWayTraffic, noise: RandomStream, mean: F32, ego: F32, pace: np.float32
-) -> list[F32]:
-    """Where those who come start, in their own direction, the nearest first [m].
-
-    Args:
-        traffic: What the specification says.
-        noise: Random numbers.
-        mean: Mean time between arrivals [s].
-        ego: Position of the ego in the frame of the other direction [m].
-        pace: Speed by which times become distances [m/s].
-    """
-    places: list[F32] = []
-    place = ego
-    for rank in range(traffic.oncoming):
-        headway = next_headway(traffic, noise, mean)
-        if rank == 0:
-            headway = headway * noise.uniform()  # The ego comes at any time between two of them.
-        place = place - headway * pace
-        places.append(place)
-    return places
-
-
-def unbounded(road: Road) -> StartZone:
-    """Unbounded zone: only checks of safe starts move vehicles."""
-    return StartZone(
-        low=-road.length, high=road.length, ego_lanes=(0,), num_lanes=2, max_in_lane=255
-    )
+    """Vehicles per hour in the ego's and in the other direction, shape (simulation,)."""
+    mean_flow = scale_to_range(transform("flow", stream.uniform()), *traffic.flow_vph)
+    split = scale_to_range(stream.uniform(), *traffic.split)
+    is_busier = stream.uniform() < np.float32(0.5)
+    own_factor = np.float32(2.0) * np.where(is_busier, split, np.float32(1.0) - split)
+    return mean_flow * own_factor, mean_flow * (np.float32(2.0) - own_factor)

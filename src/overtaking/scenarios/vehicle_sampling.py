@@ -1,12 +1,13 @@
 """Draws the vehicles themselves: type, colour, size, mass and what follows from them."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32, U8, U64
+from overtaking.core.arrays import F32, U8, Mask
 from overtaking.core.native import clamp, maximum
 from overtaking.core.random_numbers import Stream
 from overtaking.knowledge.toml_reader import number
@@ -17,7 +18,7 @@ from overtaking.knowledge.vehicle_classes import (
     vehicle_classes,
 )
 from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
-from overtaking.scenarios.random_draws import RandomStream, choose_weighted, weights_of
+from overtaking.scenarios.random_draws import SampleBlock, choose_weighted, weights_of
 from overtaking.scenarios.traffic_specification import PlacedTraffic
 from overtaking.world.constants import model_constants
 
@@ -26,6 +27,29 @@ POWER_RESERVE = number("sampling.toml", "vehicles.power_reserve")
 
 WEAR_MODE = number("sampling.toml", "vehicles.wear_mode")
 """The wear that most tyres have, 0 new to 1 bald."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnBody:
+    """The drawn numbers of vehicles, shape (simulation, vehicle).
+
+    Attributes:
+        kind: Vehicle class, see `VehicleKind`.
+        colour: See `Paint`.
+        tyre_wear: Wear of the tyres, 0 new to 1 bald.
+        has_front_drive: Whether the front wheels are driven.
+        length: Length [m].
+        mass: Mass [kg].
+        wind_centre: Distance of the centre of wind pressure from the front, over the length.
+    """
+
+    kind: U8
+    colour: U8
+    tyre_wear: F32
+    has_front_drive: Mask
+    length: F32
+    mass: F32
+    wind_centre: F32
 
 
 def vehicle_kinds(traffic: PlacedTraffic, u: F32) -> U8:
@@ -37,34 +61,36 @@ def vehicle_kinds(traffic: PlacedTraffic, u: F32) -> U8:
 
 
 def sample_vehicles(
+    block: SampleBlock,
     kinds: Callable[[F32], U8],
-    given_colours: Mapping[str, float],
-    seed: int,
-    index: U64,
+    colour_weights: Mapping[str, float],
     num_slots: int,
 ) -> VehicleSpecs:
-    """The vehicles of each simulation; who of them takes part is decided with the layout.
+    """Draw a vehicle for each slot; the layout decides later which of them take part.
 
     Args:
-        kinds: Vehicle types from uniform numbers (simulation, vehicle).
-        given_colours: Weights of the colours.
-        seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
+        block: The simulations that are drawn together.
+        kinds: Returns vehicle classes for uniform numbers (simulation, vehicle).
+        colour_weights: Weights of the colours by name.
         num_slots: Vehicles that are drawn, the ego in slot 0.
 
     Returns:
-        Bodies, shape (simulation, vehicle), all of them valid.
+        Vehicles, shape (simulation, vehicle), all of them valid.
     """
-    slots = np.uint32(Stream.VEHICLE) + np.arange(num_slots, dtype=np.uint32)
-    noise = RandomStream(seed, index[:, None], slots)
-    kind = kinds(noise.uniform())
-    colour = choose_weighted(noise.uniform(), weights_of(given_colours, COLOUR_NAMES))
-    tyre_wear = _wear(noise.uniform())
-    front_drive = noise.uniform() < class_value("front_drive_share", kind)
-    length = _sample_quantity("length", kind, noise.normal())
-    mass = _sample_quantity("mass", kind, noise.normal())
-    wind_centre = _sample_quantity("wind_centre_ratio", kind, noise.normal())
-    return _assemble(kind, colour, tyre_wear, front_drive, length, mass, wind_centre)
+    stream = block.slot_streams(Stream.VEHICLE, num_slots)
+    kind = kinds(stream.uniform())
+    # The numbers are drawn in this order; another order would change every scenario.
+    return _assemble(
+        DrawnBody(
+            kind=kind,
+            colour=choose_weighted(stream.uniform(), weights_of(colour_weights, COLOUR_NAMES)),
+            tyre_wear=_wear(stream.uniform()),
+            has_front_drive=stream.uniform() < class_value("front_drive_share", kind),
+            length=_sample_quantity("length", kind, stream.normal()),
+            mass=_sample_quantity("mass", kind, stream.normal()),
+            wind_centre=_sample_quantity("wind_centre_ratio", kind, stream.normal()),
+        )
+    )
 
 
 def _wear(u: F32) -> F32:
@@ -128,13 +154,15 @@ def typical_vehicles(kind: U8, colour: U8) -> VehicleSpecs:
     """
     half = np.full(kind.shape, 0.5, np.float32)
     return _assemble(
-        kind,
-        colour,
-        half,
-        class_value("front_drive_share", kind) > half,
-        class_value("length", kind),
-        class_value("mass", kind),
-        class_value("wind_centre_ratio", kind),
+        DrawnBody(
+            kind=kind,
+            colour=colour,
+            tyre_wear=half,
+            has_front_drive=class_value("front_drive_share", kind) > half,
+            length=class_value("length", kind),
+            mass=class_value("mass", kind),
+            wind_centre=class_value("wind_centre_ratio", kind),
+        )
     )
 
 
@@ -145,9 +173,9 @@ def top_speeds() -> F32:
     return speeds
 
 
-def kind_number(seed: int, index: U64, slot: int) -> F32:
-    """The number that decides the type of the vehicle in a slot, shape (simulation,)."""
-    return RandomStream(seed, index, int(Stream.VEHICLE) + slot).uniform()
+def kind_number(block: SampleBlock, slot: int) -> F32:
+    """The number that decides the class of the vehicle in a slot, shape (simulation,)."""
+    return block.stream(int(Stream.VEHICLE) + slot).uniform()
 
 
 def max_length(traffic: PlacedTraffic) -> float:
@@ -210,16 +238,9 @@ def _cg_height(kind: U8, mass: F32) -> F32:
     return low + loaded * (high - low)
 
 
-def _assemble(
-    kind: U8,
-    colour: U8,
-    tyre_wear: F32,
-    front_drive: NDArray[np.bool_],
-    length: F32,
-    mass: F32,
-    wind_centre: F32,
-) -> VehicleSpecs:
-    """All fields of the bodies from drawn numbers."""
+def _assemble(body: DrawnBody) -> VehicleSpecs:
+    """All fields of the vehicles, from the drawn ones and the numbers of their classes."""
+    kind = body.kind
     wheelbase = class_value("wheelbase", kind)
     cg_to_front = class_value("cg_to_front_ratio", kind) * wheelbase
     arms = cg_to_front * (wheelbase - cg_to_front)
@@ -244,20 +265,20 @@ def _assemble(
     return VehicleSpecs(
         valid=np.ones(kind.shape, np.bool_),
         kind=kind,
-        colour=colour,
-        length=length,
-        mass=mass,
+        colour=body.colour,
+        length=body.length,
+        mass=body.mass,
         wheelbase=wheelbase,
         cg_to_front=cg_to_front,
-        cg_height=_cg_height(kind, mass),
-        yaw_inertia=class_value("inertia_factor", kind) * mass * arms,
+        cg_height=_cg_height(kind, body.mass),
+        yaw_inertia=class_value("inertia_factor", kind) * body.mass * arms,
         # The load does not change the engine.
         power=class_value("specific_power", kind) * class_value("mass", kind),
         max_speed=class_value("governed_speed", kind),
-        wind_centre_ratio=wind_centre,
-        front_drive_share=front_drive.astype(np.float32),
-        tyre_wear=tyre_wear,
-        contrast=_contrasts()[colour],
+        wind_centre_ratio=body.wind_centre,
+        front_drive_share=body.has_front_drive.astype(np.float32),
+        tyre_wear=body.tyre_wear,
+        contrast=_contrasts()[body.colour],
         two_wheeler=_flags("two_wheeler")[kind],
         unlawful_presence=~_flags("motorway_allowed")[kind],
         **same,

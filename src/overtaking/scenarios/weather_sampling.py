@@ -17,6 +17,7 @@ from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.random_draws import (
     NumberTransform,
     RandomStream,
+    SampleBlock,
     choose_weighted,
     scale_to_range,
     untransformed,
@@ -25,7 +26,7 @@ from overtaking.scenarios.random_draws import (
 from overtaking.scenarios.specification import IndependentWeather, PresetWeather
 
 if TYPE_CHECKING:
-    from overtaking.core.arrays import F32, U8, U64, Mask
+    from overtaking.core.arrays import F32, U8, Mask
 
 
 SUN_AHEAD = number("sampling.toml", "weather.sun_ahead")
@@ -39,36 +40,41 @@ MIN_PUDDLES_PER_RAIN = number("sampling.toml", "weather.rain_puddles")
 """Rain leaves at least this part of its percentage as water on the road."""
 
 
-def sample_weather(
-    spec: PresetWeather | IndependentWeather,
-    seed: int,
-    index: U64,
-    bend: NumberTransform = untransformed,
-) -> Weather:
-    """Weather of each simulation, shape (simulation,).
+def sample_weather(block: SampleBlock) -> Weather:
+    """Draw the weather of each simulation, as the specification's section `[weather]` says."""
+    stream = block.stream(Stream.WEATHER)
+    return draw_weather(block.specification.weather, stream, block.proposal.transform)
 
-    A wind direction is drawn in either mode, and a direction of the sun: the presets leave both
-    open, and the road's bearing means nothing. In a preset whose sun is low enough to dazzle it
-    stands ahead, as the study wants ClearSunset to have the sun at the driver's eye level.
+
+def draw_weather(
+    section: PresetWeather | IndependentWeather,
+    stream: RandomStream,
+    transform: NumberTransform = untransformed,
+) -> Weather:
+    """Draw weather, shape (simulation,).
+
+    Both modes draw directions of wind and sun: presets state neither. In a preset whose sun is low
+    enough to dazzle, the sun stands ahead, because in the study ClearSunset has the sun at the
+    driver's eye level.
 
     Args:
-        spec: What the specification says about weather.
-        seed: Seed of the data set.
-        index: Simulation numbers, shape (simulation,).
-        bend: Draws what is independent from where more happens (see `proposal`).
+        section: Section `[weather]` of a specification.
+        stream: The stream `Stream.WEATHER`, before its first draw.
+        transform: Transforms the numbers of independent weather, see `ProposalSampler`.
     """
-    noise = RandomStream(seed, index, Stream.WEATHER)
-    wind_direction = scale_to_range(noise.uniform(), -PI, PI)
-    sun = noise.uniform()
-    if isinstance(spec, PresetWeather):
-        return _from_presets(spec, noise, wind_direction, sun)
-    return _independent(spec, noise, wind_direction, sun, bend)
+    wind_direction = scale_to_range(stream.uniform(), -PI, PI)
+    sun = stream.uniform()
+    if isinstance(section, PresetWeather):
+        return _from_presets(section, stream, wind_direction, sun)
+    return _independent(section, stream, wind_direction, sun, transform)
 
 
 def _from_presets(
-    spec: PresetWeather, noise: RandomStream, wind_direction: F32, sun: F32
+    section: PresetWeather, stream: RandomStream, wind_direction: F32, sun: F32
 ) -> Weather:
-    preset = choose_weighted(noise.uniform(), weights_of(spec.presets, tuple(weather_presets())))
+    preset = choose_weighted(
+        stream.uniform(), weights_of(section.presets, tuple(weather_presets()))
+    )
     altitude = _of_preset("sun_altitude_deg", preset) * np.float32(rad_from_deg(1.0))
     cloudiness = _of_preset("cloudiness_percent", preset)
     ahead = scale_to_range(sun, -SUN_AHEAD, SUN_AHEAD)
@@ -106,29 +112,33 @@ def _from_uniform(
 
 
 def _independent(
-    spec: IndependentWeather,
-    noise: RandomStream,
+    section: IndependentWeather,
+    stream: RandomStream,
     wind_direction: F32,
     sun: F32,
-    bend: NumberTransform,
+    transform: NumberTransform,
 ) -> Weather:
-    rains = bend("rains", noise.uniform()) < np.float32(spec.rain_probability)
-    u = bend("rain", noise.uniform())
-    rain = _from_uniform(u, spec.rain_percent, spec.rain_exponent, spec.rain_weibull)
+    rains = transform("rains", stream.uniform()) < np.float32(section.rain_probability)
+    u = transform("rain", stream.uniform())
+    rain = _from_uniform(u, section.rain_percent, section.rain_exponent, section.rain_weibull)
     rain = np.where(rains, rain, np.float32(0.0))
-    foggy = bend("foggy", noise.uniform()) < np.float32(spec.fog_probability)
-    fog = _from_uniform(bend("fog", noise.uniform()), spec.fog_percent, spec.fog_exponent)
+    foggy = transform("foggy", stream.uniform()) < np.float32(section.fog_probability)
+    fog = _from_uniform(
+        transform("fog", stream.uniform()), section.fog_percent, section.fog_exponent
+    )
     fog = np.where(foggy, fog, np.float32(0.0))
-    wet = bend("puddles", noise.uniform())
-    puddles = _from_uniform(wet, spec.puddles_percent, spec.puddles_exponent, spec.puddles_weibull)
+    wet = transform("puddles", stream.uniform())
+    puddles = _from_uniform(
+        wet, section.puddles_percent, section.puddles_exponent, section.puddles_weibull
+    )
     clouds = np.where(rain > 0, np.float32(RAIN_CLOUDS_PERCENT), np.float32(0.0))
-    sky = scale_to_range(bend("clouds", noise.uniform()), *spec.cloudiness_percent)
+    sky = scale_to_range(transform("clouds", stream.uniform()), *section.cloudiness_percent)
     cloudiness = maximum(sky, clouds)
-    u = bend("wind", noise.uniform())
-    wind = _from_uniform(u, spec.wind_percent, spec.wind_exponent, spec.wind_weibull)
-    low_sun, high_sun = (rad_from_deg(angle) for angle in spec.sun_altitude_deg)
-    altitude = scale_to_range(bend("sun", noise.uniform()), low_sun, high_sun)
-    azimuth = scale_to_range(bend("sun_direction", sun), -PI, PI)
+    u = transform("wind", stream.uniform())
+    wind = _from_uniform(u, section.wind_percent, section.wind_exponent, section.wind_weibull)
+    low_sun, high_sun = (rad_from_deg(angle) for angle in section.sun_altitude_deg)
+    altitude = scale_to_range(transform("sun", stream.uniform()), low_sun, high_sun)
+    azimuth = scale_to_range(transform("sun_direction", sun), -PI, PI)
     return Weather(
         preset=np.full(sun.shape, NO_PRESET),
         cloudiness=cloudiness,

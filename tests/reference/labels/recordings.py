@@ -15,7 +15,7 @@ from tests.support.recordings import with_gaps
 from overtaking.labels.events import case_of
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine as simulator
 
 if TYPE_CHECKING:
@@ -29,7 +29,9 @@ def simulated(
     given = load_specification(profile, {"profile.frame_interval_ms": interval_ms})
     road = load_road(given.road)
     road = road.mirror() if mirrored else road
-    return simulator.simulate(sample(given, road, 27, np.arange(count, dtype=np.uint64)))
+    return simulator.simulate(
+        ScenarioSource(given, road, 27).sample(np.arange(count, dtype=np.uint64))
+    )
 
 
 def nowhere() -> Trajectories:

@@ -20,7 +20,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.road_course import SpeedLimitSpan
 from overtaking.model.trajectories import NO_VEHICLE, Stage
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 from overtaking.simulators.sumo import run as sumo
 from overtaking.simulators.sumo import traffic
@@ -36,7 +36,7 @@ OVERTAKES = {"desired_speed": 33.0, "passing_gain": 1.0, "lane_change_duration":
 def sampled(count, seed=1, first=0):
     index = np.arange(first, first + count, dtype=np.uint64)
     given = load_specification("pinto2023-physical")
-    return sample(given, known_road(given.road), seed, index)
+    return ScenarioSource(given, known_road(given.road), seed).sample(index)
 
 
 def metres(values):

@@ -19,7 +19,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.model.trajectories import Lights
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profiles
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 NIGHTS = [
     {
@@ -36,7 +36,7 @@ NIGHTS = [
 def drawn():
     spec = profiles.load_specification("motorway", {"proposal": NIGHTS, "traffic.vehicles": [2, 3]})
     road, index = load_road(spec.road), np.arange(3000, dtype=np.uint64)
-    return [sample(one, road, 5, index) for one in (spec, scenes_of(spec))]
+    return [ScenarioSource(one, road, 5).sample(index) for one in (spec, scenes_of(spec))]
 
 
 def below(scenes) -> np.ndarray:
@@ -74,7 +74,9 @@ def test_weighted_shares_are_those_that_brute_force_knows(drawn):
     error = 0.5 / np.sqrt(len(low))
     assert abs((scenes.weight * low).mean() - 0.5) < 4.0 * error
     natural = profiles.load_specification("motorway", {"traffic.vehicles": [2, 3]})
-    met = sample(natural, load_road(natural.road), 6, np.arange(3000, dtype=np.uint64))
+    met = ScenarioSource(natural, load_road(natural.road), 6).sample(
+        np.arange(3000, dtype=np.uint64)
+    )
     edge = scenes.weather.sun_altitude[low].max()
     assert abs((met.weather.sun_altitude <= edge).mean() - 0.5) < 4.0 * error
     for one in ("time_gap", "reaction_time", "gap_acceptance"):
@@ -85,7 +87,9 @@ def test_weighted_shares_are_those_that_brute_force_knows(drawn):
 def test_a_component_that_bends_the_ego_only_changes_nothing():
     ego = [{"name": "ego", "share": 0.4, "powers": {"ego_temper": 0.3}}]
     spec = profiles.load_specification("motorway", {"proposal": ego, "traffic.vehicles": [2, 3]})
-    some = sample(scenes_of(spec), load_road(spec.road), 1, np.arange(50, dtype=np.uint64))
+    some = ScenarioSource(scenes_of(spec), load_road(spec.road), 1).sample(
+        np.arange(50, dtype=np.uint64)
+    )
     np.testing.assert_array_equal(some.weight, 1.0)
 
 

@@ -18,7 +18,7 @@ from overtaking.model.weather import (
 )
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.world.step_parameters import parameters
 
 
@@ -26,7 +26,7 @@ from overtaking.world.step_parameters import parameters
 def drawn():
     """Scenarios under all presets."""
     given = load_specification("pinto2023-physical")
-    return sample(given, load_road(given.road), 3, np.arange(200))
+    return ScenarioSource(given, load_road(given.road), 3).sample(np.arange(200))
 
 
 def test_rain_goes_with_all_that_it_brings(drawn):

@@ -5,7 +5,7 @@ import pytest
 
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 SIMULATIONS = 50_000
 
@@ -17,6 +17,6 @@ def town06():
 
 @pytest.fixture(scope="session")
 def pinto(town06):
-    return sample(
-        load_specification("pinto2023-physical"), town06, seed=2023, index=np.arange(SIMULATIONS)
+    return ScenarioSource(load_specification("pinto2023-physical"), town06, seed=2023).sample(
+        np.arange(SIMULATIONS)
     )

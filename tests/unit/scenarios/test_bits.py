@@ -11,7 +11,7 @@ import pytest
 
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 pytestmark = pytest.mark.ci
 
@@ -30,12 +30,9 @@ PARTS = ("vehicles", "drivers", "weather", "starts")
 
 def hashes():
     """A hash for each part of a batch."""
-    batch = sample(
-        load_specification("pinto2023-physical"),
-        known_road("town06"),
-        seed=1,
-        index=np.arange(2_000),
-    )
+    batch = ScenarioSource(
+        load_specification("pinto2023-physical"), known_road("town06"), seed=1
+    ).sample(np.arange(2_000))
     starts = [batch.start_s, batch.start_lane, batch.start_speed]
     return {
         part: digest(starts if part == "starts" else fields(getattr(batch, part))) for part in PARTS

@@ -13,7 +13,7 @@ from overtaking.knowledge.vehicle_classes import (
 from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 SMALLEST_P = 1e-3
 KINDS = tuple(VehicleKind)
@@ -48,7 +48,7 @@ def test_weights_change_types_and_colours(town06):
         "pinto2023-physical",
         {"traffic.types": "{T = 1, S = 3}", "traffic.ego_types": "V", "traffic.colours": "red"},
     )
-    vehicles = sample(chosen, town06, seed=1, index=np.arange(5_000)).vehicles
+    vehicles = ScenarioSource(chosen, town06, seed=1).sample(np.arange(5_000)).vehicles
     others = vehicles.kind[:, 1:][vehicles.valid[:, 1:]]
     counts = np.bincount(others, minlength=7)
     expected = others.size * np.array([0.75, 0.25])
@@ -150,9 +150,9 @@ def test_empty_slots_hold_finite_numbers(pinto):
 def test_as_many_trucks_pull_semitrailers_as_the_profile_says():
     road, index = load_road("rural"), np.arange(400, dtype=np.uint64)
     without, some = (
-        sample(
-            load_specification("rural", {"traffic.semitrailers": share}), road, 1, index
-        ).vehicles
+        ScenarioSource(load_specification("rural", {"traffic.semitrailers": share}), road, 1)
+        .sample(index)
+        .vehicles
         for share in (0.0, 0.25)
     )
     trucks = some.kind == VehicleKind.T

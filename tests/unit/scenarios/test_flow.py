@@ -9,7 +9,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.model.vehicles import VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import IndependentWeather
 from overtaking.scenarios.traffic_specification import FlowTraffic
 
@@ -19,7 +19,7 @@ NUMBERS = np.arange(600, dtype=np.uint64)
 
 @pytest.fixture(scope="module")
 def drawn():
-    return sample(load_specification("motorway"), MOTORWAY, 1, NUMBERS)
+    return ScenarioSource(load_specification("motorway"), MOTORWAY, 1).sample(NUMBERS)
 
 
 def test_the_ego_is_one_of_many_and_never_in_the_fastest_lane(drawn):
@@ -34,7 +34,7 @@ def test_the_ego_is_one_of_many_and_never_in_the_fastest_lane(drawn):
 
 def test_lanes_have_their_densities_and_their_kinds(drawn):
     narrow = load_specification("motorway", {"traffic.density_per_km_lane": [10.0, 10.0]})
-    batch = sample(narrow, MOTORWAY, 2, NUMBERS)
+    batch = ScenarioSource(narrow, MOTORWAY, 2).sample(NUMBERS)
     for lane, share in enumerate((0.85, 1.15, 1.0)):
         spacings = []
         for one in range(len(NUMBERS)):
@@ -88,7 +88,7 @@ def test_the_ends_of_the_traffic_are_out_of_sight_at_first_and_until_the_deadlin
 
 
 def test_a_simulation_is_the_same_in_any_batch(drawn):
-    part = sample(load_specification("motorway"), MOTORWAY, 1, NUMBERS[[17, 3, 599]])
+    part = ScenarioSource(load_specification("motorway"), MOTORWAY, 1).sample(NUMBERS[[17, 3, 599]])
     for name in ("start_s", "start_speed", "start_lane", "attempt_deadline", "weight"):
         np.testing.assert_array_equal(getattr(part, name), getattr(drawn, name)[[17, 3, 599]])
     np.testing.assert_array_equal(part.drivers.time_gap, drawn.drivers.time_gap[[17, 3, 599]])
@@ -105,7 +105,7 @@ def test_who_wants_to_go_faster_than_the_slow_overtakes_on_the_left_for_a_reason
 
 def test_a_flow_that_does_not_fit_the_road_is_refused():
     with pytest.raises(ConfigError, match="5 lanes, as the road has"):
-        sample(load_specification("motorway"), load_road("town06"), 1, NUMBERS[:2])
+        ScenarioSource(load_specification("motorway"), load_road("town06"), 1).sample(NUMBERS[:2])
 
 
 @pytest.mark.parametrize(
@@ -126,12 +126,9 @@ def test_a_mistake_is_one_line(key, value, remedy):
 
 
 def test_a_scale_multiplies_what_is_drawn_for_everyone(drawn):
-    scaled = sample(
-        load_specification("motorway", {"drivers.scale": {"patience": 2.0}}),
-        MOTORWAY,
-        1,
-        NUMBERS[:50],
-    )
+    scaled = ScenarioSource(
+        load_specification("motorway", {"drivers.scale": {"patience": 2.0}}), MOTORWAY, 1
+    ).sample(NUMBERS[:50])
     np.testing.assert_allclose(scaled.drivers.patience, 2.0 * drawn.drivers.patience[:50])
     np.testing.assert_array_equal(scaled.drivers.time_gap, drawn.drivers.time_gap[:50])
 

@@ -14,7 +14,7 @@ from overtaking.core.errors import ConfigError, InfeasibleError
 from overtaking.model.known_roads import known_road
 from overtaking.model.vehicles import VehicleKind
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 SMALLEST_P = 1e-3
 KMH = 3.6
@@ -200,21 +200,18 @@ def test_no_start_is_doomed(pinto):
 
 def test_starts_as_drawn_are_often_doomed_so_the_check_can_fail(town06):
     chosen = load_specification("pinto2023-physical", {"starts.allow_doomed": True})
-    drawn = sample(chosen, town06, seed=2023, index=np.arange(5_000))
+    drawn = ScenarioSource(chosen, town06, seed=2023).sample(np.arange(5_000))
     pairs = pairs_in_lanes(drawn)
     assert np.mean(smallest_gap_while_braking(drawn, pairs) < 0.0) > 0.05
     assert gaps(drawn, pairs).min() >= 10.0 - ROUNDING
 
 
 def test_repairs_spare_who_is_alone_in_a_lane(town06):
-    drawn = sample(
-        load_specification("pinto2023-physical", {"starts.allow_doomed": True}),
-        town06,
-        seed=4,
-        index=np.arange(5_000),
-    )
-    settled = sample(
-        load_specification("pinto2023-physical"), town06, seed=4, index=np.arange(5_000)
+    drawn = ScenarioSource(
+        load_specification("pinto2023-physical", {"starts.allow_doomed": True}), town06, seed=4
+    ).sample(np.arange(5_000))
+    settled = ScenarioSource(load_specification("pinto2023-physical"), town06, seed=4).sample(
+        np.arange(5_000)
     )
     alone = drawn.vehicles.valid.copy()
     row, rear, front = pairs_in_lanes(drawn)
@@ -225,14 +222,11 @@ def test_repairs_spare_who_is_alone_in_a_lane(town06):
 
 
 def test_repairs_only_slow_down(town06):
-    drawn = sample(
-        load_specification("pinto2023-physical", {"starts.allow_doomed": True}),
-        town06,
-        seed=4,
-        index=np.arange(5_000),
-    )
-    settled = sample(
-        load_specification("pinto2023-physical"), town06, seed=4, index=np.arange(5_000)
+    drawn = ScenarioSource(
+        load_specification("pinto2023-physical", {"starts.allow_doomed": True}), town06, seed=4
+    ).sample(np.arange(5_000))
+    settled = ScenarioSource(load_specification("pinto2023-physical"), town06, seed=4).sample(
+        np.arange(5_000)
     )
     assert np.all(settled.start_speed <= drawn.start_speed)
     assert np.all(settled.start_s <= drawn.start_s + ROUNDING)
@@ -251,7 +245,7 @@ def test_eight_vehicles_find_room_where_a_lane_does_not_hold_them(town06, zone):
         "pinto2023-physical",
         {"traffic.vehicles": "8..8", "traffic.spawn_s_m": zone, "traffic.types": "{T=3, S=1}"},
     )
-    drawn = sample(chosen, town06, seed=6, index=np.arange(3_000))
+    drawn = ScenarioSource(chosen, town06, seed=6).sample(np.arange(3_000))
     pairs = pairs_in_lanes(drawn)
     assert drawn.num_vehicles.min() == 8
     assert gaps(drawn, pairs).min() >= 10.0 - ROUNDING
@@ -272,7 +266,7 @@ def test_a_full_lane_sends_the_next_one_elsewhere(town06):
             "starts.min_gap_m": 10.0,
         },
     )
-    drawn = sample(chosen, town06, seed=6, index=np.arange(500))
+    drawn = ScenarioSource(chosen, town06, seed=6).sample(np.arange(500))
     in_lane = np.stack([(drawn.start_lane == lane).sum(axis=1) for lane in range(5)])
     assert in_lane.max() == 2
     assert np.all(drawn.start_lane[:, 0] == drawn.start_lane[:, 1])
@@ -281,57 +275,56 @@ def test_a_full_lane_sends_the_next_one_elsewhere(town06):
 def test_what_cannot_be_placed_is_infeasible(town06):
     crowd = {"traffic.vehicles": "8..8", "traffic.types": "T", "traffic.spawn_s_m": "100..120"}
     with pytest.raises(InfeasibleError, match=r"traffic\.vehicles: .* ask for fewer vehicles"):
-        sample(
+        ScenarioSource(
             load_specification("pinto2023-physical", crowd | {"starts.min_gap_m": 15}),
             town06,
             seed=1,
-            index=[0],
-        )
+        ).sample([0])
     nowhere = {"traffic.spawn_s_m": "100..100", "traffic.vehicles": "2..2"}
     with pytest.raises(InfeasibleError, match="ask for fewer"):
-        sample(load_specification("pinto2023-physical", nowhere), town06, seed=1, index=[0])
+        ScenarioSource(load_specification("pinto2023-physical", nowhere), town06, seed=1).sample(
+            [0]
+        )
 
 
 def test_a_truck_cannot_come_faster_than_its_governor(town06):
     fast = {"traffic.speed_kmh": "100..120"}
     with pytest.raises(InfeasibleError, match="type T reaches, 90 km/h"):
-        sample(load_specification("pinto2023-physical", fast), town06, seed=1, index=[0])
+        ScenarioSource(load_specification("pinto2023-physical", fast), town06, seed=1).sample([0])
     without = fast | {"traffic.types.T": "0", "traffic.ego_types.T": "0"}
     assert (
-        sample(
-            load_specification("pinto2023-physical", without), town06, seed=1, index=[0]
-        ).num_simulations
+        ScenarioSource(load_specification("pinto2023-physical", without), town06, seed=1)
+        .sample([0])
+        .num_simulations
         == 1
     )
 
 
 def test_a_zone_off_the_road_is_refused(town06):
     with pytest.raises(ConfigError, match=r"spawn_s_m: .* --set traffic\.spawn_s_m=5\.\.105"):
-        sample(
+        ScenarioSource(
             load_specification("pinto2023-physical", {"traffic.spawn_s_m": "0..100"}),
             town06,
             seed=1,
-            index=[0],
-        )
+        ).sample([0])
     with pytest.raises(ConfigError, match="spawn_x_m"):
-        sample(
+        ScenarioSource(
             load_specification("pinto2023-physical", {"traffic.spawn_x_m": "500..700"}),
             town06,
             seed=1,
-            index=[0],
-        )
+        ).sample([0])
 
 
 def test_a_zone_for_another_road_is_refused_with_one_that_fits(town06):
     other = dataclasses.replace(town06, x0=town06.x0 + 5000.0)
     with pytest.raises(ConfigError) as caught:
-        sample(load_specification("pinto2023-physical"), other, seed=1, index=[0])
+        ScenarioSource(load_specification("pinto2023-physical"), other, seed=1).sample([0])
     key, zone = str(caught.value).rsplit("add --set ", 1)[1].split("=")
     assert zone == "5..135"
     assert (
-        sample(
-            load_specification("pinto2023-physical", {key: zone}), other, seed=1, index=[0]
-        ).num_simulations
+        ScenarioSource(load_specification("pinto2023-physical", {key: zone}), other, seed=1)
+        .sample([0])
+        .num_simulations
         == 1
     )
 
@@ -339,19 +332,21 @@ def test_a_zone_for_another_road_is_refused_with_one_that_fits(town06):
 def test_the_lanes_of_a_road_are_looked_at_before_its_length(town06):
     narrow = dataclasses.replace(town06, lanes=town06.lanes[:1], length=20.0)
     with pytest.raises(ConfigError, match="a road with at least two lanes, got 1 lane"):
-        sample(load_specification("pinto2023-physical"), narrow, seed=1, index=[0])
+        ScenarioSource(load_specification("pinto2023-physical"), narrow, seed=1).sample([0])
 
 
 def test_the_fastest_lane_is_refused_to_the_ego(town06):
     with pytest.raises(ConfigError, match="0 to 3, got \\[2, 4\\]; leave out the fastest lane"):
-        sample(
+        ScenarioSource(
             load_specification("pinto2023-physical", {"traffic.ego_lanes": "[2, 4]"}),
             town06,
             seed=1,
-            index=[0],
-        )
+        ).sample([0])
     chosen = load_specification("pinto2023-physical", {"traffic.ego_lanes": "[1, 3]"})
-    assert set(sample(chosen, town06, seed=1, index=np.arange(200)).start_lane[:, 0]) == {1, 3}
+    assert set(ScenarioSource(chosen, town06, seed=1).sample(np.arange(200)).start_lane[:, 0]) == {
+        1,
+        3,
+    }
 
 
 def test_the_road_reaches_as_far_as_anyone_can_drive(pinto, town06):
@@ -363,8 +358,8 @@ def test_the_road_reaches_as_far_as_anyone_can_drive(pinto, town06):
 def test_other_roads_and_their_mirror_images_work():
     motorway = known_road("motorway")
     chosen = load_specification("pinto2023-physical", {"traffic.spawn_s_m": "50..180"})
-    here = sample(chosen, motorway, seed=1, index=np.arange(300))
-    there = sample(chosen, motorway.mirror(), seed=1, index=np.arange(300))
+    here = ScenarioSource(chosen, motorway, seed=1).sample(np.arange(300))
+    there = ScenarioSource(chosen, motorway.mirror(), seed=1).sample(np.arange(300))
     assert here.start_lane[here.vehicles.valid].max() == motorway.num_lanes - 1
     np.testing.assert_array_equal(here.start_s, there.start_s)
     np.testing.assert_array_equal(here.start_speed, there.start_speed)

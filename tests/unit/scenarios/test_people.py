@@ -9,6 +9,7 @@ from scipy import stats
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.vehicle_classes import vehicle_classes
 from overtaking.model.vehicles import TRAIT_RANGES, DriverTraits, VehicleKind
+from overtaking.recordings.roads import load_road
 from overtaking.scenarios.driver_sampling import (
     ALL_TRAITS,
     SPEED_TRAITS,
@@ -18,17 +19,24 @@ from overtaking.scenarios.driver_sampling import (
     trait_range,
 )
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.random_draws import SampleBlock
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import DriversSection, FixedTraits
 
 SMALLEST_P = 1e-3
 
 
+def block_of(section, count):
+    """A block of simulations whose drivers a section describes."""
+    specification = load_specification("motorway").model_copy(update={"drivers": section})
+    index = np.arange(count, dtype=np.uint64)
+    return SampleBlock.from_indices(specification, load_road("motorway"), 7, index)
+
+
 def traits(count=60_000, kind=VehicleKind.M, **keys):
     """Drivers of one type of vehicle, one in each simulation."""
     kinds = np.full((count, 1), kind, np.uint8)
-    people = DriversSection(population="mixed", **keys)
-    drawn = sample_traits(people, 7, np.arange(count, dtype=np.uint64), kinds)
+    drawn = sample_traits(block_of(DriversSection(population="mixed", **keys), count), kinds)
     return {name: values[:, 0].astype(np.float64) for name, values in drawn.items()}
 
 
@@ -136,8 +144,8 @@ def test_temper_moves_a_parameter_in_its_direction(name):
 def test_rural_drivers_misjudge_what_a_pass_takes_as_was_measured():
     # Off by 20 to 52 %, and six in ten to eight in ten too low (Gordon and Mast 1968).
     kinds = np.full((60_000, 1), VehicleKind.M, np.uint8)
-    people = DriversSection(population="rural")
-    need = sample_traits(people, 7, np.arange(60_000, dtype=np.uint64), kinds)["need_factor"]
+    block = block_of(DriversSection(population="rural"), 60_000)
+    need = sample_traits(block, kinds)["need_factor"]
     assert 0.6 < (need < 1.0).mean() < 0.8
     error = np.abs(need.astype(np.float64) - 1.0)
     assert 0.15 < np.median(error) < 0.20 < np.quantile(error, 0.7) < np.quantile(error, 0.99) < 0.6
@@ -260,14 +268,14 @@ def test_the_egos_of_the_study_want_to_be_faster_than_their_leader(pinto):
 
 def test_some_egos_of_the_mixed_population_are_content_to_follow(town06):
     chosen = load_specification("pinto2023-physical", {"drivers.population": "mixed"})
-    drawn = sample(chosen, town06, seed=3, index=np.arange(5_000)).drivers.desired_speed
+    drawn = ScenarioSource(chosen, town06, seed=3).sample(np.arange(5_000)).drivers.desired_speed
     wanting = drawn[:, 0] > drawn[:, 1]
     assert 0.85 < wanting.mean() < 0.95
 
 
 def test_the_traffic_wants_about_the_speed_that_it_came_with(town06):
     chosen = load_specification("pinto2023-physical", {"starts.allow_doomed": True})
-    drawn = sample(chosen, town06, seed=3, index=np.arange(5_000))
+    drawn = ScenarioSource(chosen, town06, seed=3).sample(np.arange(5_000))
     others = drawn.vehicles.valid.copy()
     others[:, 0] = False
     ratio = drawn.drivers.desired_speed[others] / drawn.start_speed[others]

@@ -7,13 +7,14 @@ import pytest
 import scipy.stats
 
 from overtaking.core.errors import ConfigError
+from overtaking.core.random_numbers import Stream
 from overtaking.model.vehicles import Role
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.random_draws import ProposalSampler
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.random_draws import ProposalSampler, RandomStream
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.specification import Component
-from overtaking.scenarios.weather_sampling import sample_weather
+from overtaking.scenarios.weather_sampling import draw_weather
 
 NUMBERS = np.arange(20_000, dtype=np.uint64)
 
@@ -109,26 +110,30 @@ def test_a_tempered_component_is_a_mixture_of_its_copies():
 
 @pytest.mark.ci
 def test_few_simulations_of_the_risk_profile_weigh_nothing():
-    weight = sample(
-        load_specification("motorway-risk"), load_road("motorway"), 1, NUMBERS[:8000]
-    ).weight
+    weight = (
+        ScenarioSource(load_specification("motorway-risk"), load_road("motorway"), 1)
+        .sample(NUMBERS[:8000])
+        .weight
+    )
     assert (weight < 1e-6).mean() < 0.1
     assert weight.sum() ** 2 / (weight**2).sum() > 0.4 * len(weight)
     assert weight.mean() == pytest.approx(1.0, abs=4.0 * weight.std() / np.sqrt(len(weight)))
 
 
 def test_without_a_proposal_every_weight_is_one():
-    bending = ProposalSampler(None, 1, NUMBERS)
+    bending = ProposalSampler((), 1, NUMBERS)
     u = np.full(len(NUMBERS), 0.25, np.float32)
     assert bending.transform("wind", u) is u
     assert (bending.weight_so_far == 1.0).all()
 
 
 def test_the_risk_profile_has_more_of_everything_and_weighs_it_back():
-    natural = sample_weather(load_specification("motorway").weather, 1, NUMBERS)
+    stream = RandomStream(1, NUMBERS, Stream.WEATHER)
+    natural = draw_weather(load_specification("motorway").weather, stream)
     risk = load_specification("motorway-risk")
     bending = ProposalSampler(risk.proposal, 1, NUMBERS)
-    weather = sample_weather(risk.weather, 1, NUMBERS, bending.transform)
+    stream = RandomStream(1, NUMBERS, Stream.WEATHER)
+    weather = draw_weather(risk.weather, stream, bending.transform)
     weight = bending.weight_so_far
     for often in ((lambda w: w.rain > 0), (lambda w: w.fog > 20), (lambda w: w.wind > 60)):
         plain, enriched = often(natural), often(weather)
@@ -141,10 +146,10 @@ def test_the_risk_profile_has_more_of_everything_and_weighs_it_back():
 
 def test_scenarios_carry_their_weights():
     road = load_road("motorway")
-    drawn = sample(load_specification("motorway-risk"), road, 1, NUMBERS[:400])
+    drawn = ScenarioSource(load_specification("motorway-risk"), road, 1).sample(NUMBERS[:400])
     assert drawn.weight.dtype == np.float64
     assert drawn.weight.min() < 0.5 < 2.0 < drawn.weight.max() <= 1.0 / 0.36 + 1e-9
-    natural = sample(load_specification("motorway"), road, 1, NUMBERS[:400])
+    natural = ScenarioSource(load_specification("motorway"), road, 1).sample(NUMBERS[:400])
     assert (natural.weight == 1.0).all()
 
 
@@ -175,8 +180,8 @@ def test_components_that_leave_nothing_as_it_is_met_are_refused():
 @pytest.mark.ci
 def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
     road = load_road("motorway")
-    natural = sample(load_specification("motorway"), road, 1, NUMBERS[:8000]).drivers
-    risk = sample(load_specification("motorway-risk"), road, 1, NUMBERS[:8000])
+    natural = ScenarioSource(load_specification("motorway"), road, 1).sample(NUMBERS[:8000]).drivers
+    risk = ScenarioSource(load_specification("motorway-risk"), road, 1).sample(NUMBERS[:8000])
     weight, far = risk.weight, 2.2
     for slot, more in ((Role.EGO, 1.5), (5, 1.05)):
         enriched, plain = (who.time_gap[:, slot] > far for who in (risk.drivers, natural))
@@ -188,8 +193,8 @@ def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
 @pytest.mark.ci
 def test_rural_risk_has_more_who_misjudge_and_heed_no_line_and_weighs_them_back():
     road = load_road("rural")
-    natural = sample(load_specification("rural"), road, 1, NUMBERS[:8000]).drivers
-    risk = sample(load_specification("rural-risk"), road, 1, NUMBERS[:8000])
+    natural = ScenarioSource(load_specification("rural"), road, 1).sample(NUMBERS[:8000]).drivers
+    risk = ScenarioSource(load_specification("rural-risk"), road, 1).sample(NUMBERS[:8000])
     weight = risk.weight
     assert weight.max() <= 1.0 / 0.36 + 1e-9
     for unusual in (lambda who: ~who.heeds_lines, lambda who: who.need_factor < 0.6):

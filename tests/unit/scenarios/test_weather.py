@@ -2,11 +2,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from overtaking.core.random_numbers import Stream
 from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model.weather import NO_PRESET
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
-from overtaking.scenarios.weather_sampling import sample_weather
+from overtaking.scenarios.random_draws import RandomStream
+from overtaking.scenarios.sampler import ScenarioSource
+from overtaking.scenarios.weather_sampling import draw_weather
 
 SMALLEST_P = 1e-3  # Seeds are fixed: a failure is a bug and not bad luck.
 NAMES = tuple(weather_presets())
@@ -19,9 +21,11 @@ def spearman(one, other):
 
 def independent(road, **keys):
     overrides = {"weather.mode": "independent"} | {f"weather.{k}": v for k, v in keys.items()}
-    return sample(
-        load_specification("pinto2023-physical", overrides), road, seed=5, index=np.arange(20_000)
-    ).weather
+    return (
+        ScenarioSource(load_specification("pinto2023-physical", overrides), road, seed=5)
+        .sample(np.arange(20_000))
+        .weather
+    )
 
 
 def test_the_eight_weathers_of_the_study_are_equally_likely(pinto):
@@ -34,7 +38,7 @@ def test_weights_decide_how_often_a_weather_comes(town06):
     chosen = load_specification(
         "pinto2023-physical", {"weather.presets": "{ClearNoon = 3, WetNight = 1}"}
     )
-    weather = sample(chosen, town06, seed=5, index=np.arange(8_000)).weather
+    weather = ScenarioSource(chosen, town06, seed=5).sample(np.arange(8_000)).weather
     counts = np.bincount(weather.preset, minlength=len(NAMES))
     wanted = [counts[NAMES.index("ClearNoon")], counts[NAMES.index("WetNight")]]
     assert sum(wanted) == 8_000
@@ -148,7 +152,8 @@ def test_what_is_seldom_extreme_may_be_weibull(town06):
 
 def test_the_rain_of_the_profile_falls_as_often_as_that_of_western_iberia():
     index = np.arange(400_000, dtype=np.uint64)
-    weather = sample_weather(load_specification("motorway").weather, 5, index)
+    stream = RandomStream(5, index, Stream.WEATHER)
+    weather = draw_weather(load_specification("motorway").weather, stream)
     rate = 50.0 * (weather.rain.astype(np.float64) / 100.0) ** 2.5
     # ITU-R P.837-1, zones H and K: exceeded in 0.1 % and in 0.01 % of the time.
     assert 10.0 * 0.8 < np.quantile(rate, 0.999) < 12.0 * 1.2

@@ -15,7 +15,7 @@ from overtaking.analysis.evaluation.results import Contrast, Evaluation, Margin,
 from overtaking.analysis.validation.overtakes import STRATA, strata
 from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.labels.label import label
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim.version import MODEL_VERSION
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def evaluate(
     drawn_from, weights, weathers = scenes_of(spec), [], []
     for first in range(0, simulations, CHUNK):
         index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
-        scenario = sample(drawn_from, road, seed, index)
+        scenario = ScenarioSource(drawn_from, road, seed).sample(index)
         weights.append(scenario.weight)
         weathers.append(np.stack(strata(scenario.weather)))
         _drive(scenario, every, seen, step, policy.name)

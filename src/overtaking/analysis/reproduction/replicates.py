@@ -14,7 +14,7 @@ from overtaking.data.plan import CHUNK_SIZE, runs
 from overtaking.labels.label import Labelled, label
 from overtaking.labels.law import POLICIES
 from overtaking.model.verdicts import OvertakeClass
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -91,7 +91,7 @@ def replicates(
 
     def work(numbers: range) -> dict[str, Array]:
         index = np.arange(numbers.start, numbers.stop, dtype=np.uint64)
-        return _kept(label(simulator.simulate(sample(spec, road, seed, index))))
+        return _kept(label(simulator.simulate(ScenarioSource(spec, road, seed).sample(index))))
 
     size = min(CHUNK_SIZE, simulator.chunk_size)
     parts: list[dict[str, Array]] = []

@@ -96,7 +96,7 @@ def batches(
     buffers = Buffers()
     for first in range(0, len(density), CHUNK):
         index = np.arange(first, min(first + CHUNK, len(density)), dtype=np.uint64)
-        drawn = sampler.sample(settled, road, seed, index)
+        drawn = sampler.ScenarioSource(settled, road, seed).sample(index)
         scenario, given = on_ring(drawn, density[first : first + CHUNK])
         batch = Batch.of(engine.run(scenario, given, buffers=buffers))
         counted = batch.sound.copy()

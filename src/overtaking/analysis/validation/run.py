@@ -32,7 +32,7 @@ from overtaking.core.equality import ContentEquality
 from overtaking.core.progress import ProgressCallback, ProgressCounter
 from overtaking.core.representation import CompactRepr, json_values
 from overtaking.model.verdicts import OvertakeClass
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.traffic_specification import FlowTraffic, TwoWayTraffic
 from overtaking.scenarios.two_way_traffic import flows_per_second
 from overtaking.sim import engine
@@ -190,7 +190,7 @@ def _counted(
     two_way = isinstance(spec.traffic, TwoWayTraffic)
     for first in range(0, simulations, CHUNK):
         index = np.arange(first, min(first + CHUNK, simulations), dtype=np.uint64)
-        runs = engine.simulate(sample(spec, road, seed, index), buffers=buffers)
+        runs = engine.simulate(ScenarioSource(spec, road, seed).sample(index), buffers=buffers)
         batch = Batch.of(runs, flows_per_second(spec, seed, index) if two_way else None)
         for count in COUNTED_OF_PASSES if two_way else COUNTED:
             count(tally, batch)

@@ -30,7 +30,7 @@ from overtaking.model.vehicles import DriverTraits, Role
 from overtaking.scenarios import motorway_traffic as lanes_of_flow
 from overtaking.scenarios.driver_sampling import drivers_with_speed, sample_traits
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.random_draws import RandomStream
+from overtaking.scenarios.random_draws import RandomStream, SampleBlock
 from overtaking.scenarios.traffic_specification import FlowTraffic
 from overtaking.scenarios.vehicle_sampling import top_speeds
 from overtaking.sim.branch import changed
@@ -193,7 +193,8 @@ def _others(
 ) -> DriverTraits:
     """Other people in the other vehicles, who drive as fast as these do."""
     given, kind = load_specification(scene.data.manifest.identity.spec), many.scenario.vehicles.kind
-    traits = sample_traits(given.drivers, scene.scenario.seed, many.index, kind)
+    road, seed = scene.scenario.road, scene.scenario.seed
+    traits = sample_traits(SampleBlock.from_indices(given, road, seed, many.index), kind)
     driven, top = speed.astype(np.float32), top_speeds()[kind]
     if isinstance(given.traffic, FlowTraffic):
         lanes = np.minimum(lane, scene.scenario.road.num_lanes - 1)

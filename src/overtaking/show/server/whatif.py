@@ -9,11 +9,13 @@ import numpy as np
 
 from overtaking.analysis.whatif.fan import fan_of
 from overtaking.core.errors import ConfigError
+from overtaking.core.random_numbers import Stream
 from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.labels.label import label
 from overtaking.model.scenario import ForcedDecision, Intervention
+from overtaking.scenarios.random_draws import RandomStream
 from overtaking.scenarios.specification import PresetWeather
-from overtaking.scenarios.weather_sampling import sample_weather
+from overtaking.scenarios.weather_sampling import draw_weather
 from overtaking.show.contrast import contrast
 from overtaking.show.futures import GIVEN_WORDS, fan_title, values_of_fan
 from overtaking.show.view.pack import pack
@@ -134,7 +136,7 @@ def _weather(scenario: Scenario, asked: Otherwise) -> Weather | None:
     if asked.weather not in weather_presets():
         raise ConfigError.unknown_choice("weather", "view", weather_presets(), asked.weather)
     spec = PresetWeather(mode="presets", presets={asked.weather: 1.0})
-    return sample_weather(spec, scenario.seed, scenario.index)
+    return draw_weather(spec, RandomStream(scenario.seed, scenario.index, Stream.WEATHER))
 
 
 def _refuse_others(run: Trajectories, number: int) -> None:

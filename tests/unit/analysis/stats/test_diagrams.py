@@ -14,7 +14,7 @@ from overtaking.labels.label import label
 from overtaking.model.overtake_events import NEVER
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ def labelled() -> Labelled:
     road = load_road("town06")
     return label(
         engine.simulate(
-            sample(
-                load_specification("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64)
+            ScenarioSource(load_specification("pinto2023-physical"), road, 1).sample(
+                np.arange(80, dtype=np.uint64)
             )
         )
     )
@@ -104,7 +104,9 @@ def test_the_ego_leaves_its_lane_for_the_fast_side(labelled: Labelled):
 def test_in_left_hand_traffic_the_fast_side_is_up_as_well():
     road = load_road("town06").mirror()
     run = engine.simulate(
-        sample(load_specification("pinto2023-physical"), road, 1, np.arange(80, dtype=np.uint64))
+        ScenarioSource(load_specification("pinto2023-physical"), road, 1).sample(
+            np.arange(80, dtype=np.uint64)
+        )
     )
     mirrored = label(run)
     one = of(mirrored, completed(mirrored))

@@ -21,7 +21,7 @@ from overtaking.model.road_course import RoadCourse, SpeedLimitSpan
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.scenarios.two_way_traffic import flows_per_second
 from overtaking.sim import engine
 from overtaking.world.step_parameters import parameters
@@ -245,8 +245,8 @@ def test_the_favour_of_motorcycles_is_the_odds_ratio_within_a_distance():
 
 
 def test_a_head_on_collision_is_told_from_others():
-    world = sample(
-        load_specification("rural-risk"), load_road("rural"), 4, np.arange(8, dtype=np.uint64)
+    world = ScenarioSource(load_specification("rural-risk"), load_road("rural"), 4).sample(
+        np.arange(8, dtype=np.uint64)
     )
     runs = engine.run(world, parameters(world))
     contacts = runs.contacts
@@ -308,7 +308,7 @@ def test_flows_are_those_that_the_traffic_was_drawn_with():
     own, other = flows_per_second(given, 3, index)
     assert sorted(set(np.rint(3600.0 * own).tolist())) == [180.0, 420.0]
     np.testing.assert_allclose(own + other, 600.0 / 3600.0, rtol=1e-6)
-    world = sample(given, load_road("rural"), 3, index)
+    world = ScenarioSource(given, load_road("rural"), 3).sample(index)
     # Where more go along, the nearest of those ahead who are not held up are nearer.
     ahead = world.start_s[:, 6] - world.start_s[:, 1]
     there = world.vehicles.valid[:, 6] & (world.start_lane[:, 6] == 0)

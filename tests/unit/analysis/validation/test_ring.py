@@ -9,7 +9,7 @@ from overtaking.analysis.validation import ring
 from overtaking.analysis.validation.traffic import Batch, leaders
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine, reference
 
 DENSITY = np.float32(20.0)
@@ -19,9 +19,9 @@ DENSITY = np.float32(20.0)
 def world():
     dry = {"weather.rain_probability": 0.0, "weather.fog_probability": 0.0}
     short = {"time.horizon_s": 4.0, "time.attempt_deadline_s": 4.0, "traffic.vehicles": [24, 32]}
-    drawn = sample(
-        load_specification("motorway", dry | short), load_road("motorway"), 5, np.arange(20)
-    )
+    drawn = ScenarioSource(
+        load_specification("motorway", dry | short), load_road("motorway"), 5
+    ).sample(np.arange(20))
     return ring.on_ring(drawn, np.full(20, DENSITY, np.float32))
 
 

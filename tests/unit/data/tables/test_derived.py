@@ -9,18 +9,15 @@ from overtaking.data.tables.derived import derived_weather
 from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model.known_roads import known_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 
 
 @pytest.fixture(scope="module")
 def calm():
     """One simulation on a dry, clear, windless day."""
-    scenario = sample(
-        load_specification("pinto2023-physical"),
-        known_road("town06"),
-        1,
-        np.arange(1, dtype=np.uint64),
-    )
+    scenario = ScenarioSource(
+        load_specification("pinto2023-physical"), known_road("town06"), 1
+    ).sample(np.arange(1, dtype=np.uint64))
     zero = np.zeros(1, dtype=np.float32)
     weather = scenario.weather.replace(
         **dict.fromkeys(("cloudiness", "rain", "puddles", "wind", "fog"), zero),

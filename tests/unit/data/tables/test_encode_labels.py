@@ -16,7 +16,7 @@ from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
 from overtaking.model.verdicts import OvertakeClass, Severity, Verdict
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 SIZE, FIRST = 60, 1000
@@ -26,7 +26,7 @@ SIZE, FIRST = 60, 1000
 def labelled() -> Labelled:
     given = load_specification("pinto2023-physical")
     index = np.arange(SIZE, dtype=np.uint64)
-    return label(engine.simulate(sample(given, load_road(given.road), 4, index)))
+    return label(engine.simulate(ScenarioSource(given, load_road(given.road), 4).sample(index)))
 
 
 @pytest.fixture(scope="module")

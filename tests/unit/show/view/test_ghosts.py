@@ -8,7 +8,7 @@ import pytest
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
-from overtaking.scenarios.sampler import sample
+from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.show.view.ghosts import beliefs_at_every_decision
 from overtaking.sim import engine
 from overtaking.sim.beliefs import beliefs
@@ -25,7 +25,7 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
     compared = 0
     # Of the first 1,700, those that pull out and see who comes.
     for number in (1176, 1393, 1407, 1505, 1680):
-        scenario = sample(held_up, load_road("rural"), 3, [number])
+        scenario = ScenarioSource(held_up, load_road("rural"), 3).sample([number])
         runs = engine.simulate(scenario)
         percepts = runs.percepts
         out = percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT)
@@ -55,7 +55,7 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
     ("profile", "road"), [("pinto2023-physical", "town06"), ("rural", "rural")]
 )
 def test_each_belief_names_the_vehicle_at_its_true_gap(profile: str, road: str):
-    scenario = sample(load_specification(profile), load_road(road), 1, range(8))
+    scenario = ScenarioSource(load_specification(profile), load_road(road), 1).sample(range(8))
     batch = engine.simulate(scenario)
     num_compared = 0
     for simulation in range(8):
