@@ -31,7 +31,7 @@ from scipy.stats import t as student
 from conflicts import Conflicts, conflicts, gamma_interval
 from measure import load_note, parser
 from overtaking.core.arrays import Buffers
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
@@ -72,7 +72,7 @@ class Change:
     def of(self, given: Parameters) -> Parameters:
         """The parameters with the change."""
         vehicle = given.vehicle.copy()
-        slots = slice(Role.EGO, Role.EGO + 1) if self.of_ego else slice(None)
+        slots = slice(EGO_SLOT, EGO_SLOT + 1) if self.of_ego else slice(None)
         for name, row in self.rows.items():
             values = np.broadcast_to(row(given.of_vehicles), vehicle.shape[1:])
             vehicle[VEHICLE_FIELDS.index(name), slots] = values[slots]

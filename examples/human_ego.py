@@ -15,7 +15,7 @@ from overtaking.core.arrays import Mask
 from overtaking.core.float32_math import exp, maximum, minimum
 from overtaking.model.driver_interface import NEIGHBOUR_ROLES
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.gaps import (
     View,
     has_room_behind,
@@ -64,7 +64,7 @@ class HumanEgo:
         around = np.moveaxis(seen.around, 0, -1)[: len(NEIGHBOUR_ROLES) - 2]
         told = driver.gap_acceptance <= 0  # Told to change lanes, as in the study: looks at no gap.
         return View(
-            who=Role.EGO,
+            who=EGO_SLOT,
             own=driver,
             speed=seen.of("speed"),
             gap=around[:, 1],

@@ -14,7 +14,7 @@ from figures.svg import Point, box, curve, document, element, group, label, line
 
 from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model.trajectories import Lights, ManoeuvreKind, Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.world import road_surface
 
 WIDTH, LEFT, RIGHT = 960.0, 128.0, 16.0
@@ -104,7 +104,7 @@ class Above:
     def trail(self) -> list[str]:
         """The ego's way past the overtaken vehicle: all of it faintly, until now strongly."""
         scene = self.scene
-        ahead, d = scene.offset, scene.d[Role.EGO]
+        ahead, d = scene.offset, scene.d[EGO_SLOT]
         last = scene.first(Stage.DONE)
         way = [self.place(float(a), float(b)) for a, b in zip(ahead, d, strict=True)]
         now = self.frame + 1
@@ -119,7 +119,7 @@ class Above:
         ahead = float(scene.s[slot, self.frame] - scene.s[scene.target, self.frame])
         x, y = self.place(ahead, float(scene.d[slot, self.frame]))
         length, width = PIXELS * scene.length[slot], PIXELS * scene.width[slot]
-        fill = {int(Role.EGO): theme.ego, scene.target: theme.overtaken}.get(slot, theme.other)
+        fill = {EGO_SLOT: theme.ego, scene.target: theme.overtaken}.get(slot, theme.other)
         degrees = -float(np.degrees(scene.heading[slot, self.frame]))
         corner = min(3.0, width / 3)
         body = [box((-length / 2, -width / 2), (length, width), fill, rx=corner)]
@@ -156,8 +156,8 @@ class Above:
         """Road, trail and everybody who is in view."""
         size = (WIDTH - LEFT - RIGHT, self.height(self.scene))
         clip = element("clipPath", box((LEFT, self.top), size, "none"), id=self.clip)
-        others = [slot for slot in self.scene.slots if slot != Role.EGO]
-        inside = [*self.road(), *self.trail(), *map(self.vehicle, [*others, int(Role.EGO)])]
+        others = [slot for slot in self.scene.slots if slot != EGO_SLOT]
+        inside = [*self.road(), *self.trail(), *map(self.vehicle, [*others, EGO_SLOT])]
         return [clip, group(inside, clip_path=f"url(#{self.clip})")]
 
 
@@ -229,10 +229,10 @@ def stages(scene: Scene, theme: Theme, top: float) -> list[str]:
 def speeds(scene: Scene, theme: Theme, top: float) -> list[str]:
     """Speeds of the two."""
     over = Over(scene, theme, top, 62.0)
-    pair = scene.speed[[int(Role.EGO), scene.target]]
+    pair = scene.speed[[EGO_SLOT, scene.target]]
     low, high = int(pair.min() // 40) * 40, -int(-pair.max() // 40) * 40
     parts = over.axis(low, high, tuple(range(low, high + 1, 40)), "speed", "km/h")
-    for slot, stroke in ((scene.target, theme.overtaken), (int(Role.EGO), theme.ego)):
+    for slot, stroke in ((scene.target, theme.overtaken), (EGO_SLOT, theme.ego)):
         parts.append(over.follow(scene.speed[slot], stroke))
     return parts
 
@@ -294,7 +294,7 @@ def heading(scene: Scene, theme: Theme) -> list[str]:
     weather = scene.run.scenario.weather
     preset = list(weather_presets())[int(weather.preset[0])]
     rate = float(road_surface.rain_rate(weather.rain)[0])
-    ego, other = KINDS[scene.kinds[Role.EGO]], KINDS[scene.kinds[scene.target]]
+    ego, other = KINDS[scene.kinds[EGO_SLOT]], KINDS[scene.kinds[scene.target]]
     words = (
         f'<tspan fill="{theme.ego}" font-weight="600">{ego} (ego)</tspan> overtakes '
         f'<tspan fill="{theme.overtaken}" font-weight="600">{other}</tspan>'

@@ -6,7 +6,7 @@ import numpy as np
 
 import overtaking as ot
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Stage
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 
 PROFILE, SEED = "pinto2023-physical", 1
 POOL, PIECE = 20_000, 1000  # Simulations that are looked through, and how many at a time.
@@ -36,12 +36,12 @@ class Scene:
     @property
     def offset(self) -> np.ndarray:
         """How far the ego is ahead of the overtaken vehicle, centre to centre [m]."""
-        return self.s[Role.EGO] - self.s[self.target]
+        return self.s[EGO_SLOT] - self.s[self.target]
 
     @property
     def reach(self) -> float:
         """Distance of their centres at which the two touch [m]."""
-        return 0.5 * (self.length[Role.EGO] + self.length[self.target])
+        return 0.5 * (self.length[EGO_SLOT] + self.length[self.target])
 
     def first(self, stage: Stage) -> int:
         """First frame of a stage, -1 if there is none."""
@@ -58,7 +58,7 @@ class Scene:
 
     def _across(self, start: int, stop: int) -> np.ndarray:
         """Distance of the ego from the middle of its way across [m]."""
-        d = self.d[Role.EGO]
+        d = self.d[EGO_SLOT]
         return d[start:stop] - 0.5 * (d[start] + d[stop])
 
     def belief(self, kind: ManoeuvreKind, column: int) -> tuple[float, float] | None:
@@ -85,7 +85,7 @@ def is_telling(scene: Scene) -> bool:
         _is_in_view(scene, slot, frames) for slot in scene.slots if slot not in (0, scene.target)
     ]
     rains = scene.run.scenario.weather.rain[0] > 0
-    passes = scene.kinds[Role.EGO] in "SML" and scene.kinds[scene.target] == "T"
+    passes = scene.kinds[EGO_SLOT] in "SML" and scene.kinds[scene.target] == "T"
     return bool(passes and rains and keeps_lane and spread and sum(near) >= 2)
 
 

@@ -19,7 +19,7 @@ from overtaking.core.arrays import F64
 from overtaking.labels.instants import borders_of
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import OvertakeClass
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class Row:
             np.asarray(values[row, :, :count], float)
             for values in (runs.states.s, runs.states.d, runs.states.speed)
         )
-        ahead = (s - s[Role.EGO]) / 1000.0
+        ahead = (s - s[EGO_SLOT]) / 1000.0
         near = np.abs(ahead) <= REACH
         self.borders = np.sort(borders_of(runs.road))
         d = np.clip(d / 1e3, self.borders[0] - VERGE, self.borders[-1] + VERGE)
@@ -150,7 +150,7 @@ class Row:
         strokes = {int(slot): (THEME.faint, 0.8) for slot in self.others}
         if self.target in strokes:
             strokes[self.target] = (THEME.overtaken, 1.6)
-        strokes[int(Role.EGO)] = (THEME.ego, 2.0)
+        strokes[EGO_SLOT] = (THEME.ego, 2.0)
         return [
             part
             for slot, stroke in strokes.items()

@@ -24,7 +24,7 @@ from overtaking.analysis.validation.passes import (
 )
 from overtaking.model.road_course import ZoneKind
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Stage, Trajectories
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
@@ -54,7 +54,7 @@ def visits(run: Trajectories, stage: Stage) -> NDArray[np.bool_]:
 
 def ego_hit(run: Trajectories) -> NDArray[np.bool_]:
     """The ego collides."""
-    return run.contacts.partner[:, Role.EGO] != NO_VEHICLE
+    return run.contacts.partner[:, EGO_SLOT] != NO_VEHICLE
 
 
 def others_hit(run: Trajectories) -> NDArray[np.bool_]:
@@ -133,7 +133,7 @@ def gives_up(run: Trajectories) -> NDArray[np.bool_]:
     first = (run.stage == Stage.ABORT).argmax(axis=1)
     rows = np.arange(len(first))
     target = run.percepts.vehicle[rows, 0, 0]
-    target = np.where(target == NO_VEHICLE, Role.EGO, target)
+    target = np.where(target == NO_VEHICLE, EGO_SLOT, target)
     last = run.num_frames - 1
     behind = run.states.s[rows, 0, last] < run.states.s[rows, target, last]
     follows = run.stage[rows, last] == Stage.FOLLOW
@@ -150,17 +150,17 @@ def comes_within(
 def head_on(run: Trajectories) -> NDArray[np.bool_]:
     """The ego collides with who comes, in the other lane."""
     rows = np.arange(len(run.stage))
-    partner = run.contacts.partner[:, Role.EGO]
-    other = np.where(partner == NO_VEHICLE, Role.EGO, partner)
+    partner = run.contacts.partner[:, EGO_SLOT]
+    other = np.where(partner == NO_VEHICLE, EGO_SLOT, partner)
     comes = run.scenario.start_lane[rows, other] == run.road.num_lanes
-    frame = run.contacts.time[:, Role.EGO] // run.scenario.frame_interval_ms
-    there = run.states.lane[rows, Role.EGO, frame.clip(0, run.num_frames - 1)]
+    frame = run.contacts.time[:, EGO_SLOT] // run.scenario.frame_interval_ms
+    there = run.states.lane[rows, EGO_SLOT, frame.clip(0, run.num_frames - 1)]
     return (partner != NO_VEHICLE) & comes & (there == run.road.num_lanes)
 
 
 def beyond(run: Trajectories) -> NDArray[np.bool_]:
     """Whether the middle of the ego is in the other lane, (simulation, time)."""
-    return (run.states.lane[:, Role.EGO] == run.road.num_lanes) & run.frame_mask
+    return (run.states.lane[:, EGO_SLOT] == run.road.num_lanes) & run.frame_mask
 
 
 def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
@@ -179,7 +179,7 @@ def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
 
 def over_a_crest(run: Trajectories) -> NDArray[np.bool_]:
     """The ego is on the other side where a crest hides who comes."""
-    s, course = 1e-3 * run.states.s[:, Role.EGO], run.road.course
+    s, course = 1e-3 * run.states.s[:, EGO_SLOT], run.road.course
     crests = [one for one in course.places if one.kind is ZoneKind.CREST] if course else []
     over = [(s > one.start) & (s < one.stop) for one in crests]
     return done(run) & (beyond(run) & np.any(over, axis=0)).any(axis=1)
@@ -203,9 +203,9 @@ def another_gives_up(run: Trajectories) -> NDArray[np.bool_]:
 
 def meets_an_overtaker(run: Trajectories) -> NDArray[np.bool_]:
     """The ego brakes and moves over for who comes in its lane, before it sets out to overtake."""
-    lights, brakes = run.states.lights[:, Role.EGO], run.states.accel_lon[:, Role.EGO] < -2500
+    lights, brakes = run.states.lights[:, EGO_SLOT], run.states.accel_lon[:, EGO_SLOT] < -2500
     flashes = ((lights & Lights.HIGH_BEAM) > 0) & (run.stage == Stage.FOLLOW)
-    aside = run.states.d[:, Role.EGO] < -1750 - 400
+    aside = run.states.d[:, EGO_SLOT] < -1750 - 400
     return np.logical_and.reduce([one.any(axis=1) for one in (flashes, flashes & brakes, aside)])
 
 

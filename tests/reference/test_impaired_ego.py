@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
@@ -26,7 +26,7 @@ DRAWN = ScenarioSource(
 def test_an_impaired_ego_moves_otherwise_and_in_both_the_same_way(name: str, value: float):
     plain = parameters(DRAWN)
     vehicle = plain.vehicle.copy()
-    vehicle[VEHICLE_FIELDS.index(name), Role.EGO] = value
+    vehicle[VEHICLE_FIELDS.index(name), EGO_SLOT] = value
     impaired = replace(plain, vehicle=vehicle)
     fast, slow = engine.run(DRAWN, impaired), run(DRAWN, impaired)
     np.testing.assert_array_equal(fast.trace_hash, slow.trace_hash)

@@ -12,7 +12,7 @@ from tests.support.worlds import scenario
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadMark
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim import engine
 from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
 
@@ -38,7 +38,7 @@ def with_ego(given: Parameters, **changed: float) -> Parameters:
     """Other parameters of the ego."""
     vehicle = given.vehicle.copy()
     for name, value in changed.items():
-        vehicle[VEHICLE_FIELDS.index(name), Role.EGO] = value
+        vehicle[VEHICLE_FIELDS.index(name), EGO_SLOT] = value
     return dataclasses.replace(given, vehicle=vehicle)
 
 
@@ -57,7 +57,7 @@ def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
 def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():
     scenes = [pair(gap_acceptance=asked) for asked in (0.4, 0.9, 1.6)]
     world = scenario(*scenes, road=road())
-    trust = parameters(world).vehicle[VEHICLE_FIELDS.index("unseen_trust"), Role.EGO]
+    trust = parameters(world).vehicle[VEHICLE_FIELDS.index("unseen_trust"), EGO_SLOT]
     expected = float(constant("model.oncoming.assumed_sight_factor")) / np.sqrt([0.4, 0.9, 1.6])
     np.testing.assert_allclose(trust, expected, rtol=1e-6)
 

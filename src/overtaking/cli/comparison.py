@@ -10,7 +10,7 @@ from rich.text import Text
 
 from overtaking.cli.tables import open_table
 from overtaking.model.overtake_events import Outcome
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.simulators.comparison import PARTING_DISTANCE, TOGETHER
 
@@ -69,7 +69,7 @@ def _other(found: Comparison, k: int) -> Values:
 def _kind(parting: Parting) -> NDArray[np.int64]:
     """Index into `_KINDS` of each parting; -1 where there is none."""
     aside = np.abs(parting.left) > np.abs(parting.along)
-    return np.where(parting.frame == TOGETHER, -1, 2 * (parting.vehicle != Role.EGO) + aside)
+    return np.where(parting.frame == TOGETHER, -1, 2 * (parting.vehicle != EGO_SLOT) + aside)
 
 
 def _group(found: Comparison, name: str, mask: NDArray[np.bool_]) -> Values:

@@ -20,7 +20,7 @@ from overtaking.cli.timeline import STAGE_STYLES, event_lines, stage_times, time
 from overtaking.core.units import kmh_from_mps
 from overtaking.knowledge.glossary import terms
 from overtaking.model.trajectories import POSITION_RESOLUTION, SPEED_RESOLUTION, Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.show.description import lane_name
 from overtaking.show.wording import (
     ending_words,
@@ -121,7 +121,7 @@ def _nearest(run: Trajectories) -> np.ndarray:
     """Slots of the ego and of those that came closest to it, the ego first."""
     slots = np.flatnonzero(run.scenario.vehicles.valid[0])
     s = run.states.s[0, :, : run.num_frames[0]]
-    away = np.where(run.state_mask[0, slots, : run.num_frames[0]], s[slots] - s[Role.EGO], _FAR)
+    away = np.where(run.state_mask[0, slots, : run.num_frames[0]], s[slots] - s[EGO_SLOT], _FAR)
     closest = np.abs(away).min(axis=1)
     return np.sort(slots[np.argsort(closest, kind="stable")][:MAX_VEHICLES])
 
@@ -130,7 +130,7 @@ def _vehicle_table(values: Values, shown: np.ndarray, glyphs: Glyphs) -> Fitting
     """The vehicles and their starts."""
     columns = ("", "vehicle", "size m>", "mass kg>", "lane>", "ahead m>", "km/h>", "wants>")
     table = open_table(*columns)
-    ego = values["vehicles"][Role.EGO]
+    ego = values["vehicles"][EGO_SLOT]
     for one in values["vehicles"]:
         if one["vehicle"] not in shown:
             continue
@@ -187,14 +187,14 @@ def _instants(run: Trajectories) -> np.ndarray:
 def _strip(run: Trajectories, shown: np.ndarray, frames: np.ndarray) -> Strip:
     """Positions and lanes relative to the ego at the frames to draw."""
     s = run.states.s[0][:, frames] * POSITION_RESOLUTION
-    position = s[shown] - s[Role.EGO]
+    position = s[shown] - s[EGO_SLOT]
     code = run.states.lane[0][:, frames].astype(int)
     lane = np.where(code == _BEYOND_SLOW_EDGE, -1, code)
     there = run.state_mask[0, shown][:, frames]
-    others = shown != Role.EGO
+    others = shown != EGO_SLOT
     return Strip(
         position=np.where(there, position, _FAR * POSITION_RESOLUTION),
-        lane=(lane[shown] - lane[Role.EGO]) * int(run.road.side),
+        lane=(lane[shown] - lane[EGO_SLOT]) * int(run.road.side),
         slots=shown,
         reach=nice_reach(_filled(np.abs(position[others]), there[others])),
     )
@@ -221,8 +221,8 @@ def _strip_lines(
     header = f"{'time':>8}  {scale:<{inner}}  {'lane':>4} km/h" + (" stage" if recorded else "")
     yield Text(header, style="underline")
     for frame, line in zip(frames.tolist(), strip.lines(inner, glyphs), strict=True):
-        lane = lane_name(run.road, int(run.states.lane[0, Role.EGO, frame]))
-        speed = run.states.speed[0, Role.EGO, frame] * SPEED_RESOLUTION
+        lane = lane_name(run.road, int(run.states.lane[0, EGO_SLOT, frame]))
+        speed = run.states.speed[0, EGO_SLOT, frame] * SPEED_RESOLUTION
         stage = Stage(int(run.stage[0, frame])).name
         edge = Text(glyphs.edge, style=STAGE_STYLES[stage] if recorded else "")
         yield Text.assemble(
@@ -251,7 +251,7 @@ def _speed_lines(
         yield Text(
             f"{symbol(slot)} {line} {of_one[0]:3.0f} {glyphs.arrow} {of_one[-1]:3.0f} km/h, "
             f"{of_one.min():.0f}{glyphs.dash}{of_one.max():.0f}",
-            style="bold" if slot == Role.EGO else "",
+            style="bold" if slot == EGO_SLOT else "",
         )
 
 

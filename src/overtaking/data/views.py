@@ -17,7 +17,7 @@ from overtaking.core.units import kmh_from_mps
 from overtaking.data.tables.columns import names_of, unit_of
 from overtaking.data.tables.names import POLICY_NAMES, READINGS
 from overtaking.data.tables.schemas import SCHEMAS
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 
 KMH_PER_MPS = kmh_from_mps(1.0)
 
@@ -92,7 +92,7 @@ def wide_frames(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """
     frames, weather = tables["frames"], tables["weather"].iloc[0]
     columns: dict[str, object] = {name: frames[name] for name in ("simulation", "frame", "time_s")}
-    columns["ego"] = int(Role.EGO)
+    columns["ego"] = EGO_SLOT
     dimensions = _cells(tables["vehicles"], ("length_m", "width_m", "height_m"))
     columns["dimensions_m"] = [tuple(dimensions)] * len(frames)
     columns |= _per_vehicle(tables["states"], len(dimensions), frames["frame"].tolist())

@@ -23,7 +23,7 @@ from overtaking.labels.signals import target_signals, watch
 from overtaking.model.ego_signals import EgoSignals
 from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail, OvertakeEvents
 from overtaking.model.trajectories import ANGLE_RESOLUTION, OVERTAKING_STAGES, Trajectories
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case
 
 _NARROW = frozenset(
@@ -64,7 +64,7 @@ def case_of(trajectories: Trajectories) -> Case:
 
 def thresholds(trajectories: Trajectories) -> dict[str, Any]:
     """Numbers of `event_detection.toml` that tell an attempt, and the lanes of the road."""
-    road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, Role.EGO]
+    road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, EGO_SLOT]
 
     def frames(name: str) -> int:
         seconds = float(constant(f"event_detection.{name}"))

@@ -15,7 +15,7 @@ from overtaking.core.float32_math import as_f32, sincos
 from overtaking.model.ego_signals import EgoSignals
 from overtaking.model.road import DrivingSide, Road
 from overtaking.model.trajectories import NO_VEHICLE, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case
 
 Frames = NDArray[np.integer]
@@ -72,13 +72,13 @@ def borders_of(road: Road) -> F32:
 
 def slot_of(vehicle: U8) -> IndexArray:
     """Slot of each vehicle; the ego's where there is none."""
-    return np.where(vehicle == NO_VEHICLE, Role.EGO, vehicle).astype(np.intp)
+    return np.where(vehicle == NO_VEHICLE, EGO_SLOT, vehicle).astype(np.intp)
 
 
 def half_lengths(run: Trajectories, rows: IndexArray, slot: IndexArray) -> F32:
     """Half of the lengths of the ego and a vehicle together, shape (instant,) [m]."""
     length = run.scenario.vehicles.length
-    return np.float32(0.5) * (length[rows, Role.EGO] + length[rows, slot])
+    return np.float32(0.5) * (length[rows, EGO_SLOT] + length[rows, slot])
 
 
 def footprint(
@@ -120,7 +120,7 @@ def oncoming(run: Trajectories) -> Mask:
     headings, direction = run.headings_and_origin
     heading = np.take_along_axis(headings, first[:, :, None], axis=2)[:, :, 0]
     against = sincos(as_f32(heading) * RADIANS - np.float32(direction))[1] < 0
-    against[:, Role.EGO] = False
+    against[:, EGO_SLOT] = False
     return valid & against
 
 
@@ -215,7 +215,7 @@ def vehicle_at(run: Trajectories, vehicle: U8, rows: IndexArray, frames: Frames)
 def lead_at(run: Trajectories, rows: IndexArray, slot: IndexArray, frames: Frames) -> F32:
     """Centre of the ego minus that of a vehicle along the road at single frames [m]."""
     s = run.states.s
-    return as_f32(s[rows, Role.EGO, frames] - s[rows, slot, frames]) * METRES
+    return as_f32(s[rows, EGO_SLOT, frames] - s[rows, slot, frames]) * METRES
 
 
 def across_at(
@@ -271,12 +271,12 @@ def left_lane_at(run: Trajectories, frames: Frames) -> LeftLane:
     Lengths are summed in whole half-millimetres: the order of the vehicles is irrelevant.
     """
     rows = np.arange(len(frames))
-    own, s = run.states.lane[rows, Role.EGO, frames].astype(np.int32), run.states.s[rows, :, frames]
+    own, s = run.states.lane[rows, EGO_SLOT, frames].astype(np.int32), run.states.s[rows, :, frames]
     there = in_lane(run, own + 1, frames)
     limit = np.int32(2 * OCCUPANCY_REACH_MM)
     length = np.rint(run.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
     # Twice the distance, cut so that a vehicle miles away cannot overflow.
-    centre = np.clip(s - s[:, [Role.EGO]], -limit, limit) * np.int32(2)
+    centre = np.clip(s - s[:, [EGO_SLOT]], -limit, limit) * np.int32(2)
     front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)
     inside = np.where(there, np.maximum(front - rear, np.int32(0)), np.int32(0))
     return LeftLane(

@@ -23,7 +23,7 @@ from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road import MAX_LANES
 from overtaking.model.safety_measures import Encounter
 from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION, Trajectories
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case
 from overtaking.world.constants import engine_constants, model_constants
 from overtaking.world.road_parameters import road_parameters
@@ -79,7 +79,7 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignal
     )
     around = partial(_around, trajectories, outputs["neighbour_slot"])
     later: Later = {
-        "s": lambda: {"s": as_f32(trajectories.states.s[:, Role.EGO]) * METRES},
+        "s": lambda: {"s": as_f32(trajectories.states.s[:, EGO_SLOT]) * METRES},
         "valid": lambda: {"valid": trajectories.frame_mask},
         **dict.fromkeys(_AROUND, around),
     }
@@ -92,7 +92,7 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignal
 def _limit_sight(trajectories: Trajectories, outputs: Arrays) -> None:
     """Nothing is seen beyond what the road shows."""
     if trajectories.road.course:
-        s = trajectories.states.s[:, Role.EGO] * POSITION_RESOLUTION
+        s = trajectories.states.s[:, EGO_SLOT] * POSITION_RESOLUTION
         shown = sight_at(trajectories.road, s)
         for name in ("sight_lit", "sight_unlit"):
             np.minimum(outputs[name], as_f32(shown), out=outputs[name])
@@ -246,8 +246,8 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
     inverse = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention)
     arrays = {
         "film": film,
-        "wear": bodies.tyre_wear[:, Role.EGO],
-        "truck": as_f32(bodies.kind[:, Role.EGO] == VehicleKind.T),
+        "wear": bodies.tyre_wear[:, EGO_SLOT],
+        "truck": as_f32(bodies.kind[:, EGO_SLOT] == VehicleKind.T),
         "fog": sight["fog_extinction"],
         "rain": sight["rain_extinction"],
         "contrast_depth": maximum(depth, np.float32(0.0)),

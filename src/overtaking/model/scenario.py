@@ -13,7 +13,7 @@ from overtaking.core.arrays import F32, F64, U8, U64
 from overtaking.core.errors import convert_integers
 from overtaking.model.batch import AxisEnd, Batch, Constraint, FieldSpec, IdentityBatch
 from overtaking.model.road import MAX_LENGTH, Road
-from overtaking.model.vehicles import DriverTraits, Role, VehicleSpecs
+from overtaking.model.vehicles import EGO_SLOT, DriverTraits, VehicleSpecs
 from overtaking.model.weather import LateralPushes, Weather
 
 SLOT_CAPACITIES = (8, 16, 32)
@@ -148,7 +148,7 @@ class Intervention:
     decision: ForcedDecision | None = None
     weather: Weather | None = None
     without: tuple[str, ...] = ()
-    vehicle: Annotated[int, FieldSpec(low=0, high=MAX_VEHICLES - 1)] = Role.EGO
+    vehicle: Annotated[int, FieldSpec(low=0, high=MAX_VEHICLES - 1)] = EGO_SLOT
     traits: Mapping[str, float] = field(default_factory=dict[str, float])
     ahead: Annotated[float, FieldSpec(unit="m", low=-1e4, high=1e4)] = 0.0
     faster: Annotated[float, FieldSpec(unit="m/s", low=-100.0, high=100.0)] = 0.0

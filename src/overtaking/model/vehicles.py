@@ -12,11 +12,8 @@ from overtaking.core.arrays import F32, U8, Mask
 from overtaking.knowledge.toml_reader import number
 from overtaking.model.batch import Batch, Constraint, FieldSpec, batch_fields, with_field_docs
 
-
-class Role(IntEnum):
-    """Vehicle slots with a meaning; the others hold the rest of the traffic, packed from slot 1."""
-
-    EGO = 0
+EGO_SLOT = 0
+"""Slot of the ego. The other vehicles fill the slots from 1 on without gaps."""
 
 
 class VehicleKind(IntEnum):
@@ -135,7 +132,7 @@ class VehicleSpecs(Batch):
 
     def constraints(self) -> Iterable[Constraint]:
         """An ego in slot 0 and no empty slot before a filled one; centres between the axles."""
-        is_ego = np.arange(self.valid.shape[1]) == Role.EGO
+        is_ego = np.arange(self.valid.shape[1]) == EGO_SLOT
         follows_empty_slot = np.zeros_like(self.valid)
         follows_empty_slot[:, 1:] = self.valid[:, 1:] & ~self.valid[:, :-1]
         is_broken = follows_empty_slot | (is_ego & ~self.valid)

@@ -29,7 +29,7 @@ from overtaking.model.trajectories import (
     Stage,
     Trajectories,
 )
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.recordings.pinto2023_files import read_table, write_table
 from overtaking.recordings.pinto2023_schema import (
     COLUMNS,
@@ -111,7 +111,7 @@ def _frame_columns(
     return {
         "F": frame,
         "TS": trajectories.time_ms[frame] / _MS_PER_S,
-        "IDego": np.full(len(frame), Role.EGO + 1),
+        "IDego": np.full(len(frame), EGO_SLOT + 1),
         "C": pa.array(_ids(partner), mask=partner == NO_VEHICLE),
         "OV": (
             _is_first(trajectories.stage, Stage.PULL_OUT)
@@ -179,8 +179,8 @@ def _road_columns(
     trajectories: Trajectories, simulation: NDArray[np.intp], frame: NDArray[np.intp]
 ) -> dict[str, ArrayLike | pa.Array]:
     """MV and the surroundings of the ego's lane, of each row."""
-    lane = trajectories.states.lane[simulation, Role.EGO, frame]
-    s = trajectories.states.s[simulation, Role.EGO, frame] * POSITION_RESOLUTION
+    lane = trajectories.states.lane[simulation, EGO_SLOT, frame]
+    s = trajectories.states.s[simulation, EGO_SLOT, frame] * POSITION_RESOLUTION
     limit = trajectories.road.speed_limit_at(s)
     columns: dict[str, ArrayLike | pa.Array] = {"MV": _rounded(kmh_from_mps(limit))}
     by_code = _surroundings(trajectories.road)

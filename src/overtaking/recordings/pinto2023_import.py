@@ -20,7 +20,7 @@ from overtaking.core.representation import as_utf8
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Stage, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.weather import Weather
 from overtaking.recordings.batch import MAX_SLOTS
 from overtaking.recordings.candidates import MAX_FRAMES, Window
@@ -106,8 +106,8 @@ class TableScenes(Parts):
                 slot = slots[str(hit[frames[0]])]
                 at = frames[0] * self.recording.frame_interval_ms
                 collided[place, frames] = [slots[str(partner_id)] for partner_id in hit[frames]]
-                partner[place, [Role.EGO, slot]] = [slot, Role.EGO]
-                time[place, [Role.EGO, slot]] = at
+                partner[place, [EGO_SLOT, slot]] = [slot, EGO_SLOT]
+                time[place, [EGO_SLOT, slot]] = at
         return made.replace(
             stage=stage,
             collided_with=collided,

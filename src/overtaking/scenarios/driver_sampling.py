@@ -17,7 +17,7 @@ from overtaking.knowledge.quantities import Distribution, Quantity
 from overtaking.knowledge.toml_reader import all_quantities, load_toml
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES, vehicle_classes
 from overtaking.model.batch import FieldSpec, batch_fields
-from overtaking.model.vehicles import DriverTraits, Role
+from overtaking.model.vehicles import EGO_SLOT, DriverTraits
 from overtaking.scenarios.random_draws import (
     NumberTransform,
     RandomStream,
@@ -170,8 +170,8 @@ def sample_traits(
     stream = block.slot_streams(Stream.DRIVER, kind.shape[1])
     population = load_population(section.population)
     driving_style = stream.uniform()
-    driving_style[:, Role.EGO] = transform("ego_temper", driving_style[:, Role.EGO])
-    for slot in range(Role.EGO + 1, driving_style.shape[1]):
+    driving_style[:, EGO_SLOT] = transform("ego_temper", driving_style[:, EGO_SLOT])
+    for slot in range(EGO_SLOT + 1, driving_style.shape[1]):
         driving_style[:, slot] = transform("others_temper", driving_style[:, slot])
     driving_style = scale_to_range(driving_style, *section.temper)
     traits = {
@@ -199,10 +199,10 @@ def drivers_from_speeds(traits: Mapping[str, F32], came_with: F32, max_speed: F3
         max_speed: Top speeds, the same shape [m/s].
     """
     desired = came_with * traits["cruise_factor"]
-    lead, own = desired[:, LEADER_SLOT], came_with[:, Role.EGO]
-    wants = traits["wants_to_overtake"][:, Role.EGO] > 0
-    faster = maximum(own, lead + traits["speed_over_leader"][:, Role.EGO])
-    desired[:, Role.EGO] = np.where(wants, faster, minimum(own, lead))
+    lead, own = desired[:, LEADER_SLOT], came_with[:, EGO_SLOT]
+    wants = traits["wants_to_overtake"][:, EGO_SLOT] > 0
+    faster = maximum(own, lead + traits["speed_over_leader"][:, EGO_SLOT])
+    desired[:, EGO_SLOT] = np.where(wants, faster, minimum(own, lead))
     return drivers_with_speed(traits, minimum(desired, max_speed))
 
 
@@ -246,7 +246,7 @@ def _trait(
     if kind == "bernoulli":
         probability = _between(driving_style, *(end.parameter("probability") for end in ends))
         u = stream.uniform()
-        u[:, Role.EGO] = transform(f"ego_{name}", u[:, Role.EGO])
+        u[:, EGO_SLOT] = transform(f"ego_{name}", u[:, EGO_SLOT])
         return (u < probability).astype(np.float32)
     low, high = (
         _between(driving_style, *(getattr(end, side) for end in ends)) for side in ("low", "high")
@@ -254,7 +254,7 @@ def _trait(
     if kind == "uniform":
         return scale_to_range(stream.uniform(), low, high)
     normal = stream.unbounded_normal()
-    normal[:, Role.EGO] = transform(f"ego_{name}", normal[:, Role.EGO])
+    normal[:, EGO_SLOT] = transform(f"ego_{name}", normal[:, EGO_SLOT])
     sigma = _between(driving_style, *(end.parameter("sigma") for end in ends))
     return clamp(_shifted(kind, ends, driving_style, sigma * truncate(normal)), low, high)
 

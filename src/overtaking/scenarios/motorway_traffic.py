@@ -11,7 +11,7 @@ from overtaking.core.random_numbers import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
-from overtaking.model.vehicles import Role, VehicleSpecs
+from overtaking.model.vehicles import EGO_SLOT, VehicleSpecs
 from overtaking.scenarios.driver_sampling import (
     drivers_with_speed,
     max_cruise_factor,
@@ -193,7 +193,7 @@ def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
         for name in ("MC", "B"):
             ego_weights[VEHICLE_CLASS_NAMES.index(name)] = 0.0
         drawn = choose_weighted(u, weights)
-        drawn[:, Role.EGO] = choose_weighted(u[:, Role.EGO], ego_weights)
+        drawn[:, EGO_SLOT] = choose_weighted(u[:, EGO_SLOT], ego_weights)
         kind = np.where(lane == lane_index, drawn, kind)
     return kind
 
@@ -263,7 +263,7 @@ def _ego_desired_speed(
         Desired speeds, shape (simulation,) [m/s], and a transform that replays the ego's numbers:
         another call of the proposal would count their density ratios twice.
     """
-    u = kind_number(block, Role.EGO)[:, None]
+    u = kind_number(block, EGO_SLOT)[:, None]
     kind = vehicle_kinds(flow, u, lane[:, None])
     ego_numbers: dict[str, F32] = {}
 

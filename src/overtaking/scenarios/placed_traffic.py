@@ -12,7 +12,7 @@ from overtaking.core.random_numbers import Stream
 from overtaking.core.units import kmh_from_mps, mps_from_kmh
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
 from overtaking.model.road import Road
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.scenarios.driver_sampling import LEADER_SLOT, drivers_from_speeds, sample_traits
 from overtaking.scenarios.random_draws import SampleBlock, scale_to_range
 from overtaking.scenarios.safe_start import (
@@ -118,7 +118,7 @@ def draw_placed_starts(
         is_leader = slot == LEADER_SLOT
         speeds.append(_speed(traffic, stream.uniform(), kind[:, slot], is_leader=is_leader))
         kept_gap_shares.append(scale_to_range(stream.uniform(), 0.0, MAX_KEPT_GAP_SHARE))
-    lanes[Role.EGO] = lanes[LEADER_SLOT] = ego_lane
+    lanes[EGO_SLOT] = lanes[LEADER_SLOT] = ego_lane
     valid = [slot < num_vehicles for slot in slots]
     _move_out_of_full_lanes(lanes, valid, zone)
     _put_leader_ahead_of_ego(stations, lanes, valid)
@@ -221,13 +221,13 @@ def _move_out_of_full_lanes(lanes: list[U8], valid: list[Mask], zone: StartZone)
 
 def _put_leader_ahead_of_ego(positions: list[F32], lanes: list[U8], valid: list[Mask]) -> None:
     """Order the ego, its leader and the vehicles between them; changes `positions`."""
-    first, second = positions[Role.EGO], positions[LEADER_SLOT]
+    first, second = positions[EGO_SLOT], positions[LEADER_SLOT]
     ego, lead = minimum(first, second), maximum(first, second)
     for slot in range(LEADER_SLOT + 1, len(positions)):
         position = positions[slot]
         between = (
-            valid[slot] & (lanes[slot] == lanes[Role.EGO]) & (position >= ego) & (position < lead)
+            valid[slot] & (lanes[slot] == lanes[EGO_SLOT]) & (position >= ego) & (position < lead)
         )
         positions[slot] = np.where(between, lead, position)
         lead = np.where(between, position, lead)
-    positions[Role.EGO], positions[LEADER_SLOT] = ego, lead
+    positions[EGO_SLOT], positions[LEADER_SLOT] = ego, lead

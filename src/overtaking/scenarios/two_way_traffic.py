@@ -19,7 +19,7 @@ from overtaking.core.random_numbers import Stream
 from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
-from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind, VehicleSpecs
 from overtaking.scenarios.driver_sampling import (
     drivers_with_speed,
     max_cruise_factor,
@@ -306,7 +306,7 @@ def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSl
     Only a fixed number of oncoming vehicles is drawn. The deadline comes before the ego can see the
     empty road behind the last of them.
     """
-    ego_s = drawn.s[:, Role.EGO]
+    ego_s = drawn.s[:, EGO_SLOT]
     last_oncoming = drawn.s[:, -1] if traffic.oncoming else np.full_like(ego_s, -np.inf)
     distance = np.float32(block.road.length) - last_oncoming - ego_s
     max_closing_speed = np.float32(2.0 * max_desired_speed(block.specification, traffic))
@@ -320,8 +320,8 @@ def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSl
 def _vehicle_kinds(traffic: TwoWayTraffic, u: F32) -> U8:
     """Vehicle classes from uniform numbers (simulation, vehicle)."""
     kind = choose_weighted(u, weights_of(traffic.types, VEHICLE_CLASS_NAMES))
-    kind[:, Role.EGO] = choose_weighted(
-        u[:, Role.EGO], weights_of(traffic.ego_types, VEHICLE_CLASS_NAMES)
+    kind[:, EGO_SLOT] = choose_weighted(
+        u[:, EGO_SLOT], weights_of(traffic.ego_types, VEHICLE_CLASS_NAMES)
     )
     return kind
 
@@ -340,7 +340,7 @@ def _desired_speeds(
     free = [mps_from_kmh(traffic.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_NAMES]
     speed = np.array(free, np.float32)[kind] * cruise_factor
     low, high = (mps_from_kmh(limit) for limit in traffic.slow_speed_kmh)
-    for slot in range(Role.EGO + 1, kind.shape[1]):
+    for slot in range(EGO_SLOT + 1, kind.shape[1]):
         is_slow = stream.uniform() < np.float32(traffic.slow_share)
         is_slow = is_slow & ~np.isin(kind[:, slot], (VehicleKind.MC, VehicleKind.B))
         slow_speed = scale_to_range(stream.uniform(), low, high)

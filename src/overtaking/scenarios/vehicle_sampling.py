@@ -17,7 +17,7 @@ from overtaking.knowledge.vehicle_classes import (
     colours,
     vehicle_classes,
 )
-from overtaking.model.vehicles import Role, VehicleKind, VehicleSpecs
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind, VehicleSpecs
 from overtaking.scenarios.random_draws import SampleBlock, choose_weighted, weights_of
 from overtaking.scenarios.traffic_specification import PlacedTraffic
 from overtaking.world.constants import model_constants
@@ -55,8 +55,8 @@ class DrawnBody:
 def vehicle_kinds(traffic: PlacedTraffic, u: F32) -> U8:
     """Vehicle types from uniform numbers (simulation, vehicle); the ego's have other weights."""
     kind = choose_weighted(u, weights_of(traffic.types, VEHICLE_CLASS_NAMES))
-    ego = u[:, Role.EGO]
-    kind[:, Role.EGO] = choose_weighted(ego, weights_of(traffic.ego_types, VEHICLE_CLASS_NAMES))
+    ego = u[:, EGO_SLOT]
+    kind[:, EGO_SLOT] = choose_weighted(ego, weights_of(traffic.ego_types, VEHICLE_CLASS_NAMES))
     return kind
 
 

@@ -12,7 +12,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.model.batch import batch_fields
 from overtaking.model.scenario import BranchOrigin, ForcedDecision, Intervention, Scenario
 from overtaking.model.trajectories import STATE_DTYPES, States, Trajectories
-from overtaking.model.vehicles import DriverTraits, Role
+from overtaking.model.vehicles import EGO_SLOT, DriverTraits
 from overtaking.model.weather import Weather, without
 from overtaking.sim import engine
 from overtaking.world.step_parameters import Turn, parameters, with_command
@@ -212,7 +212,7 @@ def _check_vehicle(scenario: Scenario, change: Intervention) -> None:
     slot, least = change.vehicle, int(scenario.num_vehicles.min(initial=scenario.num_slots))
     if slot >= least:
         raise ConfigError.out_of_range("vehicle", "branch", 0, least - 1, slot)
-    if change.removed and slot == Role.EGO:
+    if change.removed and slot == EGO_SLOT:
         raise ConfigError.of(
             what="vehicle",
             where="branch",

@@ -11,7 +11,7 @@ from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.knowledge.toml_reader import constant as known_number
 from overtaking.model.batch import Batch
 from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Labels
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.world.constants import model_constants
@@ -177,7 +177,7 @@ def lane_changes(trajectories: Trajectories) -> I32:
     was last.
     """
     centres = trajectories.road.centres / POSITION_RESOLUTION
-    d, lane = trajectories.states.d[:, Role.EGO], trajectories.states.lane[:, Role.EGO]
+    d, lane = trajectories.states.d[:, EGO_SLOT], trajectories.states.lane[:, EGO_SLOT]
     on_road = lane < len(centres)
     offset = np.abs(d - centres[np.where(on_road, lane, 0)])
     settled = on_road & trajectories.frame_mask

@@ -10,7 +10,7 @@ from overtaking.core.float32_math import clamp, exp, maximum, minimum
 from overtaking.core.random_numbers import PhiloxStream, Stream
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.scenario import Scenario
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.world import road_surface, visibility
 from overtaking.world.constants import (
     DECISIONS_PER_SECOND,
@@ -139,7 +139,7 @@ def _lane_changes(
     gain = p.passing_gain
     if not effects.mobil:
         threshold = np.full_like(threshold, _NEVER)
-        gain = np.where(np.arange(gain.shape[1]) == Role.EGO, gain, _NEVER)
+        gain = np.where(np.arange(gain.shape[1]) == EGO_SLOT, gain, _NEVER)
     return {
         "threshold": threshold,
         "passing_gain": gain,

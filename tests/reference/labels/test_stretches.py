@@ -15,7 +15,7 @@ from overtaking.core.native import SIMD_VARIABLE
 from overtaking.labels.events import case_of
 from overtaking.labels.law.alongside import overlaps
 from overtaking.labels.law.frames import Span, answers, bits_within, conduct, limited
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 
 if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
@@ -105,7 +105,7 @@ def test_runs_of_any_length_are_counted_across_sixteen_frames(level, monkeypatch
 @every_recording
 def test_bits_that_are_set_ever_and_always_are_those_of_the_frames(name):
     given = case(name)
-    span, lights = some_frames(given), given.trajectories.states.lights[:, Role.EGO]
+    span, lights = some_frames(given), given.trajectories.states.lights[:, EGO_SLOT]
     found = bits_within(lights, span)
     for k, frames in enumerate(ranges(span)):
         assert (found[0][k], found[1][k]) == stretches.bits_within(lights[k], frames), k

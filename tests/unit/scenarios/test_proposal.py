@@ -8,7 +8,7 @@ import scipy.stats
 
 from overtaking.core.errors import ConfigError
 from overtaking.core.random_numbers import Stream
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.random_draws import ProposalSampler, RandomStream
@@ -183,7 +183,7 @@ def test_the_risk_profile_has_orderly_drivers_and_weighs_them_back():
     natural = ScenarioSource(load_specification("motorway"), road, 1).sample(NUMBERS[:8000]).drivers
     risk = ScenarioSource(load_specification("motorway-risk"), road, 1).sample(NUMBERS[:8000])
     weight, far = risk.weight, 2.2
-    for slot, more in ((Role.EGO, 1.5), (5, 1.05)):
+    for slot, more in ((EGO_SLOT, 1.5), (5, 1.05)):
         enriched, plain = (who.time_gap[:, slot] > far for who in (risk.drivers, natural))
         assert enriched.mean() > more * plain.mean()
         spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))
@@ -198,7 +198,7 @@ def test_rural_risk_has_more_who_misjudge_and_heed_no_line_and_weighs_them_back(
     weight = risk.weight
     assert weight.max() <= 1.0 / 0.36 + 1e-9
     for unusual in (lambda who: ~who.heeds_lines, lambda who: who.need_factor < 0.6):
-        enriched, plain = (unusual(who)[:, Role.EGO] for who in (risk.drivers, natural))
+        enriched, plain = (unusual(who)[:, EGO_SLOT] for who in (risk.drivers, natural))
         assert enriched.mean() > 2.0 * plain.mean()
         spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))
         assert (weight * enriched).mean() == pytest.approx(plain.mean(), abs=4.0 * spread)

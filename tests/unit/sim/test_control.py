@@ -8,7 +8,7 @@ from tests.support.minds import moment
 from tests.support.worlds import Vehicle
 
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference import control, dynamics, steering
 
 JERK = {"up": 2.5, "down": 5.0, "urgent": 6.0 / 0.6, "release": 5.0}
@@ -68,7 +68,7 @@ def test_the_ego_uses_more_of_the_engine_while_it_passes():
     m = moment([Vehicle(speed=20.0), Vehicle(s=-100.0, speed=20.0)])
     believed = m.look()
     following = control.behind_leader(m.state, m.given, m.p, m.neighbours(), believed, None)
-    m.state.stage[Role.EGO] = np.float32(Stage.PASS)
+    m.state.stage[EGO_SLOT] = np.float32(Stage.PASS)
     passing = control.behind_leader(m.state, m.given, m.p, m.neighbours(), believed, None)
     # 1.3 times, towards a tenth more speed; the others are not in a hurry.
     faster = 1.5 * (1.0 - (20.0 / 33.0) ** 4)

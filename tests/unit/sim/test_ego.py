@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from overtaking.model.road import Road
 
 from overtaking.model.trajectories import Lights, ManoeuvreKind, Stage, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim import engine
 from overtaking.sim.branch import ForcedDecision, branch
 from overtaking.world.step_parameters import parameters
@@ -182,7 +182,7 @@ def view_of(*vehicles: Vehicle) -> tuple[Moment, gaps.View]:
     """What the ego knows at one moment."""
     m = moment(list(vehicles))
     near = m.neighbours()
-    return m, gaps.look(m.state, m.given, m.p, m.q, near, m.look(), Role.EGO)
+    return m, gaps.look(m.state, m.given, m.p, m.q, near, m.look(), EGO_SLOT)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import Lights, Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim import engine
 from overtaking.world.step_parameters import parameters
 from overtaking.world.weather_parameters import with_effective_weather
@@ -101,8 +101,8 @@ def test_nobody_is_noticed_beyond_the_sight():
 
 def test_lamps_are_on_by_night_alone():
     night, rain = (ot.simulate(drawn(one, 8)) for one in ("ClearNight", "HardRainNoon"))
-    assert (night.states.lights[:, Role.EGO, 0] & Lights.LOW_BEAM).all()
-    assert not (rain.states.lights[:, Role.EGO, 0] & Lights.LOW_BEAM).any()
+    assert (night.states.lights[:, EGO_SLOT, 0] & Lights.LOW_BEAM).all()
+    assert not (rain.states.lights[:, EGO_SLOT, 0] & Lights.LOW_BEAM).any()
 
 
 def test_egos_that_are_told_look_at_nobody_beside_them():

@@ -9,7 +9,7 @@ import pandas as pd
 from overtaking.analysis.learning.attributes import BY_NAME, FACTORS
 from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 
 if TYPE_CHECKING:
     from overtaking.data.load import Dataset
@@ -138,7 +138,7 @@ def _largest_acceleration(data: "Dataset", count: int) -> F64:
     found = np.zeros((count, 1))
     for numbers, run in data.batches():
         states = run.states
-        axes = (states.accel_lon[:, Role.EGO], states.accel_lat[:, Role.EGO])
+        axes = (states.accel_lon[:, EGO_SLOT], states.accel_lat[:, EGO_SLOT])
         size = np.maximum(*(abs(one.astype(np.int32)) for one in axes))
         found[numbers, 0] = size.max(axis=-1) / 1000.0  # Recorded in mm/s^2.
     return found

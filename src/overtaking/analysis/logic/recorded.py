@@ -20,7 +20,7 @@ from overtaking.model.overtake_events import NEVER
 from overtaking.model.road import DrivingSide, RoadMark
 from overtaking.model.road_course import MAX_LENGTH
 from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.world.sight_distance import all_zones_for
 from overtaking.world.surrogate_safety import drac
 
@@ -202,7 +202,7 @@ class _Recorded:
         return _none(2) if self._group.outcome is None else (self._numbers, self._group.outcome)
 
     def ego(self) -> Columns:
-        return self._numbers, np.full(len(self._numbers), int(Role.EGO))
+        return self._numbers, np.full(len(self._numbers), EGO_SLOT)
 
     def vehicle(self) -> Columns:
         bodies = self._run.scenario.vehicles
@@ -296,7 +296,7 @@ class _Recorded:
         s, reach = self._states.s, REACH_MM
         if self._run.road.is_two_way:
             reach = np.where(oncoming(self._run), ONCOMING_REACH_MM, REACH_MM)[:, :, None]
-        return self._run.state_mask & (np.abs(s - s[:, [Role.EGO]]) <= reach)
+        return self._run.state_mask & (np.abs(s - s[:, [EGO_SLOT]]) <= reach)
 
     @cached_property
     def _written(self) -> Mask:
@@ -329,7 +329,7 @@ class _Recorded:
 
     def ego_speed(self) -> Columns:
         row, frame = np.nonzero(self._seen.valid)
-        return self._numbers[row], frame, self._states.speed[row, Role.EGO, frame]
+        return self._numbers[row], frame, self._states.speed[row, EGO_SLOT, frame]
 
     def reach(self) -> Columns:
         at = row, frame = np.nonzero(self._seen.valid)
@@ -356,7 +356,7 @@ class _Recorded:
         lawful = lawful_gap(rear, closing, sure_decel(seen.friction[cells]))
         other = target.slot[row] if is_target else seen.neighbour_slot[here]
         speed = self._states.speed
-        own, others = speed[row, Role.EGO, frame], speed[row, other.astype(np.intp), frame]
+        own, others = speed[row, EGO_SLOT, frame], speed[row, other.astype(np.intp), frame]
         exact = own - others if is_ahead else others - own
         neighbour = np.full(len(row), code)
         return self._numbers[row], neighbour, frame, down(gap), exact, beside(lawful, gap)
@@ -390,7 +390,7 @@ class _Recorded:
     def target_lead(self) -> Columns:
         row, slot, frame = self._at_target()
         s = self._states.s
-        return self._numbers[row], frame, s[row, Role.EGO, frame] - s[row, slot, frame]
+        return self._numbers[row], frame, s[row, EGO_SLOT, frame] - s[row, slot, frame]
 
     def target_speed(self) -> Columns:
         row, slot, frame = self._at_target()
@@ -405,7 +405,7 @@ class _Recorded:
         if not (road.is_two_way or road.course):
             return _none(3)
         row, frame = np.nonzero(self._seen.valid)
-        return self._numbers[row], frame, self._states.s[row, Role.EGO, frame]
+        return self._numbers[row], frame, self._states.s[row, EGO_SLOT, frame]
 
     @cached_property
     def _coming(self) -> tuple[IndexArray, IndexArray, IndexArray, F32]:
@@ -444,9 +444,9 @@ class _Recorded:
     def slow_vehicle(self) -> Columns:
         s, speed = self._states.s, self._states.speed
         slow = self._run.state_mask & (speed < _SLOW)
-        slow[:, Role.EGO] = False
+        slow[:, EGO_SLOT] = False
         at = row, slot, frame = np.nonzero(slow)
-        away = np.abs(s[at] - s[row, Role.EGO, frame])
+        away = np.abs(s[at] - s[row, EGO_SLOT, frame])
         return self._numbers[row], frame, slot, speed[at], away
 
 

@@ -8,7 +8,7 @@ from overtaking.core.arrays import F64
 from overtaking.model.overtake_events import NEVER, OvertakeEvents
 from overtaking.model.road import RoadMark
 from overtaking.model.trajectories import NO_VEHICLE, POSITION_RESOLUTION, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 
 _MS_PER_S = 1000.0
 
@@ -114,7 +114,7 @@ def diagram(trajectories: Trajectories, events: OvertakeEvents) -> Diagram:
     frames = int(trajectories.num_frames[0])
     time = trajectories.time_ms[:frames] / _MS_PER_S
     target = int(events.target[0])
-    followed = Role.EGO if target == NO_VEHICLE else target
+    followed = EGO_SLOT if target == NO_VEHICLE else target
     s = trajectories.states.s[0, :, :frames].astype(np.float64) * POSITION_RESOLUTION
     share = np.linspace(0.0, 1.0, frames, dtype=np.float64)
     mark = s[followed, 0] + (s[followed, -1] - s[followed, 0]) * share
@@ -141,13 +141,13 @@ def _shown(trajectories: Trajectories, s: F64, target: int) -> list[int]:
     """Slots of the ego, of the target, and of those that come near the ego, the nearest first."""
     present = np.flatnonzero(trajectories.scenario.vehicles.valid[0])
     there = trajectories.state_mask[0, :, : s.shape[1]]
-    nearest = np.where(there, np.abs(s - s[Role.EGO]), np.inf).min(axis=1)
+    nearest = np.where(there, np.abs(s - s[EGO_SLOT]), np.inf).min(axis=1)
     others = [
         int(slot)
         for slot in present[np.argsort(nearest[present], kind="stable")]
-        if slot not in (Role.EGO, target) and nearest[slot] < _NEAR
+        if slot not in (EGO_SLOT, target) and nearest[slot] < _NEAR
     ]
-    first = [int(Role.EGO)] if target == NO_VEHICLE else [int(Role.EGO), target]
+    first = [EGO_SLOT] if target == NO_VEHICLE else [EGO_SLOT, target]
     return [*first, *others][:MAX_TRACKS]
 
 
@@ -159,7 +159,7 @@ def _track(trajectories: Trajectories, slot: int, ahead: F64, target: int) -> Tr
     ahead, d = (np.where(there, one, np.nan) for one in (ahead, d))
     return Track(
         slot=slot,
-        is_ego=slot == Role.EGO,
+        is_ego=slot == EGO_SLOT,
         is_target=slot == target,
         length=float(vehicles.length[0, slot]),
         width=float(vehicles.width[0, slot]),

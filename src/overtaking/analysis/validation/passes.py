@@ -14,7 +14,7 @@ import numpy as np
 from overtaking.analysis.validation.tally import ratio
 from overtaking.analysis.validation.traffic import Batch, limit
 from overtaking.model.trajectories import NO_VEHICLE, ManoeuvreKind, Stage, Trajectories
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.world.road_parameters import road_parameters
 from overtaking.world.sight_distance import sight_at
 
@@ -126,7 +126,7 @@ def passes(runs: Trajectories) -> list[Pass]:
 
 
 def meeting(
-    runs: Trajectories, row: Array, frame: Array, who: int = Role.EGO
+    runs: Trajectories, row: Array, frame: Array, who: int = EGO_SLOT
 ) -> tuple[F64, F64, Array]:
     """The nearest oncomer of egos, or of others in their direction.
 
@@ -163,15 +163,15 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     kind, valid = runs.percepts.kind[row], runs.percepts.valid[row]
     decided = np.flatnonzero(valid & (kind == ManoeuvreKind.PULL_OUT))
     target = int(runs.percepts.vehicle[row, decided[-1], 0]) if decided.size else NO_VEHICLE
-    offset = road.side * 1e-3 * states.d[row, Role.EGO, start:frames]
+    offset = road.side * 1e-3 * states.d[row, EGO_SLOT, start:frames]
     line = road.side * float(road.boundaries[-1])
-    beyond = np.flatnonzero(offset > line - 0.5 * float(specs.width[row, Role.EGO])) + start
+    beyond = np.flatnonzero(offset > line - 0.5 * float(specs.width[row, EGO_SLOT])) + start
     if not beyond.size or target == NO_VEHICLE:
         return None
     first, last = int(beyond[0]), int(beyond[-1])
     while_out = slice(first, last + 1)
     s = states.s[row][:, : last + 1].astype(np.float64) * 1e-3
-    ahead = s[Role.EGO, first:] - s[target, first:]
+    ahead = s[EGO_SLOT, first:] - s[target, first:]
     level = np.flatnonzero(ahead >= 0.0)
     if not level.size:
         return None
@@ -180,14 +180,14 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     speed = 1e-3 * states.speed[row].astype(np.float64)
     at = (np.array([row, row]), np.array([start, last]))
     times, gaps, slots = meeting(runs, *at)
-    bodies = 0.5 * float(specs.length[row, Role.EGO] + specs.length[row, target])
+    bodies = 0.5 * float(specs.length[row, EGO_SLOT] + specs.length[row, target])
     along = (runs.scenario.start_lane[row] < road.num_lanes) & specs.valid[row]
-    behind = float(s[Role.EGO, last] - s[target, last]) - bodies
+    behind = float(s[EGO_SLOT, last] - s[target, last]) - bodies
     return Pass(
         row=row,
         duration=(last - first) * second,
-        way=float(s[Role.EGO, last] - s[Role.EGO, first]),
-        surplus=float(speed[Role.EGO, abreast] - speed[target, abreast]),
+        way=float(s[EGO_SLOT, last] - s[EGO_SLOT, first]),
+        surplus=float(speed[EGO_SLOT, abreast] - speed[target, abreast]),
         passed_speed=float(speed[target, abreast]),
         no_return=committed / max(last - first, 1),
         offered=float(times[0]),
@@ -196,9 +196,9 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
         same=bool(slots[0] == slots[1]),
         margin=float(times[1]),
         left=behind / max(float(speed[target, last]), 1.0),
-        zone=_zone(runs, float(s[Role.EGO, start])),
+        zone=_zone(runs, float(s[EGO_SLOT, start])),
         too_fast=bool(
-            (speed[Role.EGO, while_out] > road.speed_limit_at(s[Role.EGO, while_out])).any()
+            (speed[EGO_SLOT, while_out] > road.speed_limit_at(s[EGO_SLOT, while_out])).any()
         ),
         is_truck=bool(specs.kind[row, target] == VehicleKind.T),
         single=int((along & (s[:, first] > s[0, first]) & (s[:, last] < s[0, last])).sum()) == 1,
@@ -219,7 +219,7 @@ def _zone(runs: Trajectories, s: float) -> float:
 def _collisions(tally: Tally, batch: Batch, attempts: Array) -> None:
     """Add attempts in which the ego collides, and the hard ones by whom it meets."""
     runs = batch.runs
-    contacts, ego = runs.contacts, Role.EGO
+    contacts, ego = runs.contacts, EGO_SLOT
     partner = contacts.partner[:, ego]
     rows = np.flatnonzero((partner != NO_VEHICLE) & attempts)
     frame = contacts.time[rows, ego] // runs.scenario.frame_interval_ms
@@ -303,7 +303,7 @@ def attempts_of_others(runs: Trajectories) -> list[Attempt]:
     road, states, specs = runs.road, runs.states, runs.scenario.vehicles
     second, line = 1e-3 * runs.scenario.frame_interval_ms, road.side * float(road.boundaries[-1])
     along = specs.valid & (runs.scenario.start_lane < road.num_lanes)
-    along[:, Role.EGO] = False
+    along[:, EGO_SLOT] = False
     found: list[Attempt] = []
     for row, slot in np.argwhere(along):
         frames = int(runs.num_frames[row])
@@ -313,7 +313,7 @@ def attempts_of_others(runs: Trajectories) -> list[Attempt]:
             if end == frames or side[first:end].max() < limit("begun_shift"):
                 continue
             s = 1e-3 * states.s[row].astype(np.float64)
-            ahead = np.where(along[row] | (np.arange(len(s)) == Role.EGO), s[:, first], -np.inf)
+            ahead = np.where(along[row] | (np.arange(len(s)) == EGO_SLOT), s[:, first], -np.inf)
             ahead = np.where(ahead > s[slot, first], ahead, np.inf)
             target, last = int(ahead.argmin()), int(end) - 1
             if not np.isfinite(ahead[target]):
@@ -374,10 +374,10 @@ def _refused(tally: Tally, batch: Batch) -> None:
     row, frame = np.nonzero(asked)
     goes = goes_at[row] & (frame == stop[row] - 1)
     s, speed = (1e-3 * one[row, :, frame] for one in (runs.states.s, runs.states.speed))
-    ahead = s[:, LEADER] - s[:, Role.EGO]
-    held = (ahead > 0.0) & (ahead < limit("held_up_gap") * speed[:, Role.EGO])
+    ahead = s[:, LEADER] - s[:, EGO_SLOT]
+    held = (ahead > 0.0) & (ahead < limit("held_up_gap") * speed[:, EGO_SLOT])
     stations, solid, _ = road_parameters(runs.road).line
-    place = np.searchsorted(stations[1:], s[:, Role.EGO], side="right")
+    place = np.searchsorted(stations[1:], s[:, EGO_SLOT], side="right")
     open_here = solid[np.minimum(place, len(solid) - 1)] == 0.0
     time, away, slot = meeting(runs, row, frame)
     there = held & open_here & (time < limit("longest_offer"))
@@ -387,7 +387,7 @@ def _refused(tally: Tally, batch: Batch) -> None:
     some = np.flatnonzero(np.isfinite(largest))
     bins = largest[some] / GAP_WIDTH
     tally.add_binned("refused", batch.group[some], bins, batch.weight[some], GAP_BINS)
-    seen = away < sight_at(runs.road, s[:, Role.EGO], 1)
+    seen = away < sight_at(runs.road, s[:, EGO_SLOT], 1)
     near = there & seen & (away < AWAY_BINS * AWAY_WIDTH)
     small = runs.scenario.vehicles.kind[row, slot] == VehicleKind.MC
     place = (away[near] / AWAY_WIDTH).astype(np.int64) + AWAY_BINS * (

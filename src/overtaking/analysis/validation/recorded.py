@@ -19,7 +19,7 @@ from overtaking.core.errors import OvertakingError
 from overtaking.core.representation import json_values
 from overtaking.data.import_report import report_frame
 from overtaking.model.import_report import ImportFinding
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.recordings.formats import read_recording
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def _density(batch: Batch) -> float:
 def _egos(batch: Batch) -> Array:
     """Only the egos: each recorded vehicle is that of one simulation."""
     counted = np.zeros_like(batch.sound)
-    counted[:, Role.EGO] = batch.sound[:, Role.EGO]
+    counted[:, EGO_SLOT] = batch.sound[:, EGO_SLOT]
     return counted
 
 

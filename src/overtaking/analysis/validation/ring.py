@@ -15,7 +15,7 @@ import numpy as np
 from overtaking.analysis.validation.changes import count_rate
 from overtaking.analysis.validation.traffic import Batch
 from overtaking.core.arrays import Buffers
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.scenarios import profiles, sampler
 from overtaking.sim import engine
 from overtaking.world.step_parameters import Parameters, parameters, with_ring
@@ -100,7 +100,7 @@ def batches(
         scenario, given = on_ring(drawn, density[first : first + CHUNK])
         batch = Batch.of(engine.run(scenario, given, buffers=buffers))
         counted = batch.sound.copy()
-        counted[:, Role.EGO] = False  # It is kept from overtaking.
+        counted[:, EGO_SLOT] = False  # It is kept from overtaking.
         counted[:, :, : round(WARM_UP_S / batch.interval_s)] = False
         yield batch, counted
 

@@ -26,7 +26,7 @@ from overtaking.model.trajectories import (
     ManoeuvreKind,
     Trajectories,
 )
-from overtaking.model.vehicles import DriverTraits, Role
+from overtaking.model.vehicles import EGO_SLOT, DriverTraits
 from overtaking.scenarios import motorway_traffic as lanes_of_flow
 from overtaking.scenarios.driver_sampling import drivers_with_speed, sample_traits
 from overtaking.scenarios.profiles import load_specification
@@ -159,14 +159,14 @@ def _errors_undone(
 
 def _unnoticed(stayed: Trajectories, frame: int, percept: Percept) -> list[int]:
     """Slots of the vehicles that are there and that the ego does not notice when it begins."""
-    noticed = {int(Role.EGO), *percept.vehicle[percept.detected].tolist()}
+    noticed = {EGO_SLOT, *percept.vehicle[percept.detected].tolist()}
     there = np.flatnonzero(stayed.state_mask[0, :, frame]).tolist()
     return [slot for slot in there if slot not in noticed]
 
 
 def _anywhere(u: F32, place: NDArray[np.float64], slot: int) -> NDArray[np.float64]:
     """Distance ahead of a vehicle that may be anywhere around the ego, shape (future,) [m]."""
-    return place[Role.EGO] + _AROUND * (2.0 * u.astype(np.float64) - 1.0) - place[slot]
+    return place[EGO_SLOT] + _AROUND * (2.0 * u.astype(np.float64) - 1.0) - place[slot]
 
 
 def _room(
@@ -184,7 +184,7 @@ def _room(
         for other in others[others != slot]:
             least = 0.5 * (length[slot] + length[other]) + _ROOM
             hits = np.abs(wanted[:, slot] - wanted[:, other]) < least
-            wanted[:, slot] = np.where(hits, place[Role.EGO] - 2.0 * _AROUND, wanted[:, slot])
+            wanted[:, slot] = np.where(hits, place[EGO_SLOT] - 2.0 * _AROUND, wanted[:, slot])
     return wanted - place
 
 
@@ -209,5 +209,5 @@ def _others(
     rows = {}
     for name in DriverTraits.__slots__:
         rows[name] = getattr(drawn, name).copy()
-        rows[name][:, Role.EGO] = getattr(own, name)[:, Role.EGO]
+        rows[name][:, EGO_SLOT] = getattr(own, name)[:, EGO_SLOT]
     return own.replace(**rows)

@@ -21,7 +21,7 @@ from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.batch import concatenate
 from overtaking.model.scenario import ForcedDecision, Intervention, Scenario
-from overtaking.model.vehicles import TRAIT_RANGES, Role
+from overtaking.model.vehicles import EGO_SLOT, TRAIT_RANGES
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.sim import engine
 from overtaking.sim.branch import branch, changed
@@ -155,8 +155,8 @@ def quantities(scene: Scene) -> Iterator[Quantity]:
     yield Quantity(
         name="ego: faster, and wanting to be",
         unit="km/h",
-        steps=_drivable(scene.scenario, int(Role.EGO), _both(60.0, 1.0)),
-        change=partial(_faster, int(Role.EGO)),
+        steps=_drivable(scene.scenario, EGO_SLOT, _both(60.0, 1.0)),
+        change=partial(_faster, EGO_SLOT),
     )
     for who, slot in _others(scene):
         named = f"{who} (vehicle {slot})"
@@ -229,7 +229,7 @@ def _trait(name: str, size: float, scenario: Scenario, value: float) -> Interven
 
 
 def _own_trait(scenario: Scenario, name: str) -> float:
-    return float(getattr(scenario.drivers, name)[0, Role.EGO])
+    return float(getattr(scenario.drivers, name)[0, EGO_SLOT])
 
 
 def _within_range(scenario: Scenario, name: str, size: float, steps: Values) -> Values:

@@ -10,7 +10,7 @@ from overtaking.data.load import Dataset
 from overtaking.labels.label import Labelled
 from overtaking.model.scenario import BranchOrigin, Intervention, Scenario
 from overtaking.model.trajectories import Stage, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.sim.branch import branch
 
@@ -105,7 +105,7 @@ class Scene:
             raise ConfigError.unknown_choice("driver", "what if", DRIVERS, name)
         tempers = {"drivers.temper": [DRIVERS[name]] * 2}
         theirs = drawn(self.data, int(self.scenario.index[0]), overrides=tempers).drivers
-        rows = {field: getattr(theirs, field)[0, Role.EGO] for field in theirs.__slots__}
+        rows = {field: getattr(theirs, field)[0, EGO_SLOT] for field in theirs.__slots__}
         return {field: one.item() for field, one in rows.items()}
 
 

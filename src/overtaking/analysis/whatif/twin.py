@@ -14,7 +14,7 @@ from overtaking.data.branches import Told
 from overtaking.labels.label import Labelled, label
 from overtaking.model.scenario import ForcedDecision, Intervention
 from overtaking.model.trajectories import STATE_RESOLUTION, States, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 
 MOST_DELAY = 60.0
 """Longest delay of a start [s]."""
@@ -221,7 +221,7 @@ def parting(before: Trajectories, after: Trajectories) -> Parting | None:
     slot = int(np.flatnonzero(anyhow[:, frame])[0])
     name = next(name for name, where in differs.items() if where[slot, frame])
     values = [int(getattr(run.states, name)[0, slot, frame]) for run in (before, after)]
-    own = np.flatnonzero(anyhow[Role.EGO])
+    own = np.flatnonzero(anyhow[EGO_SLOT])
     return Parting(
         frame=frame,
         time=frame * interval / 1000,
@@ -258,7 +258,7 @@ def lamps_differ(before: Trajectories, after: Trajectories) -> float | None:
 def _words(change: Intervention) -> str:
     """Another change in a few words."""
     parts = [f"without {one}" for one in change.without]
-    who = "ego" if change.vehicle == Role.EGO else f"vehicle {change.vehicle}"
+    who = "ego" if change.vehicle == EGO_SLOT else f"vehicle {change.vehicle}"
     parts += [f"{who} with {name} {value:g}" for name, value in change.traits.items()]
     parts += [f"{who} {change.ahead:+g} m"] if change.ahead else []
     parts += [f"{who} {change.faster:+g} m/s"] if change.faster else []

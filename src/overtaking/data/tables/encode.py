@@ -21,7 +21,7 @@ from overtaking.data.tables.schemas import (
 from overtaking.knowledge.carla_catalogue import weather_presets
 from overtaking.model.driver_interface import Actions
 from overtaking.model.trajectories import POSITION_RESOLUTION, Stage, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.weather import NO_PRESET
 from overtaking.world.constants import STEP_MS, SUBSTEPS
 
@@ -95,7 +95,7 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     computed: dict[str, Given] = {
         "simulation": numbers[simulation],
         "vehicle": slot.astype(np.uint8),
-        "role": (slot != Role.EGO).astype(np.int32),
+        "role": (slot != EGO_SLOT).astype(np.int32),
         "start_lane_id": start_lane_ids(scenario.road, rows(scenario.start_lane)),
     }
     if (is_known := trajectories.is_kind_known) is not None:
@@ -106,7 +106,7 @@ def vehicles(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
 def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and frame: values common to all vehicles, and the ego's lane."""
     simulation, frame = np.nonzero(trajectories.frame_mask)
-    at = simulation, Role.EGO, frame
+    at = simulation, EGO_SLOT, frame
     lane, about = trajectories.states.lane[at], lane_columns(trajectories.road)
     limit = trajectories.road.speed_limit_at(trajectories.states.s[at] * POSITION_RESOLUTION)
     off_road = about["lane_id"].missing[lane]

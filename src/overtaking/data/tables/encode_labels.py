@@ -22,7 +22,7 @@ from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.safety_measures import MEASURED_MOMENTS, WHOLE_MANOEUVRE_MEASURES
 from overtaking.model.trajectories import NO_VEHICLE, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Finding, Verdict
 
 Weights = NDArray[np.float64]
@@ -103,8 +103,8 @@ def events(labelled: Labelled, numbers: Numbers) -> pa.Table:
 def _speed_change(labelled: Labelled) -> NDArray[np.floating[Any]]:
     """Impulse of the ego's first contact over its mass, shape (simulation,) [m/s]."""
     run = labelled.trajectories
-    impulse = run.contacts.impulse[:, Role.EGO].astype(np.float32)
-    return impulse / run.scenario.vehicles.mass[:, Role.EGO]
+    impulse = run.contacts.impulse[:, EGO_SLOT].astype(np.float32)
+    return impulse / run.scenario.vehicles.mass[:, EGO_SLOT]
 
 
 def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
@@ -188,8 +188,8 @@ def _of_known_kinds(labelled: Labelled) -> dict[str, Given]:
     rows = np.arange(len(found.frame))
     ahead = labelled.signals.neighbour_slot[rows, NeighbourRole.LEADER, np.maximum(found.frame, 0)]
     is_known = {
-        "ego": run.known_kinds[:, Role.EGO],
-        "law": run.known_kinds[:, Role.EGO],
+        "ego": run.known_kinds[:, EGO_SLOT],
+        "law": run.known_kinds[:, EGO_SLOT],
         "ahead": run.known_kinds[rows, slot_of(ahead)],
         "oncoming": np.asarray(run.known_kinds.all(axis=1)),
     }

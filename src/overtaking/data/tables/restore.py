@@ -28,7 +28,7 @@ from overtaking.model.trajectories import (
     States,
     Trajectories,
 )
-from overtaking.model.vehicles import DriverTraits, Role, VehicleSpecs
+from overtaking.model.vehicles import EGO_SLOT, DriverTraits, VehicleSpecs
 from overtaking.model.weather import NO_PRESET, LateralPushes, Weather
 from overtaking.scenarios.recording_defaults import (
     DEFAULT_KIND,
@@ -62,7 +62,7 @@ def restore_scenario(
     """
     rows = tables["simulations"]
     vehicles = _Grid.of(tables, "vehicles", "vehicle")
-    if not vehicles.shape[1] or not vehicles.present[:, Role.EGO].all():
+    if not vehicles.shape[1] or not vehicles.present[:, EGO_SLOT].all():
         raise _refused("vehicles", "vehicle", "0, the ego, in every simulation", "none")
     lane = start_lane_codes(road, _numbers(tables["vehicles"], "start_lane_id"))
     return Scenario(
@@ -133,9 +133,9 @@ def restore(
         raise _refused("states", "vehicle", expected, f"{tables['states'].num_rows} states")
     recorded = restored.replace(is_recorded=present)
     # Events and rules read the ego in every frame; other vehicles may appear later or leave.
-    num_ego_states = recorded.state_mask[:, Role.EGO].sum(axis=1)
+    num_ego_states = recorded.state_mask[:, EGO_SLOT].sum(axis=1)
     if (is_short := num_ego_states != recorded.num_frames).any():
-        expected = f"{recorded.num_frames[is_short][0]} states of vehicle {int(Role.EGO)}"
+        expected = f"{recorded.num_frames[is_short][0]} states of vehicle {EGO_SLOT}"
         raise _refused("states", "vehicle", expected, int(num_ego_states[is_short][0]))
     return recorded
 
@@ -222,7 +222,7 @@ class _Grid:
         body of zero mass would divide by zero.
         """
         array = self.filled(values, padding)
-        return np.where(self.present, array, array[:, Role.EGO, None])
+        return np.where(self.present, array, array[:, EGO_SLOT, None])
 
 
 def _row_indices(keys: Array, wanted: Array, table: str, column: str) -> NDArray[np.int64]:

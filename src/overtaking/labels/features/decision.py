@@ -46,7 +46,7 @@ from overtaking.model.overtake_features import (
 )
 from overtaking.model.safety_measures import Encounter
 from overtaking.model.trajectories import POSITION_RESOLUTION, Lights, ManoeuvreKind
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case
 from overtaking.world.surrogate_safety import looming, mttc
 from overtaking.world.visibility import meteorological_range
@@ -109,7 +109,7 @@ def available_accel(case: Case, speed: F32) -> F32:
     """
     bodies = case.trajectories.scenario.vehicles
     own = {
-        name: getattr(bodies, name)[:, Role.EGO]
+        name: getattr(bodies, name)[:, EGO_SLOT]
         for name in ("mass", "power", "launch_accel", "drag_area", "rolling_resistance")
     }
     engine = own["power"] / (own["mass"] * np.maximum(speed, _LEAST_SPEED))
@@ -129,11 +129,11 @@ def _ego(case: Case, rows: IndexArray, frames: IndexArray) -> EgoState:
     speed = seen.speed[rows, frames]
     waited = np.maximum(frames - case.events.follow, 0).astype(np.int32)
     return EgoState(
-        kind=scenario.vehicles.kind[:, Role.EGO],
+        kind=scenario.vehicles.kind[:, EGO_SLOT],
         speed=speed,
         accel=seen.accel[rows, frames],
         available_accel=available_accel(case, speed),
-        desired_speed=scenario.drivers.desired_speed[:, Role.EGO],
+        desired_speed=scenario.drivers.desired_speed[:, EGO_SLOT],
         waiting_time=unless_under_way(case, seconds_of(case, waited)),
         lateral_offset=seen.lateral_position[rows, frames] - _lane_centre(case, rows, frames),
     )
@@ -171,7 +171,7 @@ def _overtaking(
     Ahead is where its reaction distance lies between the bumpers. It goes on at its speed, and the
     ego accelerates evenly by what it has now: less is left at higher speed, so this is a bound.
     """
-    lengths = length + case.trajectories.scenario.vehicles.length[:, Role.EGO]
+    lengths = length + case.trajectories.scenario.vehicles.length[:, EGO_SLOT]
     decel = sure_decel(at(case.signals.friction, frames))
     clear = lawful_gap(ego.speed - encounter.closing_speed, np.float32(0.0), decel)
     distance = np.maximum(encounter.gap, np.float32(0.0)) + lengths + clear
@@ -220,7 +220,7 @@ def _lane_around(case: Case, frames: IndexArray) -> RoadAndWeather:
     run, seen = case.trajectories, case.signals
     road, weather = run.road, run.scenario.weather
     rows = np.arange(len(frames))
-    lane, s = seen.lane[rows, frames], run.states.s[rows, Role.EGO, frames]
+    lane, s = seen.lane[rows, frames], run.states.s[rows, EGO_SLOT, frames]
     on_road = lane < road.num_lanes
     widths = np.array([one.width for one in road.lanes])
     return RoadAndWeather(
@@ -315,7 +315,7 @@ def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask,
 def _near(case: Case, frames: IndexArray) -> Mask:
     """Which centres are within the reach of the occupancy, shape (simulation, vehicle)."""
     s = case.trajectories.states.s[np.arange(len(frames)), :, frames]
-    return np.abs(s - s[:, [Role.EGO]]) <= OCCUPANCY_REACH_MM
+    return np.abs(s - s[:, [EGO_SLOT]]) <= OCCUPANCY_REACH_MM
 
 
 def _sum(values: F32, counted: Mask) -> F32:

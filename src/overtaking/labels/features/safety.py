@@ -18,7 +18,7 @@ from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.safety_measures import MEASURED_MOMENTS, Encounter, SafetyMeasures
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case
 from overtaking.world.surrogate_safety import picud, rss_safe_gap, time_headway
 
@@ -149,7 +149,7 @@ def _past(case: Case, rows: IndexArray, slot: IndexArray, begin: I32, frame: I32
         frame: When the front bumper is looked at.
     """
     s = case.trajectories.states.s
-    way = as_f32(s[rows, slot, frame] - s[rows, Role.EGO, begin]) * METRES
+    way = as_f32(s[rows, slot, frame] - s[rows, EGO_SLOT, begin]) * METRES
     return way + half_lengths(case.trajectories, rows, slot)
 
 

@@ -31,7 +31,7 @@ from overtaking.model.batch import cached_per_batch
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.overtake_features import PaperFeatures
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case
 
 
@@ -223,7 +223,7 @@ def _static(case: Case) -> dict[str, NDArray[Any]]:
     return {
         "night": weather.night,
         "horizon_line": weather.horizon_line,
-        "ego_kind": kind[:, Role.EGO],
+        "ego_kind": kind[:, EGO_SLOT],
         "target_kind": np.where(has_target, kind[np.arange(len(slot)), slot], 0),
         "has_target": has_target,
         "num_vehicles": scenario.num_vehicles.astype(np.uint8),

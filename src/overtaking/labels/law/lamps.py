@@ -23,7 +23,7 @@ from overtaking.labels.signals import encounter
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import Lights
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case
 
 HIGH = int(Lights.HIGH_BEAM)
@@ -78,7 +78,7 @@ def _dark(case: Case, crossed: I32, bit: int) -> tuple[IndexArray, IndexArray]:
         stop=np.where(crossed != NEVER, np.minimum(crossed + after, driving_end(case)), NEVER),
     )
     rows, frames = around.frames()
-    off = (case.trajectories.states.lights[rows, Role.EGO, frames] & bit) == 0
+    off = (case.trajectories.states.lights[rows, EGO_SLOT, frames] & bit) == 0
     return rows[off], frames[off]
 
 
@@ -100,7 +100,7 @@ L18 = Rule(
 def _right_lamps(case: Case) -> Finding:
     """Low beam by night and in thick fog, fog lamps in that alone, no high beam that dazzles."""
     span, thick = conduct(case), optical_range(case) < constant("law.lamps.sight")
-    lights = case.trajectories.states.lights[:, Role.EGO]
+    lights = case.trajectories.states.lights[:, EGO_SLOT]
     needed = case.trajectories.scenario.weather.night | thick
     rows = np.flatnonzero(span.exists & _suspect(lights, span, needed, thick))
     wrong = needed[rows, None] & ((lights[rows] & BEAMS) == 0)

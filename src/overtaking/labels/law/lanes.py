@@ -21,7 +21,7 @@ from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.rule import Finding, Grade, Rule, decided, inapplicable
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.road import DrivingSide, Road, RoadMark
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case, Severity, Verdict
 
 _HALF = np.float32(0.5)
@@ -150,7 +150,7 @@ def _wide_enough(case: Case) -> Finding:
     widths = left_widths(case.trajectories.road)
     lane = np.minimum(events.original_lane, len(widths) - 1)
     spare = np.float32(2.0) * constant("law.width.border")
-    needed = case.trajectories.scenario.vehicles.width[:, Role.EGO] + spare
+    needed = case.trajectories.scenario.vehicles.width[:, EGO_SLOT] + spare
     return instant(events.attempt, widths[lane] - needed, events.has_attempt)
 
 

@@ -28,7 +28,7 @@ from overtaking.model.batch import cached_per_batch
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case
 
 _HALF = np.float32(0.5)
@@ -78,7 +78,7 @@ def predicted_gaps(case: Case, others: Others) -> F32:
     Returns:
         Shape (simulation, vehicle), infinite for those that do not come [m].
     """
-    out, s = on_the_other_side(case), case.trajectories.states.s[:, Role.EGO]
+    out, s = on_the_other_side(case), case.trajectories.states.s[:, EGO_SLOT]
     way = as_f32(at(s, out.stop) - at(s, out.start)) * METRES
     time = seconds_of(case, np.maximum(out.stop - out.start, 0))
     left = others.gap - (way[:, None] + others.speed * time[:, None])
@@ -221,7 +221,7 @@ def gap_to_return(case: Case) -> tuple[Mask, F32, F32, F32, F32]:
     others = others_at(case, begin)
     same = others.valid & ~others.oncoming & (others.lane == at(case.signals.lane, begin)[:, None])
     s, stop = run.states.s, np.maximum(out.stop, 0)
-    passed = same & (others.lead < 0) & (s[row, Role.EGO, stop, None] > s[row, :, stop])
+    passed = same & (others.lead < 0) & (s[row, EGO_SLOT, stop, None] > s[row, :, stop])
     # Of those that are passed the foremost, else the target.
     foremost = np.where(passed, others.lead, np.inf).argmin(axis=1)
     slot = np.where(passed.any(axis=1), foremost, slot_of(case.target.slot))
@@ -229,10 +229,10 @@ def gap_to_return(case: Case) -> tuple[Mask, F32, F32, F32, F32]:
     following = np.where(ahead, others.lead, -np.inf).argmax(axis=1)
     halves = run.scenario.vehicles.length[row, slot] + run.scenario.vehicles.length[row, following]
     gap = others.lead[row, slot] - others.lead[row, following] - halves * _HALF
-    there = out.exists & (slot != Role.EGO) & ahead.any(axis=1)
+    there = out.exists & (slot != EGO_SLOT) & ahead.any(axis=1)
     speeds = others.speed[row, slot], others.speed[row, following]
     near = there & (gap <= constant("law.return.reach"))
-    return near, gap, *speeds, run.scenario.vehicles.length[:, Role.EGO]
+    return near, gap, *speeds, run.scenario.vehicles.length[:, EGO_SLOT]
 
 
 def _gap_to_return(case: Case) -> Finding:
@@ -292,7 +292,7 @@ def _leaves_room(case: Case) -> Finding:
     in_town = run.road.kind == "town" and "road_kind" not in run.unknown
     if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
         return inapplicable(seen.num_simulations)
-    heavy = run.scenario.vehicles.kind[:, Role.EGO] == VehicleKind.T
+    heavy = run.scenario.vehicles.kind[:, EGO_SLOT] == VehicleKind.T
     heavy |= "kinds" in run.unknown
     # Who is about to overtake may close up (paragraph 2).
     span, end = conduct(case), driving_end(case)

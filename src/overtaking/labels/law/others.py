@@ -18,7 +18,7 @@ from overtaking.labels.instants import (
 )
 from overtaking.model.road import DrivingSide
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case
 
 _THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
@@ -61,13 +61,13 @@ def others_at(case: Case, frame: I32, rows: IndexArray | None = None) -> Others:
     place = (rows[:, None], np.arange(states.s.shape[1])[None, :], frame[:, None])
     half = run.scenario.vehicles.length[rows] * np.float32(0.5)
     s = states.s[place]
-    lead = as_f32(s[:, [Role.EGO]] - s) * METRES
+    lead = as_f32(s[:, [EGO_SLOT]] - s) * METRES
     headings, direction = run.headings_and_origin
     heading = as_f32(headings[place]) * RADIANS - np.float32(direction)
     return Others(
         valid=_others_there(run, rows, frame),
         lead=lead,
-        gap=np.abs(lead) - (half + half[:, [Role.EGO]]),
+        gap=np.abs(lead) - (half + half[:, [EGO_SLOT]]),
         speed=as_f32(states.speed[place]) * METRES,
         lane=states.lane[place],
         lights=states.lights[place],
@@ -91,7 +91,7 @@ def num_slow(case: Case, rows: IndexArray, frames: Frames, *, below: float, reac
         reach: Along the road, from centre to centre [m].
     """
     states, s = case.trajectories.states, case.trajectories.states.s[rows, :, frames]
-    near = np.abs(s - s[:, [Role.EGO]]) <= reach * 1000.0
+    near = np.abs(s - s[:, [EGO_SLOT]]) <= reach * 1000.0
     slow = near & (states.speed[rows, :, frames] < below * 1000.0)
     slow &= _others_there(case.trajectories, rows, frames)
     return slow.sum(axis=1, dtype=np.int32)
@@ -100,7 +100,7 @@ def num_slow(case: Case, rows: IndexArray, frames: Frames, *, below: float, reac
 def _others_there(run: Trajectories, rows: IndexArray, frames: Frames) -> Mask:
     """Which vehicles but the ego are recorded at single frames, shape (instant, vehicle)."""
     valid = run.scenario.vehicles.valid[rows]
-    valid[:, Role.EGO] = False
+    valid[:, EGO_SLOT] = False
     return valid if run.is_recorded is None else valid & run.is_recorded[rows, :, frames]
 
 
@@ -118,7 +118,7 @@ def back_indicator(case: Case) -> int:
 
 def ego_may_be(case: Case, kind: VehicleKind) -> Mask:
     """Whether the ego is of a kind, or its kind is unknown, shape (simulation,)."""
-    is_one = case.trajectories.scenario.vehicles.kind[:, Role.EGO] == kind
+    is_one = case.trajectories.scenario.vehicles.kind[:, EGO_SLOT] == kind
     return is_one | ("kinds" in case.trajectories.unknown)
 
 

@@ -17,7 +17,7 @@ from overtaking.model.batch import cached_per_batch
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.road_course import ZoneKind
 from overtaking.model.trajectories import NO_VEHICLE
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case, Verdict
 from overtaking.world.sight_distance import all_zones_for
 
@@ -55,8 +55,8 @@ def distance_from(case: Case, along: Iterable[Along]) -> F32:
     Within a stretch it is negative: the way to the nearer end.
     """
     run = case.trajectories
-    front = as_f32(run.states.s[:, Role.EGO]) * METRES
-    front = front + run.scenario.vehicles.length[:, [Role.EGO]] * _HALF
+    front = as_f32(run.states.s[:, EGO_SLOT]) * METRES
+    front = front + run.scenario.vehicles.length[:, [EGO_SLOT]] * _HALF
     least = np.full(front.shape, ENDLESS)
     for one in along:
         start, stop = np.float32(one[0]), np.float32(one[1])

@@ -32,7 +32,7 @@ from overtaking.labels.law.rule import (
 from overtaking.labels.signals import encounter
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import POSITION_RESOLUTION, Trajectories
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case, Severity, Verdict
 
 ROAD_KINDS = ("motorway", "other", "town")
@@ -77,7 +77,7 @@ def limits_of(case: Case, general: F32, ahead: float = 0.0) -> tuple[F32, F32]:
     low, high = general.min(axis=0), general.max(axis=0)
     if "kinds" in unknown:
         low, high = (np.full_like(low, low.min()), np.full_like(high, high.max()))
-    column = class_of(case.trajectories.scenario.vehicles.kind[:, Role.EGO])
+    column = class_of(case.trajectories.scenario.vehicles.kind[:, EGO_SLOT])
     low, high = low[column, None], high[column, None]
     if "speed_limit" in unknown:
         # Any sign may stand there, but none that allows more than the general limit.
@@ -97,7 +97,7 @@ def _posted(run: Trajectories, ahead: float) -> F32:
     """
     if not _changes(run):
         return np.full((1, 1), run.road.speed_limit, np.float32)
-    return as_f32(run.road.speed_limit_at(run.states.s[:, Role.EGO] * POSITION_RESOLUTION + ahead))
+    return as_f32(run.road.speed_limit_at(run.states.s[:, EGO_SLOT] * POSITION_RESOLUTION + ahead))
 
 
 def _changes(run: Trajectories) -> bool:
@@ -187,7 +187,7 @@ def decisive_limit(case: Case, limits: tuple[F32, F32]) -> F32:
 
 def _severity(case: Case, found: Finding) -> U8:
     """By the excess: light, serious, or very serious."""
-    light = class_of(case.trajectories.scenario.vehicles.kind[:, Role.EGO]) < 2
+    light = class_of(case.trajectories.scenario.vehicles.kind[:, EGO_SLOT]) < 2
     severity = np.full(len(light), Severity.LIGHT, np.uint8)
     for grade in ("serious", "very_serious"):
         of_light, of_other = (

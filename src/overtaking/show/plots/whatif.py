@@ -20,7 +20,7 @@ from overtaking.model.trajectories import (
     SPEED_RESOLUTION,
     Trajectories,
 )
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.show import palette
 from overtaking.show.futures import fan_title
@@ -53,7 +53,7 @@ def draw_twin(twin: Twin, policy: str | None = None) -> Figure:
         time = run.time_ms[:frames] / 1000.0
         name = f"{simulation.title}: {words(class_of(labelled, policy))}"
         across.plot(time, _across(run, frames), label=name, **look)
-        metres = run.states.speed[0, Role.EGO, :frames] * SPEED_RESOLUTION
+        metres = run.states.speed[0, EGO_SLOT, :frames] * SPEED_RESOLUTION
         speed.plot(time, kmh_from_mps(metres), **look)
         target = int(twin.labelled[0].events.target[0])
         if target != NO_VEHICLE:
@@ -77,14 +77,14 @@ def _heading(one: Twin) -> str:
 
 def _across(run: Trajectories, frames: int) -> F64:
     """How far the ego is from where it starts, towards the fast side [m]."""
-    d = run.states.d[0, Role.EGO, :frames] * POSITION_RESOLUTION
+    d = run.states.d[0, EGO_SLOT, :frames] * POSITION_RESOLUTION
     return (d - d[0]) * int(run.road.side)
 
 
 def _gap(run: Trajectories, target: int, frames: int) -> F64:
     """How far a vehicle is ahead of the ego, centre to centre; NaN where it is not there [m]."""
     s = run.states.s[0, :, :frames] * POSITION_RESOLUTION
-    return np.where(run.state_mask[0, target, :frames], s[target] - s[Role.EGO], np.nan)
+    return np.where(run.state_mask[0, target, :frames], s[target] - s[EGO_SLOT], np.nan)
 
 
 def _mark_parting(one: Twin, panels: tuple[Axes, ...]) -> None:

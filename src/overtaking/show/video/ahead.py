@@ -7,7 +7,7 @@ from operator import itemgetter
 import numpy as np
 
 from overtaking.model.road_course import RoadMark, ZoneKind
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.scene import FilmScene
@@ -59,12 +59,12 @@ class Ahead:
         first = np.argmax(scene.is_there, axis=1)
         row = np.arange(len(scene.slots))
         self._comes = np.cos(scene.angle[row, first]) < 0
-        self._comes[Role.EGO] = False
+        self._comes[EGO_SLOT] = False
         self._stretches = all_zones_for(scene.road, 1)
 
     def draw(self, canvas: Canvas, frame: int) -> None:
         """Draw the strip of a frame."""
-        ego = float(self._scene.s[Role.EGO, frame])
+        ego = float(self._scene.s[EGO_SLOT, frame])
         drawing = Drawing()
         drawing.rect((_LEFT - 6.0, _RIGHT + 6.0), (0.0, _HEIGHT), _GROUND, radius=5.0)
         labels = [*self._places(drawing, ego), *self._sight(drawing, ego)]
@@ -113,8 +113,8 @@ class Ahead:
     def _vehicles(self, drawing: Drawing, ego: float, frame: int) -> None:
         """Arrows the way that vehicles drive, ego and target last."""
         scene, border = self._scene, float(self._road.boundaries[-1])
-        order = [k for k in range(len(scene.slots)) if k not in (Role.EGO, scene.target)]
-        order += [k for k in (scene.target, int(Role.EGO)) if k is not None]
+        order = [k for k in range(len(scene.slots)) if k not in (EGO_SLOT, scene.target)]
+        order += [k for k in (scene.target, EGO_SLOT) if k is not None]
         for k in order:
             s = float(scene.s[k, frame])
             if scene.is_there[k, frame] and -BEHIND < s - ego < AHEAD:
@@ -130,7 +130,7 @@ class Ahead:
                 drawing.polygon(points, self._colour(k))
 
     def _colour(self, k: int) -> str:
-        if k == Role.EGO:
+        if k == EGO_SLOT:
             return palette.EGO
         if k == self._scene.target:
             return palette.TARGET
@@ -145,7 +145,7 @@ class Ahead:
             np.inf,
         )
         k = int(np.argmin(gaps))
-        own, both = scene.speed[Role.EGO, frame], scene.speed[[Role.EGO, k], frame].sum()
+        own, both = scene.speed[EGO_SLOT, frame], scene.speed[[EGO_SLOT, k], frame].sum()
         if not (np.isfinite(gaps[k]) and both > 0):
             return
         seconds = float(gaps[k] / both)

@@ -8,7 +8,7 @@ from overtaking.labels.law import policy as policy_named
 from overtaking.model.overtake_events import OvertakeEvents
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Findings, OvertakeClass
 from overtaking.show.video import notes, sky
 from overtaking.show.video.ahead import Ahead
@@ -135,7 +135,7 @@ class Film:
             ]
             canvas.night(rows, sky.MOONLIGHT, lights)
         if self._fog is not None:
-            first = min(max(WIDTH - round(float(self.traffic.x[Role.EGO, frame])), 0), WIDTH)
+            first = min(max(WIDTH - round(float(self.traffic.x[EGO_SLOT, frame])), 0), WIDTH)
             canvas.veil(rows, self._fog.hidden[first : first + WIDTH], self._fog.colour)
 
     def _rain(self, canvas: Canvas, frame: int) -> None:
@@ -158,7 +158,7 @@ class Film:
 
     def _shape(self, canvas: Canvas, frame: int) -> None:
         """Which way a road that is drawn straight bends and rises at the ego, at the lower edge."""
-        if text := shape_of(self.scene.road, float(self.scene.s[Role.EGO, frame])):
+        if text := shape_of(self.scene.road, float(self.scene.s[EGO_SLOT, frame])):
             told = line(text, 11, _SIGN)
             canvas.draw(told.drawing, WIDTH - 12 - told.width, SCENE_BOTTOM - 18)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from overtaking.labels.law import POLICIES, PORTUGAL, Policy
 from overtaking.model.overtake_events import NEVER
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Findings, Severity, Verdict
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
@@ -75,7 +75,7 @@ def endings(scene: FilmScene, contact: Contact | None) -> Iterator[Note]:
         name = " with the target" if partner == scene.target else other
         yield Note(contact[0], last, f"COLLISION{name}")
     borders = np.sort(lane_borders(scene.road))
-    off = (scene.d[Role.EGO] < borders[0]) | (scene.d[Role.EGO] > borders[-1])
+    off = (scene.d[EGO_SLOT] < borders[0]) | (scene.d[EGO_SLOT] > borders[-1])
     if off.any():
         yield Note(int(np.argmax(off)), last, "LEFT THE LANES")
 

@@ -8,7 +8,7 @@ import numpy as np
 from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.show.video import palette
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas, Drawing
 from overtaking.show.video.notes import Note
@@ -121,7 +121,7 @@ class Timeline:
     def _speeds(self, canvas: Canvas, frame: int) -> None:
         """How fast ego and target are."""
         target = self._scene.target
-        shown = [("Ego", int(Role.EGO), palette.EGO, 8)]
+        shown = [("Ego", EGO_SLOT, palette.EGO, 8)]
         if target is not None:
             shown.append(("Target", target, palette.TARGET, 30))
         for name, slot, colour, row in shown:
@@ -170,9 +170,9 @@ def _curve(drawing: Drawing, columns: list[float], rows: F64, colour: str, opaci
 def _speeds(drawing: Drawing, scene: FilmScene, columns: list[float], opacity: float) -> None:
     """Speeds of ego and target."""
     shown = (
-        [(Role.EGO, palette.EGO)]
+        [(EGO_SLOT, palette.EGO)]
         if scene.target is None
-        else [(scene.target, palette.TARGET), (Role.EGO, palette.EGO)]
+        else [(scene.target, palette.TARGET), (EGO_SLOT, palette.EGO)]
     )
     speeds = {slot: kmh_from_mps(scene.speed[slot]) for slot, _ in shown}
     low, high, step = _axis([float(f(v)) for v in speeds.values() for f in (np.min, np.max)], 20.0)

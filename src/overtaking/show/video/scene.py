@@ -17,7 +17,7 @@ from overtaking.model.trajectories import (
     ManoeuvreKind,
     Trajectories,
 )
-from overtaking.model.vehicles import Colour, Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, Colour, VehicleKind
 from overtaking.show.video.vehicles import Body
 
 RATE = 20
@@ -75,8 +75,8 @@ class FilmScene:
         """
         if self.target is None:
             return None
-        apart = self.s[self.target] - self.s[Role.EGO]
-        reach = 0.5 * (self.bodies[Role.EGO].length + self.bodies[self.target].length)
+        apart = self.s[self.target] - self.s[EGO_SLOT]
+        reach = 0.5 * (self.bodies[EGO_SLOT].length + self.bodies[self.target].length)
         return np.sign(apart) * np.maximum(np.abs(apart) - reach, 0.0)
 
 
@@ -152,9 +152,9 @@ def _contact(run: Trajectories, slots: tuple[int, ...]) -> tuple[float, int | No
     if not len(collided):
         return None
     partner = int(run.collided_with[0, collided[0]])
-    is_timed = run.contacts.partner[0, Role.EGO] == partner
+    is_timed = run.contacts.partner[0, EGO_SLOT] == partner
     first_ms = int(collided[0]) * run.scenario.frame_interval_ms
-    time_ms = int(run.contacts.time[0, Role.EGO]) if is_timed else first_ms
+    time_ms = int(run.contacts.time[0, EGO_SLOT]) if is_timed else first_ms
     return time_ms / _MS_PER_S, slots.index(partner) if partner in slots else None
 
 
@@ -167,6 +167,6 @@ def _target(run: Trajectories, events: OvertakeEvents | None) -> int:
     if "percepts" not in run.unknown and len(decided):
         return int(percepts.vehicle[0, decided[-1], 0])
     lane, s = run.states.lane[0, :, 0], run.states.s[0, :, 0]
-    ahead = run.scenario.vehicles.valid[0] & (lane == lane[Role.EGO]) & (s > s[Role.EGO])
-    distance = np.where(ahead, s - s[Role.EGO], np.iinfo(s.dtype).max)
+    ahead = run.scenario.vehicles.valid[0] & (lane == lane[EGO_SLOT]) & (s > s[EGO_SLOT])
+    distance = np.where(ahead, s - s[EGO_SLOT], np.iinfo(s.dtype).max)
     return int(np.argmin(distance)) if ahead.any() else int(NO_VEHICLE)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.trajectories import Lights
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.show.video import palette, sky
 from overtaking.show.video.canvas import WIDTH, Canvas, Drawing
 from overtaking.show.video.scene import FilmScene
@@ -121,13 +121,13 @@ class Traffic:
         for place in places:
             index, x, y, angle = place
             if self._rank(index) < _OTHER:
-                ring = mark(self._scene.bodies[index], self._scale, is_ego=index == Role.EGO)
+                ring = mark(self._scene.bodies[index], self._scale, is_ego=index == EGO_SLOT)
                 canvas.draw_all([(ring, x, y, angle)], self._scale)
             self._draw_name(canvas, place, frame, away)
 
     def _rank(self, index: int) -> int:
         """0 for the ego, 1 for the target, 2 for the others."""
-        if index == Role.EGO:
+        if index == EGO_SLOT:
             return 0
         return 1 if index == self._scene.target else _OTHER
 
@@ -157,7 +157,7 @@ class Traffic:
         if 0.0 <= place.x < WIDTH:
             speed = kmh_from_mps(float(scene.speed[index, frame]))
             return tag(f"{name} {speed:.0f}" if rank < _OTHER else name, rank)
-        metres = abs(float(scene.s[index, frame] - scene.s[Role.EGO, frame]))
+        metres = abs(float(scene.s[index, frame] - scene.s[EGO_SLOT, frame]))
         away = f"{name}: {_AWAY_STEP * round(metres / _AWAY_STEP):.0f} m"
         return tag(f"< {away}" if place.x < 0.0 else f"{away} >", rank)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.model.road import Road
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.show.video.canvas import WIDTH
 from overtaking.show.video.scene import FilmScene
 
@@ -58,7 +58,7 @@ def view(scene: FilmScene) -> Camera:
     low, high = shown_width(scene.road)
     fitting = (SCENE_BOTTOM - SCENE_TOP) / (high - low + 2.0 * _MARGIN)
     scale = max(min(MAX_SCALE, fitting), _MIN_SCALE)
-    ego = scene.s[Role.EGO]
+    ego = scene.s[EGO_SLOT]
     metres = WIDTH / scale
     if scene.target is None:
         middle = ego + _ALONE * metres

@@ -18,7 +18,7 @@ from overtaking.model.trajectories import (
     SPEED_RESOLUTION,
     ManoeuvreKind,
 )
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.world.constants import DECISIONS_PER_SECOND
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _neighbour_columns(
     if not (has_neighbour | is_seen).any():
         return None
 
-    half_lengths = 0.5 * (true["length"] + _length_and_width(trajectories, Role.EGO)[0])
+    half_lengths = 0.5 * (true["length"] + _length_and_width(trajectories, EGO_SLOT)[0])
     direction = -1.0 if role.endswith("rear") else 1.0  # Gaps are measured between bumpers.
     # The observation is mirrored where traffic drives on the left.
     d = float(trajectories.road.side) * (ego["lateral"] + true["aside"])
@@ -206,7 +206,7 @@ def _nearest_slots(
     """The vehicle that stands nearest to a position, at each of some frames."""
     states = trajectories.states
     is_recorded = trajectories.state_mask[0][:, frames].copy()
-    is_recorded[Role.EGO] = False
+    is_recorded[EGO_SLOT] = False
     along = np.abs(states.s[0][:, frames] * POSITION_RESOLUTION - np.nan_to_num(s))
     across = np.abs(states.d[0][:, frames] * POSITION_RESOLUTION - np.nan_to_num(d))
     return np.where(is_recorded, along + across, np.inf).argmin(axis=0)
@@ -234,9 +234,9 @@ def _recorded_belief(trajectories: Trajectories, row: int, place: int) -> dict[s
         columns = (percepts.true_gap, percepts.true_closing_speed)
     gap, closing_speed = (int(column[0, row, place]) * POSITION_RESOLUTION for column in columns)
     direction = -1 if place == _NEW_FOLLOWER else 1
-    reach = gap + 0.5 * (length + _length_and_width(trajectories, Role.EGO)[0])
-    ego_s = states.s[0, Role.EGO, frame] * POSITION_RESOLUTION
-    ego_speed = states.speed[0, Role.EGO, frame] * SPEED_RESOLUTION
+    reach = gap + 0.5 * (length + _length_and_width(trajectories, EGO_SLOT)[0])
+    ego_s = states.s[0, EGO_SLOT, frame] * POSITION_RESOLUTION
+    ego_speed = states.speed[0, EGO_SLOT, frame] * SPEED_RESOLUTION
     true_gap = int(percepts.true_gap[0, row, place]) * POSITION_RESOLUTION
     if exists:
         d = states.d[0, slot, frame] * POSITION_RESOLUTION
@@ -266,7 +266,7 @@ def _length_and_width(trajectories: Trajectories, slot: int) -> tuple[float, flo
 def _middle_of_believed_lane(trajectories: Trajectories, row: int, place: int, frame: int) -> float:
     """Lateral position of the middle of a lane in which the driver believes a vehicle [m]."""
     road = trajectories.road
-    lane = int(trajectories.states.lane[0, Role.EGO, frame])
+    lane = int(trajectories.states.lane[0, EGO_SLOT, frame])
     if place != _LEADER:
         is_pull_out = trajectories.percepts.kind[0, row] == ManoeuvreKind.PULL_OUT
         lane += 1 if is_pull_out else -1

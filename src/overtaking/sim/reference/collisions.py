@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import clamp, maximum, minimum, sincos
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import ModelConstants
 from overtaking.world.road_parameters import RoadParameters
@@ -83,12 +83,12 @@ def leave_road(state: State, c: ModelConstants, p: Fields, borders: F32, step: i
     beyond = (state.d < borders[0] - c.edge_margin) | (state.d > borders[1] + c.edge_margin)
     lost = (beyond | (np.abs(state.psi) > c.spin_angle)) & (p.valid > 0) & (state.crashed == 0)
     state.crashed = np.where(lost, np.float32(1.0), state.crashed)
-    end_with_ego(state, c, lost[Role.EGO], step)
+    end_with_ego(state, c, lost[EGO_SLOT], step)
 
 
 def end_with_ego(state: State, c: ModelConstants, crashed: Mask, step: int) -> None:
     """An accident of the ego ends the simulation soon."""
-    state.stage[Role.EGO] = np.where(crashed, np.float32(Stage.CRASHED), state.stage[Role.EGO])
+    state.stage[EGO_SLOT] = np.where(crashed, np.float32(Stage.CRASHED), state.stage[EGO_SLOT])
     after = np.float32(step) + np.rint(c.after_collision / c.step)
     state.end_step = np.where(crashed, minimum(state.end_step, after), state.end_step)
 
@@ -117,11 +117,11 @@ def collide(
         step: Number of the step that began at `before`.
         length: Its length [s].
     """
-    was_sound = state.crashed[Role.EGO] == 0
+    was_sound = state.crashed[EGO_SLOT] == 0
     for (i, j), near in pairs.items():
         frame = frame_of(road, p, i, j)
         _collide_pair(state, c, p, near, before, (step, length), (i, j), frame)
-    end_with_ego(state, c, was_sound & (state.crashed[Role.EGO] > 0), step)
+    end_with_ego(state, c, was_sound & (state.crashed[EGO_SLOT] > 0), step)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import maximum, minimum
 from overtaking.model.trajectories import ManoeuvreKind, Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.gaps import intend
 from overtaking.sim.reference.intent import Intent, in_stage
 from overtaking.sim.reference.mobil import turn_to_lane
@@ -36,7 +36,7 @@ from overtaking.world.weather_parameters import SimulationParameters
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_OTHERS = slice(Role.EGO + 1, None)  # Everybody but the ego.
+_OTHERS = slice(EGO_SLOT + 1, None)  # Everybody but the ego.
 
 
 def decide(
@@ -50,7 +50,7 @@ def decide(
     orders: Orders | None = None,
 ) -> None:
     """One decision of every ego; what it intends holds until it looks around again."""
-    ego = Role.EGO
+    ego = EGO_SLOT
     # Oncoming traffic changes the pedals and the haste of the ego, also under another driver.
     plight = _face(state, given, p, q, moment, ego)
     if orders is None:
@@ -170,7 +170,7 @@ def _act(
         beside = goes_on(state, given, p, q, moment, who)
         target = np.where(beside, near.slot[SLOW_LEAD, who], target)
     state.target[who] = target
-    if who == Role.EGO:
+    if who == EGO_SLOT:
         state.attempted = np.where(intent.go_out, _ONE, state.attempted)
     fast, slow, back = (np.zeros(state.s.shape, bool) for _ in range(3))
     fast[who] = intent.go_out | intent.remain
@@ -202,9 +202,9 @@ def _end(
     """End the simulation some time after the overtake, or at the deadline without an attempt."""
     c, done = given.constants, np.float32(Stage.DONE)
     now = np.float32(step)
-    over = (next_stage == done) & (state.stage[Role.EGO] != done)
+    over = (next_stage == done) & (state.stage[EGO_SLOT] != done)
     after = now + np.rint(c.after_overtake / c.step)
     state.end_step = np.where(over, minimum(state.end_step, after), state.end_step)
-    idle = in_stage(state, Role.EGO, Stage.FOLLOW) & ~intent.start
+    idle = in_stage(state, EGO_SLOT, Stage.FOLLOW) & ~intent.start
     late = idle & (now >= q.deadline_step)
     state.end_step = np.where(late, minimum(state.end_step, now), state.end_step)

@@ -11,7 +11,7 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import exp, maximum, minimum
 from overtaking.model.scenario import ForcedDecision
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.following import forced_braking, needed_braking
 from overtaking.sim.reference.intent import (
     Intent,
@@ -112,7 +112,7 @@ def look(
     gap, closing = believed.gap[:, who], believed.closing[:, who]
     demand = own.gap_acceptance * impatience
     told = ordered = np.zeros(demand.shape, bool)
-    if who == Role.EGO:
+    if who == EGO_SLOT:
         told = is_told(p)
         seen = told & believed.detected[LEAD, who]
         ordered = seen & (faster(state, near) > own.passing_gain)
@@ -133,18 +133,18 @@ def look(
         else _ONE,
         told=told,
         ordered=ordered,
-        command=q.command if who == Role.EGO else np.zeros_like(q.command),
+        command=q.command if who == EGO_SLOT else np.zeros_like(q.command),
     )
 
 
 def is_told(p: Fields) -> Mask:
     """Whether the ego is told to change lanes, as in the study: it demands no gap."""
-    return p.of(Role.EGO).gap_acceptance <= 0
+    return p.of(EGO_SLOT).gap_acceptance <= 0
 
 
 def faster(state: State, near: Neighbours) -> F32:
     """By how much the ego is in truth faster than its leader, which decides where it is told."""
-    return state.vx[Role.EGO] - pick(state.vx, near.slot[LEAD, Role.EGO])
+    return state.vx[EGO_SLOT] - pick(state.vx, near.slot[LEAD, EGO_SLOT])
 
 
 def own_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:

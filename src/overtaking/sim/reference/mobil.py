@@ -4,7 +4,7 @@ import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import maximum, minimum
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.following import follow, forced_braking, needed_braking
 from overtaking.sim.reference.neighbours import along, lane_borders
 from overtaking.sim.reference.perception import Beliefs, draw_check
@@ -142,7 +142,7 @@ def change_lanes(
     slow = ready & has_slow & safe_slow & (to_slow > p.threshold) & worth & ~fast
     wanted = _side(fast, slow)
     shows = looks & (state.path_time >= state.path_duration)
-    shows[Role.EGO] = False
+    shows[EGO_SLOT] = False
     state.indicator = np.where(shows, wanted * p.uses_indicator, state.indicator)
     decided = decide(state, p, wanted, looks) & ~must_wait(state, given, wanted, claims)
     back, to_fast = _retreats(state, given, p, believed)
@@ -155,7 +155,7 @@ def decide(state: State, p: Fields, wanted: F32, looks: Mask) -> Mask:
     """Who has wanted the same for as long as they signal; remembers what is wanted."""
     same = (wanted == state.wanted) & (wanted != 0)
     others = looks.copy()
-    others[Role.EGO] = False
+    others[EGO_SLOT] = False
     restarts = others & ~same
     state.wanted_time = np.where(restarts, np.float32(0.0), state.wanted_time)
     state.wanted = np.where(others, wanted, state.wanted)
@@ -213,7 +213,7 @@ def _retreats(state: State, given: Parameters, p: Fields, believed: Beliefs) -> 
     room = (back >= -p.hardest_decel) & (behind[0] > c.smallest_rear_gap)
     early = state.path_time < c.abort_until * state.path_duration
     sound = (state.crashed == 0) & (p.valid > 0)
-    sound[Role.EGO] = False
+    sound[EGO_SLOT] = False
     return (bad_rear | bad_front) & room & early & whole & sound, to_fast
 
 
@@ -222,7 +222,7 @@ def _is_ready(state: State, given: Parameters, p: Fields) -> Mask:
     arrived = state.path_time >= state.path_duration
     rested = state.since_change >= given.constants.cooldown
     ready = arrived & rested & (state.crashed == 0) & (p.valid > 0)
-    ready[Role.EGO] = False
+    ready[EGO_SLOT] = False
     return ready
 
 

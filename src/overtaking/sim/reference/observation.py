@@ -12,7 +12,7 @@ from overtaking.model.driver_interface import (
     split_observation,
 )
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.gaps import faster, is_told
 from overtaking.sim.reference.intent import (
     can_abort,
@@ -94,7 +94,7 @@ def _write(columns: F32, names: dict[str, tuple[str, str]], told: dict[str, F32 
 
 def _own(state: State, given: Parameters, p: Fields, moment: Moment) -> dict[str, F32 | Mask]:
     """What the ego knows of itself."""
-    ego, near = Role.EGO, moment.near
+    ego, near = EGO_SLOT, moment.near
     centre = np.float32(0.5) * (near.lane_low[ego] + near.lane_high[ego])
     return {
         "speed": state.vx[ego],
@@ -126,7 +126,7 @@ def _believed(state: State, p: Fields, moment: Moment, role: int) -> dict[str, F
     """What the model's driver decides by: beliefs, and true speeds of approach where it is told."""
     believed = moment.believed
     names = ("detected", "gap", "closing", "accel")
-    seen = {name: getattr(believed, name)[role, Role.EGO] for name in names}
+    seen = {name: getattr(believed, name)[role, EGO_SLOT] for name in names}
     if role == LEAD:
         told = is_told(p) & seen["detected"]
         seen["closing"] = np.where(told, faster(state, moment.near), seen["closing"])
@@ -135,14 +135,14 @@ def _believed(state: State, p: Fields, moment: Moment, role: int) -> dict[str, F
 
 def _true(state: State, near: Neighbours, given: Parameters, role: int) -> dict[str, F32 | Mask]:
     """How a neighbour moves."""
-    slot, zero = near.slot[role, Role.EGO], np.float32(0.0)
+    slot, zero = near.slot[role, EGO_SLOT], np.float32(0.0)
     there = slot >= 0
     speed, _ = road_velocity(state)
-    own, other = speed[Role.EGO], pick(speed, slot)
+    own, other = speed[EGO_SLOT], pick(speed, slot)
     closing = own - other if role % 2 == 0 else other - own
     return {
         "detected": there,
-        "gap": np.where(there, near.gap[role, Role.EGO], given.constants.unseen_gap),
+        "gap": np.where(there, near.gap[role, EGO_SLOT], given.constants.unseen_gap),
         "closing": np.where(there, closing, zero),
         "accel": np.where(there, pick(state.a_lon, slot), zero),
     }
@@ -152,13 +152,13 @@ def _looks(
     state: State, c: ModelConstants, p: Fields, near: Neighbours, role: int, detected: Mask
 ) -> dict[str, F32]:
     """What there is to see of a neighbour besides its motion, zero where it is not seen."""
-    slot = near.slot[role, Role.EGO]
+    slot = near.slot[role, EGO_SLOT]
     brakes = (pick(state.accel, slot) < -c.stop_lamp_decel) | (pick(state.crashed, slot) > 0)
     seen = {
-        "aside": near.aside[role, Role.EGO],
+        "aside": near.aside[role, EGO_SLOT],
         "indicator": pick(state.indicator, slot),
         "brake_lamp": brakes.astype(np.float32),
-        "length": np.float32(2.0) * near.half_length[role, Role.EGO],
+        "length": np.float32(2.0) * near.half_length[role, EGO_SLOT],
         "truck": pick(p.truck, slot),
         "two_wheeler": pick(p.two_wheeler, slot),
     }
@@ -169,7 +169,7 @@ def _coming(
     state: State, given: Parameters, p: Fields, who: Oncoming, *, is_true: bool
 ) -> dict[str, F32 | Mask]:
     """What there is to know of somebody who comes the other way."""
-    ego, zero, slot = Role.EGO, np.float32(0.0), who.slot[Role.EGO]
+    ego, zero, slot = EGO_SLOT, np.float32(0.0), who.slot[EGO_SLOT]
     there = slot >= 0
     speed, _ = road_velocity(state)
     lateral = np.stack([seen_from_each(state, given, p, j)[1][ego] for j in range(len(state.s))])
@@ -203,7 +203,7 @@ def _meeting(
     oncoming: Oncoming,
 ) -> dict[str, F32 | Mask]:
     """How the ego stands to oncoming traffic."""
-    ego = Role.EGO
+    ego = EGO_SLOT
     plight = weigh(state, given, p, q, moment, ego)
     lead = moment.near.slot[LEAD, ego]
     passed = np.where(in_stage(state, ego, Stage.FOLLOW), lead, state.target[ego])

@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.model.driver_interface import ACTION_KINDS, Actions, Move
 from overtaking.model.trajectories import Stage
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.intent import (
     Intent,
     can_abort,
@@ -21,7 +21,6 @@ from overtaking.sim.reference.plight import can_fall_in
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.step_parameters import Parameters
 
-_EGO = Role.EGO
 _FREE = np.float32(1e9)  # Behind nobody [m/s^2].
 
 
@@ -69,7 +68,7 @@ def pedals(orders: Orders | None, leader: F32, old_leader: F32) -> tuple[F32, F3
     if asked is None:
         return leader, old_leader
     leader, old_leader = leader.copy(), old_leader.copy()
-    leader[_EGO], old_leader[_EGO] = asked, _FREE
+    leader[EGO_SLOT], old_leader[EGO_SLOT] = asked, _FREE
     return leader, old_leader
 
 
@@ -87,21 +86,23 @@ def show(state: State, orders: Orders) -> None:
     if orders.kind not in ("accel_move", "accel_steer_signal"):
         return
     side = _side(orders)
-    told = (state.crashed[_EGO] == 0) & (orders.steers | (side != 0))
-    state.indicator[_EGO] = np.where(told, side, state.indicator[_EGO])
+    told = (state.crashed[EGO_SLOT] == 0) & (orders.steers | (side != 0))
+    state.indicator[EGO_SLOT] = np.where(told, side, state.indicator[EGO_SLOT])
 
 
 def can_go_out(state: State, given: Parameters) -> Mask:
     """Whether there is a faster lane for the ego, and no lane change under way, (simulation,)."""
-    settled = in_stage(state, _EGO, Stage.FOLLOW) | in_stage(state, _EGO, Stage.PASS)
-    has_lane = state.lane[_EGO] < np.float32(given.road.num_lanes - 1)
-    return settled & has_arrived(state, _EGO) & has_lane
+    settled = in_stage(state, EGO_SLOT, Stage.FOLLOW) | in_stage(state, EGO_SLOT, Stage.PASS)
+    has_lane = state.lane[EGO_SLOT] < np.float32(given.road.num_lanes - 1)
+    return settled & has_arrived(state, EGO_SLOT) & has_lane
 
 
 def can_go_back(state: State) -> Mask:
     """Whether there is a slower lane, and no change under way that cannot be given up."""
-    follows = in_stage(state, _EGO, Stage.FOLLOW) & has_arrived(state, _EGO)
-    return (follows | in_stage(state, _EGO, Stage.PASS)) & (state.lane[_EGO] >= np.float32(1.0))
+    follows = in_stage(state, EGO_SLOT, Stage.FOLLOW) & has_arrived(state, EGO_SLOT)
+    return (follows | in_stage(state, EGO_SLOT, Stage.PASS)) & (
+        state.lane[EGO_SLOT] >= np.float32(1.0)
+    )
 
 
 def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
@@ -110,11 +111,11 @@ def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
         return _drift(state, given, p)
     side = _side(orders)
     # Who changes their mind shows the other side for as long.
-    turned = state.wanted[_EGO] * side < 0
-    state.signalled[_EGO] = np.where(turned, np.float32(0.0), state.signalled[_EGO])
+    turned = state.wanted[EGO_SLOT] * side < 0
+    state.signalled[EGO_SLOT] = np.where(turned, np.float32(0.0), state.signalled[EGO_SLOT])
     start = can_go_out(state, given) & (side > 0)
     back = can_go_back(state) & (side < 0)
-    signal(state, given, _EGO, start, back)
+    signal(state, given, EGO_SLOT, start, back)
     now = _now(state, p, orders)
     drops_out, drops_back, falls_in = _gives_up(orders)
     return Intent(
@@ -122,11 +123,11 @@ def obey(state: State, given: Parameters, p: Fields, orders: Orders) -> Intent:
         back=back,
         go_out=start & now,
         go_back=back & now,
-        abort=(can_abort(state, given, _EGO) & drops_out)
-        | (can_fall_in(state, given, p, _EGO) & falls_in),
-        remain=can_remain(state, given, _EGO) & drops_back,
-        passed=has_passed(state, given, p, _EGO),
-        arrived=has_arrived(state, _EGO),
+        abort=(can_abort(state, given, EGO_SLOT) & drops_out)
+        | (can_fall_in(state, given, p, EGO_SLOT) & falls_in),
+        remain=can_remain(state, given, EGO_SLOT) & drops_back,
+        passed=has_passed(state, given, p, EGO_SLOT),
+        arrived=has_arrived(state, EGO_SLOT),
     )
 
 
@@ -143,7 +144,7 @@ def _side(orders: Orders) -> F32:
 def _now(state: State, p: Fields, orders: Orders) -> Mask:
     """Whether the ego moves over now: when told to, or once it has signalled for its usual time."""
     if (move := orders.of("move")) is None:
-        return state.signalled[_EGO] > p.signal_time[_EGO]
+        return state.signalled[EGO_SLOT] > p.signal_time[EGO_SLOT]
     return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
 
 
@@ -158,14 +159,14 @@ def _gives_up(orders: Orders) -> tuple[Mask, Mask, Mask]:
 def _drift(state: State, given: Parameters, p: Fields) -> Intent:
     """What the ego has set out to do, told from the lane that it is in: nothing is shown before."""
     road = given.road
-    lane = np.zeros_like(state.stage[_EGO])
+    lane = np.zeros_like(state.stage[EGO_SLOT])
     for k in range(1, road.num_lanes):
-        lane = np.where(state.d[_EGO] >= road.boundaries[k], np.float32(k), lane)
-    faster, slower = lane > state.lane[_EGO], lane < state.lane[_EGO]
-    out = in_stage(state, _EGO, Stage.PULL_OUT)
-    comes_back = in_stage(state, _EGO, Stage.RETURN) | in_stage(state, _EGO, Stage.ABORT)
+        lane = np.where(state.d[EGO_SLOT] >= road.boundaries[k], np.float32(k), lane)
+    faster, slower = lane > state.lane[EGO_SLOT], lane < state.lane[EGO_SLOT]
+    out = in_stage(state, EGO_SLOT, Stage.PULL_OUT)
+    comes_back = in_stage(state, EGO_SLOT, Stage.RETURN) | in_stage(state, EGO_SLOT, Stage.ABORT)
     never = np.zeros_like(out)
-    signal(state, given, _EGO, never, never)
+    signal(state, given, EGO_SLOT, never, never)
     return Intent(
         start=never,
         back=never,
@@ -173,6 +174,6 @@ def _drift(state: State, given: Parameters, p: Fields) -> Intent:
         go_back=slower & ~out,
         abort=slower & out,
         remain=faster & comes_back,
-        passed=has_passed(state, given, p, _EGO),
-        arrived=has_arrived(state, _EGO),
+        passed=has_passed(state, given, p, EGO_SLOT),
+        arrived=has_arrived(state, EGO_SLOT),
     )

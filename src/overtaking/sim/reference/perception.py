@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import clamp, exp, maximum, minimum
 from overtaking.core.random_numbers import Stream, philox_words, uniform_from_word
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.environment import lane_value
 from overtaking.sim.reference.neighbours import Neighbours, along
 from overtaking.sim.reference.state import (
@@ -74,7 +74,7 @@ def looks_around(state: State, given: Parameters, p: Fields, decision: int) -> M
     early = state.path_time < c.abort_until * state.path_duration
     regular = regular | (early & (decision % int(c.glance_moving) == 0))
     signalled = state.wanted_time >= p.signal_time
-    who = slice(None) if given.road.two_way else Role.EGO  # Who overtakes as the ego does.
+    who = slice(None) if given.road.two_way else EGO_SLOT  # Who overtakes as the ego does.
     signalled[who] = state.signalled[who] > p.signal_time[who]
     looks = regular | ((state.wanted != 0) & signalled)
     # Who is in the lane of others looks all the time.

@@ -20,7 +20,7 @@ from overtaking.model.trajectories import (
     Trajectories,
     with_world_coordinates,
 )
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.neighbours import Neighbours
 from overtaking.sim.reference.oncoming import Oncoming
 from overtaking.sim.reference.perception import Beliefs
@@ -70,18 +70,18 @@ def _belief_and_truth(
     state: State, near: Neighbours, believed: Beliefs, role: int
 ) -> dict[str, NDArray[Any]]:
     """What the ego believes of the neighbour in `role`, and the truth, by field of `Percepts`."""
-    slot = near.slot[role, Role.EGO]
+    slot = near.slot[role, EGO_SLOT]
     nobody = slot < 0
     speed, _ = road_velocity(state)
-    own, other = speed[Role.EGO], pick(speed, slot)
+    own, other = speed[EGO_SLOT], pick(speed, slot)
     closing = own - other if role % 2 == 0 else other - own
-    true_gap = rounded(near.gap[role, Role.EGO], _THOUSAND)
+    true_gap = rounded(near.gap[role, EGO_SLOT], _THOUSAND)
     zero = np.int32(0)
     return {
         "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
-        "detected": believed.detected[role, Role.EGO],
-        "gap": rounded(believed.gap[role, Role.EGO], _THOUSAND),
-        "closing_speed": rounded(believed.closing[role, Role.EGO], _THOUSAND),
+        "detected": believed.detected[role, EGO_SLOT],
+        "gap": rounded(believed.gap[role, EGO_SLOT], _THOUSAND),
+        "closing_speed": rounded(believed.closing[role, EGO_SLOT], _THOUSAND),
         "true_gap": np.where(nobody, zero, true_gap),
         "true_closing_speed": np.where(nobody, zero, rounded(closing, _THOUSAND)),
     }
@@ -89,7 +89,7 @@ def _belief_and_truth(
 
 def _oncoming_and_truth(state: State, oncoming: Oncoming) -> dict[str, NDArray[Any]]:
     """What the ego believes of who comes, and the truth, by field of `Percepts`."""
-    ego = Role.EGO
+    ego = EGO_SLOT
     slot = oncoming.slot[ego]
     nobody = slot < 0
     speed, _ = road_velocity(state)
@@ -141,11 +141,11 @@ class Recorder:
         for name, recorded in values.items():
             rows = getattr(self.states, name)
             rows[active, :, number] = recorded.T[active].astype(rows.dtype)
-        stage = state.stage[Role.EGO].astype(np.int32)
+        stage = state.stage[EGO_SLOT].astype(np.int32)
         partner = np.where(
-            state.contact_partner[Role.EGO] < 0,
+            state.contact_partner[EGO_SLOT] < 0,
             np.int32(NO_VEHICLE),
-            state.contact_partner[Role.EGO].astype(np.int32),
+            state.contact_partner[EGO_SLOT].astype(np.int32),
         )
         self.stage[active, number] = stage[active]
         self.collided_with[active, number] = partner[active]

@@ -9,7 +9,7 @@ from overtaking.core.float32_math import minimum
 from overtaking.model.driver_interface import Actions
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference import (
     collisions,
     control,
@@ -72,7 +72,7 @@ def run(
         for then in (one for at, one in later if at == step):
             displace(state, p, then.of_vehicles)
             if then.judged is not None:
-                state.distance_error[Role.EGO], state.speed_error[Role.EGO] = then.judged
+                state.distance_error[EGO_SLOT], state.speed_error[EGO_SLOT] = then.judged
             given, p, q = then, then.of_vehicles, then.of_simulations
         if step % SUBSTEPS == 0:
             orders = orders_at(actions, step // SUBSTEPS)

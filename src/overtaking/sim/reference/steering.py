@@ -4,7 +4,7 @@ import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import atan, clamp, maximum, minimum, sincos
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.state import Fields, State
 from overtaking.world.constants import ModelConstants
 
@@ -124,7 +124,7 @@ def steer(
     half = np.float32(0.5) * length
     angle, lean = _asked(state, c, p, side_accel, half)
     if wheel is not None:
-        angle[Role.EGO] = clamp(wheel, -c.steering_limit, c.steering_limit)
+        angle[EGO_SLOT] = clamp(wheel, -c.steering_limit, c.steering_limit)
     most = c.steering_rate * length
     turn = clamp((angle - state.wheel) * (length / (c.steering_lag + half)), -most, most)
     lean = (lean - state.wheel) * (length / (c.two_wheeler_lag + half))

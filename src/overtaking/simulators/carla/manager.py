@@ -19,7 +19,7 @@ from overtaking.core.random_numbers import Stream, philox_words, uniform_from_wo
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Stage, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.state import initial_state
 from overtaking.simulators.carla.own import Sign, check_interval, note_contacts, take_over
@@ -97,7 +97,7 @@ class _Drive:
         self._idle = int(self._given.simulation[1, 0])
         for slot, actor in stage.actors.items():
             manager = managers[min(slot, 1)]
-            speed = scenario.drivers.desired_speed if slot == Role.EGO else scenario.start_speed
+            speed = scenario.drivers.desired_speed if slot == EGO_SLOT else scenario.start_speed
             actor.set_autopilot(True, manager.get_port())
             manager.auto_lane_change(actor, False)
             manager.set_desired_speed(actor, kmh_from_mps(float(speed[0, slot])) / SLOWER)
@@ -115,7 +115,7 @@ class _Drive:
                 self._record(step)
             self._follow_stage(step)
             self._push(ticks)
-            if float(self._state.s[Role.EGO, 0]) > self._stage.end - _OUTLOOK:
+            if float(self._state.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
                 self._end = min(self._end, step)
             sign()
             ticks += 1
@@ -129,12 +129,12 @@ class _Drive:
         state.end_step[:] = np.float32(self._end)
         note_contacts(state, self._p, c, contacts, step, faster=SLOWER)
         self._end = int(state.end_step[0])
-        if state.crashed[Role.EGO, 0] > 0:
+        if state.crashed[EGO_SLOT, 0] > 0:
             self._watch.crash()
 
     def _record(self, step: int) -> None:
         state = self._state
-        state.stage[Role.EGO] = np.float32(self._watch.stage)
+        state.stage[EGO_SLOT] = np.float32(self._watch.stage)
         active = np.float32(step) <= np.array([self._end], np.float32)
         self._recorder.frame(state, self._p, active, step // self._given.record_every)
 
@@ -149,7 +149,7 @@ class _Drive:
             self._end = min(self._end, step + round(float(c.after_overtake / c.step)))
         if stage is Stage.FOLLOW and not self._watch.attempted and step >= self._idle:
             self._end = min(self._end, step)
-        ego, right_hand = self._stage.actors[Role.EGO], self._stage.scenario.road.side > 0
+        ego, right_hand = self._stage.actors[EGO_SLOT], self._stage.scenario.road.side > 0
         has_room = sight.lane < self._given.road.num_lanes - 1
         if stage is Stage.FOLLOW and sight.leader is not None and has_room:
             self._manager.force_lane_change(ego, not right_hand)
@@ -160,27 +160,27 @@ class _Drive:
     def _show(self, stage: Stage) -> None:
         """The indicator of the ego, for the recording; lamps are the Traffic Manager's."""
         towards = {Stage.PULL_OUT: 1.0, Stage.RETURN: -1.0, Stage.ABORT: -1.0}
-        self._state.indicator[Role.EGO, 0] = towards.get(stage, 0.0)
+        self._state.indicator[EGO_SLOT, 0] = towards.get(stage, 0.0)
 
     def _sight(self) -> Sight:
         """The state of the traffic from which the stage follows, at the speeds of the recording."""
         state, p, road = self._state, self._p, self._given.road
-        valid = [slot for slot in self._stage.actors if slot != Role.EGO]
+        valid = [slot for slot in self._stage.actors if slot != EGO_SLOT]
         s, d = state.s[:, 0].tolist(), state.d[:, 0].tolist()
         half = p.half_length[:, 0].tolist()
-        lane = self._lane(d[Role.EGO])
+        lane = self._lane(d[EGO_SLOT])
         centre = 0.5 * float(road.boundaries[lane] + road.boundaries[lane + 1])
-        front, rear = s[Role.EGO] + half[Role.EGO], s[Role.EGO] - half[Role.EGO]
+        front, rear = s[EGO_SLOT] + half[EGO_SLOT], s[EGO_SLOT] - half[EGO_SLOT]
         reach = front + far_sight(self._stage.scenario)
         ahead = [
             (s[k] - half[k], k)
             for k in valid
-            if s[k] > s[Role.EGO] and s[k] - half[k] < reach and self._lane(d[k]) == lane
+            if s[k] > s[EGO_SLOT] and s[k] - half[k] < reach and self._lane(d[k]) == lane
         ]
-        psi, vx, vy = (float(x[Role.EGO, 0]) for x in (state.psi, state.vx, state.vy))
+        psi, vx, vy = (float(x[EGO_SLOT, 0]) for x in (state.psi, state.vx, state.vy))
         return Sight(
             lane=lane,
-            offset=d[Role.EGO] - centre,
+            offset=d[EGO_SLOT] - centre,
             drift=vx * math.sin(psi) + vy * math.cos(psi),
             leader=min(ahead)[1] if ahead else None,
             passed=frozenset(k for k in valid if s[k] + half[k] < rear - CLEAR),

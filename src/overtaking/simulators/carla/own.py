@@ -17,7 +17,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference import collisions, steering
 from overtaking.sim.reference.recording import Recorder
 from overtaking.sim.reference.run import decide
@@ -96,7 +96,7 @@ class _Drive:
                 active = np.float32(step) <= state.end_step
                 self._recorder.frame(state, self._p, active, step // given.record_every)
             self._act(step)
-            if float(state.s[Role.EGO, 0]) > self._stage.end - _OUTLOOK:
+            if float(state.s[EGO_SLOT, 0]) > self._stage.end - _OUTLOOK:
                 state.end_step[:] = np.float32(step)
             sign()
             step += SUBSTEPS
@@ -239,7 +239,7 @@ def note_contacts(
     The speed of approach is what the impulse took away, m dv = J on either side, so that
     no velocity before the contact is needed: J (1/m1 + 1/m2) / (1 + e).
     """
-    sound = state.crashed[Role.EGO].copy() == 0
+    sound = state.crashed[EGO_SLOT].copy() == 0
     for one in contacts:
         if one.other < 0 or state.contact_partner[one.own, 0] >= 0:
             continue
@@ -250,7 +250,7 @@ def note_contacts(
         state.contact_impulse[one.own, 0] = np.float32(size)
         state.contact_speed[one.own, 0] = np.float32(size * softness / (1.0 + float(c.restitution)))
         state.crashed[one.own, 0] = np.float32(1.0)
-    collisions.end_with_ego(state, c, sound & (state.crashed[Role.EGO] > 0), step)
+    collisions.end_with_ego(state, c, sound & (state.crashed[EGO_SLOT] > 0), step)
 
 
 def still(given: Parameters) -> Parameters:

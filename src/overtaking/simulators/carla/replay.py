@@ -19,7 +19,7 @@ import numpy as np
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.model.trajectories import ANGLE_RESOLUTION, POSITION_RESOLUTION, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.simulators.carla.library import CALL_TIME, LOAD_TIME
 from overtaking.simulators.carla.world import (
     MAPS,
@@ -178,8 +178,8 @@ class _Replay:
         scenario, carla = self.run.scenario, self.carla
         set_weather(carla, self.world, scenario)
         self._lamps = Lamps(carla, self._actors)
-        here = self.world.get_map().get_waypoint(self._pose(int(Role.EGO), 0).location)
-        start = float(self.run.road.height_at(self._station(int(Role.EGO), 0)))
+        here = self.world.get_map().get_waypoint(self._pose(EGO_SLOT, 0).location)
+        start = float(self.run.road.height_at(self._station(EGO_SLOT, 0)))
         self._ground = here.transform.location.z - start if here else 0.0
         for slot in np.flatnonzero(scenario.vehicles.valid[0]).tolist():
             self._spawn(slot)
@@ -209,14 +209,14 @@ class _Replay:
         values = {"image_size_x": size[0], "image_size_y": size[1], "fov": _FOV_DEG}
         for name, value in values.items():
             blueprint.set_attribute(name, str(value))
-        tall = float(self.run.scenario.vehicles.height[0, Role.EGO])
-        back = 4.0 + float(self.run.scenario.vehicles.length[0, Role.EGO])
+        tall = float(self.run.scenario.vehicles.height[0, EGO_SLOT])
+        back = 4.0 + float(self.run.scenario.vehicles.length[0, EGO_SLOT])
         if view == "behind":
             place, pitch = carla.Location(x=-back, z=tall + 2.0), -12.0
         else:
             place, pitch = carla.Location(x=8.0, z=_HEIGHT_ABOVE), -90.0
         pose = carla.Transform(place, carla.Rotation(pitch=pitch))
-        camera = self.world.spawn_actor(blueprint, pose, attach_to=self._actors[Role.EGO])
+        camera = self.world.spawn_actor(blueprint, pose, attach_to=self._actors[EGO_SLOT])
         pictures: queue.Queue[Any] = queue.Queue()
         camera.listen(pictures.put)
         self._cameras.append(camera)
@@ -262,7 +262,7 @@ class _Replay:
 
     def _over(self, frame: int) -> Any:
         """Where a person looks at the ego from."""
-        carla, pose = self.carla, self._pose(int(Role.EGO), frame)
+        carla, pose = self.carla, self._pose(EGO_SLOT, frame)
         pose.location.z += _HEIGHT_ABOVE
         pose.rotation = carla.Rotation(pitch=-90.0, yaw=pose.rotation.yaw)
         return pose

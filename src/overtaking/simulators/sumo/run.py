@@ -17,7 +17,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.random_numbers import Stream, philox_words
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import NO_VEHICLE, Stage, Trajectories
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.simulators.sumo.library import library, library_version, running
 from overtaking.simulators.sumo.network import (
     lateral_borders,
@@ -185,7 +185,7 @@ class _Simulation:
                 for slot, values in seen.items():
                     raw[:, slot, frame] = values
                 stage[frame] = self.watch.stage
-                partner[frame] = self.contacts.get(Role.EGO, (NO_VEHICLE,))[0]
+                partner[frame] = self.contacts.get(EGO_SLOT, (NO_VEHICLE,))[0]
             time_ms += step
         count = frame + 1
         return Run(
@@ -251,7 +251,7 @@ class _Simulation:
         before = self.watch.stage
         if before is Stage.CRASHED:
             return time_ms + _EVER
-        if Role.EGO in self.contacts:
+        if EGO_SLOT in self.contacts:
             self.watch.crash()
             return time_ms + _milliseconds(model_constants().after_collision)
         stage = self.watch.look(self._sight(seen))
@@ -263,8 +263,8 @@ class _Simulation:
 
     def _sight(self, seen: dict[int, tuple[float, ...]]) -> Sight:
         """The state of the traffic from which the stage of the ego follows."""
-        front, d, _, drift, *_ = seen[Role.EGO]
-        lane, rear = self._lane(d), front - self.length[Role.EGO]
+        front, d, _, drift, *_ = seen[EGO_SLOT]
+        lane, rear = self._lane(d), front - self.length[EGO_SLOT]
         reach = front + float(model_constants().sight_range)
         ahead = [
             (other[0] - self.length[slot], slot)

@@ -14,7 +14,7 @@ from overtaking.core.arrays import F32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.simulators.sumo.network import BEHIND, EDGE, OPPOSITE
 from overtaking.world import road_surface, visibility
 from overtaking.world.constants import model_constants
@@ -300,7 +300,7 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
         "lcSpeedGain": wanted / (gain * _DECISION_TIME),
         "lcSpeedGainLookahead": p.pull_out_time[row, slot],
         # With an empty lane beside it, the ego returns after the time for which it signals.
-        "lcKeepRight": _KEEP_RIGHT_TIME / signal_time if slot == Role.EGO else 1.0,
+        "lcKeepRight": _KEEP_RIGHT_TIME / signal_time if slot == EGO_SLOT else 1.0,
         "lcKeepRightAcceptanceTime": constant("model.overtaking.stay_time"),
         "lcAssertive": 1.0 / max(float(p.gap_acceptance[row, slot]), _LEAST),
         "lcTimeToImpatience": p.patience[row, slot],

@@ -17,7 +17,7 @@ from overtaking.labels.features import decision_features
 from overtaking.labels.features.decision import features_at
 from overtaking.labels.label import label
 from overtaking.model.batch import Batch
-from overtaking.model.vehicles import Role, VehicleKind
+from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 
 if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
@@ -185,5 +185,5 @@ def test_the_ego_itself_is_no_neighbour():
     assert found.left.count[0] == 0
     assert found.around.lane[0] == 0
     assert found.around.lanes_to_left[0] == 2
-    kinds = overtake().trajectories.scenario.vehicles.kind[:, Role.EGO]
+    kinds = overtake().trajectories.scenario.vehicles.kind[:, EGO_SLOT]
     assert found.ego.kind[0] == kinds[0]

@@ -24,7 +24,7 @@ from overtaking.labels.law.speeds import (
     perhaps,
 )
 from overtaking.labels.law.when import KEEPS_RIGHT, L21
-from overtaking.model.vehicles import Role
+from overtaking.model.vehicles import EGO_SLOT
 from overtaking.model.verdicts import Case, Severity, Verdict
 
 _STVO = "de-stvo-2013"
@@ -166,7 +166,7 @@ V3 = Rule(
 def _right_lamps(case: Case) -> Finding:
     """Low beam by night and in fog, rear fog lamps under 50 m only, no high beam that dazzles."""
     span, sight = conduct(case), optical_range(case)
-    lights = case.trajectories.states.lights[:, Role.EGO]
+    lights = case.trajectories.states.lights[:, EGO_SLOT]
     needed = case.trajectories.scenario.weather.night | (sight < constant("law_de.fog.impaired"))
     wrong = needed[:, None] & ((lights & BEAMS) == 0)
     wrong |= ((lights & FOG) != 0) & (sight >= constant("law_de.fog.sight"))[:, None]
