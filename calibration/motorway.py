@@ -52,7 +52,7 @@ def parameters() -> dict[str, Any]:
     return {
         "population": numbers_below("drivers.toml", PROFILE),
         "profile": profiles.load_specification(PROFILE).to_dict(),
-        "free_ahead_time": number("model.toml", "lane_change.free_ahead_time"),
+        "free_ahead_time": number("model.lane_change.free_ahead_time"),
     }
 
 

@@ -174,12 +174,12 @@ def numbers_below(file: str | Path, section: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def number(file: str | Path, name: str) -> float:
-    """The value of one scalar quantity of a knowledge file.
+def number(path: str) -> float:
+    """The value of one scalar quantity of the package's knowledge files.
 
     Args:
-        file: A name inside the package's data folder, or an absolute path.
-        name: Dotted name of the entry, such as `fog.clear_range`.
+        path: File without suffix and dotted name of the entry: `weather.fog.clear_range` is the
+            entry `fog.clear_range` of `weather.toml`.
 
     Returns:
         The value in SI, or in the unit that the name carries as a suffix.
@@ -187,16 +187,30 @@ def number(file: str | Path, name: str) -> float:
     Raises:
         KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
     """
-    entry = all_quantities(file).get(name)
+    stem, _, name = path.partition(".")
+    entry = all_quantities(f"{stem}.toml").get(name)
     if isinstance(entry, Quantity):
         return entry.number
     raise KnowledgeError.of(
         what="entry",
-        where=_where(file, name),
+        where=_where(f"{stem}.toml", name),
         expected="a quantity",
         got="none" if entry is None else f"a {entry.kind} distribution",
         next_step="correct the name, or draw from the distribution",
     )
+
+
+@cache
+def constant(path: str) -> np.float32:
+    """The value of one scalar quantity, rounded once to float32, the type of the step.
+
+    Args:
+        path: File without suffix and dotted name of the entry, as for `number`.
+
+    Raises:
+        KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
+    """
+    return np.float32(number(path))
 
 
 def _entries_of_rows(
@@ -385,17 +399,3 @@ def _wrong_kind(where: str, expected: str, got: object) -> KnowledgeError:
     return KnowledgeError.of(
         what="entry", where=where, expected=expected, got=got, next_step="correct the file"
     )
-
-
-@cache
-def constant(path: str) -> np.float32:
-    """One number of the knowledge base, rounded once.
-
-    Args:
-        path: File and dotted name of the entry, such as `weather.fog.clear_range`.
-
-    Raises:
-        KnowledgeError: There is no such entry, or it is no single number.
-    """
-    file, _, name = path.partition(".")
-    return np.float32(number(f"{file}.toml", name))

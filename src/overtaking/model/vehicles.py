@@ -49,7 +49,7 @@ def may_be_kind(kind: ArrayLike, length: ArrayLike) -> Mask:
     """
     names = [_LENGTH_NAMES.get(vehicle_kind, "car") for vehicle_kind in VehicleKind]
     shortest, longest = (
-        np.array([number("event_detection.toml", f"kind_length.{end}.{name}") for name in names])
+        np.array([number(f"event_detection.kind_length.{end}.{name}") for name in names])
         for end in ("shortest", "longest")
     )
     kinds, lengths = np.asarray(kind, np.intp), np.asarray(length, np.float64)

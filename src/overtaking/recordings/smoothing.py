@@ -84,4 +84,4 @@ def _rate(values: F64, *, start: I64) -> F64:
 
 
 def _known(name: str) -> float:
-    return number("event_detection.toml", f"smoothing.{name}")
+    return number(f"event_detection.smoothing.{name}")

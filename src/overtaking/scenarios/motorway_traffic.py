@@ -32,32 +32,32 @@ from overtaking.scenarios.specification import Specification
 from overtaking.scenarios.traffic_specification import FlowTraffic
 from overtaking.scenarios.vehicle_sampling import kind_number, sample_vehicles, top_speeds
 
-APPROACH_MARGIN = number("sampling.toml", "flow.approach_margin")
+APPROACH_MARGIN = number("sampling.flow.approach_margin")
 """An end of the traffic may approach faster than estimated, by up to this much [m/s]."""
 
-EGO_SPEED_SHARE = number("sampling.toml", "flow.ego_speed_share")
+EGO_SPEED_SHARE = number("sampling.flow.ego_speed_share")
 """The ego's estimated speed lies this share of the way from its lane's speed to its desired one."""
 
-MIN_SPACING = number("sampling.toml", "flow.min_spacing")
+MIN_SPACING = number("sampling.flow.min_spacing")
 """The part of the smallest distance of centres that does not depend on speed [m]; `MIN_TIME_GAP`
 gives the part that does."""
 
-MIN_TIME_GAP = number("sampling.toml", "flow.min_time_gap")
+MIN_TIME_GAP = number("sampling.flow.min_time_gap")
 """The part of the smallest distance of centres that grows with the lane's speed [s]."""
 
-RELAXING_DECEL = number("sampling.toml", "flow.relaxing_decel")
+RELAXING_DECEL = number("sampling.flow.relaxing_decel")
 """A vehicle with a larger gap than its driver wants may be faster than its leader, by the speed
 that this deceleration loses over the additional distance [m/s^2]. It is the comfortable
 deceleration of careful drivers."""
 
-PASSING_MARGIN = number("sampling.toml", "flow.passing_margin")
+PASSING_MARGIN = number("sampling.flow.passing_margin")
 """Largest speed while overtaking, over the desired speed."""
 
-RETURN_TIME = number("sampling.toml", "flow.return_time")
+RETURN_TIME = number("sampling.flow.return_time")
 """Time from the last attempt until the ego may see an end of the traffic, where there are vehicles
 enough: the duration of a common overtake [s]."""
 
-END_MARGIN = number("sampling.toml", "flow.end_margin")
+END_MARGIN = number("sampling.flow.end_margin")
 """Road behind the rearmost vehicle [m]."""
 
 _FREE = np.float32(1e6)  # Station [m] and speed [m/s] of an absent vehicle.

@@ -25,7 +25,7 @@ Number: TypeAlias = float | np.floating[Any] | NDArray[np.float32]
 NumberTransform = Callable[[str, F32], F32]
 """Replaces a named number, uniform in (0, 1) or standard normal, of each simulation."""
 
-MAX_SIGMAS = np.float32(number("sampling.toml", "draws.max_sigmas"))
+MAX_SIGMAS = np.float32(number("sampling.draws.max_sigmas"))
 """Normal numbers are limited to this many standard deviations on either side of zero."""
 
 

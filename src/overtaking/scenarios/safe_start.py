@@ -20,16 +20,16 @@ from overtaking.world.constants import model_constants
 from overtaking.world.driver_parameters import DesiredSpeedFactors, adapted_speed
 from overtaking.world.road_parameters import RoadParameters, allowed_speed, bend_speed
 
-USABLE_SHARE = number("sampling.toml", "safety.usable_grip_share")
+USABLE_SHARE = number("sampling.safety.usable_grip_share")
 """Share of the peak friction that a surprised driver uses."""
 
-REACTION_MARGIN = number("sampling.toml", "safety.reaction_margin")
+REACTION_MARGIN = number("sampling.safety.reaction_margin")
 """Factor on the driver's reaction time, because reactions are slower at night and in haze."""
 
-CLEARANCE = number("sampling.toml", "safety.clearance")
+CLEARANCE = number("sampling.safety.clearance")
 """Smallest gap between two vehicles after braking [m]."""
 
-MAX_KEPT_GAP_SHARE = number("sampling.toml", "safety.max_kept_gap_share")
+MAX_KEPT_GAP_SHARE = number("sampling.safety.max_kept_gap_share")
 """A vehicle that has to move back keeps at most this share of the space behind it. The share is
 drawn, so that starts do not pile up at the end of the zone."""
 
@@ -218,7 +218,7 @@ def assumed_start_decel(
     outside = road_surface.friction_at_film(constants, columns, film)
     in_puddle = road_surface.friction_at_film(constants, columns, film + depth[:, None])
     friction = outside + cover[:, None] * (in_puddle - outside)
-    usable_gravity = np.float32(USABLE_SHARE * number("model.toml", "nature.gravity"))
+    usable_gravity = np.float32(USABLE_SHARE * number("model.nature.gravity"))
     return minimum(vehicles.peak_decel, usable_gravity * friction)
 
 

@@ -46,10 +46,10 @@ from overtaking.scenarios.specification import Specification
 from overtaking.scenarios.traffic_specification import TwoWayTraffic
 from overtaking.scenarios.vehicle_sampling import sample_vehicles, top_speeds, with_semitrailers
 
-MAX_HEADWAY = number("sampling.toml", "two_way.max_headway")
+MAX_HEADWAY = number("sampling.two_way.max_headway")
 """Longest headway between two arrivals [s]; the ego rarely meets a vehicle that comes later."""
 
-MAX_PLATOON_HEADWAY = number("sampling.toml", "two_way.max_platoon_headway")
+MAX_PLATOON_HEADWAY = number("sampling.two_way.max_platoon_headway")
 """An ego in a platoon follows within this time [s]."""
 
 MIN_DEADLINE = np.float32(1.0)

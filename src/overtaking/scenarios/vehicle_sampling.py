@@ -22,10 +22,10 @@ from overtaking.scenarios.random_draws import SampleBlock, choose_weighted, weig
 from overtaking.scenarios.traffic_specification import PlacedTraffic
 from overtaking.world.constants import model_constants
 
-POWER_RESERVE = number("sampling.toml", "vehicles.power_reserve")
+POWER_RESERVE = number("sampling.vehicles.power_reserve")
 """A bicycle that may not be on the road has this much more power than its speed costs."""
 
-WEAR_MODE = number("sampling.toml", "vehicles.wear_mode")
+WEAR_MODE = number("sampling.vehicles.wear_mode")
 """The wear that most tyres have, 0 new to 1 bald."""
 
 
@@ -113,7 +113,7 @@ def with_able_bicycles(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpe
     c = model_constants()
     drag = c.half_air_density * vehicles.drag_area * desired_speed * desired_speed
     rolling = vehicles.rolling_resistance * vehicles.mass * c.gravity
-    share = np.float32(number("model.toml", "dynamics.power_share") / POWER_RESERVE)
+    share = np.float32(number("model.dynamics.power_share") / POWER_RESERVE)
     power = maximum((drag + rolling) * desired_speed / share, vehicles.power)
     max_speed = maximum(desired_speed, vehicles.max_speed)
     return vehicles.replace(
@@ -130,14 +130,14 @@ def with_semitrailers(vehicles: VehicleSpecs, pulls: NDArray[np.bool_]) -> Vehic
         pulls: Which of the trucks have one, the same shape.
     """
     pulls = pulls & (vehicles.kind == VehicleKind.T)
-    mass = np.float32(number("sampling.toml", "semitrailer.mass"))
+    mass = np.float32(number("sampling.semitrailer.mass"))
     inertia = vehicles.yaw_inertia * (mass / vehicles.mass)
     return vehicles.replace(
         yaw_inertia=np.where(pulls, inertia, vehicles.yaw_inertia),
         **{
             name: np.where(
                 pulls,
-                np.float32(number("sampling.toml", f"semitrailer.{name}")),
+                np.float32(number(f"sampling.semitrailer.{name}")),
                 getattr(vehicles, name),
             )
             for name in ("length", "height", "mass", "power", "drag_area", "side_area")

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F32, U8, Mask
 
 
-SUN_AHEAD = number("sampling.toml", "weather.sun_ahead")
+SUN_AHEAD = number("sampling.weather.sun_ahead")
 """A preset's low sun stands within this angle of the direction of travel [rad]."""
 
-RAIN_CLOUDS_PERCENT = number("sampling.toml", "weather.rain_clouds_percent")
+RAIN_CLOUDS_PERCENT = number("sampling.weather.rain_clouds_percent")
 """It does not rain out of a sky with less cloud; CARLA's presets with rain have 60 and more."""
 _MIN_TAIL = np.float32(2.0**-24)  # Keeps the logarithm of a tail finite.
 
-MIN_PUDDLES_PER_RAIN = number("sampling.toml", "weather.rain_puddles")
+MIN_PUDDLES_PER_RAIN = number("sampling.weather.rain_puddles")
 """Rain leaves at least this part of its percentage as water on the road."""
 
 

@@ -11,7 +11,7 @@ from overtaking.core.units import mps_from_kmh
 from overtaking.knowledge.friction import friction_table
 from overtaking.knowledge.toml_reader import number
 
-GRAVITY = number("model.toml", "nature.gravity")
+GRAVITY = number("model.nature.gravity")
 
 
 def film_mm(precipitation_percent: float, path: float) -> float:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import FrozenInstanceError, dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from overtaking.core.errors import KnowledgeError
 from overtaking.knowledge.quantities import Distribution, Quantity
 from overtaking.knowledge.toml_reader import (
     all_quantities,
+    constant,
     load_toml,
     number,
     numbers_below,
@@ -154,22 +156,29 @@ def test_quantities_are_named_by_their_path_in_the_order_of_the_file(toml: Toml)
     assert isinstance(found["a.b.length"], Quantity)
 
 
-def test_a_number_is_asked_for_by_its_path(toml: Toml):
-    assert number(toml(WHOLE), "a.b.length") == 4.4
-    assert number("friction.toml", "table.sliding_ratio") < 1.0
+def test_file_and_entry_are_one_path_to_a_number():
+    assert number("weather.fog.clear_range") == 10000.0
+    assert number("drivers.mixed.classes.T.time_gap_factor") == 1.3
+
+
+def test_a_constant_is_the_number_rounded_to_float32():
+    rounded = constant("model.nature.gravity")
+    assert isinstance(rounded, np.float32)
+    assert rounded == np.float32(number("model.nature.gravity"))
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("a.b.width", "example.toml [a.b.width]: entry: expected a quantity, got none"),
-        ("a.b.time", "example.toml [a.b.time]: entry: expected a quantity, got a uniform dist"),
-        ("a.b.speeds", "expected one number, got 2 entries"),
+        ("weather.fog.width", "weather.toml [fog.width]: entry: expected a quantity, got none"),
+        ("drivers.mixed.careful.time_gap", "expected a quantity, got a lognormal distribution"),
+        ("friction.table.new", "expected one number, got 3 entries"),
+        ("nowhere.fog", "nowhere.toml: file: expected a readable TOML file"),
     ],
 )
-def test_what_is_no_number_is_refused_as_one(toml: Toml, name: str, message: str):
+def test_a_path_without_a_scalar_quantity_is_refused(name: str, message: str):
     with pytest.raises(KnowledgeError) as caught:
-        number(toml(WHOLE), name)
+        number(name)
     assert message in str(caught.value)
 
 

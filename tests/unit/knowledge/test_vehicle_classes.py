@@ -22,8 +22,8 @@ from overtaking.knowledge.vehicle_classes import (
     vehicle_classes,
 )
 
-GRAVITY = number("model.toml", "nature.gravity")
-AIR_DENSITY = number("model.toml", "nature.air_density")
+GRAVITY = number("model.nature.gravity")
+AIR_DENSITY = number("model.nature.air_density")
 
 COMMONROAD = [parameters_vehicle1(), parameters_vehicle2(), parameters_vehicle3()]
 FOUR_WHEELERS = ("S", "M", "L", "V", "T")

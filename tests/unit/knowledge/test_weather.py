@@ -13,7 +13,7 @@ from overtaking.core.units import deg_from_rad, kmh_from_mps, mps_from_kmh
 from overtaking.knowledge.toml_reader import number
 from overtaking.knowledge.vehicle_classes import vehicle_classes
 
-AIR_DENSITY = number("model.toml", "nature.air_density")
+AIR_DENSITY = number("model.nature.air_density")
 
 
 def mor(fog_percent: float) -> float:

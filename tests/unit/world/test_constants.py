@@ -11,30 +11,23 @@ import scipy.constants
 
 import overtaking
 from overtaking.knowledge.friction import friction_table
-from overtaking.knowledge.quantities import Quantity
-from overtaking.knowledge.toml_reader import all_quantities
+from overtaking.knowledge.toml_reader import all_quantities, number
 from overtaking.world.constants import CONSTANT_NAMES, model_constants
 
 
-def number(file: str, name: str) -> float:
-    entry = all_quantities(f"{file}.toml")[name]
-    assert isinstance(entry, Quantity)
-    return float(entry.number)
-
-
 @pytest.mark.parametrize(
-    ("name", "file", "entry"),
+    ("name", "path"),
     [
-        ("step", "model", "time.step"),
-        ("restitution", "model", "collision.restitution"),
-        ("spray_reach", "weather", "spray.reach"),
-        ("sliding_ratio", "friction", "table.sliding_ratio"),
-        ("truck_loss_factor", "friction", "table.truck_loss_factor"),
+        ("step", "model.time.step"),
+        ("restitution", "model.collision.restitution"),
+        ("spray_reach", "weather.spray.reach"),
+        ("sliding_ratio", "friction.table.sliding_ratio"),
+        ("truck_loss_factor", "friction.table.truck_loss_factor"),
     ],
 )
-def test_a_constant_is_the_entry_of_the_knowledge_base(name: str, file: str, entry: str):
+def test_a_constant_is_the_entry_of_the_knowledge_base(name: str, path: str):
     value = getattr(model_constants(), name)
-    assert value == np.float32(number(file, entry))
+    assert value == np.float32(number(path))
 
 
 def test_every_constant_is_a_finite_float32():
@@ -53,9 +46,9 @@ def test_derived_constants_are_what_their_names_say():
     c = model_constants()
     assert float(c.half_air_density) == pytest.approx(0.5 * 1.2)
     assert float(c.inverse_puddle_wave_1) == pytest.approx(
-        1.0 / number("weather", "puddles.first_wave")
+        1.0 / number("weather.puddles.first_wave")
     )
-    assert float(c.inverse_stop_lamp) == pytest.approx(1.0 / number("weather", "lamps.stop"))
+    assert float(c.inverse_stop_lamp) == pytest.approx(1.0 / number("weather.lamps.stop"))
 
 
 def test_the_friction_table_is_kept_whole():
@@ -89,10 +82,10 @@ def test_every_entry_of_the_model_is_read_somewhere():
 
 
 def test_gravity_is_the_standard_value_to_two_decimals():
-    assert round(scipy.constants.g, 2) == number("model", "nature.gravity")
+    assert round(scipy.constants.g, 2) == number("model.nature.gravity")
 
 
 def test_air_density_is_that_of_dry_air_at_20_degrees_to_two_decimals():
     molar_mass = 0.0289652  # kg/mol, dry air, ICAO standard atmosphere
     density = scipy.constants.atm * molar_mass / (scipy.constants.R * 293.15)
-    assert round(density, 2) == number("model", "nature.air_density")
+    assert round(density, 2) == number("model.nature.air_density")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def of(name: str) -> float:
     """A number of `evaluation.toml`, SI."""
-    return number("evaluation.toml", name)
+    return number(f"evaluation.{name}")
 
 
 def columns(batch: Batch) -> dict[str, Array]:

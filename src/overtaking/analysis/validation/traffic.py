@@ -35,7 +35,7 @@ CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
 
 def limit(name: str) -> float:
     """A limit of `validation.toml`, SI."""
-    return number("validation.toml", f"limits.{name}")
+    return number(f"validation.limits.{name}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,7 +54,7 @@ Limits = Callable[..., tuple[F32, F32]]
 
 def speed_limits(case: Case, ahead: float = 0.0) -> tuple[F32, F32]:
     """`limits_of` by Article 27."""
-    return limits_of(case, limit_table("law.toml"), ahead)
+    return limits_of(case, limit_table("law"), ahead)
 
 
 def limits_of(case: Case, general: F32, ahead: float = 0.0) -> tuple[F32, F32]:
@@ -114,8 +114,8 @@ def class_of(kind: NDArray[np.uint8]) -> NDArray[np.intp]:
 
 
 def limit_table(file: str) -> F32:
-    """Limits of a file by kind of road and class, shape (kind of road, class) [m/s]."""
-    rows = [[number(file, f"limits.{road}.{of}") for of in CLASSES] for road in ROAD_KINDS]
+    """Limits of a file, named without suffix; shape (kind of road, class) [m/s]."""
+    rows = [[number(f"{file}.limits.{road}.{of}") for of in CLASSES] for road in ROAD_KINDS]
     return np.array(rows, np.float32)
 
 

@@ -98,7 +98,7 @@ V1s = adopt(
 
 def limits(case: Case, ahead: float = 0.0) -> tuple[F32, F32]:
     """`limits_of` by the Road Traffic Order."""
-    return limits_of(case, limit_table("law_de.toml"), ahead)
+    return limits_of(case, limit_table("law_de"), ahead)
 
 
 def _within_limit(case: Case) -> Finding:
