@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 from tests.support.bench import bench
+from tests.support.knowledge import numbers_of
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking.knowledge.friction import friction_table
 from overtaking.world import road_surface
 from overtaking.world.constants import model_constants
 from overtaking.world.step_parameters import parameters
@@ -238,5 +238,5 @@ def test_a_puddle_under_one_side_turns_a_braking_car_towards_the_dry_side():
     # The left wheels, those towards the fast side, hold less, so the right ones turn it there, with
     # a moment of half the track times the difference of the brake forces, growing over 0.3 s.
     assert ran["r"][-1, 0] < -0.1
-    table = friction_table()
+    table = numbers_of("friction.toml").table
     assert table.floor == FLOOR

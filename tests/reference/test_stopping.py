@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import RegularGridInterpolator
 from tests.support.bench import Bench, bench
+from tests.support.knowledge import numbers_of
 from tests.support.worlds import FOUR_WHEELERS, Vehicle, body_of
 
-from overtaking.knowledge.friction import friction_table
 from overtaking.world.road_surface import stoppable_speed, stopping_distance
 
 GRAVITY = 9.81
@@ -72,7 +72,7 @@ def test_the_air_helps_to_brake_by_the_closed_form():
 
 def wet_friction(speed: float, film_mm: float) -> float:
     """The handbook's table for a new car tyre, linear between its knots, by SciPy."""
-    table = friction_table()
+    table = numbers_of("friction.toml").table
     grid = RegularGridInterpolator((table.speeds, table.films_mm), table.new)
     inside = float(np.clip(speed, table.speeds[0], table.speeds[-1]))
     return max(float(grid((inside, film_mm))), table.floor)
@@ -81,7 +81,7 @@ def wet_friction(speed: float, film_mm: float) -> float:
 def braking_distance(speed: float, film_mm: float) -> float:
     """Integral of v dv / b(v) [m]."""
     decel = lambda v: ANTI_LOCK * GRAVITY * wet_friction(v, film_mm)  # noqa: E731
-    knots = [v for v in friction_table().speeds if v < speed]
+    knots = [v for v in numbers_of("friction.toml").table.speeds if v < speed]
     return quad(lambda v: v / decel(v), 0.0, speed, epsrel=1e-4, points=knots)[0]
 
 

@@ -178,8 +178,7 @@ def number(path: str) -> float:
     """The value of one scalar quantity of the package's knowledge files.
 
     Args:
-        path: File without suffix and dotted name of the entry: `weather.fog.clear_range` is the
-            entry `fog.clear_range` of `weather.toml`.
+        path: File without suffix and dotted name of the entry, as for `load_quantity`.
 
     Returns:
         The value in SI, or in the unit that the name carries as a suffix.
@@ -187,17 +186,7 @@ def number(path: str) -> float:
     Raises:
         KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
     """
-    stem, _, name = path.partition(".")
-    entry = all_quantities(f"{stem}.toml").get(name)
-    if isinstance(entry, Quantity):
-        return entry.number
-    raise KnowledgeError.of(
-        what="entry",
-        where=_where(f"{stem}.toml", name),
-        expected="a quantity",
-        got="none" if entry is None else f"a {entry.kind} distribution",
-        next_step="correct the name, or draw from the distribution",
-    )
+    return load_quantity(path).number
 
 
 @cache
@@ -211,6 +200,29 @@ def constant(path: str) -> np.float32:
         KnowledgeError: There is no such entry, or it is a distribution or a table of numbers.
     """
     return np.float32(number(path))
+
+
+def load_quantity(path: str) -> Quantity:
+    """One quantity of the package's knowledge files.
+
+    Args:
+        path: File without suffix and dotted name of the entry: `weather.fog.clear_range` is the
+            entry `fog.clear_range` of `weather.toml`.
+
+    Raises:
+        KnowledgeError: There is no such entry, or it is a distribution.
+    """
+    stem, _, name = path.partition(".")
+    entry = all_quantities(f"{stem}.toml").get(name)
+    if isinstance(entry, Quantity):
+        return entry
+    raise KnowledgeError.of(
+        what="entry",
+        where=_where(f"{stem}.toml", name),
+        expected="a quantity",
+        got="none" if entry is None else f"a {entry.kind} distribution",
+        next_step="correct the name, or draw from the distribution",
+    )
 
 
 def _entries_of_rows(

@@ -2,10 +2,9 @@
 
 The step reads `ModelConstants`; `engine_constants` hands the same numbers to the engine.
 """
-# ruff: noqa: RUF009 - `_constant_field` and `_inverse_field` return fields.
+# ruff: noqa: RUF009 - the functions that make defaults return fields.
 
 import dataclasses
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -13,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from overtaking.core.float32_math import HALF, ONE
-from overtaking.knowledge.friction import friction_table
-from overtaking.knowledge.toml_reader import constant
+from overtaking.knowledge.quantities import Values
+from overtaking.knowledge.toml_reader import constant, load_quantity
 
 STEP_MS = 10
 """Length of a step [ms]."""
@@ -42,14 +41,16 @@ def _inverse_field(path: str) -> Any:
     return field(default_factory=lambda: ONE / constant(path))
 
 
-def _to_float32(numbers: Iterable[float]) -> tuple[np.float32, ...]:
-    """Numbers of a table's row, each rounded once."""
-    return tuple(np.float32(number) for number in numbers)
+def _table_field(path: str) -> Any:
+    """A field whose value is an entry with several numbers, in tuples as deep as the entry."""
+    return field(default_factory=lambda: _to_float32(load_quantity(path).value))
 
 
-def _table_to_float32(rows: Iterable[Iterable[float]]) -> tuple[tuple[np.float32, ...], ...]:
-    """Numbers of a table, each rounded once."""
-    return tuple(_to_float32(row) for row in rows)
+def _to_float32(values: Values) -> Any:
+    """Numbers of a table, each rounded once, in tuples as deep as before."""
+    if isinstance(values, tuple):
+        return tuple(_to_float32(value) for value in values)
+    return np.float32(values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,18 +202,10 @@ class ModelConstants:
     half_air_density: np.float32 = field(
         default_factory=lambda: HALF * constant("model.nature.air_density")
     )
-    friction_new: tuple[tuple[np.float32, ...], ...] = field(
-        default_factory=lambda: _table_to_float32(friction_table().new)
-    )
-    friction_worn: tuple[tuple[np.float32, ...], ...] = field(
-        default_factory=lambda: _table_to_float32(friction_table().worn)
-    )
-    friction_speeds: tuple[np.float32, ...] = field(
-        default_factory=lambda: _to_float32(friction_table().speeds)
-    )
-    friction_films: tuple[np.float32, ...] = field(
-        default_factory=lambda: _to_float32(friction_table().films_mm)
-    )
+    friction_new: tuple[tuple[np.float32, ...], ...] = _table_field("friction.table.new")
+    friction_worn: tuple[tuple[np.float32, ...], ...] = _table_field("friction.table.worn")
+    friction_speeds: tuple[np.float32, ...] = _table_field("friction.table.speeds")
+    friction_films: tuple[np.float32, ...] = _table_field("friction.table.films_mm")
 
     def replace(self, **changes: float) -> "ModelConstants":
         """Copy the constants with some numbers changed, for ablations.

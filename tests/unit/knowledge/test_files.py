@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import re
+from functools import cache
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
 
+import overtaking
 from overtaking.knowledge.quantities import Quantity
 from overtaking.knowledge.toml_reader import DATA_FOLDER, all_quantities, load_toml, sources
 
@@ -73,3 +78,61 @@ def test_values_lie_within_their_own_limits(file: str):
     for name, entry in all_quantities(file).items():
         if isinstance(entry, Quantity) and not isinstance(entry.value, tuple):
             assert cast("float", entry.low) <= entry.value <= cast("float", entry.high), name
+
+
+FILLED_BY_RECORDS = {
+    "carla_props.toml",
+    "carla_vehicles.toml",
+    "carla_weather.toml",
+    "colours.toml",
+    "drivers.toml",
+    "paper.toml",
+    "roads.toml",
+    "tolerances.toml",
+    "validation.toml",
+    "vehicle_classes.toml",
+}
+"""Files that are read as whole records, which refuse an entry without a field."""
+
+
+def pattern_of_name(node: ast.AST) -> str | None:
+    """A regular expression of the names that a string of the code stands for, if it has a dot.
+
+    In an f-string such as `f"model.perception.detection_time_{light}"` a part between braces
+    stands for any word.
+    """
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        pattern = re.escape(node.value)
+    elif isinstance(node, ast.JoinedStr):
+        parts = (
+            re.escape(str(part.value)) if isinstance(part, ast.Constant) else r"[\w-]+"
+            for part in node.values
+        )
+        pattern = "".join(parts)
+    else:
+        return None
+    has_words = re.search(r"\w", pattern.replace(r"[\w-]+", ""))
+    return pattern if has_words and re.fullmatch(r"[\w\\.\-\[\]+]+", pattern) else None
+
+
+@cache
+def names_in_code() -> re.Pattern[str]:
+    """The names of entries and of whole tables in the strings of the package."""
+    patterns: set[str] = set()
+    for path in Path(overtaking.__file__).parent.rglob("*.py"):
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        patterns |= {pattern for node in nodes if (pattern := pattern_of_name(node))}
+    dotted = sorted(pattern for pattern in patterns if r"\." in pattern)
+    return re.compile(f"(?:{'|'.join(dotted)})(?:\\..*)?")
+
+
+@pytest.mark.parametrize("file", sorted(set(FILES) - FILLED_BY_RECORDS))
+def test_the_code_names_every_entry_of_a_file(file: str):
+    stem = file.removesuffix(".toml")
+    # Some modules add the name of the file, or of the file and a table, to names of entries.
+    unread = [
+        name
+        for name in all_quantities(file)
+        if not names_in_code().fullmatch(f"{stem}.{name}") and not names_in_code().fullmatch(name)
+    ]
+    assert unread == []

@@ -1,4 +1,4 @@
-"""The friction table through another interpolator, and the two hydroplaning formulas."""
+"""The friction table through another interpolator."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from scipy.interpolate import RegularGridInterpolator
 from tests.support.knowledge import numbers_of, weather_maps
 
 from overtaking.core.units import mps_from_kmh
-from overtaking.knowledge.friction import friction_table
 from overtaking.knowledge.toml_reader import number
 
 GRAVITY = number("model.nature.gravity")
@@ -29,7 +28,7 @@ def film_mm(precipitation_percent: float, path: float) -> float:
 
 
 def friction(tyre: str, speed_kmh: float, film: float) -> float:
-    table = friction_table()
+    table = numbers_of("friction.toml").table
     grid = RegularGridInterpolator((table.speeds, table.films_mm), np.array(getattr(table, tyre)))
     return float(grid((mps_from_kmh(speed_kmh), film)))
 
@@ -67,7 +66,7 @@ def test_stopping_from_120_takes_as_long_as_worked_out_by_hand(
 
 
 def test_the_table_is_rectangular_and_ordered():
-    table = friction_table()
+    table = numbers_of("friction.toml").table
     assert [round(speed * 3.6, 9) for speed in table.speeds] == [50.0, 90.0, 130.0]
     for tyre in (np.array(table.new), np.array(table.worn)):
         assert tyre.shape == (3, 4)
@@ -77,58 +76,8 @@ def test_the_table_is_rectangular_and_ordered():
 
 
 def test_worn_tyres_grip_better_when_dry_and_worse_when_wet():
-    new, worn = np.array(friction_table().new), np.array(friction_table().worn)
+    table = numbers_of("friction.toml").table
+    new, worn = np.array(table.new), np.array(table.worn)
     assert (worn[:, 0] > new[:, 0]).all()
     assert (worn[:, 1:] <= new[:, 1:]).all()
     assert (worn[:, 1] < new[:, 1]).all()
-
-
-def test_thresholds_lie_where_the_table_aquaplanes():
-    table = friction_table()
-    assert table.tread_worn_mm < table.tread_default_mm < table.tread_new_mm
-    assert friction("new", 130.0, 1.9) < table.aquaplaning_friction
-    assert friction("new", 50.0, 2.0) > table.aquaplaning_friction
-    assert friction("new", 130.0, table.aquaplaning_film_mm) > table.aquaplaning_friction
-    assert 0.0 < table.floor < table.aquaplaning_friction
-    for share in (table.sliding_ratio, table.truck_dry_factor, table.truck_loss_factor):
-        assert 0.0 < share < 1.0
-
-
-@pytest.mark.parametrize(("pressure", "expected"), [("car", 94.0), ("truck", 168.0)])
-def test_horne_gives_the_speeds_of_the_rule_of_thumb(pressure: str, expected: float):
-    data = numbers_of("friction.toml").hydroplaning
-    kpa = getattr(data, f"{pressure}_pressure_kpa")
-    speed_kmh = data.horne_factor * kpa**0.5
-    assert speed_kmh == pytest.approx(expected, abs=0.6)
-    # The rule as it was published: 10.35 times the root of the pressure in psi, in miles per hour.
-    assert speed_kmh == pytest.approx(10.35 * (kpa / 6.894757) ** 0.5 * 1.609344, rel=0.003)
-
-
-def pavdrn_kmh(film: float) -> float:
-    data = numbers_of("friction.toml").hydroplaning
-    if film < data.film_limit_mm:
-        return data.thin_factor * film**data.thin_exponent
-    root = (film / 25.4) ** data.thick_film_exponent
-    texture = (weather_maps().film.texture_depth_mm / 25.4) ** data.thick_texture_exponent
-    first = data.thick_a1 / root + data.thick_a0
-    second = (data.thick_b1 / root - data.thick_b0) * texture
-    return data.thick_factor * max(first, second)
-
-
-@pytest.mark.parametrize(
-    ("film", "expected"), [(0.2, 147.0), (0.5, 116.0), (1.0, 97.0), (2.0, 81.0), (4.0, 75.0)]
-)
-def test_pavdrn_gives_the_speeds_worked_out_by_hand(film: float, expected: float):
-    assert pavdrn_kmh(film) == pytest.approx(expected, abs=0.6)
-
-
-def test_the_branches_of_pavdrn_meet():
-    limit = numbers_of("friction.toml").hydroplaning.film_limit_mm
-    assert pavdrn_kmh(limit) == pytest.approx(pavdrn_kmh(limit - 1e-9), rel=0.03)
-
-
-def test_table_and_formula_agree_on_when_a_tyre_floats():
-    # On 2 mm the table reaches zero at 130 km/h and nearly so at 90; the formula says 81 km/h.
-    assert friction("new", 90.0, 2.0) < friction_table().aquaplaning_friction
-    assert pavdrn_kmh(2.0) < 90.0 < 130.0
-    assert friction("new", 130.0, 2.0) == 0.0

@@ -68,17 +68,6 @@ def test_wind_percent_is_an_even_beaufort_number(percent: float, beaufort: int):
     assert begins[beaufort] <= speed < begins[beaufort + 1]
 
 
-@pytest.mark.parametrize(("knots", "percent"), [(30.0, 53.0), (35.0, 62.0), (40.0, 71.0)])
-def test_gusts_reach_the_limits_of_the_severn_crossings_where_stated(knots: float, percent: float):
-    gust = weather_maps().wind.peak_factor * mean_wind(percent)
-    assert gust == pytest.approx(knots * 1852.0 / 3600.0, rel=0.01)
-
-
-def test_the_peak_factor_follows_from_the_turbulence():
-    wind = weather_maps().wind
-    assert wind.peak_factor == pytest.approx(1.0 + 2.5 * wind.turbulence_intensity)
-
-
 def side_accel(name: str, *, speed_kmh: float, wind: float, mass: float | None = None) -> float:
     """Lateral acceleration by a cross wind at right angles, before any correction [m/s^2]."""
     vehicle, speed = vehicle_classes()[name], mps_from_kmh(speed_kmh)
@@ -88,25 +77,22 @@ def side_accel(name: str, *, speed_kmh: float, wind: float, mass: float | None =
     return force * math.sin(min(angle, math.pi / 2.0)) / (mass or vehicle.mass.number)
 
 
-# Worked out by hand at 30, 60 and 100 percent, mean wind and gust.
+# Worked out by hand at 30, 60 and 100 percent of mean wind.
 @pytest.mark.parametrize(
-    ("name", "speed_kmh", "steady", "gust"),
+    ("name", "speed_kmh", "expected"),
     [
-        ("M", 110.0, (0.41, 0.86, 1.57), (0.60, 1.32, 2.57)),
-        ("V", 110.0, (0.58, 1.2, 2.2), (0.86, 1.9, 3.6)),
-        ("T", 85.0, (0.23, 0.5, 0.94), (0.34, 0.78, 1.6)),
-        ("MC", 110.0, (0.56, 1.2, 2.1), (0.82, 1.8, 3.5)),
+        ("M", 110.0, (0.41, 0.86, 1.57)),
+        ("V", 110.0, (0.58, 1.2, 2.2)),
+        ("T", 85.0, (0.23, 0.5, 0.94)),
+        ("MC", 110.0, (0.56, 1.2, 2.1)),
     ],
 )
 def test_cross_wind_pushes_as_worked_out_by_hand(
-    name: str, speed_kmh: float, steady: tuple[float, ...], gust: tuple[float, ...]
+    name: str, speed_kmh: float, expected: tuple[float, ...]
 ):
     winds = [mean_wind(percent) for percent in (30.0, 60.0, 100.0)]
-    peak = weather_maps().wind.peak_factor
-    found = [side_accel(name, speed_kmh=speed_kmh, wind=wind) for wind in winds]
-    peaks = [side_accel(name, speed_kmh=speed_kmh, wind=peak * wind) for wind in winds]
-    assert found == pytest.approx(steady, rel=0.04)
-    assert peaks == pytest.approx(gust, rel=0.04)
+    accels = [side_accel(name, speed_kmh=speed_kmh, wind=wind) for wind in winds]
+    assert accels == pytest.approx(expected, rel=0.04)
 
 
 def test_an_empty_truck_is_pushed_nearly_twice_as_hard():
@@ -173,10 +159,7 @@ def test_ranges_and_thresholds_are_in_order():
     assert contrast.threshold_day < contrast.threshold_dusk < contrast.threshold_night
     assert lamps.threshold_night < lamps.threshold_dusk < lamps.threshold_day
     assert lamps.rear_position < lamps.stop < lamps.rear_fog
-    assert contrast.marking_wet < contrast.marking_dry
-    assert heads.marking_wet < heads.marking_dry
-    assert heads.low_beam < heads.low_beam_within < heads.high_beam
+    assert heads.low_beam < heads.high_beam
     assert maps.puddles.first_wave < maps.puddles.second_wave
     assert maps.gusts.min_length < maps.gusts.max_length
     assert maps.errors.distance_cv_day < maps.errors.distance_cv_night < maps.errors.distance_cv_fog
-    assert list(maps.fog.band_edges) == sorted(maps.fog.band_edges)

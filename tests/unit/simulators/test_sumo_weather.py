@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.support.knowledge import numbers_of
 from tests.support.worlds import Vehicle, scenario
 
 from overtaking.data.tables.derived import derived_weather
-from overtaking.knowledge.friction import friction_table
 from overtaking.simulators.sumo.traffic import distance_error, is_wet, lane_friction
 
 SKIES = [{}, {"rain": 30.0}, {"rain": 100.0}, {"puddles": 50.0}, {"puddles": 10.0}]
@@ -24,7 +24,8 @@ def test_rain_and_deposits_make_the_road_wet():
 def test_friction_is_that_of_the_handbook_at_50_kmh():
     """Half-worn, between the columns of the Bosch handbook: dry 0.925, wet 0.575 or less."""
     told = lane_friction(batch(*SKIES))[:, 0]
-    new, worn = (np.array(row[0]) for row in (friction_table().new, friction_table().worn))
+    table = numbers_of("friction.toml").table
+    new, worn = np.array(table.new[0]), np.array(table.worn[0])
     knots = (new + worn) / 2
     assert told[0] == pytest.approx(knots[0])
     assert told[3] == pytest.approx(knots[1])

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.constants
+from tests.support.knowledge import numbers_of
 
-import overtaking
-from overtaking.knowledge.friction import friction_table
-from overtaking.knowledge.toml_reader import all_quantities, number
+from overtaking.knowledge.toml_reader import number
 from overtaking.world.constants import CONSTANT_NAMES, model_constants
 
 
@@ -52,7 +48,7 @@ def test_derived_constants_are_what_their_names_say():
 
 
 def test_the_friction_table_is_kept_whole():
-    c, table = model_constants(), friction_table()
+    c, table = model_constants(), numbers_of("friction.toml").table
     np.testing.assert_allclose(c.friction_new, table.new, rtol=1e-7)
     np.testing.assert_allclose(c.friction_worn, table.worn, rtol=1e-7)
     assert (len(c.friction_speeds), len(c.friction_films)) == (3, 4)
@@ -68,17 +64,6 @@ def test_a_change_touches_only_what_is_named():
 def test_a_name_that_does_not_exist_is_refused():
     with pytest.raises(TypeError, match="bounce"):
         model_constants().replace(bounce=1.0)
-
-
-def test_every_entry_of_the_model_is_read_somewhere():
-    package = Path(overtaking.__file__).parent
-    text = "".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
-    # Some are read in a row, as in f"model.perception.detection_time_{light}".
-    places = [re.sub(r"{\w+}", r"\\w+", each) for each in re.findall(r'"model\.([\w.{}]+)"', text)]
-    names = list(all_quantities("model.toml"))
-    unread = [name for name in names if not any(re.fullmatch(each, name) for each in places)]
-    assert len(names) > 50
-    assert unread == []
 
 
 def test_gravity_is_the_standard_value_to_two_decimals():
