@@ -75,7 +75,7 @@ def rate(folder: Path) -> Measure:
 
     count = 32_768
     begin = time.perf_counter()
-    data = api.generate("pinto2023-physical", count, 2, folder / "rate", keep="features")
+    data = api.generate_dataset("pinto2023-physical", count, 2, folder / "rate", keep="features")
     taken = time.perf_counter() - begin
     frames = data.simulations()["num_frames"].mean()
     note = f"{count:,} simulations of {frames:.0f} frames on average"

@@ -36,7 +36,7 @@ EXTENSIONS: dict[str, dict[str, Any]] = tomllib.loads(
 def _data() -> Any:
     import overtaking as ot
 
-    return ot.generate("motorway", simulations=40, seed=1, out="data", keep="features")
+    return ot.generate_dataset("motorway", simulations=40, seed=1, out="data", keep="features")
 
 
 def rule() -> None:
@@ -48,7 +48,7 @@ def rule() -> None:
     night = data.decisions().set_index("simulation")["night"]
     assert set(found.index[found != "not_applicable"]) == set(night.index[night])
     broken = int(found.index[found == "illegal"][0])
-    said = api.law_explain(data.path, broken, rules=["L99"])
+    said = api.explain(data.path, broken, rules=["L99"])
     assert "100" in str(said), said
 
 

@@ -51,8 +51,10 @@ def corpus(folder: Path) -> Sequence[Call]:
     """Sound calls."""
     placed = ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)
     flow = ot.sample("motorway", 2, 1, overrides=SHORT | {"time.attempt_deadline_s": 2.0})
-    ot.generate("pinto2023-physical", 4, 1, folder / "data", overrides=SHORT, keep="features")
-    data = ot.load(folder / "data")
+    ot.generate_dataset(
+        "pinto2023-physical", 4, 1, folder / "data", overrides=SHORT, keep="features"
+    )
+    data = ot.load_dataset(folder / "data")
     batches: list[Call] = []
     for scenario in (placed, flow):
         changed = {"frame": 10, "decision": ot.ForcedDecision.PULL_OUT, "weather": scenario.weather}

@@ -147,10 +147,10 @@ def _tables(folder: Path) -> list[Named]:
         "time.attempt_deadline_s": "1",
         "traffic.vehicles": "2..3",
     }
-    api.generate("pinto2023-physical", 2, 1, folder / "data", overrides=short)
+    api.generate_dataset("pinto2023-physical", 2, 1, folder / "data", overrides=short)
     paths = [folder / "table.csv", folder / "table.parquet"]
     for path in paths:
-        api.export(folder / "data", path)
+        api.export_dataset(folder / "data", path)
     return [(paths[0].name, paths[0].read_text("utf-8")), (paths[1].name, paths[1].read_bytes())]
 
 

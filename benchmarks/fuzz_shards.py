@@ -46,7 +46,7 @@ def corpus(folder: Path) -> Sequence[Shard]:
     """Every file of a data set with frames, and of one without."""
     shards: list[Shard] = []
     for name, keep in (("frames", "frames"), ("features", "features")):
-        ot.generate("pinto2023-physical", 3, 1, folder / name, overrides=SHORT, keep=keep)
+        ot.generate_dataset("pinto2023-physical", 3, 1, folder / name, overrides=SHORT, keep=keep)
         paths = sorted((folder / name).glob("*/part-00000.parquet"))
         shards += [Shard(name, path.parent.name, path.read_bytes()) for path in paths]
     return shards
@@ -98,7 +98,7 @@ def _with_checksum(manifest: bytes, shard: Shard) -> str:
 
 def _use(path: Path) -> None:
     """Read every table, and make of them what the commands show."""
-    data = ot.load(path)
+    data = ot.load_dataset(path)
     assert repr(data)
     for table in data.kept_tables:
         method = getattr(data, table, None)
@@ -110,7 +110,7 @@ def _use(path: Path) -> None:
     data.verdict(1)
     data.frames(1)
     data.states(1)
-    ot.statistics(data).summary()
+    ot.dataset_statistics(data).summary()
     for _numbers, recorded in data.batches():
         ot.label(recorded)
 

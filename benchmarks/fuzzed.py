@@ -37,12 +37,12 @@ class Target:
 
 def _data_set(folder: Path) -> list[str]:
     """The manifests that a data set in the folder might have; the last one is its own."""
-    from overtaking import Balance, api
+    from overtaking import ClassBalance, api
 
     elsewhere = folder / "balanced"
-    balance = Balance(candidates=20, allows_missing=True)
-    api.generate("pinto2023-physical", 6, 1, elsewhere, keep="features", balance=balance)
-    api.generate("motorway", 6, 1, folder / "data", shard_size=4)
+    balance = ClassBalance(candidates=20, allows_missing=True)
+    api.generate_dataset("pinto2023-physical", 6, 1, elsewhere, keep="features", balance=balance)
+    api.generate_dataset("motorway", 6, 1, folder / "data", shard_size=4)
     return [(path / MANIFEST).read_text(encoding="utf-8") for path in (elsewhere, folder / "data")]
 
 
@@ -50,7 +50,7 @@ def _load(manifest: bytes, folder: Path) -> None:
     from overtaking import api
 
     (folder / "data" / MANIFEST).write_bytes(manifest)
-    data = api.load(folder / "data")
+    data = api.load_dataset(folder / "data")
     assert repr(data)
     data.labels()
     assert len(data[-1].trace_hash) == 1

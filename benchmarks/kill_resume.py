@@ -56,7 +56,7 @@ class Job:
     def run(self, out: Path) -> None:
         """Make the data set, or complete it."""
         overrides = {"time.horizon_s": self.horizon, "time.attempt_deadline_s": self.horizon}
-        api.generate(
+        api.generate_dataset(
             "pinto2023-physical",
             self.simulations,
             1,

@@ -35,7 +35,7 @@ def data_set(folder: Path, profile: str, simulations: int) -> Path:
     """The folder of a data set, made if it is not there."""
     path = folder / f"{profile}-{simulations}"
     if not path.exists():
-        overtaking.generate(profile, simulations, 1, path, keep="features")
+        overtaking.generate_dataset(profile, simulations, 1, path, keep="features")
     return path
 
 
@@ -83,19 +83,21 @@ def page(folder: Path, sizes: dict[str, int], asked: str, repeats: int) -> str:
     parts: list[str] = []
     for profile, simulations in sizes.items():
         path = data_set(folder, profile, simulations)
-        content = overtaking.load(path).content_hash
+        content = overtaking.load_dataset(path).content_hash
         parts.append(f"### {profile}, {simulations:,} simulations\n")
         parts.append(f"Seed 1, content hash `{content[:16]}`.\n")
         for about in TARGETS:
             told = progress(f"{profile}, {about}")
             try:
-                parts.append(rules_page(overtaking.learn_rules(path, about, progress=told)))
+                parts.append(
+                    rules_page(overtaking.learning.learn_rules(path, about, progress=told))
+                )
             except DatasetError as lacking:
                 parts.append(f"No rules about *{about}*: {lacking}\n")
         if not repeats:
             continue
         told = progress(f"{profile}, factors")
-        found = overtaking.learn_factors(
+        found = overtaking.learning.learn_factors(
             path, asked, repeats=repeats, show_leakage=True, progress=told
         )
         parts.append(factors_page(found))

@@ -97,7 +97,7 @@ def main() -> int:
     given = parser.parse_args()
     begin, tally = time.perf_counter(), Tally()
     if given.data:
-        sources = {given.data: groups(api.load(given.data), size=PIECE)}
+        sources = {given.data: groups(api.load_dataset(given.data), size=PIECE)}
     else:
         sources = {
             profile: drawn(profile, round(given.simulations * share), given.seed)

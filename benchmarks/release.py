@@ -52,7 +52,7 @@ def progress(what: str) -> Callable[[int, int], None]:
 
 def made(folder: Path, profile: str, simulations: int) -> Dataset:
     """The data set of a profile, made or completed, with every file verified."""
-    data = overtaking.generate(
+    data = overtaking.generate_dataset(
         profile,
         simulations,
         SEED,

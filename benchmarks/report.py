@@ -66,10 +66,10 @@ def main() -> int:
     given = command_line.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="overtaking-"))
     try:
-        api.generate("pinto2023-physical", STUDY, 1, folder / "study")
+        api.generate_dataset("pinto2023-physical", STUDY, 1, folder / "study")
         asked = [folder / "study", *([given.data] if given.data else [])]
         if given.simulations:
-            api.generate(
+            api.generate_dataset(
                 "pinto2023-physical", given.simulations, 1, folder / "large", keep="features"
             )
             asked.append(folder / "large")

@@ -24,7 +24,9 @@ def main() -> None:
     for profile in profile_names():
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / "data"
-            data = overtaking.generate(profile, given.simulations, given.seed, out, keep="features")
+            data = overtaking.generate_dataset(
+                profile, given.simulations, given.seed, out, keep="features"
+            )
             events, waited = data.events(), data.features(reading="matched")["WT"]
         attempts = waited[events["simulation"][events["event"] == "attempt"]].dropna()
         quantiles = np.quantile(attempts, np.linspace(0.0, 1.0, 11)).round(2).tolist()

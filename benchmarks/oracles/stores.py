@@ -46,7 +46,7 @@ def generate(out: str | Path, simulations: int, stop_after: int = 0) -> api.Data
         if stop_after and done >= stop_after:
             raise Stopped
 
-    return api.generate(
+    return api.generate_dataset(
         "pinto2023-physical",
         simulations,
         1,
@@ -98,7 +98,7 @@ def compare(simulations: int, folder: Path) -> list[str]:
     store = Store(url)
     store.put_text("labels/part-00000.parquet", "damaged")
     try:
-        api.load(url).verify()
+        api.load_dataset(url).verify()
         wrong.append("damage was not noticed")
     except DatasetError as error:
         print(f"as it should be: {error}")

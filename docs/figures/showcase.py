@@ -97,7 +97,7 @@ def small(frame: Canvas) -> Image.Image:
 
 def figures(data: Dataset) -> list[Picture]:
     """Figures of the report that are shown, two to a row."""
-    found = overtaking.statistics(data)
+    found = overtaking.dataset_statistics(data)
     number = typical(found.sample)[CLASS]
     run = data.trajectory(number)
     example = diagram(run, overtaking.label(run).events)
@@ -139,7 +139,7 @@ def views(data: Dataset, folder: Path) -> Iterator[tuple[str, bytes]]:
     from playwright.sync_api import sync_playwright
     from tests.support.serving import serving
 
-    page = overtaking.write_view(data, folder / "page.html", simulations=VIEWED)
+    page = overtaking.write_viewer_page(data, folder / "page.html", simulations=VIEWED)
     with sync_playwright() as playwright, serving(data) as url:
         browser = playwright.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]
@@ -175,7 +175,9 @@ def shot(page: Page, scrolled: int = 0) -> bytes:
 def main() -> None:
     """Write all pictures."""
     with tempfile.TemporaryDirectory() as folder:
-        data = overtaking.generate("pinto2023-physical", SIMULATIONS, SEED, Path(folder) / "data")
+        data = overtaking.generate_dataset(
+            "pinto2023-physical", SIMULATIONS, SEED, Path(folder) / "data"
+        )
         made = [("film.webp", film(data)), ("report.png", report(data))]
         for name, content in [*made, *views(data, Path(folder))]:
             (HERE / name).write_bytes(content)

@@ -90,7 +90,9 @@ def thinned(x: F64, y: F64) -> list[tuple[float, float]]:
 class Row:
     """One simulation: three panels side by side."""
 
-    def __init__(self, runs: ot.Trajectories, found: ot.Labelled, row: int, last: float) -> None:
+    def __init__(
+        self, runs: ot.Trajectories, found: ot.LabelledTrajectories, row: int, last: float
+    ) -> None:
         """Take a simulation of a batch; `last` is the end of the time axis [s]."""
         count = int(runs.num_frames[row])
         self.time = np.asarray(runs.time_ms[:count], float) / 1000.0

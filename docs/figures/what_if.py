@@ -24,12 +24,12 @@ NUMBER, SECOND, FUTURES = 138, 8.5, 100
 def main() -> None:
     """Write them."""
     with tempfile.TemporaryDirectory() as folder:
-        data = ot.generate("pinto2023-physical", NUMBER + 1, 1, Path(folder) / "pinto")
-        film = TwinFilm(ot.twin(data, NUMBER, without=["rain"]))
+        data = ot.generate_dataset("pinto2023-physical", NUMBER + 1, 1, Path(folder) / "pinto")
+        film = TwinFilm(ot.whatif.counterfactual(data, NUMBER, without=["rain"]))
         picture = Image.fromarray(film.draw(round(SECOND * RATE)).rgb())
         picture.save(HERE / "twins.webp", quality=60)
         for given in ("truth", "belief"):
-            found = ot.fan(data, NUMBER, given=given, futures=FUTURES)
+            found = ot.whatif.outcome_fan(data, NUMBER, given=given, futures=FUTURES)
             path = HERE / f"fan-{given}.png"
             ot.plot(found, out=path)
             with Image.open(path) as drawn:

@@ -19,8 +19,8 @@ manifest. [`overtaking generate`](../how-to/make-a-data-set.md) writes them; wit
 it leaves out `frames` and `states`, which have a row per frame and are simulated again when asked
 for. These are the columns of version {VERSION}.
 
-Integer columns count steps of the unit in their name. Read through `overtaking.load` they come
-back as SI numbers under the name in the second column, enumerations as pandas categories, and
+Integer columns count steps of the unit in their name. Read through `overtaking.load_dataset` they
+come back as SI numbers under the name in the second column, enumerations as pandas categories, and
 each bit of a column of flags as a column of its own. Null means that there is nothing to state;
 it never stands for zero.
 

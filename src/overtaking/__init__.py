@@ -2,63 +2,65 @@
 
 In memory:
 
-    sample              draw scenarios from a profile
-    simulate            simulate them
-    drive               simulate them with a policy of your own at the wheel
-    evaluate            compare a driver with others in the same scenes
-    evaluate_benchmark  the same in the scenes of a benchmark
-    write_evaluation    write what evaluate found as a page, with films of the worst scenes
-    branch              simulate them again with decisions, weather, drivers or vehicles changed
-    label               find what happened, whether it was lawful, and features
-    compare             simulate on several simulators, and say where they differ
-    validate            hold the traffic of a profile against real traffic
-    map_roads           list the roads of an OpenDRIVE file, and which can be simulated
-    reproduce           repeat a published study
-    write_reproduction  write what reproduce found as one page
+    sample                  draw scenarios from a profile
+    simulate                simulate them
+    drive                   simulate them with a driver of your own
+    branch                  simulate them again with decisions, weather, drivers or vehicles changed
+    label                   find outcomes, breaches of the law and features
+    evaluate                compare a driver with others in the same scenes
+    run_benchmark           the same in the scenes of a benchmark
+    compare_simulators      simulate on several simulators and show the differences
+    validate_profile        compare the traffic of a profile with measured traffic
+    reproduce_study         repeat a published study
+    list_opendrive_roads    list the roads of an OpenDRIVE file, and which can be simulated
 
 Data sets on disk, each in a folder:
 
-    generate            make one
-    resume              complete one that was interrupted
-    load                open one
-    relabel             label one anew by the rules of this version
-    statistics          count classes, features and waiting times
-    write_report        write figures and tables as one page
-    film                film simulations
-    serve_view          show a data set in the browser of this machine
-    write_view          write simulations as a page to look at in a browser
-    twin                put a simulation beside the same with something changed
-    fan                 tell what becomes of an overtake begun at each instant
-    enough              find changes of one quantity that would have been enough
-    film_twin           film a simulation above its twin
-    plot                draw a figure of a data set or of a result, for a paper
-    save_twin           write a simulation and its twin as a data set
-    save_branches       write branches as a data set
-    branch_again        simulate a saved branch again
-    query               ask in SQL
-    ask                 ask in logic
-    prove               prove why a simulation breaks the law
-    learn_rules         learn rules from the state when an overtake begins
-    learn_factors       rank the factors that decide
+    generate_dataset        simulate scenarios and write them
+    resume_dataset          complete a data set that was interrupted
+    load_dataset            open a data set
+    relabel_dataset         label a data set again by the rules of this version
+    export_dataset          write a data set in another format
+    import_recording        read a recording of real traffic as a data set
+    label_recordings        label a folder of recordings
+    dataset_statistics      count classes, features and waiting times
+    sql                     query a data set in SQL
+
+Pictures and pages:
+
+    plot                    draw a figure of a data set or of a result
+    film                    film simulations
+    write_report            write figures and tables of a data set as one page
+    write_evaluation        write an evaluation as a page, with films of the worst scenes
+    write_reproduction      write a reproduction as one page
+    write_viewer_page       write simulations as a page for a browser
+    serve_viewer            show a data set in the browser of this machine
 
 Objects:
 
-    Scenario            what is decided before the first frame: Road with Lane, VehicleSpecs,
-                        DriverTraits, Weather
-    Trajectories        recorded simulations
-    Labelled            the same with labels
-    Dataset             a data set on disk
-    Balance             equal shares of classes, for generate
-    Intervention        what is different from a frame on, for branch
-    ForcedDecision      a decision to force, for branch
-    Driver              a policy and what it observes and answers, for generate
-    Observation         what a policy is given
-    Sensor              the numbers of a sensor, for a policy that does not see like a human
-    Move                a decision that a policy may answer
-    OvertakingError     the base of all errors
-    RecordingWarning    a warning about a recording that was read; import_report has the findings
-    rules               what rules of law of one's own are made of
-    weather             weather with something taken away: weather.dry and friends
+    Scenario                what is decided before the first frame: Road with Lane, VehicleSpecs,
+                            DriverTraits, Weather
+    Trajectories            recorded simulations
+    LabelledTrajectories    the same with labels
+    Dataset                 a data set on disk
+    ClassBalance            equal shares of classes, for generate_dataset
+    Intervention            what a branch changes from a frame on
+    ForcedDecision          a decision that a branch forces
+    Driver                  a function that drives the ego, what it observes and answers
+    Observation             what a driver observes
+    Sensor                  the numbers of a sensor, for a driver that does not see like a human
+    Move                    a decision that a driver may answer
+    OvertakingError         the base of all errors
+    RecordingWarning        a warning about a recording that was read
+    weather                 weather without rain, wind, fog, night or glare
+
+Modules:
+
+    whatif                  counterfactuals, sufficient changes, branches as data sets
+    law                     laws compared, and rules of your own
+    logic                   questions in logic, and proofs
+    learning                learned rules and factors
+    carla                   CARLA: handling limits, replay, a server for its clients
 
 `help(overtaking.simulate)` explains one of them. A name is loaded from its module when it is first
 used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors the same names.
@@ -67,13 +69,13 @@ used (PEP 562), so `import overtaking` is quick; `__init__.pyi` tells editors th
 from importlib import import_module as _import_module
 
 _HOMES = {
-    "Balance": "overtaking.data.balance",
+    "ClassBalance": "overtaking.data.balance",
     "Intervention": "overtaking.model.scenario",
     "Dataset": "overtaking.data.load",
     "ForcedDecision": "overtaking.model.scenario",
     "Driver": "overtaking.sim.driving",
     "DriverTraits": "overtaking.model.vehicles",
-    "Labelled": "overtaking.labels.label",
+    "LabelledTrajectories": "overtaking.labels.label",
     "Lane": "overtaking.model.road",
     "Move": "overtaking.model.driver_interface",
     "Observation": "overtaking.sim.observation",
@@ -85,64 +87,69 @@ _HOMES = {
     "Trajectories": "overtaking.model.trajectories",
     "VehicleSpecs": "overtaking.model.vehicles",
     "Weather": "overtaking.model.weather",
-    "ask": "overtaking.api.logic",
     "branch": "overtaking.api.simulating",
-    "branch_again": "overtaking.api.whatif",
-    "compare": "overtaking.api.simulating",
+    "compare_simulators": "overtaking.api.simulating",
     "drive": "overtaking.api.driving",
     "evaluate": "overtaking.api.evaluating",
-    "evaluate_benchmark": "overtaking.api.evaluating",
-    "enough": "overtaking.api.whatif",
-    "fan": "overtaking.api.whatif",
+    "run_benchmark": "overtaking.api.evaluating",
     "film": "overtaking.api.results",
-    "film_twin": "overtaking.api.whatif",
-    "generate": "overtaking.api.data",
+    "generate_dataset": "overtaking.api.data",
+    "export_dataset": "overtaking.api.formats",
+    "import_recording": "overtaking.api.formats",
+    "label_recordings": "overtaking.api.formats",
     "label": "overtaking.api.simulating",
-    "learn_factors": "overtaking.api.learning",
-    "learn_rules": "overtaking.api.learning",
-    "load": "overtaking.api.data",
-    "map_roads": "overtaking.recordings.opendrive_map",
+    "load_dataset": "overtaking.api.data",
+    "list_opendrive_roads": "overtaking.recordings.opendrive_map",
     "plot": "overtaking.api.plotting",
-    "prove": "overtaking.api.logic",
-    "query": "overtaking.api.results",
-    "relabel": "overtaking.api.data",
-    "reproduce": "overtaking.api.results",
-    "resume": "overtaking.api.data",
-    "rules": "overtaking.api",
+    "sql": "overtaking.api.results",
+    "relabel_dataset": "overtaking.api.data",
+    "reproduce_study": "overtaking.api.results",
+    "resume_dataset": "overtaking.api.data",
     "sample": "overtaking.api.simulating",
-    "save_branches": "overtaking.api.whatif",
-    "save_twin": "overtaking.api.whatif",
     "simulate": "overtaking.api.simulating",
-    "statistics": "overtaking.api.results",
-    "twin": "overtaking.api.whatif",
-    "validate": "overtaking.api.results",
+    "dataset_statistics": "overtaking.api.results",
+    "validate_profile": "overtaking.api.results",
     "write_evaluation": "overtaking.api.evaluating",
     "weather": "overtaking.api",
     "write_report": "overtaking.api.results",
     "write_reproduction": "overtaking.api.results",
-    "serve_view": "overtaking.api.results",
-    "write_view": "overtaking.api.results",
+    "serve_viewer": "overtaking.api.results",
+    "write_viewer_page": "overtaking.api.results",
 }
 """The module that defines each public name."""
 
-__all__ = [*_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
+_MODULES = ("carla", "law", "learning", "logic", "whatif")
+"""Public modules beside this file."""
+
+__all__ = [*_HOMES, *_MODULES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> object:
     """Load a public name, once."""
     if name == "__version__":
         value = _import_module("importlib.metadata").version(__name__)
+    elif name in _MODULES:
+        value = _import_module(f"{__name__}.{name}")
     elif name in _HOMES:
         if name != "OvertakingError":  # Its module loads no library.
             _import_module("overtaking.core.process_limits").check_address_space(name)
         value = getattr(_import_module(_HOMES[name]), name)
     else:
-        message = f"overtaking: no public name {name!r}; dir(overtaking) lists them"
+        message = f"overtaking: no public name {name!r}{_nearest(name)}; dir(overtaking) lists them"
         raise AttributeError(message, name=name)
     globals()[name] = value
     return value
 
 
+def _nearest(name: str) -> str:
+    """The public name that is most like an unknown one, as a question; empty if none is alike."""
+    difflib = _import_module("difflib")
+    # A short old or guessed name is often a part of the right one: `load` of `load_dataset`.
+    names = [known for known in __all__ if name in known.split("_")]
+    names = names or difflib.get_close_matches(name, __all__, n=1)
+    return f"; did you mean {names[0]}?" if names else ""
+
+
 def __dir__() -> list[str]:
     """List the public names, loaded or not."""
-    return sorted({*globals(), *_HOMES, "__version__"})
+    return sorted({*globals(), *__all__, "__version__"})

@@ -55,7 +55,7 @@ CLASSES = {
 ENTRIES = {
     entry for file in ("model", "weather", "friction") for entry in all_quantities(f"{file}.toml")
 }
-NOT_NAMES = (".py", ".rs", ".md", ".toml", ".json", ".txt", ".xml")
+NOT_NAMES = (".ts", ".lp", ".py", ".rs", ".md", ".toml", ".json", ".txt", ".xml")
 
 
 def wrong(check: Callable[[str], object]) -> dict[str, object]:

@@ -16,6 +16,7 @@ import pytest
 import overtaking
 
 HOMES: dict[str, str] = vars(overtaking)["_HOMES"]
+MODULES: tuple[str, ...] = vars(overtaking)["_MODULES"]
 NAMES = sorted(HOMES)
 
 
@@ -34,7 +35,7 @@ def names_in_stub() -> dict[str, str]:
 
 
 def test_the_stub_lists_the_same_names_from_the_same_modules():
-    assert names_in_stub() == HOMES
+    assert names_in_stub() == HOMES | dict.fromkeys(MODULES, "overtaking")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -67,16 +68,36 @@ def test_no_public_name_is_hidden_by_a_package():
     """Importing `overtaking.x` sets the attribute `x`, which would then replace a public name."""
     packages = {module.name for module in pkgutil.iter_modules(overtaking.__path__)}
     assert packages & {*HOMES, "__version__"} == set()
+    assert set(MODULES) <= packages
 
 
 def test_dir_lists_every_public_name():
-    assert {*NAMES, "__version__"} <= set(dir(overtaking))
+    assert {*NAMES, *MODULES, "__version__"} <= set(dir(overtaking))
 
 
 def test_an_unknown_name_says_how_to_find_the_known_ones():
     unknown = "nonsense"
     with pytest.raises(AttributeError, match=r"no public name 'nonsense'; dir\(overtaking\)"):
         getattr(overtaking, unknown)
+
+
+@pytest.mark.parametrize(
+    ("unknown", "nearest"), [("load", "load_dataset"), ("simulat", "simulate")]
+)
+def test_an_unknown_name_suggests_the_nearest(unknown: str, nearest: str):
+    with pytest.raises(AttributeError, match=rf"{unknown}'; did you mean {nearest}\?"):
+        getattr(overtaking, unknown)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_public_module_re_exports_what_the_package_defines(module: str):
+    names = vars(importlib.import_module(f"overtaking.{module}"))
+    public = {name: value for name, value in names.items() if not name.startswith("_")}
+    assert public
+    assert getattr(overtaking, module).__doc__
+    for name, value in public.items():
+        home = getattr(value, "__module__", "overtaking.")
+        assert home.startswith("overtaking.") or not callable(value), name
 
 
 def test_the_version_is_the_same_everywhere(repository: Path):

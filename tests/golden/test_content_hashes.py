@@ -24,7 +24,7 @@ COUNTS = {
 
 
 def content_hash(profile: str, folder: Path) -> str:
-    found = api.generate(profile, COUNTS[profile], 7, folder).manifest.content_hash
+    found = api.generate_dataset(profile, COUNTS[profile], 7, folder).manifest.content_hash
     assert found is not None
     return found
 

@@ -28,13 +28,13 @@ SIMULATIONS = 24
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / '"). #script(python). x'
-    api.generate("pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // 2)
+    api.generate_dataset("pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // 2)
     return path
 
 
 @pytest.fixture(scope="module")
 def data(folder: Path) -> Dataset:
-    return overtaking.load(folder)
+    return overtaking.load_dataset(folder)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def states(data: Dataset) -> pd.DataFrame:
 
 
 def rows_of(data: Dataset, query: str, **bounds: Any) -> set[tuple[int | str, ...]]:
-    found = overtaking.ask(data, query, **bounds)
+    found = overtaking.logic.ask(data, query, **bounds)
     assert found.num_asked == len(data)
     return set(found.rows)
 
@@ -150,10 +150,10 @@ def test_the_same_is_found_however_few_frames_are_looked_at(data: Dataset):
 
 
 def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
-    found = overtaking.ask(data, "simulation(S)", simulations=[3, 7])
+    found = overtaking.logic.ask(data, "simulation(S)", simulations=[3, 7])
     assert (found.rows, found.num_asked) == ([(3,), (7,)], 2)
     with pytest.raises(ConfigError, match=f"expected 0 to {SIMULATIONS - 1}, got 99"):
-        overtaking.ask(data, "simulation(S)", simulations=[99])
+        overtaking.logic.ask(data, "simulation(S)", simulations=[99])
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
 )
 def test_what_is_no_question_is_refused_in_one_line(data: Dataset, query: str, message: str):
     with pytest.raises(ConfigError) as refused:
-        overtaking.ask(data, query, simulations=[0])
+        overtaking.logic.ask(data, query, simulations=[0])
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -191,16 +191,16 @@ def test_what_is_no_question_is_refused_in_one_line(data: Dataset, query: str, m
 def test_a_question_without_end_is_stopped(data: Dataset):
     endless = "X = 1..9000, Y = 1..9000, Z = 1..9000, (X+Y+Z)\\7 = 8"
     with pytest.raises(ConfigError, match="an answer within 1 s"):
-        overtaking.ask(data, endless, simulations=[0], timeout_s=1.0)
+        overtaking.logic.ask(data, endless, simulations=[0], timeout_s=1.0)
     with pytest.raises(ConfigError, match="at most 64 MiB of memory"):
-        overtaking.ask(data, "X = 1..100000000", simulations=[0], memory_mib=64)
+        overtaking.logic.ask(data, "X = 1..100000000", simulations=[0], memory_mib=64)
     with pytest.raises(ConfigError, match="an answer of at most 16 MiB"):
-        overtaking.ask(data, "X = 1..200000", simulations=[0], memory_mib=128, max_rows=10**9)
+        overtaking.logic.ask(data, "X = 1..200000", simulations=[0], memory_mib=128, max_rows=10**9)
 
 
 def test_nothing_beside_the_data_set_is_written(data: Dataset, workdir: Path):
     before = sorted(path.name for path in data.path.rglob("*"))
-    overtaking.ask(data, "overtakes(S,A,B,F)")
+    overtaking.logic.ask(data, "overtakes(S,A,B,F)")
     assert sorted(path.name for path in data.path.rglob("*")) == before
     assert list(workdir.iterdir()) == []
 
@@ -231,7 +231,7 @@ def test_a_proof_names_article_frames_and_facts(data: Dataset, capsys: pytest.Ca
     fact = f"ego_speed({number},{first},{round(speed * 1000)})"
     assert "L12, Speed limit (Article 27): broken in frame" in page
     assert f"fact: {fact}" in page
-    (proof,) = (one for one in overtaking.prove(data, number) if one.rule == "l12")
+    (proof,) = (one for one in overtaking.logic.prove(data, number) if one.rule == "l12")
     assert (proof.first, proof.last) == (first, int(broken["last_frame"]))
 
 

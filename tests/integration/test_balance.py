@@ -19,7 +19,7 @@ from overtaking.cli.options import Balancing
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import balance_scan
 from overtaking.data import generate as writing
-from overtaking.data.balance import MAX_CANDIDATES, Balance
+from overtaking.data.balance import MAX_CANDIDATES, ClassBalance
 from overtaking.data.balance_scan import FILE_NAME, Selection
 from overtaking.data.card import README_NAME as CARD
 from overtaking.data.location import Folder
@@ -34,7 +34,7 @@ QUOTAS = (5, 5, 4, 4, 4)
 SEED = 3
 SHARD_SIZE = 8
 SETTINGS = {"keep": "features", "shard_size": SHARD_SIZE}
-BALANCE = Balance()
+BALANCE = ClassBalance()
 
 GENERATE = f"""
 import sys
@@ -52,9 +52,9 @@ api.generate("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1], balan
 """
 
 
-def generate(out: Path, balance: Balance = BALANCE, **changes) -> api.Dataset:
+def generate(out: Path, balance: ClassBalance = BALANCE, **changes) -> api.Dataset:
     settings = {**SETTINGS, **changes}
-    return api.generate(
+    return api.generate_dataset(
         "pinto2023-physical", NUM_SIMULATIONS, SEED, out, balance=balance, **settings
     )
 
@@ -75,7 +75,7 @@ def candidates(data, tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
     """The candidates of that data set, all of them, as an ordinary one."""
     found = record_of(data)
     out = tmp_path_factory.mktemp("candidates") / "data"
-    return api.generate("pinto2023-physical", found.candidates, SEED, out, keep="features")
+    return api.generate_dataset("pinto2023-physical", found.candidates, SEED, out, keep="features")
 
 
 @pytest.fixture
@@ -126,7 +126,7 @@ def test_weighted_class_shares_are_those_of_the_candidates(data, candidates):
 
 def test_statistics_count_by_the_weights(data, candidates):
     natural = candidates.features()["CLASS"].value_counts(normalize=True)
-    for row in api.statistics(data, weighted=True).classes.records():
+    for row in api.dataset_statistics(data, weighted=True).classes.records():
         assert row["count"] in QUOTAS
         assert row["share"] == pytest.approx(natural[row["class"]])
 
@@ -144,14 +144,14 @@ def test_the_manifest_and_the_card_say_what_became_of_each_class(data, candidate
 
 @pytest.mark.ci
 def test_day_and_night_are_cells_of_their_own(tmp_path):
-    both = generate(tmp_path / "data", Balance(by=("class", "day-night")))
+    both = generate(tmp_path / "data", ClassBalance(by=("class", "day-night")))
     counts = both.features()[["CLASS", "DN"]].value_counts()
     assert len(counts) == 10
     assert set(counts) == {2, 3}
 
 
 def test_candidates_without_a_quota_are_counted_and_not_kept(tmp_path):
-    strict = generate(tmp_path / "data", Balance(policy="default"))
+    strict = generate(tmp_path / "data", ClassBalance(policy="default"))
     assert set(strict.features("default")["CLASS"]) == set(BALANCE.cells)
     assert record_of(strict).outside > 0
 
@@ -205,14 +205,14 @@ def test_what_was_ended_is_resumed_to_the_same_bytes(by, phase, after, remembere
     if by == signal.SIGTERM:
         assert "--resume" in said.splitlines()[-1]
     looked: list[int] = []
-    assert_same(api.resume(out, on_candidates=lambda n, _: looked.append(n)), data)
+    assert_same(api.resume_dataset(out, on_candidates=lambda n, _: looked.append(n)), data)
     assert looked[0] == (remembered or record_of(data).candidates)
 
 
 def test_a_repaired_data_set_needs_no_second_search(data, copy):
     (copy / "labels" / "part-00001.parquet").unlink()
     looked: list[int] = []
-    repaired = api.resume(copy, on_candidates=lambda done, _: looked.append(done))
+    repaired = api.resume_dataset(copy, on_candidates=lambda done, _: looked.append(done))
     assert looked == [record_of(data).candidates]
     assert_same(repaired, data)
 
@@ -224,7 +224,7 @@ def test_a_damaged_plan_is_made_again(text, data, copy):
     file = copy / FILE_NAME
     file.write_text(text if isinstance(text, str) else text(file.read_text()))
     assert file.read_bytes() != (data.path / FILE_NAME).read_bytes()
-    assert_same(api.resume(copy), data)
+    assert_same(api.resume_dataset(copy), data)
 
 
 def test_a_plan_longer_than_its_simulations_can_be_is_not_read(data, copy):
@@ -232,7 +232,7 @@ def test_a_plan_longer_than_its_simulations_can_be_is_not_read(data, copy):
     file.write_text(file.read_text() + " " * 2_000)
     (copy / "labels" / "part-00001.parquet").unlink()
     looked: list[int] = []
-    assert_same(api.resume(copy, on_candidates=lambda done, _: looked.append(done)), data)
+    assert_same(api.resume_dataset(copy, on_candidates=lambda done, _: looked.append(done)), data)
     assert looked[0] == 0
 
 
@@ -253,25 +253,25 @@ def test_the_longest_plan_is_read(tmp_path):
 
 
 def test_labelling_anew_keeps_the_weights(data, copy):
-    assert api.relabel(copy).content_hash == data.content_hash
+    assert api.relabel_dataset(copy).content_hash == data.content_hash
 
 
 def test_a_class_that_is_too_rare_is_named_and_nothing_is_written(tmp_path):
     with pytest.raises(DatasetError, match="cell Success_L: expected 4 simulations of it") as error:
-        generate(tmp_path / "data", Balance(policy="strict", candidates=300))
+        generate(tmp_path / "data", ClassBalance(policy="strict", candidates=300))
     assert "among 300 candidates, got " in str(error.value)
     assert "\n" not in str(error.value)
     assert not list(tmp_path.rglob("*.parquet"))
     with pytest.raises(DatasetError, match="one that is not finished"):
-        api.load(tmp_path / "data")
+        api.load_dataset(tmp_path / "data")
 
 
 def test_looking_further_goes_on_where_it_stopped(data, tmp_path):
     out = tmp_path / "data"
     with pytest.raises(DatasetError, match="among 20 candidates"):
-        generate(out, Balance(candidates=20))
+        generate(out, ClassBalance(candidates=20))
     looked: list[int] = []
-    usual = Balance(candidates=data.manifest.identity.balance.candidates)
+    usual = ClassBalance(candidates=data.manifest.identity.balance.candidates)
     complete = generate(out, usual, resume=True, on_candidates=lambda n, _: looked.append(n))
     assert looked[0] == 20
     assert_same(complete, data)
@@ -279,13 +279,13 @@ def test_looking_further_goes_on_where_it_stopped(data, tmp_path):
 
 def test_a_smaller_number_of_candidates_is_another_data_set(tmp_path):
     with pytest.raises(DatasetError, match="among 20 candidates"):
-        generate(tmp_path / "data", Balance(candidates=20))
+        generate(tmp_path / "data", ClassBalance(candidates=20))
     with pytest.raises(DatasetError, match=r"balance of the data set: expected .* 10 candidates"):
-        generate(tmp_path / "data", Balance(candidates=10), resume=True)
+        generate(tmp_path / "data", ClassBalance(candidates=10), resume=True)
 
 
 def test_fewer_simulations_are_written_if_that_is_allowed(tmp_path):
-    short = generate(tmp_path / "data", Balance(candidates=20, allows_missing=True))
+    short = generate(tmp_path / "data", ClassBalance(candidates=20, allows_missing=True))
     found = record_of(short)
     assert len(short) == NUM_SIMULATIONS - found.missing == len(short.features())
     assert 0 < found.missing < NUM_SIMULATIONS
@@ -329,7 +329,7 @@ def test_words_about_the_balance_need_the_balance(words, named):
 
 def test_words_become_a_balance():
     words = {"by": "class, day-night", "policy": "strict", "candidates": 20, "allows_missing": True}
-    assert making.balance(Balancing(balance=True, **words)) == Balance(
+    assert making.balance(Balancing(balance=True, **words)) == ClassBalance(
         by=("class", "day-night"), policy="strict", candidates=20, allows_missing=True
     )
-    assert making.balance(Balancing(balance=True)) == Balance()
+    assert making.balance(Balancing(balance=True)) == ClassBalance()

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.ci
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sound") / "data"
-    ot.generate("pinto2023-physical", 2, 1, folder)
+    ot.generate_dataset("pinto2023-physical", 2, 1, folder)
     return folder
 
 
@@ -72,12 +72,12 @@ def with_cell(column: str, row: int, value: object) -> Callable[[pa.Table], pa.T
 
 def use(folder: Path) -> None:
     """Read everything that commands read."""
-    data = ot.load(folder)
+    data = ot.load_dataset(folder)
     for table in data.kept_tables:
         data.table(table)
     data.verdict(1)
     data.frames(1)
-    ot.statistics(data)
+    ot.dataset_statistics(data)
     for _numbers, recorded in data.batches():
         ot.label(recorded)
 
@@ -105,7 +105,7 @@ def test_more_rows_than_the_simulations_can_have_are_refused_before_they_are_rea
     with pytest.raises(
         ot.OvertakingError, match=f"rows of table {table}: expected at most {MOST[table]} "
     ):
-        ot.load(folder)
+        ot.load_dataset(folder)
 
 
 def test_rows_are_as_many_as_the_manifest_states(folder):
@@ -113,7 +113,7 @@ def test_rows_are_as_many_as_the_manifest_states(folder):
     with pytest.raises(
         ot.OvertakingError, match="rows of table events: expected 5, as the manifest"
     ):
-        ot.load(folder).table("events")
+        ot.load_dataset(folder).table("events")
 
 
 def test_tables_that_no_version_has_are_refused(folder):
@@ -122,19 +122,19 @@ def test_tables_that_no_version_has_are_refused(folder):
     tables["../labels"] = tables["labels"]
     (folder / "dataset.json").write_text(json.dumps(manifest))
     with pytest.raises(ot.OvertakingError, match="table: expected simulations or "):
-        ot.load(folder).verify()
+        ot.load_dataset(folder).verify()
 
 
 def test_every_simulation_has_a_label_under_each_policy(folder):
     rewrite(folder, "labels", lambda rows: rows.slice(1))
     with pytest.raises(ot.OvertakingError, match="rows of table labels: expected 6, 3 for each"):
-        ot.load(folder).verdict(0)
+        ot.load_dataset(folder).verdict(0)
 
 
 def test_a_text_that_a_file_repeats_in_every_row_is_bounded(folder):
     rewrite(folder, "labels", with_cell("rule_set", 0, "a" * 5000))
     with pytest.raises(ot.OvertakingError, match="column rule_set: expected texts of at most 4096"):
-        ot.load(folder).table("labels")
+        ot.load_dataset(folder).table("labels")
 
 
 def test_a_text_that_is_no_utf8_is_refused(folder):
@@ -142,7 +142,7 @@ def test_a_text_that_is_no_utf8_is_refused(folder):
     texts = pa.array([b"\xff", b"\xff"], pa.binary()).view(pa.string())
     rewrite(folder, "simulations", lambda rows: rows.set_column(index, rows.field(index), texts))
     with pytest.raises(ot.OvertakingError, match=r"expected a readable Parquet file, got.*UTF8"):
-        ot.load(folder).table("simulations")
+        ot.load_dataset(folder).table("simulations")
 
 
 def test_a_file_that_expands_a_thousandfold_is_refused_by_its_metadata(tmp_path):
@@ -165,13 +165,13 @@ def test_a_file_that_expands_a_thousandfold_is_refused_by_its_metadata(tmp_path)
 def test_a_missing_column_of_any_table_is_refused_when_the_data_set_is_opened(folder, table):
     rewrite(folder, table, lambda rows: rows.drop_columns([rows.column_names[-1]]))
     with pytest.raises(ot.OvertakingError, match=f"{table}/part-00000.*no such column"):
-        ot.load(folder)
+        ot.load_dataset(folder)
 
 
 def test_a_missing_column_of_texts_is_refused(folder):
     rewrite(folder, "simulations", lambda rows: rows.drop_columns(["road"]))
     with pytest.raises(ot.OvertakingError, match="column road: expected type string, got no such"):
-        ot.load(folder)
+        ot.load_dataset(folder)
 
 
 def test_a_column_that_is_there_twice_is_refused(folder):
@@ -179,7 +179,7 @@ def test_a_column_that_is_there_twice_is_refused(folder):
     with pytest.raises(
         ot.OvertakingError, match="column frame: expected type int32, got type int32 and"
     ):
-        ot.load(folder)
+        ot.load_dataset(folder)
 
 
 @pytest.mark.parametrize(
@@ -219,10 +219,10 @@ def test_a_value_that_no_simulation_has_is_refused_in_one_line(
 def test_times_that_the_specification_does_not_give_are_not_simulated(
     tmp_path, column, value, message
 ):
-    ot.generate("pinto2023-physical", 1, 1, tmp_path / "data", keep="features")
+    ot.generate_dataset("pinto2023-physical", 1, 1, tmp_path / "data", keep="features")
     rewrite(tmp_path / "data", "simulations", with_cell(column, 0, value))
     with pytest.raises(ot.OvertakingError, match=message):
-        ot.load(tmp_path / "data").trajectory(0)
+        ot.load_dataset(tmp_path / "data").trajectory(0)
 
 
 @pytest.mark.parametrize("lane_id", [2**31, -(2**15) - 1, 2**15])
@@ -231,4 +231,4 @@ def test_a_lane_id_that_tables_cannot_hold_is_refused(folder, lane_id):
     manifest["identity"]["road"]["lanes"][0]["lane_id"] = lane_id
     (folder / "dataset.json").write_text(json.dumps(manifest))
     with pytest.raises(ot.OvertakingError, match="lane_id"):
-        ot.load(folder)
+        ot.load_dataset(folder)

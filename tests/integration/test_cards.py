@@ -37,7 +37,7 @@ CARDS = ("README.md", "croissant.json")
 
 
 def generate(out: Path, **settings: Any) -> api.Dataset:
-    return api.generate(
+    return api.generate_dataset(
         "pinto2023-physical", SIZE, 3, out, overrides=HORIZON, shard_size=4, **settings
     )
 
@@ -222,7 +222,7 @@ def test_labelling_again_makes_them_anew(data, tmp_path):
     before = {name: (copy / name).read_bytes() for name in CARDS}
     for name in CARDS:
         (copy / name).write_text("spoiled", encoding="utf-8")
-    api.relabel(copy)
+    api.relabel_dataset(copy)
     assert {name: (copy / name).read_bytes() for name in CARDS} == before
 
 

@@ -130,7 +130,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
     with headless_server() as there:
         assert main([*words, "--resume", "--server", f"127.0.0.1:{there.port}"]) == 0
     processes.dismiss()
-    data = api.load(tmp_path / "data")
+    data = api.load_dataset(tmp_path / "data")
     data.verify()
     assert data.simulations()["index"].tolist() == list(range(10))
 

@@ -144,7 +144,7 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
     import av
 
     short = {"time.horizon_s": 0.6, "time.attempt_deadline_s": 0.6}
-    data = api.generate("pinto2023-physical", 1, 3, tmp_path / "data", overrides=short)
+    data = api.generate_dataset("pinto2023-physical", 1, 3, tmp_path / "data", overrides=short)
     words = [
         "carla",
         "replay",
@@ -219,7 +219,7 @@ def test_the_command_writes_a_data_set_with_labels(tmp_path: Path, capsys: pytes
     short = ["--set", "time.horizon_s=4", "--set", "time.attempt_deadline_s=4"]
     assert main([*words, *short]) == 0
     assert json.loads(capsys.readouterr().out)["simulations"] == 1
-    data = api.load(out)
+    data = api.load_dataset(out)
     assert data.features().shape[0] == 1
     assert main([*words[:-1], *short, "--resume"]) == 0
     assert main(["carla", "run", "--out", str(tmp_path / "b"), "--driver", "ghost"]) == 2

@@ -56,7 +56,7 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
     ]
     short = [f"--set={key}={value}" for key, value in SHORT.items()]
     assert main([*words, *short, "--out", str(tmp_path / "data"), "--quiet"]) == 0
-    data = api.load(tmp_path / "data")
+    data = api.load_dataset(tmp_path / "data")
     data.verify()
     runs = data.simulations().set_index("index")
     assert runs.index.tolist() == list(range(COUNT))

@@ -11,7 +11,7 @@ import pytest
 import overtaking as ot
 from overtaking import api
 from overtaking.cli import main, options
-from overtaking.data.balance import Balance
+from overtaking.data.balance import ClassBalance
 from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.law import POLICIES, choose_policy, default_policy
 from overtaking.scenarios.profiles import profile_names
@@ -35,11 +35,11 @@ def read(
     """A data set and the policy under which it is read."""
     name, folder = request.param, tmp_path_factory.mktemp("data")
     if name != "recording":
-        data = ot.generate(name, simulations=12, seed=3, out=folder / "data")
+        data = ot.generate_dataset(name, simulations=12, seed=3, out=folder / "data")
         return data, POLICY_OF[name]
     # The recording is of the study's profile: the format of a recording decides, not its origin.
-    data = ot.generate("pinto2023-physical", simulations=2, seed=3, out=folder / "data")
-    api.export(data, folder / "highd", file_format="highd")
+    data = ot.generate_dataset("pinto2023-physical", simulations=2, seed=3, out=folder / "data")
+    api.export_dataset(data, folder / "highd", file_format="highd")
     tracks = next((folder / "highd").rglob("*_tracks.csv"))
     return api.import_recording("highd", tracks, folder / "recording"), POLICY_OF[name]
 
@@ -75,7 +75,7 @@ def test_features_and_statistics_have_the_default_policy(
     labels = data.labels()
     classes = labels.loc[labels["policy"] == policy, "class"].astype(str)
     assert data.features()["CLASS"].astype(str).tolist() == classes.tolist()
-    statistics = ot.statistics(data)
+    statistics = ot.dataset_statistics(data)
     assert statistics.sample.policy == policy
     assert all(f"policy {policy}" in table.title for table in statistics.tables)
     assert json.loads(run_command(capsys, "stats", data.path, "--json"))["policy"] == policy
@@ -100,7 +100,7 @@ def test_films_name_the_default_policy(read: tuple[Dataset, str]):
 
 def test_page_opens_under_the_default_policy(read: tuple[Dataset, str], tmp_path: Path):
     data, policy = read
-    text = ot.write_view(data, tmp_path / "page.html", simulations=[0]).path.read_text()
+    text = ot.write_viewer_page(data, tmp_path / "page.html", simulations=[0]).path.read_text()
     payload = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
     assert payload is not None
     assert json.loads(payload[1])["policy"] == policy
@@ -122,18 +122,20 @@ def test_other_functions_use_the_default_policy(
     read: tuple[Dataset, str], capsys: pytest.CaptureFixture[str]
 ):
     data, policy = read
-    assert api.law_curve(data.path).policy == policy
+    assert api.tolerance_curve(data.path).policy == policy
     assert json.loads(run_command(capsys, "law", "curve", data.path, "--json"))["policy"] == policy
     if data.profile in profile_names():
-        assert ot.fan(data, 0, futures=1, every=10.0).policy == policy
+        assert ot.whatif.outcome_fan(data, 0, futures=1, every=10.0).policy == policy
         twins = json.loads(run_command(capsys, "twin", data.path, "0", "--stay", "--json"))
         assert twins["policy"] == policy
 
 
 @pytest.mark.parametrize(("profile", "policy"), [("motorway", "default"), ("pinto2023", "paper")])
 def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str, tmp_path: Path):
-    balance = Balance(candidates=60, allows_missing=True)
-    data = ot.generate(profile, simulations=5, seed=1, out=tmp_path / "data", balance=balance)
+    balance = ClassBalance(candidates=60, allows_missing=True)
+    data = ot.generate_dataset(
+        profile, simulations=5, seed=1, out=tmp_path / "data", balance=balance
+    )
     recorded = data.manifest.identity.balance
     assert recorded is not None
     assert recorded.policy == policy
@@ -141,5 +143,5 @@ def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str,
 
 @pytest.mark.parametrize(("profile", "policy"), [("motorway", "default"), ("pinto2023", "paper")])
 def test_comparisons_of_simulators_have_the_default_policy(profile: str, policy: str):
-    comparison = api.compare(profile, 2, 1, simulators=("engine", "reference"))
+    comparison = api.compare_simulators(profile, 2, 1, simulators=("engine", "reference"))
     assert comparison.policy == policy

@@ -37,7 +37,7 @@ def driver(**changes: object) -> ot.Driver:
 
 
 def made(out: Path, keep: str, **given: object) -> ot.Dataset:
-    return ot.generate(
+    return ot.generate_dataset(
         "pinto2023-physical",
         20,
         3,
@@ -71,7 +71,7 @@ def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
     assert policy
     assert policy.name.endswith("test_drive:wants_to_pass")
     assert set(data.labels().policy) == {"paper", "default", "strict"}
-    assert ot.load(few.path).content_hash == few.content_hash
+    assert ot.load_dataset(few.path).content_hash == few.content_hash
 
 
 @pytest.mark.ci
@@ -85,7 +85,7 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
         return least + (most - least) * seen.random()[:, [k % 4 for k in range(len(parts))]]
 
     one = ot.Driver(policy=draws, observe="truth", action=action, hold=5)
-    data = ot.generate(
+    data = ot.generate_dataset(
         "pinto2023-physical", 3, 3, tmp_path / "data", keep="features", overrides=SHORT, driver=one
     )
     scenario = ot.sample("pinto2023-physical", 3, seed=3, overrides=SHORT)
@@ -113,9 +113,9 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
     one = ot.Driver(policy=brutal, observe="truth", hold=10)
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8, "driver": one}
     with pytest.raises(DriverError):
-        ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", **given)
+        ot.generate_dataset("pinto2023-physical", 20, 3, tmp_path / "data", **given)
     calls["left"] = 9
-    data = ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", resume=True, **given)
+    data = ot.generate_dataset("pinto2023-physical", 20, 3, tmp_path / "data", resume=True, **given)
     scenario = ot.sample("pinto2023-physical", 20, seed=3, overrides=SHORT)
     run = ot.drive(scenario, brutal, observe="truth", hold=10)
     assert run.actions
@@ -123,11 +123,11 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
     parts = [run.actions.num_clipped[first : first + 8].sum() for first in (0, 8, 16)]
     assert [shard.clipped for shard in data.manifest.shards] == parts
     assert min(parts) > 0
-    assert ot.relabel(data.path).manifest.clipped == sum(parts)
+    assert ot.relabel_dataset(data.path).manifest.clipped == sum(parts)
 
 
 def test_data_sets_without_a_policy_have_no_actions(tmp_path):
-    data = ot.generate("pinto2023-physical", 3, 3, tmp_path / "own", overrides=SHORT)
+    data = ot.generate_dataset("pinto2023-physical", 3, 3, tmp_path / "own", overrides=SHORT)
     assert data[1].actions is None
     assert "actions" not in data.kept_tables
     assert not (tmp_path / "own" / "actions").exists()
@@ -148,11 +148,11 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
     tiring = ot.Driver(policy=tired, observe="human")
     with pytest.raises(DriverError, match=r"simulation 16 .*at 0.00 s.*RuntimeError in .*: tired"):
-        ot.generate("pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, **given)
+        ot.generate_dataset("pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, **given)
     written = sorted(path.name for path in (tmp_path / "data" / "simulations").iterdir())
     assert len(written) == 2
     failing["left"] = 9
-    data = ot.generate(
+    data = ot.generate_dataset(
         "pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, resume=True, **given
     )
     assert failing["left"] == 8  # Two of the three files were there already.
@@ -163,7 +163,7 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
 def test_another_policy_does_not_complete_it(tmp_path):
     made(tmp_path / "data", "features")
     with pytest.raises(DatasetError, match="policy"):
-        ot.generate(
+        ot.generate_dataset(
             "pinto2023-physical",
             20,
             3,
@@ -175,7 +175,7 @@ def test_another_policy_does_not_complete_it(tmp_path):
             resume=True,
         )
     with pytest.raises(DatasetError, match="overtaking drive --resume"):
-        ot.resume(tmp_path / "data")
+        ot.resume_dataset(tmp_path / "data")
 
 
 def test_the_command_drives(tmp_path, capsys):

@@ -29,24 +29,26 @@ INPUTS = {"Change", "Course", "Driver", "Lane", "Limit", "Line", "Pack", "Place"
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     folder = tmp_path_factory.mktemp("results") / "data"
-    return ot.generate("pinto2023-physical", simulations=300, seed=1, out=folder)
+    return ot.generate_dataset("pinto2023-physical", simulations=300, seed=1, out=folder)
 
 
 CALLS: dict[str, Callable[[ot.Dataset], Any]] = {
-    "ask": lambda data: ot.ask(data, "overtakes(S,ego,P,F)"),
-    "compare": lambda _: ot.compare("pinto2023", 2, 1, simulators=("engine", "reference")),
-    "enough": lambda data: ot.enough(data, _first(data, "Success_I")),
+    "ask": lambda data: ot.logic.ask(data, "overtakes(S,ego,P,F)"),
+    "compare": lambda _: ot.compare_simulators(
+        "pinto2023", 2, 1, simulators=("engine", "reference")
+    ),
+    "enough": lambda data: ot.whatif.sufficient_changes(data, _first(data, "Success_I")),
     "evaluate": lambda _: ot.evaluate("rules", "pinto2023-physical", 4, against=["stay"]),
-    "fan": lambda data: ot.fan(data, 0),
-    "law_curve": lambda data: api.law_curve(data.path),
-    "learn_factors": lambda data: ot.learn_factors(data, features=["speed of the ego"]),
-    "learn_rules": lambda data: ot.learn_rules(data, "start"),
-    "prove": lambda data: ot.prove(data, _first(data, "Success_I")),
-    "query": lambda data: ot.query(data, "SELECT * FROM simulations"),
-    "reproduce": lambda _: ot.reproduce("pinto2023", 1),
-    "statistics": ot.statistics,
-    "twin": lambda data: ot.twin(data, 0, stay=True),
-    "validate": lambda _: ot.validate("pinto2023-physical", 4),
+    "fan": lambda data: ot.whatif.outcome_fan(data, 0),
+    "law_curve": lambda data: api.tolerance_curve(data.path),
+    "learn_factors": lambda data: ot.learning.learn_factors(data, features=["speed of the ego"]),
+    "learn_rules": lambda data: ot.learning.learn_rules(data, "start"),
+    "prove": lambda data: ot.logic.prove(data, _first(data, "Success_I")),
+    "query": lambda data: ot.sql(data, "SELECT * FROM simulations"),
+    "reproduce": lambda _: ot.reproduce_study("pinto2023", 1),
+    "statistics": ot.dataset_statistics,
+    "twin": lambda data: ot.whatif.counterfactual(data, 0, stay=True),
+    "validate": lambda _: ot.validate_profile("pinto2023-physical", 4),
     "verdict": lambda data: data.verdict(0),
 }
 
@@ -140,7 +142,7 @@ def test_one_different_value_makes_recordings_unequal():
 
 @pytest.mark.ci
 def test_statistics_show_and_give_their_tables(data: ot.Dataset):
-    statistics = ot.statistics(data)
+    statistics = ot.dataset_statistics(data)
     frames = statistics.to_pandas()
     assert list(frames) == ["classes", "static-features", "dynamic-features", "waiting-time"]
     counts = data.features()["CLASS"].value_counts()
@@ -158,7 +160,7 @@ def test_statistics_show_and_give_their_tables(data: ot.Dataset):
 
 @pytest.mark.ci
 def test_statistics_without_a_waiting_time_have_no_table_of_it(data: ot.Dataset):
-    statistics = ot.statistics(data, policy="default")
+    statistics = ot.dataset_statistics(data, policy="default")
     assert isinstance(statistics, Statistics)
     assert statistics.waiting is None
     assert list(statistics.to_pandas()) == ["classes", "static-features", "dynamic-features"]
@@ -166,7 +168,7 @@ def test_statistics_without_a_waiting_time_have_no_table_of_it(data: ot.Dataset)
 
 @pytest.mark.ci
 def test_an_answer_shows_and_gives_its_rows(data: ot.Dataset):
-    answer = ot.query(
+    answer = ot.sql(
         data,
         "SELECT simulation, simulation AS number, '<b>' AS mark, "
         "CASE WHEN simulation > 0 THEN 9007199254740993 END AS large, "
@@ -191,16 +193,16 @@ def test_an_answer_shows_and_gives_its_rows(data: ot.Dataset):
 
 @pytest.mark.ci
 def test_an_answer_keeps_columns_without_rows_and_columns_of_one_name(data: ot.Dataset):
-    empty = ot.query(data, "SELECT simulation FROM simulations WHERE false").to_pandas()
+    empty = ot.sql(data, "SELECT simulation FROM simulations WHERE false").to_pandas()
     assert (list(empty.columns), len(empty)) == (["simulation"], 0)
-    double = ot.query(data, "SELECT 1 AS a, 2.5 AS a").to_pandas()
+    double = ot.sql(data, "SELECT 1 AS a, 2.5 AS a").to_pandas()
     assert list(double.columns) == ["a", "a"]
     assert double.iloc[0].tolist() == [1, 2.5]
 
 
 @pytest.mark.ci
 def test_answers_of_the_logic_show_and_give_their_rows(data: ot.Dataset):
-    answers = ot.ask(data, "overtakes(S,ego,P,F)")
+    answers = ot.logic.ask(data, "overtakes(S,ego,P,F)")
     frame = answers.to_pandas()
     assert list(frame.columns) == ["S", "P", "F"]
     assert [tuple(row) for row in frame.to_numpy().tolist()] == answers.rows

@@ -26,7 +26,7 @@ FORMATS = [one for one in api.EXPORTS if one != "popper"]
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     out = tmp_path_factory.mktemp("data") / "pinto"
-    return api.generate(
+    return api.generate_dataset(
         "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=out, keep="features"
     )
 

@@ -48,7 +48,7 @@ def driven_hashes(seed: int) -> list[list[int]]:
 
 
 def write_data_set(folder: Path) -> str:
-    return ot.generate(
+    return ot.generate_dataset(
         "pinto2023-physical", 8, 1, folder, engine="threads", shard_size=4
     ).content_hash
 
@@ -84,7 +84,7 @@ def test_a_child_drives():
 def test_a_child_writes_a_data_set(tmp_path):
     expected = write_data_set(tmp_path / "parent")
     assert call_in_forked_child(write_data_set, tmp_path / "child") == expected
-    assert ot.load(tmp_path / "child").content_hash == expected
+    assert ot.load_dataset(tmp_path / "child").content_hash == expected
 
 
 def test_a_child_is_refused_simulations_that_its_parent_began():

@@ -85,7 +85,7 @@ def test_what_is_read_back_is_what_was_read(scene, tmp_path):
 def test_what_a_recording_does_not_tell_is_not_made_up_for_the_papers_table(scene, tmp_path):
     data = api.import_recording("commonroad", scene, tmp_path / "data")
     with pytest.raises(ConfigError, match="does not tell speed_limit, stage, weather"):
-        api.export(data, tmp_path / "table.csv")
+        api.export_dataset(data, tmp_path / "table.csv")
     assert [each.name for each in tmp_path.glob("table*")] == []
 
 
@@ -118,14 +118,14 @@ def test_all_three_formats_are_commands(tmp_path, capsys):
     highd(tmp_path / "in")
     track = str(tmp_path / "in" / "01_tracks.csv")
     assert main(["import", "highd", track, "--out", str(tmp_path / "h")]) == 0
-    assert set(source_of(ot.load(tmp_path / "h")).files) == {
+    assert set(source_of(ot.load_dataset(tmp_path / "h")).files) == {
         *("01_tracks.csv", "01_tracksMeta.csv", "01_recordingMeta.csv"),
     }
-    ot.generate("pinto2023-physical", 3, 1, tmp_path / "g")
+    ot.generate_dataset("pinto2023-physical", 3, 1, tmp_path / "g")
     table = str(tmp_path / "t.csv")
     assert main(["export", str(tmp_path / "g"), "--out", table]) == 0
     assert main(["import", "pinto2023", table, "--out", str(tmp_path / "p")]) == 0
-    assert len(ot.load(tmp_path / "p")) == 3
+    assert len(ot.load_dataset(tmp_path / "p")) == 3
     folder = str(tmp_path / "scenes")
     assert main(["export", str(tmp_path / "g"), "--format", "commonroad", "--out", folder]) == 0
     capsys.readouterr()

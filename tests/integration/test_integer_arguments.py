@@ -21,7 +21,7 @@ SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
-    return ot.generate(PROFILE, 4, 7, tmp_path_factory.mktemp("integers") / "data")
+    return ot.generate_dataset(PROFILE, 4, 7, tmp_path_factory.mktemp("integers") / "data")
 
 
 def draw_scenarios(seed: Any = 7, simulations: Any = 2) -> ot.Scenario:
@@ -56,8 +56,8 @@ def test_another_value_is_no_seed(value: Any, tmp_path: Path):
     for call in (
         lambda: draw_scenarios(value),
         lambda: ot.simulate(draw_scenarios().replace(seed=value)),
-        lambda: ot.validate(PROFILE, 1, value),
-        lambda: ot.generate(PROFILE, 1, value, tmp_path / "data"),
+        lambda: ot.validate_profile(PROFILE, 1, value),
+        lambda: ot.generate_dataset(PROFILE, 1, value, tmp_path / "data"),
     ):
         with pytest.raises(ot.OvertakingError, match="seed"):
             call()
@@ -68,10 +68,10 @@ def test_a_data_set_takes_and_records_integers_of_any_library(
     kind: str, data: ot.Dataset, tmp_path: Path
 ):
     convert = INTEGER_TYPES[kind]
-    dataset = ot.generate(PROFILE, convert(4), convert(7), tmp_path / "data")
+    dataset = ot.generate_dataset(PROFILE, convert(4), convert(7), tmp_path / "data")
     assert dataset.content_hash == data.content_hash
-    balance = ot.Balance(candidates=convert(20), allows_missing=True)
-    ot.generate(PROFILE, convert(5), convert(7), tmp_path / "balanced", balance=balance)
+    balance = ot.ClassBalance(candidates=convert(20), allows_missing=True)
+    ot.generate_dataset(PROFILE, convert(5), convert(7), tmp_path / "balanced", balance=balance)
     manifest = json.loads((tmp_path / "balanced" / "dataset.json").read_text(encoding="utf-8"))
     assert manifest["identity"]["balance"]["candidates"] == 20
 
@@ -85,7 +85,9 @@ def test_numbers_of_simulations_are_integers_of_any_library(kind: str, data: ot.
     change = ot.Intervention(frame=convert(5), vehicle=convert(1), faster=1.0)
     assert json.dumps(change.to_dict())
     changes = [ot.Intervention(frame=5, vehicle=1, faster=1.0)]
-    assert ot.twin(data, convert(0), changes=[change]) == ot.twin(data, 0, changes=changes)
+    assert ot.whatif.counterfactual(data, convert(0), changes=[change]) == ot.whatif.counterfactual(
+        data, 0, changes=changes
+    )
 
 
 @pytest.mark.parametrize("kind", INTEGER_TYPES)

@@ -17,17 +17,19 @@ SIZE = 12
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    return api.generate("pinto2023-physical", SIZE, 5, tmp_path_factory.mktemp("label") / "data")
+    return api.generate_dataset(
+        "pinto2023-physical", SIZE, 5, tmp_path_factory.mktemp("label") / "data"
+    )
 
 
 @pytest.mark.parametrize("table", LABEL_TABLES)
 def test_labels_from_memory_and_from_files_are_the_same(data, table):
     before = data.table(table)
-    assert api.relabel(data.path).table(table).equals(before)
+    assert api.relabel_dataset(data.path).table(table).equals(before)
 
 
 def test_labelling_again_changes_nothing(data):
-    again = api.relabel(data.path)
+    again = api.relabel_dataset(data.path)
     assert again.content_hash == data.content_hash
     again.verify()
 
@@ -44,7 +46,7 @@ def test_labelling_again_changes_nothing(data):
 def test_labelling_a_recording_again_changes_nothing(tmp_path, file_format: str, name: str):
     WRITERS[name](tmp_path / name)
     data = api.import_recording(file_format, tmp_path / name, tmp_path / "data")
-    again = api.relabel(data.path)
+    again = api.relabel_dataset(data.path)
     assert again.content_hash == data.content_hash
     again.verify()
 
@@ -102,7 +104,7 @@ def test_ending_the_work_leaves_the_data_set_as_it_was(data, monkeypatch):
 
     monkeypatch.setattr(relabel, "encode_labels", full)
     with pytest.raises(DatasetError, match="No space left on device"):
-        api.relabel(data.path)
+        api.relabel_dataset(data.path)
     after = {path: path.read_bytes() for path in data.path.rglob("*") if path.is_file()}
     assert after == before
 

@@ -23,7 +23,7 @@ SIMULATIONS = 400
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
-    overtaking.generate(
+    overtaking.generate_dataset(
         "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=path, keep="features"
     )
     return path
@@ -31,12 +31,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def rules(folder: Path) -> Any:
-    return overtaking.learn_rules(folder, "start")
+    return overtaking.learning.learn_rules(folder, "start")
 
 
 @pytest.fixture(scope="module")
 def factors(folder: Path) -> Any:
-    return overtaking.learn_factors(folder, features=["waiting time", "ahead_ttc_s"])
+    return overtaking.learning.learn_factors(folder, features=["waiting time", "ahead_ttc_s"])
 
 
 def test_rules_come_as_json(folder: Path, rules: Any, capsys: pytest.CaptureFixture[str]):
@@ -59,7 +59,7 @@ def test_a_counterexample_can_be_shown_and_is_one(
     number = next(one.counterexamples[0] for one in rules.rules if one.counterexamples)
     assert main(["show", str(folder), str(number), "--json"]) == 0
     capsys.readouterr()
-    name = overtaking.load(folder).features().loc[number, "CLASS"]
+    name = overtaking.load_dataset(folder).features().loc[number, "CLASS"]
     assert (name in ("Success_L", "Success_I")) != rules.is_negated
 
 
@@ -101,7 +101,9 @@ def test_a_mistake_costs_one_line(
     arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     few = tmp_path / "few"
-    overtaking.generate("pinto2023-physical", simulations=20, seed=5, out=few, keep="features")
+    overtaking.generate_dataset(
+        "pinto2023-physical", simulations=20, seed=5, out=few, keep="features"
+    )
     assert main(["learn", arguments[0], str(few), *arguments[1:]]) == 2
     said = capsys.readouterr().err
     assert said.startswith("error: ")
@@ -123,7 +125,7 @@ def test_popper_is_an_export_with_options_of_its_own(
 
 
 def test_what_was_learned_is_on_the_page(folder: Path, rules: Any, factors: Any, tmp_path: Path):
-    made = Writer(tmp_path, overtaking.statistics(folder), None)
+    made = Writer(tmp_path, overtaking.dataset_statistics(folder), None)
     learned = Learned(rules=(rules,), factors=factors, remarks=("No rules about this.",))
     text = "".join(block for one in sections(made, learned) for block in one.blocks)
     assert rules.rules[0].rule.text in text

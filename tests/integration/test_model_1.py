@@ -52,7 +52,7 @@ def without_frames(old: Path) -> Path:
 
 
 def test_it_is_read(old: Path):
-    data = api.load(old)
+    data = api.load_dataset(old)
     data.verify()
     assert data.manifest.identity.simulator_version == "1"
     assert len(data) == len(data.features()) == SIZE
@@ -79,18 +79,18 @@ def test_it_is_reported(old: Path, monkeypatch: pytest.MonkeyPatch):
     drawn = {path.stem for path in (old / "report" / "figures").glob("*.svg")}
     assert {
         f"example-{name.lower().replace('_', '-')}"
-        for name in set(api.load(old).features()["CLASS"])
+        for name in set(api.load_dataset(old).features()["CLASS"])
     } == drawn
     assert "cannot be drawn" not in page
 
 
 def test_it_is_labelled_again_and_only_a_departure_has_a_new_name(old: Path):
     kept = ["simulation", "policy", "outcome", "num_broken", "num_undecidable", "class_weight"]
-    data = api.load(old)
+    data = api.load_dataset(old)
     before, intended = data.labels(), data.events()["intended"]
     assert intended.isna().all()
-    api.relabel(old)
-    data = api.load(old)
+    api.relabel_dataset(old)
+    data = api.load_dataset(old)
     data.verify()
     after, events = data.labels(), data.events()
     assert after[kept].equals(before[kept])
@@ -106,7 +106,7 @@ def test_it_is_labelled_again_and_only_a_departure_has_a_new_name(old: Path):
 
 
 def test_frames_that_it_did_not_keep_are_refused(without_frames: Path):
-    data = api.load(without_frames)
+    data = api.load_dataset(without_frames)
     assert len(data.features()) == SIZE
     with pytest.raises(DatasetError, match=INSTALL) as caught:
         data.frames(1)
@@ -118,6 +118,6 @@ def test_it_is_not_resumed(old: Path):
     manifest |= {"complete": False, "content_hash": None, "shards": []}
     (old / "dataset.json").write_text(json.dumps(manifest), encoding="utf-8")
     with pytest.raises(DatasetError, match=INSTALL) as caught:
-        api.resume(old)
+        api.resume_dataset(old)
     assert "simulator_version of the data set: expected 2, got 1" in str(caught.value)
     assert "\n" not in str(caught.value).strip()

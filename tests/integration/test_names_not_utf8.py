@@ -47,7 +47,7 @@ COLUMNS = {
 def dataset(tmp_path_factory) -> Path:
     """A data set in a folder whose name is not UTF-8."""
     folder = tmp_path_factory.mktemp("names")
-    ot.generate("pinto2023-physical", simulations=4, seed=1, out=folder / "data")
+    ot.generate_dataset("pinto2023-physical", simulations=4, seed=1, out=folder / "data")
     return (folder / "data").rename(folder / NAME)
 
 
@@ -79,11 +79,11 @@ def overtaking(*words: str | Path) -> subprocess.CompletedProcess[bytes]:
 
 
 def test_a_data_set_is_read(dataset):
-    data = ot.load(dataset)
+    data = ot.load_dataset(dataset)
     data.verify()
     assert len(data.features()) == 4
     assert len(data.states(0))
-    answer = ot.query(dataset, "SELECT count(*) FROM simulations")
+    answer = ot.sql(dataset, "SELECT count(*) FROM simulations")
     assert answer.rows == [(4,)]
 
 
@@ -118,22 +118,24 @@ def test_a_profile_and_a_map_are_read(dataset, tmp_path):
     profile = tmp_path / f"{NAME}.toml"
     profile.write_text('base = "motorway"\n')
     assert ot.sample(profile, 2, seed=1).num_simulations == 2
-    api.export(ot.load(dataset), tmp_path / "out", file_format="openscenario", simulations=[0])
+    api.export_dataset(
+        ot.load_dataset(dataset), tmp_path / "out", file_format="openscenario", simulations=[0]
+    )
     opendrive = next((tmp_path / "out").rglob("*.xodr")).rename(tmp_path / f"{NAME}.xodr")
-    assert len(ot.map_roads(opendrive)) == 1
+    assert len(ot.list_opendrive_roads(opendrive)) == 1
     with pytest.raises(ot.OvertakingError, match=r"road\\xe9-missing.xodr: "):
-        ot.map_roads(tmp_path / f"{NAME}-missing.xodr")
+        ot.list_opendrive_roads(tmp_path / f"{NAME}-missing.xodr")
 
 
 @pytest.mark.parametrize(
     "write",
     [
-        lambda _, out: ot.generate("motorway", simulations=2, seed=1, out=out),
-        lambda data, out: api.export(data, out, file_format="commonroad"),
+        lambda _, out: ot.generate_dataset("motorway", simulations=2, seed=1, out=out),
+        lambda data, out: api.export_dataset(data, out, file_format="commonroad"),
         lambda data, out: ot.write_report(data, out),
-        lambda data, out: ot.write_view(data, out),
+        lambda data, out: ot.write_viewer_page(data, out),
         lambda data, out: ot.film(data, out, simulations=[0]),
-        lambda data, out: ot.relabel(shutil.copytree(data, out)),
+        lambda data, out: ot.relabel_dataset(shutil.copytree(data, out)),
     ],
 )
 def test_an_output_is_refused_before_anything_is_written(dataset, tmp_path, write):

@@ -35,8 +35,8 @@ import os
 import signal
 import overtaking as ot
 
-data = ot.generate("pinto2023", 2, 1, "data")
-server = ot.serve_view(data)
+data = ot.generate_dataset("pinto2023", 2, 1, "data")
+server = ot.serve_viewer(data)
 line = http.client.HTTPConnection(server.url.split("/")[2], timeout=60)
 line.request("GET", "/")
 assert line.getresponse().status == 200

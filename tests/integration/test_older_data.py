@@ -18,7 +18,7 @@ NEW = ("decisions", "safety")
 @pytest.fixture
 def older(tmp_path):
     """A data set without the new tables, as it would have been written."""
-    made = api.generate("pinto2023-physical", SIZE, 5, tmp_path / "data")
+    made = api.generate_dataset("pinto2023-physical", SIZE, 5, tmp_path / "data")
     file = made.path / "dataset.json"
     manifest = json.loads(file.read_text(encoding="utf-8"))
     for name in NEW:
@@ -30,7 +30,7 @@ def older(tmp_path):
 
 
 def test_a_table_that_it_does_not_have_is_one_line_with_the_way_to_make_it(older):
-    data = api.load(older)
+    data = api.load_dataset(older)
     for read in (data.decisions, data.safety):
         with pytest.raises(DatasetError, match=r"run: overtaking label .*data") as caught:
             read()
@@ -38,15 +38,15 @@ def test_a_table_that_it_does_not_have_is_one_line_with_the_way_to_make_it(older
 
 
 def test_all_else_is_as_it_was(older):
-    data = api.load(older)
+    data = api.load_dataset(older)
     data.verify()
     assert len(data.labels()) == 3 * SIZE
     assert main(["info", str(older)]) == 0
 
 
 def test_labelling_it_makes_the_tables(older):
-    api.relabel(older)
-    data = api.load(older)
+    api.relabel_dataset(older)
+    data = api.load_dataset(older)
     data.verify()
     assert len(data.decisions()) == SIZE
     assert set(data.safety()["simulation"]) == set(range(SIZE))

@@ -48,7 +48,7 @@ def test_the_pack_of_the_page_is_short_and_passes_its_own_test(page):
 
 @pytest.mark.ci
 def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, tmp_path, capsys):
-    data = ot.generate("pinto2023", 30, 1, tmp_path / "data")
+    data = ot.generate_dataset("pinto2023", 30, 1, tmp_path / "data")
     before = data.content_hash
     line = ["label", str(data.path), "--law", "two_rules:PACK", "--json"]
     assert main(line) == 0
@@ -64,7 +64,7 @@ def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, 
     assert sum(told["rules"]["G1"].values()) > 0
     assert said.labels.policies == ("all",)
     assert set(told["classes"]) == {"all"}
-    assert ot.load(data.path).content_hash == before
+    assert ot.load_dataset(data.path).content_hash == before
     assert main([*line[:-1]]) == 0
     assert "two-1" in capsys.readouterr().out
 
@@ -101,24 +101,24 @@ def test_a_wrong_law_costs_one_line(page, tmp_path, law, message):
     del page
     (tmp_path / "broken.py").write_text("1 / 0\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=message) as caught:
-        ot.rules.load_pack(law)
+        ot.law.load_pack(law)
     assert "\n" not in str(caught.value)
 
 
 def test_two_rules_of_one_code_are_no_pack():
-    pack = ot.rules.Pack(name="twice", version="1", rules=(PORTUGAL.rules[0],) * 2)
+    pack = ot.law.Pack(name="twice", version="1", rules=(PORTUGAL.rules[0],) * 2)
     with pytest.raises(ConfigError, match="a code of its own"):
-        ot.rules.load_pack(pack)
+        ot.law.load_pack(pack)
 
 
 def test_a_speed_limit_of_another_country_counts_where_less_is_posted():
-    general = np.full((len(ot.rules.ROAD_KINDS), len(ot.rules.CLASSES)), 130 / 3.6, np.float32)
+    general = np.full((len(ot.law.ROAD_KINDS), len(ot.law.CLASSES)), 130 / 3.6, np.float32)
 
-    def below(case: ot.rules.Case) -> ot.rules.Finding:
-        return ot.rules.keeps_limit(case, ot.rules.limits_of(case, general))
+    def below(case: ot.law.Case) -> ot.law.Finding:
+        return ot.law.keeps_limit(case, ot.law.limits_of(case, general))
 
     limit = dataclasses.replace(PORTUGAL.rule("L12"), code="G1", check=below, spread=None)
-    pack = ot.rules.Pack(name="mine", version="1", rules=(limit,))
+    pack = ot.law.Pack(name="mine", version="1", rules=(limit,))
 
     def margin(**given: Any) -> float:
         return float(ot.label(alone(**given).trajectories, law=pack).findings.margin[0, 0])

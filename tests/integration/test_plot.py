@@ -24,7 +24,9 @@ pytestmark = pytest.mark.ci
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
-    return ot.generate("pinto2023-physical", 60, 1, tmp_path_factory.mktemp("plot") / "pinto")
+    return ot.generate_dataset(
+        "pinto2023-physical", 60, 1, tmp_path_factory.mktemp("plot") / "pinto"
+    )
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -100,5 +102,5 @@ def test_an_example_of_a_class_is_drawn_if_the_data_have_one(data, tmp_path: Pat
 
 
 def test_statistics_and_a_curve_of_the_law_are_drawn(data, tmp_path: Path):
-    ot.plot(ot.statistics(data), "boxes", out=tmp_path / "boxes.pdf", width="column")
-    ot.plot(api.law_curve(data.path), out=tmp_path / "law.svg", width="column")
+    ot.plot(ot.dataset_statistics(data), "boxes", out=tmp_path / "boxes.pdf", width="column")
+    ot.plot(api.tolerance_curve(data.path), out=tmp_path / "law.svg", width="column")

@@ -22,7 +22,7 @@ from overtaking import api
 from overtaking.core.errors import DatasetError
 from overtaking.data import generate as writing
 from overtaking.data import processes
-from overtaking.data.balance import Balance
+from overtaking.data.balance import ClassBalance
 from overtaking.data.location import PARTIAL, Folder
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Keep, Recipe
@@ -49,7 +49,8 @@ def progress(done, total):
     if done > {2 * SHARD_SIZE}:
         sys.stdin.read()
 try:
-    overtaking.generate("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1], engine="processes",
+    overtaking.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1],
+                        engine="processes",
                         workers=2, resume=True, progress=progress, **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     sys.exit(f"{{type(error).__name__}} {{error}}")
@@ -57,7 +58,9 @@ except (Exception, KeyboardInterrupt) as error:
 
 
 def generate(out: str | Path, **changes) -> api.Dataset:
-    return api.generate("pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes})
+    return api.generate_dataset(
+        "pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +145,7 @@ def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, u
     ):
         generate(tmp_path / "data", engine="processes", workers=1)
     assert not (tmp_path / "data" / PARTIAL).exists()
-    api.resume(tmp_path / "data", engine="threads")
+    api.resume_dataset(tmp_path / "data", engine="threads")
     assert contents(tmp_path / "data") == undisturbed
 
 
@@ -169,7 +172,7 @@ def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     finished = (script.parent / "data").glob("simulations/*.parquet")
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert before
-    api.resume(script.parent / "data", engine="processes", workers=2)
+    api.resume_dataset(script.parent / "data", engine="processes", workers=2)
     assert contents(script.parent / "data") == undisturbed
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
@@ -194,12 +197,14 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
     settings = {
         "simulations": 60,
         "shard_size": 20,
-        "balance": Balance(policy="paper", allows_missing=True, candidates=400),
+        "balance": ClassBalance(policy="paper", allows_missing=True, candidates=400),
         "road": load_road("motorway"),
         "overrides": {"time.horizon_s": 8.0, "time.attempt_deadline_s": 8.0},
     }
     made = [
-        api.generate("pinto2023-physical", seed=2, out=tmp_path / engine, engine=engine, **settings)
+        api.generate_dataset(
+            "pinto2023-physical", seed=2, out=tmp_path / engine, engine=engine, **settings
+        )
         for engine in ("threads", "processes")
     ]
     assert len(made[0]) >= 25
@@ -218,7 +223,7 @@ def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
 @needs_sumo
 def test_every_process_has_a_sumo_of_its_own(tmp_path):
     made = [
-        api.generate(
+        api.generate_dataset(
             "pinto2023-physical",
             *(4, 2, tmp_path / engine),
             **(SETTINGS | {"shard_size": 2, "simulator": "sumo", "engine": engine}),

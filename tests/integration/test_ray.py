@@ -34,7 +34,9 @@ SETTINGS = {
 
 
 def generate(out: str | Path, **changes) -> api.Dataset:
-    return api.generate("pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes})
+    return api.generate_dataset(
+        "pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +75,7 @@ def test_a_cluster_completes_what_threads_have_begun(cluster, tmp_path, monkeypa
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("part-0000[01].parquet")}
     assert before
     monkeypatch.chdir(tmp_path)  # Workers have a working directory of their own.
-    completed = api.resume("data", engine="ray")
+    completed = api.resume_dataset("data", engine="ray")
     assert {path: path.stat().st_mtime_ns for path in before} == before
     completed.verify()
     assert len(completed) == NUM_SIMULATIONS
@@ -199,7 +201,9 @@ def test_an_address_at_which_no_cluster_answers_is_refused(tmp_path):
         line, tries = refused(f"127.0.0.1:{mute.getsockname()[1]}", tmp_path / "data")
     assert tries == 1  # Ray by itself would try twenty times.
     assert "expected that of a Ray cluster that runs, got 127.0.0.1:" in line
-    api.generate("pinto2023-physical", 1, 1, tmp_path / "data")  # The right call is not kept out.
+    api.generate_dataset(
+        "pinto2023-physical", 1, 1, tmp_path / "data"
+    )  # The right call is not kept out.
 
 
 def test_ray_is_not_started_where_others_could_reach_it(tmp_path, monkeypatch):

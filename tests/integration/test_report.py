@@ -86,7 +86,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
-    overtaking.generate("pinto2023-physical", 100, 1, path, keep="features")
+    overtaking.generate_dataset("pinto2023-physical", 100, 1, path, keep="features")
     return path
 
 
@@ -100,11 +100,11 @@ def test_a_report_of_data_without_frames_shows_overtakes(
     folder: Path, said: subprocess.CompletedProcess[str], found: dict[str, Any]
 ):
     assert (said.returncode, said.stderr) == (0, "")
-    present = set(overtaking.load(folder).features()["CLASS"])
+    present = set(overtaking.load_dataset(folder).features()["CLASS"])
     assert found["page"] == str(folder / "report" / "index.html")
     assert sum(name.startswith("example-") for name in found["figures"]) == len(present)
     assert found["missing"] == []
-    overtaking.load(folder).verify()  # A report beside the tables is no damage.
+    overtaking.load_dataset(folder).verify()  # A report beside the tables is no damage.
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,9 @@ except (Exception, KeyboardInterrupt) as error:
 
 
 def generate(out: Path, *, seed: int = 1, resume: bool = False) -> api.Dataset:
-    return api.generate("pinto2023-physical", NUM_SIMULATIONS, seed, out, resume=resume, **SETTINGS)
+    return api.generate_dataset(
+        "pinto2023-physical", NUM_SIMULATIONS, seed, out, resume=resume, **SETTINGS
+    )
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +157,7 @@ def test_two_processes_do_not_write_one_folder(undisturbed, tmp_path: Path):
     assert "\n" not in str(caught.value)
     process.communicate(input="", timeout=60)
     assert process.returncode == 0
-    assert_same(api.load(out), undisturbed)
+    assert_same(api.load_dataset(out), undisturbed)
 
 
 def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_path: Path):
@@ -163,7 +165,7 @@ def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_pa
     with pytest.raises(DatasetError, match=r"got one that is not finished; .*--resume"):
         generate(tmp_path / "data")
     with pytest.raises(DatasetError, match=r"got one that is not finished; .*--resume"):
-        api.load(tmp_path / "data")
+        api.load_dataset(tmp_path / "data")
 
 
 def test_another_recipe_does_not_go_on_with_it(tmp_path: Path):
@@ -174,20 +176,20 @@ def test_another_recipe_does_not_go_on_with_it(tmp_path: Path):
 
 def test_the_manifest_alone_says_how_to_go_on(undisturbed, tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
-    assert_same(api.resume(tmp_path / "data"), undisturbed)
+    assert_same(api.resume_dataset(tmp_path / "data"), undisturbed)
 
 
 def test_resuming_what_is_complete_changes_nothing(undisturbed, copy: Path):
     before = {path: path.stat().st_mtime_ns for path in copy.rglob("*.parquet")}
     manifest = (copy / "dataset.json").read_text()
-    assert_same(api.resume(copy), undisturbed)
+    assert_same(api.resume_dataset(copy), undisturbed)
     assert {path: path.stat().st_mtime_ns for path in copy.rglob("*.parquet")} == before
     assert (copy / "dataset.json").read_text() == manifest
 
 
 def test_nothing_to_resume_says_so(tmp_path: Path):
     with pytest.raises(DatasetError, match=r"expected its folder, which holds dataset\.json"):
-        api.resume(tmp_path)
+        api.resume_dataset(tmp_path)
 
 
 def cut(path: Path) -> None:
@@ -214,20 +216,20 @@ def test_a_damaged_file_is_found_and_named_and_written_again(
 ):
     file = copy / table / "part-00001.parquet"
     damage(file)
-    data = api.load(copy)
+    data = api.load_dataset(copy)
     with pytest.raises(DatasetError, match="the bytes that were written, got") as caught:
         data.verify()
     assert "\n" not in str(caught.value)
     assert str(file) in str(caught.value)
     with pytest.raises(DatasetError, match="the bytes that were written, got"):
         data.table(table)
-    assert_same(api.resume(copy), undisturbed)
+    assert_same(api.resume_dataset(copy), undisturbed)
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_other_simulations_can_be_read_beside_a_damaged_file(damage, undisturbed, copy: Path):
     damage(copy / "states" / "part-00001.parquet")
-    data = api.load(copy)
+    data = api.load_dataset(copy)
     assert data.states(0).equals(undisturbed.states(0))
     with pytest.raises(DatasetError, match=r"part-00001\.parquet"):
         data.states(8)
@@ -249,9 +251,9 @@ def test_any_bit_of_a_commit_mark_may_be_wrong(share, bit, undisturbed, tmp_path
     data[int(share * len(data))] ^= 1 << bit
     file.write_bytes(data)
     with pytest.raises(DatasetError, match="the bytes that were written, got others"):
-        api.load(copy).verify()
+        api.load_dataset(copy).verify()
     forget(copy)
-    resumed = api.resume(copy)
+    resumed = api.resume_dataset(copy)
     resumed.verify()
     assert resumed.content_hash == undisturbed.content_hash
 
@@ -261,4 +263,4 @@ def test_a_shard_of_another_data_set_is_not_taken_for_finished(undisturbed, copy
     for file in other.path.rglob("part-00000.parquet"):
         shutil.copy(file, copy / file.relative_to(other.path))
     forget(copy)
-    assert_same(api.resume(copy), undisturbed)
+    assert_same(api.resume_dataset(copy), undisturbed)

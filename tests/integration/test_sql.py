@@ -35,13 +35,15 @@ SHARDS = 3
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / "it's; DROP TABLE labels --"
-    api.generate("pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // SHARDS)
+    api.generate_dataset(
+        "pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // SHARDS
+    )
     return path
 
 
 @pytest.fixture(scope="module")
 def data(folder: Path) -> Dataset:
-    return overtaking.load(folder)
+    return overtaking.load_dataset(folder)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +54,7 @@ def states(data: Dataset) -> pd.DataFrame:
 
 
 def ask(data: Dataset, sql: str, **bounds: Any) -> list[tuple[Any, ...]]:
-    return api.query(data, sql, **bounds).rows
+    return api.sql(data, sql, **bounds).rows
 
 
 # --- answers, from easy to hard ---
@@ -241,37 +243,37 @@ def test_an_attempt_to_do_anything_else_fails_and_does_nothing(
 ):
     secret, file = tmp_path / "secret.csv", tmp_path / "written"
     secret.write_text("word\nopensesame\n")
-    before = overtaking.load(data.path).content_hash
+    before = overtaking.load_dataset(data.path).content_hash
     names = {
         "secret": str(secret),
         "file": str(file),
         "data": str(data.path / "labels").replace("'", "''"),
     }
     with pytest.raises(ConfigError) as caught:
-        api.query(data, attempt.format(**names))
+        api.sql(data, attempt.format(**names))
     assert "\n" not in str(caught.value)
     assert "opensesame" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == ["secret.csv"]
-    assert overtaking.load(data.path).content_hash == before
+    assert overtaking.load_dataset(data.path).content_hash == before
     data.verify()
 
 
 def test_a_change_of_a_table_in_memory_is_gone_with_the_answer(data: Dataset):
     before = ask(data, "select count(*) from labels")
     with pytest.raises(ConfigError):
-        api.query(data, "with gone as (delete from labels returning *) select * from gone")
+        api.sql(data, "with gone as (delete from labels returning *) select * from gone")
     assert ask(data, "select count(*) from labels") == before
 
 
 def test_time_is_bounded(data: Dataset):
     with pytest.raises(ConfigError, match=r"within 0\.3 s"):
-        api.query(data, "select count(*) from range(1000000000000)", timeout_s=0.3)
+        api.sql(data, "select count(*) from range(1000000000000)", timeout_s=0.3)
 
 
 def test_memory_is_bounded(data: Dataset):
     wide = "select list(x) from (select repeat('a', 100000) || range as x from range(10000))"
     with pytest.raises(ConfigError, match="at most 64 MiB"):
-        api.query(data, wide, memory_mib=64)
+        api.sql(data, wide, memory_mib=64)
 
 
 MEASURED = """
@@ -328,7 +330,7 @@ def test_a_long_cell_is_whole_but_in_a_table(
 
 
 def test_rows_are_bounded_without_making_the_others(data: Dataset):
-    answer = api.query(data, "select * from range(1000000000000)", max_rows=3)
+    answer = api.sql(data, "select * from range(1000000000000)", max_rows=3)
     assert answer.rows == [(0,), (1,), (2,)]
     assert answer.is_cut
 
@@ -338,30 +340,30 @@ def test_rows_are_bounded_without_making_the_others(data: Dataset):
 )
 def test_a_bound_that_is_none_is_refused(data: Dataset, bounds: dict[str, Any]):
     with pytest.raises(ConfigError, match="or more"):
-        api.query(data, "select 1", **bounds)
+        api.sql(data, "select 1", **bounds)
 
 
 @pytest.mark.parametrize("sql", ["", ";", "seek", "select * from nowhere", "select 'x"])
 def test_a_mistake_is_one_line(data: Dataset, sql: str):
     with pytest.raises(ConfigError) as caught:
-        api.query(data, sql)
+        api.sql(data, sql)
     assert "\n" not in str(caught.value)
 
 
 def test_a_damaged_file_is_noticed_by_a_question_about_it(tmp_path: Path):
     path = tmp_path / "small"
-    api.generate("pinto2023-physical", 3, 1, path, keep="features")
+    api.generate_dataset("pinto2023-physical", 3, 1, path, keep="features")
     file = next((path / "labels").glob("*.parquet"))
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
     file.write_bytes(content)
-    data = overtaking.load(path)
+    data = overtaking.load_dataset(path)
     for sql in ("select count(*) from LABELS", "select count(*) from paper.simulations"):
         with pytest.raises(DatasetError, match="the bytes that were written"):
-            api.query(data, sql)
+            api.sql(data, sql)
     assert ask(data, "select count(*) from vehicles")[0][0] > 3
     with pytest.raises(ConfigError, match="EgoVehicle"):
-        api.query(data, "select * from paper.EgoVehicle")  # Frames were not kept.
+        api.sql(data, "select * from paper.EgoVehicle")  # Frames were not kept.
 
 
 # --- the command line ---

@@ -21,7 +21,7 @@ SIMULATIONS = 40
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
-    overtaking.generate(
+    overtaking.generate_dataset(
         "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=path, keep="features"
     )
     return path
@@ -46,7 +46,7 @@ def test_text_keeps_its_columns_where_there_is_no_terminal(
 
 def test_json_agrees_with_the_features(folder: Path, capsys: pytest.CaptureFixture[str]):
     values = json.loads(run(capsys, "stats", folder, "--json"))
-    frame = overtaking.load(folder).features()
+    frame = overtaking.load_dataset(folder).features()
     counts = {one["class"]: one["count"] for one in values["classes"]}
     assert {name: count for name, count in counts.items() if count} == (
         frame["CLASS"].value_counts().to_dict()

@@ -10,7 +10,7 @@ import pytest
 from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import generate as generating
-from overtaking.data.balance import Balance
+from overtaking.data.balance import ClassBalance
 from overtaking.data.store import Store
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ SETTINGS = {
 
 
 def generate(out: str | Path, seed: int = 1, **changes) -> api.Dataset:
-    return api.generate("pinto2023-physical", NUM_SIMULATIONS, seed, out, **{**SETTINGS, **changes})
+    return api.generate_dataset(
+        "pinto2023-physical", NUM_SIMULATIONS, seed, out, **{**SETTINGS, **changes}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -63,13 +65,13 @@ def test_a_store_holds_the_bytes_of_a_folder(url, folder):
 
 def test_a_data_set_in_a_store_is_read_like_any_other(url, folder, tmp_path):
     generate(url)
-    stored = api.load(url)
+    stored = api.load_dataset(url)
     assert stored.features().equals(folder.features())
     assert (stored[3].trace_hash == folder[3].trace_hash).all()
     assert stored.states(7).equals(folder.states(7))
-    rows = [api.export(data, tmp_path / f"{data.name}.csv") for data in (stored, folder)]
+    rows = [api.export_dataset(data, tmp_path / f"{data.name}.csv") for data in (stored, folder)]
     assert rows[0] == rows[1]
-    answer = api.query(stored, "select count(*) from labels where policy = 'paper'")
+    answer = api.sql(stored, "select count(*) from labels where policy = 'paper'")
     assert answer.rows == [(NUM_SIMULATIONS,)]
 
 
@@ -85,9 +87,9 @@ def test_what_a_store_has_is_kept_when_work_goes_on(after, url, folder):
     with pytest.raises(Stopped):
         generate(url, progress=stop)
     with pytest.raises(DatasetError, match="expected one that is complete"):
-        api.load(url)
+        api.load_dataset(url)
     told: list[int] = []
-    assert_same(api.resume(url, progress=lambda done, _: told.append(done)), folder)
+    assert_same(api.resume_dataset(url, progress=lambda done, _: told.append(done)), folder)
     assert told[:2] == [0, 8]  # A shard that is there counts at once.
 
 
@@ -99,8 +101,8 @@ def test_damage_in_a_store_is_noticed_and_healed(name, damage, url, folder):
     key = f"{Store(url)._root}/{name}"
     files.rm_file(key) if damage is None else files.pipe_file(key, damage)
     with pytest.raises(DatasetError, match=f"{url}/{name}.*--resume --out {url}"):
-        api.load(stored.where).verify()
-    assert_same(api.resume(url), folder)
+        api.load_dataset(stored.where).verify()
+    assert_same(api.resume_dataset(url), folder)
 
 
 def test_two_processes_do_not_begin_two_data_sets_in_one_store(url, monkeypatch):
@@ -134,7 +136,7 @@ def test_another_data_set_in_a_store_is_refused(url):
 
 
 def test_a_balanced_data_set_in_a_store_is_the_same(url, tmp_path):
-    balance = Balance(candidates=400, allows_missing=True)
+    balance = ClassBalance(candidates=400, allows_missing=True)
     stored, folder = (generate(out, balance=balance) for out in (url, tmp_path / "data"))
     assert stored.manifest.balance == folder.manifest.balance
     assert_same(stored, folder)
@@ -143,9 +145,9 @@ def test_a_balanced_data_set_in_a_store_is_the_same(url, tmp_path):
 def test_what_writes_beside_the_data_asks_for_a_folder(url, tmp_path):
     stored = generate(url)
     for refused in (
-        lambda: api.relabel(url),
+        lambda: api.relabel_dataset(url),
         lambda: api.write_report(stored),
-        lambda: api.export(stored, "memory://elsewhere/table.csv"),
+        lambda: api.export_dataset(stored, "memory://elsewhere/table.csv"),
     ):
         with pytest.raises(ConfigError, match="expected a folder of this machine to"):
             refused()

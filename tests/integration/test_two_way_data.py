@@ -23,7 +23,7 @@ PASSES = SHORT | {
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     out = tmp_path_factory.mktemp("rural") / "data"
-    return ot.generate(PROFILE, 8, seed=3, out=out, keep="features", overrides=SHORT)
+    return ot.generate_dataset(PROFILE, 8, seed=3, out=out, keep="features", overrides=SHORT)
 
 
 def test_frames_that_were_not_kept_are_simulated_again(data):
@@ -47,7 +47,7 @@ def test_the_law_of_the_other_side_is_asked(data):
 @pytest.fixture(scope="module")
 def passes(tmp_path_factory):
     out = tmp_path_factory.mktemp("passes") / "data"
-    return ot.generate(PROFILE, 64, seed=5, out=out, overrides=PASSES)
+    return ot.generate_dataset(PROFILE, 64, seed=5, out=out, overrides=PASSES)
 
 
 def by_hand(data, number):
@@ -101,7 +101,7 @@ def test_decisions_know_who_comes_next(passes):
 
 def test_sql_finds_the_margins_that_the_tables_have(passes):
     asked = "select min(oncoming_time_back_s) from safety where moment = 'manoeuvre'"
-    (least,) = ot.query(passes, asked).rows[0]
+    (least,) = ot.sql(passes, asked).rows[0]
     assert least == pytest.approx(passes.safety().oncoming_time_back_s.min())
 
 
@@ -114,7 +114,9 @@ def test_the_learner_knows_oncoming_traffic(passes):
 
 
 def test_a_road_of_one_direction_has_no_oncoming_traffic(tmp_path):
-    data = ot.generate("pinto2023-physical", 8, seed=3, out=tmp_path / "data", keep="features")
+    data = ot.generate_dataset(
+        "pinto2023-physical", 8, seed=3, out=tmp_path / "data", keep="features"
+    )
     for table in (data.safety(), data.decisions()):
         columns = [name for name in table.columns if str(name).startswith("oncoming_")]
         assert len(columns) >= 6
@@ -124,4 +126,4 @@ def test_a_road_of_one_direction_has_no_oncoming_traffic(tmp_path):
 
 def test_a_road_of_one_direction_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="two"):
-        ot.generate(PROFILE, 8, seed=3, out=tmp_path / "data", road="motorway")
+        ot.generate_dataset(PROFILE, 8, seed=3, out=tmp_path / "data", road="motorway")

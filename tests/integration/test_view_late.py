@@ -26,7 +26,9 @@ ALL = "120 of 120 simulations"
 @pytest.fixture(scope="module")
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("late") / "data"
-    with serving(ot.generate("pinto2023-physical", 120, 1, folder, keep="features")) as found:
+    with serving(
+        ot.generate_dataset("pinto2023-physical", 120, 1, folder, keep="features")
+    ) as found:
         yield found
 
 

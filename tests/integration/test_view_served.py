@@ -35,7 +35,7 @@ EVERYTHING = "#sim=3&t=3&against=strict&if=STAY@1,STAY@1~PULL_OUT@3&vs=8&fan=tru
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """More than one part of the list, without frames."""
     folder = tmp_path_factory.mktemp("served") / "data"
-    return ot.generate("pinto2023-physical", 120, 1, folder, keep="features")
+    return ot.generate_dataset("pinto2023-physical", 120, 1, folder, keep="features")
 
 
 @pytest.fixture(scope="module")
@@ -219,7 +219,7 @@ def test_futures_of_a_start_are_told_with_intervals(
             page.keyboard.press("f")
             panel = page.locator(".stage .futures")
             expect(panel).to_contain_text(words)
-            fan = ot.fan(data, 3, given=given)
+            fan = ot.whatif.outcome_fan(data, 3, given=given)
             place = fan.time.tolist().index(1.5)
             for code in OvertakeClass:
                 share, (low, high) = fan.shares[place, code], fan.interval(code)[place]

@@ -57,7 +57,7 @@ SCROLLED_TABLES = """() => [...document.querySelectorAll(".wide")]
 @pytest.fixture(scope="module", params=PROFILES)
 def dataset(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("values") / "data"
-    return ot.generate(request.param, NUM_SIMULATIONS, 1, folder)
+    return ot.generate_dataset(request.param, NUM_SIMULATIONS, 1, folder)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def collisions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of simulations that end in a collision."""
     batch = ot.simulate(ot.sample("pinto2023-physical", max(COLLISIONS) + 1, 1))
     page_file = tmp_path_factory.mktemp("collisions") / "page.html"
-    return ot.write_view(batch, page_file, simulations=COLLISIONS).path
+    return ot.write_viewer_page(batch, page_file, simulations=COLLISIONS).path
 
 
 def values_of_show(
@@ -317,7 +317,7 @@ def test_a_simulation_without_breaches_says_so(browser: Browser, tmp_path: Path)
     labelled = ot.label(ot.simulate(ot.sample("pinto2023-physical", 200, 1)))
     is_broken = (labelled.findings.verdict == Verdict.ILLEGAL).any(axis=1)
     number = int(np.flatnonzero(~is_broken)[0])
-    page_file = ot.write_view(labelled, tmp_path / "page.html", simulations=[number]).path
+    page_file = ot.write_viewer_page(labelled, tmp_path / "page.html", simulations=[number]).path
     with opened(browser, page_file) as page:
         assert "No rule is broken in this simulation." in seek(page, 3)
 
@@ -339,7 +339,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_recording_opens_on_a_long_simulation_and_marks_short_ones(
     browser: Browser, recording: Path
 ):
-    dataset = ot.load(recording)
+    dataset = ot.load_dataset(recording)
     num_frames = dataset.simulations()["num_frames"].tolist()
     short = num_frames.index(3)
     page_file = recording.parent / "page.html"
@@ -372,7 +372,7 @@ def test_a_page_opens_on_the_first_attempt(browser: Browser, tmp_path: Path):
     classes = labelled.labels.classes[:, 0]
     numbers = [*np.flatnonzero(classes == OvertakeClass.NO_ATTEMPT)[:1].tolist(), 7]
     assert classes[7] != OvertakeClass.NO_ATTEMPT
-    page_file = ot.write_view(labelled, tmp_path / "page.html", simulations=numbers).path
+    page_file = ot.write_viewer_page(labelled, tmp_path / "page.html", simulations=numbers).path
     with opened(browser, page_file) as page:
         expect(page).to_have_title(re.compile(r"^Simulation 7,"))
 

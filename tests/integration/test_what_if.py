@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ci
 def data(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A few simulations."""
     place = tmp_path_factory.mktemp("what-if") / "data"
-    return ot.generate("pinto2023-physical", 6, 1, place).where
+    return ot.generate_dataset("pinto2023-physical", 6, 1, place).where
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
@@ -48,11 +48,13 @@ def test_a_twin_is_told_saved_and_read_again(
 
 
 def test_a_saved_branch_is_exported(data: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    gone = ot.branch(ot.load(data)[0], changes=[ot.Intervention(frame=20, vehicle=1, removed=True)])
-    saved = ot.save_branches(data, {"alone": gone}, tmp_path / "gone")
+    gone = ot.branch(
+        ot.load_dataset(data)[0], changes=[ot.Intervention(frame=20, vehicle=1, removed=True)]
+    )
+    saved = ot.whatif.save_branches(data, {"alone": gone}, tmp_path / "gone")
     for file_format in ("pinto2023", "commonroad", "highd"):
         out = tmp_path / (file_format + (".csv" if file_format == "pinto2023" else ""))
-        assert api.export(saved, out, file_format=file_format) > 0
+        assert api.export_dataset(saved, out, file_format=file_format) > 0
     capsys.readouterr()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from overtaking.labels.instants import at
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Trajectories
 from overtaking.model.verdicts import Verdict
@@ -41,7 +41,7 @@ def recorded(interval_ms: int = 50, size: int = SIZE) -> Trajectories:
 
 
 @cache
-def labelled(interval_ms: int = 50, size: int = SIZE) -> Labelled:
+def labelled(interval_ms: int = 50, size: int = SIZE) -> LabelledTrajectories:
     return label(recorded(interval_ms, size))
 
 
@@ -156,7 +156,9 @@ def test_labels_of_a_part_are_those_of_the_whole():
     same_sayings(label(recorded().select(part)), labelled().select(part))
 
 
-def same_sayings(found: Labelled, expected: Labelled, but: tuple[str, ...] = ()) -> None:
+def same_sayings(
+    found: LabelledTrajectories, expected: LabelledTrajectories, but: tuple[str, ...] = ()
+) -> None:
     """Events, findings, labels and features are the same in every value."""
     for name in ("events", "findings", "labels", "paper", "matched"):
         one, other = getattr(found, name), getattr(expected, name)

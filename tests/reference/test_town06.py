@@ -20,7 +20,7 @@ from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.core.units import kmh_from_mps
 from overtaking.model.road import DrivingSide, Road, RoadMark
 from overtaking.recordings.opendrive import survey_opendrive
-from overtaking.recordings.opendrive_map import MappedRoad, map_roads
+from overtaking.recordings.opendrive_map import MappedRoad, list_opendrive_roads
 from overtaking.recordings.roads import load_road
 
 pytestmark = pytest.mark.ci
@@ -182,7 +182,7 @@ def survey(path: Path) -> dict[str, Road | ImportFormatError]:
 
 @cache
 def mapped(path: Path) -> list[MappedRoad]:
-    return map_roads(path)
+    return list_opendrive_roads(path)
 
 
 @cache

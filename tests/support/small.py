@@ -20,7 +20,9 @@ SETTINGS = {"overrides": HORIZON, "shard_size": 8}
 
 
 def generate(out: Path, simulations: int = NUM_SIMULATIONS, seed: int = 1, **changes):
-    return api.generate("pinto2023-physical", simulations, seed, out, **{**SETTINGS, **changes})
+    return api.generate_dataset(
+        "pinto2023-physical", simulations, seed, out, **{**SETTINGS, **changes}
+    )
 
 
 def refused(error: type[OvertakingError], *parts: str):

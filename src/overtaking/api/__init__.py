@@ -1,51 +1,64 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
 from overtaking.api import rules, weather
-from overtaking.api.carla import carla_limits, replay_in_carla, serve_carla
+from overtaking.api.carla import measure_limits, replay, serve
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
-from overtaking.api.data import generate, judged, load, relabel, resume
+from overtaking.api.data import (
+    generate_dataset,
+    judged,
+    load_dataset,
+    relabel_dataset,
+    resume_dataset,
+)
 from overtaking.api.driving import drive, driver_of
 from overtaking.api.evaluating import (
     evaluate,
-    evaluate_benchmark,
     policy_of,
+    run_benchmark,
     write_evaluation,
 )
 from overtaking.api.formats import (
     EXPORTS,
-    export,
+    export_dataset,
     from_table,
     import_recording,
     label_recordings,
     write_column_map,
 )
-from overtaking.api.law import law_compare, law_curve, law_explain
+from overtaking.api.law import compare, explain, tolerance_curve
 from overtaking.api.learning import learn_factors, learn_rules
 from overtaking.api.logic import ask, prove
-from overtaking.api.maps import map_roads
+from overtaking.api.maps import list_opendrive_roads
 from overtaking.api.plotting import plot
 from overtaking.api.results import (
+    dataset_statistics,
     entity_relationship_diagram,
     film,
     literature,
-    query,
-    reproduce,
-    serve_view,
-    statistics,
-    validate,
+    reproduce_study,
+    serve_viewer,
+    sql,
+    validate_profile,
     write_report,
     write_reproduction,
-    write_view,
+    write_viewer_page,
 )
-from overtaking.api.simulating import branch, compare, label, lacking, sample, simulate
+from overtaking.api.simulating import (
+    branch,
+    compare_simulators,
+    label,
+    sample,
+    simulate,
+    undecidable_rules,
+)
 from overtaking.api.whatif import (
-    branch_again,
-    enough,
-    fan,
+    counterfactual,
     film_twin,
+    outcome_fan,
+    resimulate_branch,
     save_branches,
     save_twin,
-    twin,
+    sufficient_changes,
 )
 from overtaking.data.load import Dataset
 
@@ -57,57 +70,57 @@ __all__ = [
     "Profile",
     "ask",
     "branch",
-    "branch_again",
-    "carla_limits",
     "compare",
+    "compare_simulators",
+    "counterfactual",
+    "dataset_statistics",
     "drive",
     "driver_of",
-    "enough",
     "entity_relationship_diagram",
     "evaluate",
-    "evaluate_benchmark",
-    "export",
-    "fan",
+    "explain",
+    "export_dataset",
     "film",
     "film_twin",
     "from_table",
-    "generate",
+    "generate_dataset",
     "import_recording",
     "judged",
     "label",
     "label_recordings",
-    "lacking",
-    "law_compare",
-    "law_curve",
-    "law_explain",
     "learn_factors",
     "learn_rules",
+    "list_opendrive_roads",
     "literature",
-    "load",
-    "map_roads",
+    "load_dataset",
+    "measure_limits",
+    "outcome_fan",
     "plot",
     "policy_of",
     "prove",
-    "query",
-    "relabel",
-    "replay_in_carla",
-    "reproduce",
-    "resume",
+    "relabel_dataset",
+    "replay",
+    "reproduce_study",
+    "resimulate_branch",
+    "resume_dataset",
     "rules",
+    "run_benchmark",
     "sample",
     "save_branches",
     "save_twin",
-    "serve_carla",
-    "serve_view",
+    "serve",
+    "serve_viewer",
     "simulate",
     "simulator_of",
-    "statistics",
-    "twin",
-    "validate",
+    "sql",
+    "sufficient_changes",
+    "tolerance_curve",
+    "undecidable_rules",
+    "validate_profile",
     "weather",
     "write_column_map",
     "write_evaluation",
     "write_report",
     "write_reproduction",
-    "write_view",
+    "write_viewer_page",
 ]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from overtaking.api.data import load
+from overtaking.api.data import load_dataset
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.model.checks import check_arguments
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from overtaking.simulators.carla.replay import Replayed
 
 
-def carla_limits() -> "Limits":
+def measure_limits() -> "Limits":
     """Measure the limits of CARLA's Traffic Manager that the study met.
 
     Raises:
@@ -28,7 +28,7 @@ def carla_limits() -> "Limits":
 
 
 @check_arguments
-def replay_in_carla(
+def replay(
     data: Dataset | str | Path,
     out: str | Path,
     *,
@@ -57,7 +57,7 @@ def replay_in_carla(
     from overtaking.recordings.opendrive_writer import write_opendrive
     from overtaking.simulators.carla import processes, replay
 
-    source = load(data)
+    source = load_dataset(data)
     folder, chosen = Path(out), list(simulations)
     replay.check_size(size)
     films: list[Replayed] = []
@@ -78,7 +78,7 @@ def replay_in_carla(
 
 
 @check_arguments
-def serve_carla(
+def serve(
     *,
     port: int = 2000,
     host: str = "127.0.0.1",

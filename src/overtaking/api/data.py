@@ -15,7 +15,7 @@ from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data import generate as writing
 from overtaking.data import load as reading
-from overtaking.data.balance import Balance
+from overtaking.data.balance import ClassBalance
 from overtaking.data.estimate import Allowed
 from overtaking.data.executors import ENGINES, executor_of
 from overtaking.data.load import Dataset
@@ -23,7 +23,7 @@ from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import read_manifest
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.data.verdicts import written
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import Pack
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments
@@ -33,7 +33,7 @@ from overtaking.sim.driving import Driver
 
 
 @check_arguments
-def generate(
+def generate_dataset(
     profile: Profile,
     simulations: int,
     seed: int,
@@ -46,7 +46,7 @@ def generate(
     simulator: str = "engine",
     driver: Driver | None = None,
     shard_size: int | None = None,
-    balance: Balance | None = None,
+    balance: ClassBalance | None = None,
     engine: str = ENGINES[0],
     address: str | None = None,
     workers: int | None = None,
@@ -123,7 +123,7 @@ def generate(
 
 
 @check_arguments
-def resume(
+def resume_dataset(
     out: str | Path,
     *,
     engine: str = ENGINES[0],
@@ -174,7 +174,7 @@ def resume(
             got=f"one that {begun.policy.name} drives",
             next_step="complete it with that policy: overtaking drive --resume",
         )
-    return generate(
+    return generate_dataset(
         begun.spec,
         begun.simulations,
         begun.seed,
@@ -194,7 +194,7 @@ def resume(
 
 
 @check_arguments
-def load(path: str | Path | Dataset) -> Dataset:
+def load_dataset(path: str | Path | Dataset) -> Dataset:
     """Load a complete data set.
 
     Args:
@@ -215,7 +215,7 @@ def load(path: str | Path | Dataset) -> Dataset:
 
 
 @check_arguments
-def relabel(
+def relabel_dataset(
     data: str | Path,
     *,
     position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
@@ -251,7 +251,7 @@ def judged(
     position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     progress: ProgressCallback | None = None,
-) -> Iterator[tuple[NDArray[np.int64], Labelled]]:
+) -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
     """Judge a data set by another law or other policies; nothing in it changes.
 
     Args:
@@ -270,10 +270,10 @@ def judged(
         ConfigError: There is no such law or policy.
         DatasetError: The data set is not complete, or damaged.
     """
-    source, pack = load(data), load_pack(law)
+    source, pack = load_dataset(data), load_pack(law)
     errors = {"position_error": position_error, "speed_error": speed_error}
 
-    def batches() -> Iterator[tuple[NDArray[np.int64], Labelled]]:
+    def batches() -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
         done = 0
         for numbers, run in source.batches():
             yield numbers, label(run, law=pack, policies=policies, **errors)

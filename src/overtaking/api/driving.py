@@ -100,7 +100,11 @@ def driver_of(
     is_file = observe.endswith(".toml")
     sees = Sensor.read(observe) if is_file else observe
     driver = Driver(
-        policy=load_policy(policy, option), observe=sees, action=action, hold=hold, name=policy
+        policy=load_policy(policy, option),
+        observe=sees,
+        action=action,
+        hold=hold,
+        name=policy,
     )
     _check_num_parts(driver)
     return driver

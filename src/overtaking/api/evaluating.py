@@ -101,7 +101,7 @@ def evaluate(
 
 
 @check_arguments
-def evaluate_benchmark(
+def run_benchmark(
     policy: str | Driver,
     benchmark: str | Path,
     *,
@@ -139,7 +139,7 @@ def write_evaluation(
     """Write an evaluation as a page with figures, and films of the worst scenes.
 
     Args:
-        found: What `evaluate` or `evaluate_benchmark` returned; of a benchmark, each profile has a
+        found: What `evaluate` or `run_benchmark` returned; of a benchmark, each profile has a
             page in a folder of its name.
         out: Folder for the page; files of an earlier one are replaced.
         films: How many of the worst scenes are filmed, 10 at most.

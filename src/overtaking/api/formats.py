@@ -10,7 +10,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from overtaking.api.choices import road_of
-from overtaking.api.data import load
+from overtaking.api.data import load_dataset
 from overtaking.core.errors import ConfigError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
@@ -44,7 +44,7 @@ _READER_OPTIONS: dict[str, Any] = {
 
 
 @check_arguments
-def export(
+def export_dataset(
     data: Dataset | str | Path,
     out: str | Path,
     *,
@@ -84,7 +84,7 @@ def export(
     """
     target = folder_of(out, "export to")
     _refuse_options(file_format, options)
-    source = load(data)
+    source = load_dataset(data)
     numbers = _chosen(source, simulations, label, policy)
     if file_format in ("asp", "prolog"):
         return _export_facts(source, target, file_format, numbers, progress, **options)
@@ -261,7 +261,7 @@ def import_recording(
     if strict:
         refuse_findings(read.scenes.import_findings)
     write_scenes(read, target, file_format, progress)
-    data = load(target)
+    data = load_dataset(target)
     warn_about(data.import_findings)
     return data
 

@@ -4,15 +4,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from overtaking.api.data import load
-from overtaking.api.rules import load_pack, policies_of
+from overtaking.api.data import load_dataset
+from overtaking.api.rules import load_pack, policies_for
 from overtaking.api.simulating import MOST_ERROR, errors_of
 from overtaking.core.errors import check_choice
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
-from overtaking.labels.law import Errors, Pack, Policy, choose_policy
+from overtaking.labels.law import MeasurementErrors, Pack, Policy, choose_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from overtaking.analysis.law.parting import Judged
 
 LAWS = ("pt", "de")
-"""What `law_compare` compares by itself."""
+"""Laws that `compare` compares unless others are named."""
 
 
 @check_arguments
-def law_curve(
+def tolerance_curve(
     data: str | Path,
     *,
     law: str = LAWS[0],
@@ -50,15 +50,15 @@ def law_curve(
     """
     from overtaking.analysis.law.curve import curve
 
-    pack, source = load_pack(law), load(data)
-    (law_policy,) = policies_of(pack, [choose_policy(policy, source.profile)])
+    pack, source = load_pack(law), load_dataset(data)
+    (law_policy,) = policies_for(pack, [choose_policy(policy, source.profile)])
     errors = errors_of(position_error, speed_error)
     judged = _judged(source, [pack], [[law_policy]], errors, progress)
     return curve(((verdicts[0], case) for _, case, verdicts in judged), pack, law_policy)
 
 
 @check_arguments
-def law_compare(
+def compare(
     data: str | Path,
     laws: Sequence[str] = LAWS,
     *,
@@ -84,16 +84,16 @@ def law_compare(
     from overtaking.analysis.law.parting import compared
 
     packs = [load_pack(one) for one in laws]
-    chosen = [policies_of(pack, policies) for pack in packs]
+    chosen = [policies_for(pack, policies) for pack in packs]
     errors = errors_of(position_error, speed_error)
-    return compared(_judged(load(data), packs, chosen, errors, progress), packs, chosen)
+    return compared(_judged(load_dataset(data), packs, chosen, errors, progress), packs, chosen)
 
 
 def _judged(
     data: Dataset,
     packs: Sequence[Pack],
     policies: Sequence[Sequence[Policy]],
-    errors: Errors | None,
+    errors: MeasurementErrors | None,
     progress: ProgressCallback | None,
 ) -> "Iterator[Judged]":
     """A data set under each law, batch by batch."""
@@ -110,7 +110,7 @@ def _judged(
 
 
 @check_arguments
-def law_explain(
+def explain(
     data: str | Path,
     simulation: int,
     *,
@@ -143,9 +143,9 @@ def law_explain(
     pack = load_pack(law)
     for code in rules or ():
         check_choice(code, pack.codes, what="rule", where=pack.name)
-    chosen = policies_of(pack, policies)
+    chosen = policies_for(pack, policies)
     errors = errors_of(position_error, speed_error)
-    run = load(data).trajectory(simulation)
+    run = load_dataset(data).trajectory(simulation)
     labelled = label(run, pack=pack, policies=chosen, errors=errors)
     told = paragraphs(labelled, simulation, pack, chosen)
     return [one for one in told if rules is None or one["rule"] in rules]

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from overtaking.api.data import load
+from overtaking.api.data import load_dataset
 from overtaking.core.errors import check_in_range
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
@@ -57,7 +57,7 @@ def learn_rules(
     check_in_range(max_rules, 1, what="--max-rules", where="learn")
     check_in_range(max_conditions, 1, what="--max-conditions", where="learn")
     return learned(
-        examples_of(load(data), policy),
+        examples_of(load_dataset(data), policy),
         target,
         seed=seed,
         max_rules=max_rules,
@@ -111,7 +111,7 @@ def learn_factors(
     factors = leakage.chosen_factors(tuple(features))
     check_in_range(repeats, 1, what="--repeats", where="learn")
     target = None if about == "outcome" else target_of(about, others=("outcome",))
-    source = load(data)
+    source = load_dataset(data)
     return learned(
         examples_of(source, policy),
         factors,

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from overtaking.api.data import load
+from overtaking.api.data import load_dataset
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.model.checks import check_arguments
@@ -56,7 +56,7 @@ def ask(
     from overtaking.analysis.logic import ask as asking
     from overtaking.data.choice import chosen
 
-    source = load(data)
+    source = load_dataset(data)
     return asking.ask(
         source,
         query,
@@ -89,6 +89,6 @@ def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
     from overtaking.analysis.logic.source import groups
     from overtaking.data.choice import chosen
 
-    source = load(data)
+    source = load_dataset(data)
     (group,) = groups(source, chosen(source, [simulation]))
     return proofs(group)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from overtaking.api.data import load
+from overtaking.api.data import load_dataset
 from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
@@ -23,9 +23,10 @@ def plot(
     """Draw a figure of a data set or of a result.
 
     Args:
-        source: A data set or its folder; what `statistics`, `learn_factors`, `validate`,
-            `law_curve`, `twin`, `fan`, `evaluate` or `reproduce` returned; or the roads of
-            `map_roads`.
+        source: A data set or its folder; the result of `dataset_statistics`, `validate_profile`,
+            `evaluate`, `reproduce_study`, `learning.learn_factors`, `law.tolerance_curve`,
+            `whatif.counterfactual` or `whatif.outcome_fan`; or the roads of
+            `list_opendrive_roads`.
         figure: Name of the figure, needed where the source has several. The figures of a data set
             are those of its report, such as `classes` or `waiting-time`. The error for an unknown
             name lists all names.
@@ -53,7 +54,7 @@ def plot(
     if path is not None:
         check_figure_file(path)
     if isinstance(source, str | Path):
-        source = load(source)
+        source = load_dataset(source)
     drawn = draw(source, figure, axes=ax, width=width, policy=policy)
     if path is not None:
         put_figure(path, drawn)

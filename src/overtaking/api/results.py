@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
-from overtaking.api.data import load
+from overtaking.api.data import load_dataset
 from overtaking.core.errors import ConfigError, MissingExtraError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import choose_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_argument, check_arguments
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @check_arguments
-def statistics(
+def dataset_statistics(
     data: Dataset | str | Path,
     *,
     policy: str | None = None,
@@ -54,7 +54,7 @@ def statistics(
     """
     from overtaking.analysis.stats.results import statistics as computed
 
-    source = load(data)
+    source = load_dataset(data)
     policy_name = choose_policy(policy, source.profile)
     frame = source.features(policy_name, reading=reading)
     return computed(frame, policy=policy_name, reading=reading, weighted=weighted)
@@ -95,7 +95,7 @@ def write_report(
     """
     from overtaking.show.report.of_dataset import report_on
 
-    source = load(data)
+    source = load_dataset(data)
     return report_on(
         source,
         None if out is None else Path(out),
@@ -109,7 +109,7 @@ def write_report(
 
 @check_arguments
 def film(
-    source: Dataset | str | Path | Trajectories | Labelled,
+    source: Dataset | str | Path | Trajectories | LabelledTrajectories,
     out: str | Path | None = None,
     *,
     simulations: Iterable[int] | str = "one-per-class",
@@ -139,7 +139,7 @@ def film(
     """
     from overtaking.show.video import jobs, produce
 
-    runs = load(source) if isinstance(source, (str, Path)) else source
+    runs = load_dataset(source) if isinstance(source, (str, Path)) else source
     home = runs.path if isinstance(runs, Dataset) else Path()
     folder = home / "videos" if out is None else Path(out)
     chosen = simulations if isinstance(simulations, str) else list(simulations)
@@ -149,8 +149,8 @@ def film(
 
 
 @check_arguments
-def write_view(
-    source: Dataset | str | Path | Trajectories | Labelled,
+def write_viewer_page(
+    source: Dataset | str | Path | Trajectories | LabelledTrajectories,
     out: str | Path,
     *,
     simulations: Iterable[int] | str = "one-per-class",
@@ -181,13 +181,13 @@ def write_view(
     """
     from overtaking.show.view.write import write
 
-    runs = load(source) if isinstance(source, (str, Path)) else source
+    runs = load_dataset(source) if isinstance(source, (str, Path)) else source
     chosen = simulations if isinstance(simulations, str) else list(simulations)
     return write(runs, Path(out), chosen=chosen, policy=policy, progress=progress, say=say)
 
 
 @check_arguments
-def serve_view(
+def serve_viewer(
     data: str | Path | Dataset,
     *,
     policy: str | None = None,
@@ -224,11 +224,11 @@ def serve_view(
         raise MissingExtraError.lacking("view", what=lacks, where="view", otherwise=instead)
     from overtaking.show.server.running import serve
 
-    return serve(load(data), policy=policy, port=port, ready=ready)
+    return serve(load_dataset(data), policy=policy, port=port, ready=ready)
 
 
 @check_arguments
-def validate(
+def validate_profile(
     profile: Profile,
     simulations: Count = 1000,
     seed: Seed = 1,
@@ -270,7 +270,7 @@ def validate(
 
 
 @check_arguments
-def reproduce(
+def reproduce_study(
     study: str,
     replicates: Count = 1000,
     seed: Seed = 2023,
@@ -349,12 +349,12 @@ def literature(
     """
     from overtaking.analysis.literature.answers import answer
 
-    data = None if own is None else load(own)
+    data = None if own is None else load_dataset(own)
     return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
 
 
 @check_arguments
-def query(
+def sql(
     data: str | Path | Dataset,
     sql: str,
     *,
@@ -382,7 +382,7 @@ def query(
     """
     from overtaking.analysis.database import query as asking
 
-    source = load(data)
+    source = load_dataset(data)
     return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
 
 

@@ -3,12 +3,12 @@
 A rule is a function of a case, with its description; a pack is a list of rules:
 
     import numpy as np
-    from overtaking import rules
+    from overtaking import law
 
-    def slow(case: rules.Case) -> rules.Finding:
-        return rules.always(np.float32(25.0) - case.signals.speed, rules.manoeuvre(case))
+    def slow(case: law.Case) -> law.Finding:
+        return law.always(np.float32(25.0) - case.signals.speed, law.manoeuvre(case))
 
-    SLOW = rules.Rule(
+    SLOW = law.Rule(
         id="my.1@2026",
         code="S1",
         law="none",
@@ -16,10 +16,10 @@ A rule is a function of a case, with its description; a pack is a list of rules:
         gloss="Overtake at no more than 25 m/s.",
         predicate="During the manoeuvre: speed <= 25 m/s.",
         unit="m/s",
-        grade=rules.Grade.LIGHT,
+        grade=law.Grade.LIGHT,
         check=slow,
     )
-    PACK = rules.Pack(name="mine", version="mine-1", rules=(SLOW,))
+    PACK = law.Pack(name="mine", version="mine-1", rules=(SLOW,))
 
 `overtaking.label(runs, law=PACK)` and `overtaking label DATA --law module:PACK` apply it.
 """
@@ -31,7 +31,8 @@ from pathlib import Path
 
 from overtaking.core.errors import ConfigError, check_choice
 from overtaking.labels.instants import at, seconds_of
-from overtaking.labels.law import GERMANY, PACKS, PORTUGAL, Policy, Text, Tolerance, policies_for
+from overtaking.labels.law import GERMANY, PACKS, PORTUGAL, Policy, Text, Tolerance
+from overtaking.labels.law import policies_for as policies_of_package
 from overtaking.labels.law.alongside import alongside
 from overtaking.labels.law.distances import beside
 from overtaking.labels.law.errors import deciding, standard_error
@@ -49,9 +50,9 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.policies import POLICIES, STORED
 from overtaking.labels.law.rule import (
-    Errors,
     Finding,
     Grade,
+    MeasurementErrors,
     Pack,
     Rule,
     Spread,
@@ -73,9 +74,9 @@ __all__ = [
     "PORTUGAL",
     "ROAD_KINDS",
     "Case",
-    "Errors",
     "Finding",
     "Grade",
+    "MeasurementErrors",
     "NeighbourRole",
     "Pack",
     "Policy",
@@ -104,7 +105,7 @@ __all__ = [
     "load_pack",
     "manoeuvre",
     "passed",
-    "policies_of",
+    "policies_for",
     "seconds_of",
     "settled",
     "standard_error",
@@ -140,7 +141,7 @@ def load_pack(law: str | Pack) -> Pack:
     return _sound(found)
 
 
-def policies_of(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy, ...]:
+def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy, ...]:
     """The policies that decide about classes.
 
     A pack of this package has policies of its own. Of another pack they are those of the Portuguese
@@ -154,7 +155,7 @@ def policies_of(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy,
     Raises:
         ConfigError: The pack has no policy of a name.
     """
-    own = policies_for(pack.name) if pack.name in PACKS else ()
+    own = policies_of_package(pack.name) if pack.name in PACKS else ()
     fitting = own or tuple(one for one in POLICIES if {*one.required} <= {*pack.codes})
     duties = tuple(rule.code for rule in pack.rules if rule.of_ego)
     known = {one.name: one for one in fitting or (Policy(name="all", required=duties),)}

@@ -16,13 +16,13 @@ from overtaking.api.choices import (
     several,
     simulator_of,
 )
-from overtaking.api.rules import load_pack, policies_of
+from overtaking.api.rules import load_pack, policies_for
 from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import check_memory
 from overtaking.core.progress import ProgressCallback
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.label import label as labelled
-from overtaking.labels.law import PORTUGAL, Errors, Pack, default_policy
+from overtaking.labels.law import PORTUGAL, MeasurementErrors, Pack, default_policy
 from overtaking.labels.law import lacking as rules_lacking
 from overtaking.model.batch import FieldSpec, concatenate
 from overtaking.model.checks import check_arguments, check_batch
@@ -151,7 +151,7 @@ def label(
     speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
     law: str | Pack = PORTUGAL,
     policies: Sequence[str] | None = None,
-) -> Labelled:
+) -> LabelledTrajectories:
     """Label recorded simulations: events, law, classes and features.
 
     Args:
@@ -173,17 +173,17 @@ def label(
     check_memory(BYTES_PER_LABELLED_FRAME * runs.stage.size, "label", "label fewer at a time")
     pack = load_pack(law)
     errors = errors_of(position_error, speed_error)
-    return labelled(runs, pack=pack, policies=policies_of(pack, policies), errors=errors)
+    return labelled(runs, pack=pack, policies=policies_for(pack, policies), errors=errors)
 
 
-def errors_of(position_error: float, speed_error: float) -> Errors | None:
+def errors_of(position_error: float, speed_error: float) -> MeasurementErrors | None:
     """Errors of measurement, None if both are 0."""
     if not (position_error or speed_error):
         return None
-    return Errors(position=position_error, speed=speed_error)
+    return MeasurementErrors(position_std=position_error, speed_std=speed_error)
 
 
-def lacking(unknown: Iterable[str]) -> dict[str, list[str]]:
+def undecidable_rules(unknown: Iterable[str]) -> dict[str, list[str]]:
     """The rules that a recording cannot decide.
 
     Args:
@@ -196,7 +196,7 @@ def lacking(unknown: Iterable[str]) -> dict[str, list[str]]:
 
 
 @check_arguments
-def compare(
+def compare_simulators(
     profile: Profile,
     simulations: Count,
     seed: Seed,

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from overtaking.api.data import load
+from overtaking.api.data import load_dataset
 from overtaking.core.errors import ConfigError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
@@ -25,7 +25,7 @@ Futures = Annotated[int, FieldSpec(low=1, high=100_000)]
 
 
 @check_arguments
-def twin(
+def counterfactual(
     data: Dataset | str | Path,
     simulation: int,
     *,
@@ -67,7 +67,7 @@ def twin(
 
 
 @check_arguments
-def fan(
+def outcome_fan(
     data: Dataset | str | Path,
     simulation: int,
     *,
@@ -107,7 +107,7 @@ def fan(
 
 
 @check_arguments
-def enough(
+def sufficient_changes(
     data: Dataset | str | Path,
     simulation: int,
     *,
@@ -137,7 +137,7 @@ def enough(
 
 
 @check_arguments
-def branch_again(data: Dataset | str | Path, simulation: int) -> Trajectories:
+def resimulate_branch(data: Dataset | str | Path, simulation: int) -> Trajectories:
     """Simulate a saved branch again, from the list of changes in the manifest.
 
     Args:
@@ -150,7 +150,7 @@ def branch_again(data: Dataset | str | Path, simulation: int) -> Trajectories:
     """
     from overtaking.data.branches import branch_again as again
 
-    return again(load(data), simulation)
+    return again(load_dataset(data), simulation)
 
 
 @check_arguments
@@ -178,8 +178,8 @@ def save_branches(data: Dataset | str | Path, runs: Mapping[str, Any], out: str 
                 next_step="select one, such as run.select(slice(0, 1))",
             )
     told = [Told(title=title, run=run) for title, run in runs.items()]
-    write_branches(load(data), told, Path(out))
-    return load(out)
+    write_branches(load_dataset(data), told, Path(out))
+    return load_dataset(out)
 
 
 @check_arguments
@@ -197,14 +197,14 @@ def save_twin(data: Dataset | str | Path, found: Any, out: str | Path) -> Datase
     """
     from overtaking.data.branches import write_branches
 
-    write_branches(load(data), found.told, Path(out))
-    return load(out)
+    write_branches(load_dataset(data), found.told, Path(out))
+    return load_dataset(out)
 
 
 def _scene(data: Dataset | str | Path, simulation: int) -> "Scene":
     from overtaking.analysis.whatif.scenes import scene_of
 
-    return scene_of(load(data), simulation)
+    return scene_of(load_dataset(data), simulation)
 
 
 @check_arguments

@@ -119,7 +119,7 @@ def show(
     from overtaking.show import description
 
     errors = arguments.given(position_error=position_error, speed_error=speed_error)
-    labelled = api.label(api.load(data).trajectory(simulation), **errors)
+    labelled = api.label(api.load_dataset(data).trajectory(simulation), **errors)
     values = description.describe(labelled, simulation)
     output.result(values, lambda console: show.render(labelled.trajectories, values, console))
 
@@ -129,7 +129,7 @@ def info(output: Output, data: options.Data) -> None:
     from overtaking import api
     from overtaking.cli import summary
 
-    values = summary.of_dataset(api.load(data))
+    values = summary.of_dataset(api.load_dataset(data))
     output.result(values, lambda _: summary.render(values))
 
 
@@ -151,7 +151,7 @@ def export(
     given = arguments.chosen(chosen, "export")
     given |= arguments.given(with_law=with_law or None, about=about)
     with output.progress("simulations") as meter:
-        rows = api.export(data, target, file_format=file_format, progress=meter, **given)
+        rows = api.export_dataset(data, target, file_format=file_format, progress=meter, **given)
     values = summary.of_table(target, rows)
     output.wrote(values, lambda _: summary.render_table(values))
 
@@ -183,7 +183,7 @@ def compare(
         overrides=arguments.overrides(changes or [], None),
     )
     with output.progress("simulations") as meter:
-        found = api.compare(simulators=chosen, progress=meter, **recipe)
+        found = api.compare_simulators(simulators=chosen, progress=meter, **recipe)
     values = comparison.values_of(found)
     output.result(values, lambda _: comparison.render(values))
 

@@ -50,7 +50,7 @@ def serve(
         text = f"ready for CARLA 0.9.16 clients on {host}:{calls} (streams {streams}); Ctrl-C ends"
         output.wrote(values, lambda _: text)
 
-    api.serve_carla(port=port, host=host, maps=places, seed=seed or 1, ready=ready, log=output.say)
+    api.serve(port=port, host=host, maps=places, seed=seed or 1, ready=ready, log=output.say)
 
 
 Driver = Annotated[
@@ -95,7 +95,7 @@ def limits(output: Output, server: Server = "headless") -> None:
     from overtaking.cli import arguments
 
     arguments.choose_carla(server)
-    found = api.carla_limits()
+    found = api.measure_limits()
     rows = [
         {"speed_kmh": speed, "changed": changed, "asked": found.trials}
         for speed, changed in zip(found.speeds_kmh, found.changed, strict=True)
@@ -140,7 +140,7 @@ def replay(
     numbers = arguments.numbers(simulations, "carla replay") or []
     pixels = arguments.picture_size(size)
     with output.progress("simulations") as meter:
-        films = api.replay_in_carla(data, out, simulations=numbers, size=pixels, progress=meter)
+        films = api.replay(data, out, simulations=numbers, size=pixels, progress=meter)
     files = [
         {"file": str(path), "frames": film.num_frames} for film in films for path in film.files
     ]

@@ -104,7 +104,7 @@ def evaluate(
     with output.progress("simulations") as meter:
         if benchmark is not None:
             _refuse(scenes)
-            found = api.evaluate_benchmark(here, benchmark, against=others, progress=meter)
+            found = api.run_benchmark(here, benchmark, against=others, progress=meter)
         else:
             scenes = {"profile": "motorway", "simulations": COUNT} | scenes
             found = api.evaluate(here, against=others, progress=meter, say=output.say, **scenes)

@@ -247,7 +247,7 @@ def of_import(data: "Dataset") -> dict[str, Any]:
         "files": source.files,
         "simulations": len(data),
         "unknown": list(identity.unknown),
-        "undecidable": api.lacking(identity.unknown),
+        "undecidable": api.undecidable_rules(identity.unknown),
         "counts": source.counts,
         "notes": source.notes,
         "content_hash": data.content_hash,

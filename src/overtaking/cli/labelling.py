@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from overtaking.data.load import Dataset
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 
 _DECIDED = ("legal", "illegal", "undecidable")
@@ -51,7 +51,7 @@ def label(
             judged = of_batches(data, batches) | output.duration
         return output.result(judged, lambda _: render(judged))
     with output.progress("simulations") as meter:
-        labelled = api.relabel(data, progress=meter, **given)
+        labelled = api.relabel_dataset(data, progress=meter, **given)
     values = of_labels(labelled) | output.duration
     output.wrote(values, lambda _: render(values))
 
@@ -73,7 +73,7 @@ def of_labels(data: "Dataset") -> dict[str, Any]:
     }
 
 
-def of_batches(data: str, batches: "Iterable[tuple[Any, Labelled]]") -> dict[str, Any]:
+def of_batches(data: str, batches: "Iterable[tuple[Any, LabelledTrajectories]]") -> dict[str, Any]:
     """The same, from labels that are not written."""
     from overtaking.model.verdicts import OvertakeClass, Verdict
 

@@ -33,7 +33,7 @@ def curve(
     figure = arguments.figure_file(plot)
     given = arguments.given(position_error=position_error, speed_error=speed_error)
     with output.progress("simulations") as meter:
-        found = api.law_curve(data, law=law, policy=policy, progress=meter, **given)
+        found = api.tolerance_curve(data, law=law, policy=policy, progress=meter, **given)
     if figure is not None:
         api.plot(found, out=figure)
     values = found.values()
@@ -58,7 +58,7 @@ def compare(
     given = arguments.given(position_error=position_error, speed_error=speed_error)
     laws, chosen = ([one.strip() for one in text.split(",")] for text in (law, policies))
     with output.progress("simulations") as meter:
-        values = api.law_compare(data, laws, policies=chosen, progress=meter, **given)
+        values = api.compare(data, laws, policies=chosen, progress=meter, **given)
     output.result(values, lambda _: render_comparison(values))
 
 
@@ -81,7 +81,7 @@ def explain(
 
     given = arguments.given(position_error=position_error, speed_error=speed_error)
     codes = None if rules is None else [one.strip() for one in rules.split(",")]
-    told = api.law_explain(data, simulation, law=law, rules=codes, **given)
+    told = api.explain(data, simulation, law=law, rules=codes, **given)
     output.result({"verdicts": told}, lambda _: render_paragraphs(told))
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from overtaking.cli.options import Balancing, Making, RoadChoice
     from overtaking.cli.output import Meter, Output
-    from overtaking.data.balance import Balance
+    from overtaking.data.balance import ClassBalance
     from overtaking.data.estimate import Estimate
 
 
@@ -90,12 +90,12 @@ def make(
             **(executor or {}),
         }
         if made.resume and not recipe:
-            data = api.resume(out, **talk)
+            data = api.resume_dataset(out, **talk)
         else:
             complete = arguments.DEFAULTS | recipe
             talk |= {"resume": made.resume, "simulator": simulator}
             talk["allow_large"] = _asked(output, made.yes)
-            data = api.generate(out=out, **talk, **complete)
+            data = api.generate_dataset(out=out, **talk, **complete)
     values = summary.of_dataset(data) | output.duration
     output.wrote(values, lambda _: summary.render_generated(values))
 
@@ -113,7 +113,7 @@ def _asked(output: Output, yes: bool) -> Callable[[Estimate], bool]:
     return is_allowed
 
 
-def balance(asked: Balancing) -> Balance | None:
+def balance(asked: Balancing) -> ClassBalance | None:
     """The settings of a balanced data set; None without `--balance`.
 
     Raises:
@@ -121,11 +121,11 @@ def balance(asked: Balancing) -> Balance | None:
     """
     given = {name: one for name, one in asdict(asked).items() if one not in (None, False)}
     if given.pop("balance", False):
-        from overtaking.data.balance import Balance
+        from overtaking.data.balance import ClassBalance
 
         if "by" in given:
             given["by"] = tuple(name.strip() for name in given["by"].split(","))
-        return Balance(**given)
+        return ClassBalance(**given)
     if given:
         raise ConfigError.of(
             what=_WORDS[next(iter(given))],

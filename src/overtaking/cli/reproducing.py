@@ -45,7 +45,7 @@ def reproduce(
 
     arguments.limit_threads(threads)
     with output.progress("simulations") as meter:
-        found = api.reproduce(
+        found = api.reproduce_study(
             study,
             replicates,
             seed,

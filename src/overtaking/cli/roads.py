@@ -40,7 +40,7 @@ def roads(
 
     figure = arguments.figure_file(plot)
     limit = arguments.speed_limit(speed_limit)
-    mapped_roads = api.map_roads(
+    mapped_roads = api.list_opendrive_roads(
         file, speed_limit=limit, driving_side=cast("Side | None", driving_side)
     )
     if figure is not None:

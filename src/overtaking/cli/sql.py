@@ -41,7 +41,7 @@ def sql(
     from overtaking import api
 
     check_choice(written, FORMATS, what="--format", where="sql")
-    answer = api.query(data, question, max_rows=rows, timeout_s=timeout_s, memory_mib=memory_mib)
+    answer = api.sql(data, question, max_rows=rows, timeout_s=timeout_s, memory_mib=memory_mib)
     values = answer.values()
     if answer.is_cut:
         output.say(f"there are more rows than these {rows}; --rows gives more")

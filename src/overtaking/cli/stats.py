@@ -44,7 +44,7 @@ def stats(
     from overtaking.analysis.stats import formats
 
     check_choice(written, formats.FORMATS, what="--format", where="stats")
-    found = api.statistics(data, policy=policy, reading=reading, weighted=weighted)
+    found = api.dataset_statistics(data, policy=policy, reading=reading, weighted=weighted)
     if written == "text":
         output.page(found.values(), formats.page_parts(found))
     else:

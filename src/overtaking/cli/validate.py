@@ -42,7 +42,7 @@ def validate(
     arguments.limit_threads(threads)
     figure = arguments.figure_file(plot)
     with output.progress("simulations") as meter:
-        found = api.validate(
+        found = api.validate_profile(
             profile,
             count,
             1 if seed is None else seed,

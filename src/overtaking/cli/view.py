@@ -64,14 +64,14 @@ def _serve(output: Output, data: str, shown: options.Shown, port: int, *, opens:
         if opens:
             webbrowser.open(url)
 
-    api.serve_view(data, policy=shown.policy, port=port, ready=ready)
+    api.serve_viewer(data, policy=shown.policy, port=port, ready=ready)
 
 
 def _write(output: Output, data: str, shown: options.Shown, export: Path) -> None:
     from overtaking import api
 
     with output.progress("simulations") as meter:
-        page = api.write_view(
+        page = api.write_viewer_page(
             data,
             export,
             simulations=choice(shown, "view"),

@@ -93,7 +93,7 @@ def twin(
 
     check_choice(start, ("state", "start"), what="--from", where="twin")
     figure = arguments.figure_file(plot)
-    found = api.twin(
+    found = api.counterfactual(
         data,
         simulation,
         without=[one.strip() for one in without.split(",")] if without else (),
@@ -135,7 +135,7 @@ def fan(
 
     figure = arguments.figure_file(plot)
     with output.progress("instants") as meter:
-        found = api.fan(
+        found = api.outcome_fan(
             data,
             simulation,
             given=given,
@@ -166,7 +166,7 @@ def enough(
     from overtaking import api
 
     with output.progress("quantities") as meter:
-        found = api.enough(data, simulation, goal=goal, policy=policy, progress=meter)
+        found = api.sufficient_changes(data, simulation, goal=goal, policy=policy, progress=meter)
     values = values_of_enough(found)
     output.result(values, lambda _: render_enough(values))
 

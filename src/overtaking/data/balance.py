@@ -36,7 +36,7 @@ _LIGHT = ("Day", "Night")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Balance:
+class ClassBalance:
     """How a data set is balanced: equal shares for all cells, in the order of the candidates.
 
     Candidates are the simulations that an ordinary data set of the same profile and seed has, one

@@ -19,7 +19,7 @@ from overtaking.core.files import read_bounded
 from overtaking.core.process_limits import ordered_map
 from overtaking.core.progress import ProgressCallback
 from overtaking.data import plan
-from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, Balance, selection_weights
+from overtaking.data.balance import MAX_CANDIDATES, OUTSIDE, ClassBalance, selection_weights
 from overtaking.data.location import Location
 from overtaking.data.manifest import BalanceRecord, CellRecord, Identity
 from overtaking.data.recipe import Recipe, Simulator
@@ -170,7 +170,7 @@ class Scan:
         """Refuse impossible wishes; nothing is read or written yet."""
         assert identity.balance is not None
         self._recipe, self._simulator, self._location = recipe, simulator, location
-        self._balance: Balance = identity.balance
+        self._balance: ClassBalance = identity.balance
         self._policy = policy(choose_policy(self._balance.policy, identity.profile))
         self._limit = self._balance.limit(recipe.num_simulations)
         self._key = _key(identity, self._balance)
@@ -312,10 +312,10 @@ def _read(location: Location, key: str, limit: int, selection: Selection) -> Non
         selection.restore(known.candidates, np.array(known.seen, dtype=np.int64), index, cell)
 
 
-def _key(identity: Identity, balance: Balance) -> str:
+def _key(identity: Identity, balance: ClassBalance) -> str:
     """Hash over all that decides which candidates are kept; the limit of the search does not."""
     scanned = identity.model_copy(
-        update={"balance": Balance(by=balance.by, policy=balance.policy), "shard_size": 1}
+        update={"balance": ClassBalance(by=balance.by, policy=balance.policy), "shard_size": 1}
     )
     text = json.dumps([scanned.fingerprint, PORTUGAL.version])
     return hashlib.sha256(text.encode()).hexdigest()

@@ -28,7 +28,7 @@ from pydantic import (
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.core.files import read_bounded
 from overtaking.data import plan
-from overtaking.data.balance import Balance
+from overtaking.data.balance import ClassBalance
 from overtaking.data.location import Location
 from overtaking.data.recipe import Keep, PolicyRecord, Recipe, Simulator, tables_of
 from overtaking.data.tables.files import FileFacts
@@ -199,7 +199,7 @@ class Identity(_Record):
     simulator_version: str
     unknown: tuple[str, ...] = ()
     source: Source | None = None
-    balance: Balance | None = None
+    balance: ClassBalance | None = None
     policy: PolicyRecord | None = None
     branches: tuple[BranchRecord, ...] = ()
 
@@ -271,7 +271,7 @@ class Identity(_Record):
 _NEW = frozenset({"unknown", "source", "balance", "policy", "branches"})
 
 
-def _with_limit(recipe: Recipe) -> Balance | None:
+def _with_limit(recipe: Recipe) -> ClassBalance | None:
     """The balance of a recipe with its policy and its number of candidates filled in."""
     if recipe.balance is None:
         return None

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from overtaking.data.balance import Balance
+from overtaking.data.balance import ClassBalance
 from overtaking.data.plan import CHUNK_SIZE, SHARD_SIZE
 from overtaking.data.tables.schemas import LABEL_TABLES
 from overtaking.model.driver_interface import Actions
@@ -100,7 +100,7 @@ class Recipe:
     num_simulations: int
     keep: Keep
     shard_size: int
-    balance: Balance | None = None
+    balance: ClassBalance | None = None
     policy: PolicyRecord | None = None
 
     @property

@@ -14,7 +14,7 @@ from overtaking.data.tables.encode import Numbers
 from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.schemas import LABEL_TABLES, schema_of
 from overtaking.labels.label import label
-from overtaking.labels.law import Errors
+from overtaking.labels.law import MeasurementErrors
 from overtaking.model.trajectories import Trajectories
 
 Batches = Iterator[tuple[Numbers, Trajectories]]
@@ -24,7 +24,7 @@ def relabel(
     path: Path,
     simulator: Simulator,
     progress: ProgressCallback | None = None,
-    errors: Errors | None = None,
+    errors: MeasurementErrors | None = None,
 ) -> Dataset:
     """Write the tables of labels of a data set anew, from what it recorded.
 
@@ -52,7 +52,9 @@ def relabel(
     return load(path, simulator)
 
 
-def _relabel(data: Dataset, location: Folder, step: ProgressCounter, errors: Errors | None) -> None:
+def _relabel(
+    data: Dataset, location: Folder, step: ProgressCounter, errors: MeasurementErrors | None
+) -> None:
     """Write the files of all shards, then put them into place and complete the manifest."""
     planned = plan.shards(len(data), data.manifest.identity.shard_size)
     location.prepare(LABEL_TABLES)
@@ -76,7 +78,7 @@ def _relabel(data: Dataset, location: Folder, step: ProgressCounter, errors: Err
 
 
 def _pieces(
-    data: Dataset, shard: plan.Shard, batches: Batches, errors: Errors | None
+    data: Dataset, shard: plan.Shard, batches: Batches, errors: MeasurementErrors | None
 ) -> Iterator[shards.Piece]:
     """The tables of labels of a shard; `batches` stands at its first simulation."""
     is_balanced, count = data.manifest.identity.balance is not None, 0

@@ -10,10 +10,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.model.verdicts import OvertakeClass, Verdict
 
-Judged = tuple[NDArray[np.int64], Labelled]
+Judged = tuple[NDArray[np.int64], LabelledTrajectories]
 
 _SCHEMA = pa.schema(
     [
@@ -59,7 +59,7 @@ def written(batches: Iterable[Judged], law: str, out: Path) -> Iterator[Judged]:
         waiting.unlink(missing_ok=True)
 
 
-def _table(numbers: NDArray[np.int64], labelled: Labelled, law: str) -> pa.Table:
+def _table(numbers: NDArray[np.int64], labelled: LabelledTrajectories, law: str) -> pa.Table:
     """One row per simulation and policy."""
     labels, findings = labelled.labels, labelled.findings
     count, policies = labels.classes.shape

@@ -17,8 +17,8 @@ from overtaking.labels.features import (
 from overtaking.labels.law import (
     POLICIES,
     PORTUGAL,
-    Errors,
     Legality,
+    MeasurementErrors,
     Pack,
     Policy,
     check,
@@ -34,7 +34,7 @@ from overtaking.model.verdicts import Case, Findings, Labels, OvertakeClass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Labelled(IdentityBatch):
+class LabelledTrajectories(IdentityBatch):
     """A recording and its labels.
 
     Attributes:
@@ -76,8 +76,8 @@ def label(
     *,
     pack: Pack = PORTUGAL,
     policies: Sequence[Policy] = POLICIES,
-    errors: Errors | None = None,
-) -> Labelled:
+    errors: MeasurementErrors | None = None,
+) -> LabelledTrajectories:
     """Label a recording of any origin.
 
     Args:
@@ -91,7 +91,7 @@ def label(
     """
     case = case_of(trajectories)
     findings = check(pack, case, errors)
-    return Labelled(
+    return LabelledTrajectories(
         trajectories=trajectories,
         signals=case.signals,
         events=case.events,

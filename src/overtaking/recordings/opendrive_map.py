@@ -55,7 +55,7 @@ class MappedRoad(ContentEquality):
         return 1.0 / sharpest if sharpest > 0.0 else None
 
 
-def map_roads(
+def list_opendrive_roads(
     path: str | Path, *, speed_limit: float | None = None, driving_side: Side | None = None
 ) -> list[MappedRoad]:
     """Every road of an OpenDRIVE file, in its order.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from overtaking.labels.explain import Thought
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.labels.law import Pack, Policy
     from overtaking.model.road import Road
     from overtaking.model.road_course import SpeedLimitSpan
@@ -50,7 +50,7 @@ _PERCEPT = (
 
 
 def describe(
-    labelled: Labelled,
+    labelled: LabelledTrajectories,
     number: int,
     *,
     pack: Pack = PORTUGAL,
@@ -102,7 +102,7 @@ def _policy_name(profile: str, policies: Sequence[Policy]) -> str:
     return default if default in names else names[0]
 
 
-def _oncoming(labelled: Labelled) -> Values:
+def _oncoming(labelled: LabelledTrajectories) -> Values:
     """The measures against oncoming traffic, on roads that have some."""
     if not labelled.trajectories.road.is_two_way:
         return {}

@@ -11,7 +11,7 @@ from overtaking.model.verdicts import Belief, OvertakeClass
 
 if TYPE_CHECKING:
     from overtaking.labels.explain import Breach, Change, Doubt, Explanation, Thought
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 Values = dict[str, Any]
 """A JSON object: names with units, plain Python values."""
@@ -53,7 +53,7 @@ _DECIMALS = 4
 _MS_PER_S = 1000.0
 
 
-def judge(labelled: Labelled, explanation: Explanation) -> Values:
+def judge(labelled: LabelledTrajectories, explanation: Explanation) -> Values:
     """The labels of one simulation.
 
     Args:
@@ -97,7 +97,7 @@ def thought(of: Thought) -> Values:
     }
 
 
-def _intended(labelled: Labelled) -> bool | None:
+def _intended(labelled: LabelledTrajectories) -> bool | None:
     """Whether the ego's driver meant its attempt; None without one, or if that is not recorded."""
     events = labelled.events
     is_known = events.has_attempt[0] and not labelled.trajectories.is_excerpt
@@ -113,7 +113,7 @@ def _seconds(frame: int, interval_ms: int) -> float:
     return frame * interval_ms / _MS_PER_S
 
 
-def _events(labelled: Labelled) -> list[Values]:
+def _events(labelled: LabelledTrajectories) -> list[Values]:
     """The events that happened, in the order of time."""
     frames = {name: int(getattr(labelled.events, name)[0]) for name in EVENTS}
     interval = labelled.signals.frame_interval_ms
@@ -129,7 +129,7 @@ def _events(labelled: Labelled) -> list[Values]:
     ]
 
 
-def _policies(labelled: Labelled, explanation: Explanation) -> dict[str, Values]:
+def _policies(labelled: LabelledTrajectories, explanation: Explanation) -> dict[str, Values]:
     """The class under each policy, and the rules that made it so."""
     return {
         name: {

@@ -16,7 +16,7 @@ from overtaking.show.description import describe
 from overtaking.show.wording import BELIEFS, breach_words, words
 
 if TYPE_CHECKING:
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.labels.law import Pack, Policy, Rule
 
     Values = dict[str, Any]
@@ -26,7 +26,7 @@ _DASH = " to "
 
 
 def paragraphs(
-    labelled: Labelled, number: int, pack: Pack, policies: tuple[Policy, ...]
+    labelled: LabelledTrajectories, number: int, pack: Pack, policies: tuple[Policy, ...]
 ) -> list[Values]:
     """A paragraph for each rule: the broken ones first, then the undecidable, kept and others.
 
@@ -43,7 +43,7 @@ def paragraphs(
     return paragraphs_of(labelled, describe(labelled, number, pack=pack, policies=policies), pack)
 
 
-def paragraphs_of(labelled: Labelled, values: Values, pack: Pack) -> list[Values]:
+def paragraphs_of(labelled: LabelledTrajectories, values: Values, pack: Pack) -> list[Values]:
     """The same, from what is described already.
 
     Args:
@@ -57,7 +57,7 @@ def paragraphs_of(labelled: Labelled, values: Values, pack: Pack) -> list[Values
     return [_told(pack.rules[k], verdicts[k], labelled, values) for k in places]
 
 
-def _told(rule: Rule, verdict: Verdict, labelled: Labelled, values: Values) -> Values:
+def _told(rule: Rule, verdict: Verdict, labelled: LabelledTrajectories, values: Values) -> Values:
     findings = labelled.findings
     margin = float(findings.margin[0, findings.rules.index(rule.code)])
     sentences = load_toml(_FILE)["sentences"]

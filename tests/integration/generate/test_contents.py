@@ -175,7 +175,7 @@ def test_tables_come_as_pandas_in_si(data):
 
 def test_anyone_can_group_tables_of_many_shards_by_any_of_their_names(tmp_path: Path):
     # Arrow refuses to where the parts of a column list other names.
-    data = api.generate(
+    data = api.generate_dataset(
         "pinto2023-physical", 40, 5, tmp_path / "data", shard_size=4, keep="features"
     )
     grouped = 0
@@ -229,7 +229,7 @@ def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
     identity = manifest["identity"]
     assert (identity["profile"], identity["seed"]) == ("pinto2023-physical", 1)
     assert identity["spec"]["time"]["horizon_s"] == 1.0
-    again = api.generate(
+    again = api.generate_dataset(
         identity["spec"],
         identity["simulations"],
         identity["seed"],
@@ -247,7 +247,9 @@ def test_the_data_card_says_how_to_make_and_read_it_and_is_right(copy: Path):
     (query,) = (line.partition("   --")[0] for line in code if line.startswith("select"))
     python = "\n".join(line for line in code if not line.startswith("select"))
     # The card takes whole shards of the default size for granted, so their values are compared.
-    check = "again = overtaking.load('again'); assert again.states(17).equals(data.states(17))"
+    check = (
+        "again = overtaking.load_dataset('again'); assert again.states(17).equals(data.states(17))"
+    )
     script = f"{python}\n{check}\nimport duckdb; assert duckdb.sql({query!r}).fetchall()"
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("parent")
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     spec = {"time.horizon_s": 3, "time.attempt_deadline_s": 3}
-    return api.generate(
+    return api.generate_dataset(
         "pinto2023-physical", 6, 1, tmp_path_factory.mktemp("data") / "six", overrides=spec
     )
 

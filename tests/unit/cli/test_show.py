@@ -25,13 +25,13 @@ from overtaking.show.judgement import EVENTS, Values
 from overtaking.show.wording import SYMBOLS, margin_words, symbol
 
 if TYPE_CHECKING:
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 NUM_SIMULATIONS = 48
 
 
 @pytest.fixture(scope="module")
-def labelled() -> Labelled:
+def labelled() -> LabelledTrajectories:
     """Enough simulations for every kind of ending to be among them."""
     return api.label(api.simulate(api.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
 
@@ -56,7 +56,7 @@ def test_classes_and_policies_are_explained(runs, stories):
     assert "overtaking glossary" in flat
 
 
-def one(labelled: Labelled, number: int) -> Labelled:
+def one(labelled: LabelledTrajectories, number: int) -> LabelledTrajectories:
     return labelled.select(np.array([number]))
 
 
@@ -69,12 +69,12 @@ def printed(part, *, width: int = 80, encoding: str = "utf-8", **settings) -> st
     return file.buffer.getvalue().decode(encoding)
 
 
-def drawn(labelled: Labelled, **settings) -> str:
+def drawn(labelled: LabelledTrajectories, **settings) -> str:
     values = describe(labelled, 17)
     return printed(lambda console: render(labelled.trajectories, values, console), **settings)
 
 
-def without(labelled: Labelled, *unknown: str) -> Labelled:
+def without(labelled: LabelledTrajectories, *unknown: str) -> LabelledTrajectories:
     """The same recording, some of it unknown."""
     return api.label(labelled.trajectories.replace(unknown=frozenset(unknown)))
 

@@ -15,7 +15,7 @@ SAMPLED = "profile='pinto2023-physical', road='town06', seed=1, simulations=3, v
 
 
 @pytest.fixture(scope="module")
-def labelled() -> ot.Labelled:
+def labelled() -> ot.LabelledTrajectories:
     return ot.label(ot.simulate(ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)))
 
 
@@ -23,7 +23,7 @@ def test_batches_say_what_they_are_in_a_line(labelled):
     runs = labelled.trajectories
     assert repr(runs.scenario) == f"Scenario({SAMPLED})"
     assert repr(runs) == f"Trajectories({SAMPLED}, frames=41, ms=50)"
-    assert repr(labelled) == f"Labelled({SAMPLED}, frames=41, ms=50)"
+    assert repr(labelled) == f"LabelledTrajectories({SAMPLED}, frames=41, ms=50)"
     assert repr(runs.scenario.drivers) == "DriverTraits(simulations=3)"
     assert repr(labelled.paper) == "PaperFeatures(policy='paper', simulations=3)"
 

@@ -13,12 +13,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from overtaking.core.errors import ConfigError
-from overtaking.data.balance import CLASSES, OUTSIDE, Balance, selection_weights
+from overtaking.data.balance import CLASSES, OUTSIDE, ClassBalance, selection_weights
 from overtaking.data.balance_scan import Selection
 from overtaking.data.manifest import Identity
 from overtaking.model.verdicts import OvertakeClass
 
-BY_LIGHT = Balance(by=("class", "day-night"))
+BY_LIGHT = ClassBalance(by=("class", "day-night"))
 
 cells_of_candidates = st.lists(st.integers(OUTSIDE, 3), max_size=60)
 
@@ -80,7 +80,7 @@ def test_weights_are_one_where_everything_is_kept():
 
 @given(num_simulations=st.integers(10, 10**6))
 def test_quotas_are_as_equal_as_can_be(num_simulations):
-    for balance in (Balance(), BY_LIGHT):
+    for balance in (ClassBalance(), BY_LIGHT):
         quotas = balance.quotas(num_simulations).tolist()
         assert sum(quotas) == num_simulations
         assert max(quotas) - min(quotas) <= 1
@@ -121,7 +121,7 @@ def test_the_number_of_candidates_follows_from_how_many_have_been_needed():
 )
 def test_what_cannot_be_balanced_is_refused(changes, said):
     with pytest.raises(ConfigError, match=said) as caught:
-        Balance(**changes)
+        ClassBalance(**changes)
     assert "\n" not in str(caught.value)
 
 
@@ -136,14 +136,14 @@ def test_what_is_not_balanced_has_the_fingerprint_that_it_always_had(recipe, sim
 def test_the_balance_is_a_part_of_the_identity(recipe, simulator):
     plain, *balanced = (
         Identity.of(dataclasses.replace(recipe, balance=one), simulator)
-        for one in (None, Balance(), BY_LIGHT, Balance(policy="strict"))
+        for one in (None, ClassBalance(), BY_LIGHT, ClassBalance(policy="strict"))
     )
     assert len({one.fingerprint for one in (plain, *balanced)}) == 4
     assert all(plain.differences(one) == ["balance"] for one in balanced)
 
 
 def test_the_usual_number_of_candidates_is_written_down(recipe, simulator):
-    large = dataclasses.replace(recipe, num_simulations=5000, balance=Balance())
+    large = dataclasses.replace(recipe, num_simulations=5000, balance=ClassBalance())
     for wanted, one in ((10_000, dataclasses.replace(large, num_simulations=5)), (10**6, large)):
         identity = Identity.of(one, simulator)
-        assert identity.balance == Balance(policy="paper", candidates=wanted)
+        assert identity.balance == ClassBalance(policy="paper", candidates=wanted)

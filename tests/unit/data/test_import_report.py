@@ -186,28 +186,28 @@ def test_a_data_set_keeps_the_report_with_a_hash_of_its_own(recorded, tmp_path):
     assert data.manifest.identity.simulator_version == "3"
     data.verify()
 
-    api.relabel(tmp_path / "data")
-    again = api.load(tmp_path / "data")
+    api.relabel_dataset(tmp_path / "data")
+    again = api.load_dataset(tmp_path / "data")
     assert again.import_findings == data.import_findings
     assert again.manifest.import_report == data.manifest.import_report
 
     report = tmp_path / "data" / FILE_NAME
     report.write_text(report.read_text("utf-8").replace("3.6", "3.7"), encoding="utf-8")
-    damaged = api.load(tmp_path / "data")
+    damaged = api.load_dataset(tmp_path / "data")
     with pytest.raises(DatasetError, match=r"import_report\.json: import report: .* other bytes"):
         damaged.verify()
     with pytest.raises(DatasetError, match="import report"):
         _ = damaged.import_report
     report.unlink()
     with pytest.raises(DatasetError, match="import report"):
-        api.load(tmp_path / "data").verify()
+        api.load_dataset(tmp_path / "data").verify()
 
 
 @pytest.mark.ci
 def test_a_report_that_cannot_be_read_is_not_called_damaged(recorded, tmp_path, monkeypatch):
     with pytest.warns(ot.RecordingWarning):
         api.import_recording("table", recorded, tmp_path / "data", columns=MAP)
-    data, opened = api.load(tmp_path / "data"), Folder.open
+    data, opened = api.load_dataset(tmp_path / "data"), Folder.open
 
     def refuse(self: Folder, name: str) -> Any:
         if name == FILE_NAME:
@@ -243,7 +243,7 @@ def test_a_data_set_without_a_report_has_an_empty_one(recorded, tmp_path):
     del content["import_report"]
     manifest.write_text(json.dumps(content), encoding="utf-8")
     (tmp_path / "data" / FILE_NAME).unlink()
-    data = api.load(tmp_path / "data")
+    data = api.load_dataset(tmp_path / "data")
     data.verify()
     assert list(data.import_report.columns) == COLUMNS
     assert len(data.import_report) == len(data.trajectory(0).import_report) == 0

@@ -30,7 +30,7 @@ CAUSES = [
 
 @pytest.fixture
 def dataset(tmp_path: Path) -> ot.Dataset:
-    return ot.generate("pinto2023-physical", simulations=2, seed=1, out=tmp_path / "data")
+    return ot.generate_dataset("pinto2023-physical", simulations=2, seed=1, out=tmp_path / "data")
 
 
 def failing(error: Exception) -> Callable[..., object]:
@@ -49,7 +49,7 @@ def check_message(error: OvertakingError) -> None:
 
 @pytest.mark.parametrize(("cause", "kind"), CAUSES)
 def test_a_table_that_cannot_be_read(dataset, monkeypatch, cause, kind):
-    data = ot.load(dataset.path)
+    data = ot.load_dataset(dataset.path)
     monkeypatch.setattr(files, "_open_parquet", failing(cause))
     with pytest.raises(kind) as caught:
         data.features()
@@ -58,7 +58,7 @@ def test_a_table_that_cannot_be_read(dataset, monkeypatch, cause, kind):
 
 @pytest.mark.parametrize(("cause", "kind"), CAUSES[:3])
 def test_a_checksum_that_cannot_be_made(dataset, monkeypatch, cause, kind):
-    data = ot.load(dataset.path)
+    data = ot.load_dataset(dataset.path)
     monkeypatch.setattr(shards, "is_intact", failing(cause))
     with pytest.raises(kind) as caught:
         data.verify()
@@ -70,7 +70,7 @@ def test_a_resumed_run_does_not_replace_it(dataset, monkeypatch, cause, kind):
     before = {path: path.stat().st_mtime_ns for path in dataset.path.rglob("*.parquet")}
     monkeypatch.setattr(files, "_open_parquet", failing(cause))
     with pytest.raises(kind) as caught:
-        ot.resume(dataset.path)
+        ot.resume_dataset(dataset.path)
     check_message(caught.value)
     assert {path: path.stat().st_mtime_ns for path in dataset.path.rglob("*.parquet")} == before
 
@@ -79,7 +79,7 @@ def test_a_damaged_file_is_still_called_damaged(dataset):
     path = next(dataset.path.glob("features/*.parquet"))
     path.write_bytes(path.read_bytes()[:-40] + bytes(40))
     with pytest.raises(DatasetError, match=r"expected the bytes that were written.*--resume"):
-        ot.load(dataset.path).features()
+        ot.load_dataset(dataset.path).features()
 
 
 def test_a_missing_file_is_not_intact_and_an_unreadable_one_raises():

@@ -177,10 +177,13 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             lambda s: ot.branch(s, 3, weather=s.weather.select(slice(0, 2))),
             "branch: weather.preset: expected length 3 along simulation, as index has, got 2",
         ),
-        (lambda _: ot.load(5), "load: path: expected a text, a path or a Dataset, got 5"),
-        (lambda _: ot.load("\0"), "load: path: expected a text, a path or a Dataset, got '\\x00'"),
+        (lambda _: ot.load_dataset(5), "load: path: expected a text, a path or a Dataset, got 5"),
         (
-            lambda _: ot.compare("pinto2023-physical", 1, 1, simulators="engine"),
+            lambda _: ot.load_dataset("\0"),
+            "load: path: expected a text, a path or a Dataset, got '\\x00'",
+        ),
+        (
+            lambda _: ot.compare_simulators("pinto2023-physical", 1, 1, simulators="engine"),
             "compare: simulators: expected several values, each of them a text, got 'engine'",
         ),
         (
@@ -188,8 +191,11 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             "film: source: expected a Dataset, a text, a path, a Trajectories or a Labelled, got 5",
         ),
         (lambda _: ot.plot(1), "plot: source: expected a data set"),
-        (lambda _: ot.Balance(candidates="a"), "balance: candidates: expected a whole number or N"),
-        (lambda _: ot.Balance(by="class"), "balance: by: expected several values"),
+        (
+            lambda _: ot.ClassBalance(candidates="a"),
+            "balance: candidates: expected a whole number or N",
+        ),
+        (lambda _: ot.ClassBalance(by="class"), "balance: by: expected several values"),
         (lambda s: s.select(1), "Scenario.select: simulations: expected a slice, a mask or"),
         (lambda s: s.select(np.array([3])), "Scenario.select: simulations: expected a slice"),
         (lambda s: s.replace(speed=3), "Scenario.replace: field: expected profile or road"),
@@ -201,7 +207,7 @@ def test_arguments_of_another_type_or_range_are_refused_in_a_line(scenario, call
 
 
 def test_methods_of_a_data_set_check_their_arguments(tmp_path: Path):
-    data = ot.generate("pinto2023-physical", 2, 1, tmp_path / "data", overrides=SHORT)
+    data = ot.generate_dataset("pinto2023-physical", 2, 1, tmp_path / "data", overrides=SHORT)
     for call in (data.states, data.trajectory, data.verdict, data.__getitem__):
         with pytest.raises(ConfigError, match="simulation: expected a whole number, got 'a'"):
             call("a")  # type: ignore[arg-type]

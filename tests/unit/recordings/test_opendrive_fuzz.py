@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from overtaking.core.errors import ImportFormatError
 from overtaking.model.road import Road
 from overtaking.recordings.opendrive import read_opendrive, survey_opendrive
-from overtaking.recordings.opendrive_map import map_roads
+from overtaking.recordings.opendrive_map import list_opendrive_roads
 
 from .opendrive_text import LEFT, RIGHT, document, road, section
 
@@ -56,7 +56,7 @@ def check(path: Path, content: bytes) -> None:
     except ImportFormatError:
         return
     assert all(isinstance(one, Road | ImportFormatError) for one in verdicts.values())
-    assert all((one.road is None) != (one.refusal is None) for one in map_roads(path))
+    assert all((one.road is None) != (one.refusal is None) for one in list_opendrive_roads(path))
 
 
 @pytest.fixture(scope="module")

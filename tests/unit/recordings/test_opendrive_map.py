@@ -10,7 +10,7 @@ from scenariogeneration import xodr
 
 from overtaking.cli import main
 from overtaking.core.errors import ImportFormatError
-from overtaking.recordings.opendrive_map import map_roads
+from overtaking.recordings.opendrive_map import list_opendrive_roads
 
 from .opendrive_text import document, road
 
@@ -47,7 +47,7 @@ def drawn(path: Path, geometries: list, heading: float = 0.4) -> xodr.PlanView:
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_a_course_ends_where_another_program_ends_it(tmp_path: Path, name: str) -> None:
     plan = drawn(tmp_path / "map.xodr", GEOMETRIES[name])
-    (found,) = map_roads(tmp_path / "map.xodr")
+    (found,) = list_opendrive_roads(tmp_path / "map.xodr")
     assert found.line is not None
     end = found.line.pose_at(found.line.length)
     x, y, heading = plan.get_end_point()
@@ -69,7 +69,7 @@ def test_a_parametric_cubic_is_followed_within_a_millimetre(tmp_path: Path) -> N
     )
     path = tmp_path / "map.xodr"
     path.write_text(document(road(plan=cubic, length=f"{length}")))
-    (found,) = map_roads(path)
+    (found,) = list_opendrive_roads(path)
     assert found.line is not None
     pose = found.line.pose_at(np.concatenate([[0.0], np.cumsum(steps)]))
     assert np.abs(pose.x - 5.0 - u(p)).max() < 0.001
@@ -88,7 +88,7 @@ def test_each_road_comes_with_its_lanes_slope_and_refusal(tmp_path: Path) -> Non
             road(road_id="10", length="rubbish"),
         )
     )
-    straight, bent, crossing, damaged = map_roads(path)
+    straight, bent, crossing, damaged = list_opendrive_roads(path)
     assert (straight.right, straight.left, straight.radius, straight.refusal) == (2, 2, None, None)
     assert straight.road is not None
     assert straight.road.length == 500.0
@@ -136,7 +136,7 @@ def test_a_course_that_is_none_is_refused_with_the_reason(
 ) -> None:
     path = tmp_path / "map.xodr"
     path.write_text(document(road(plan=plan)))
-    (found,) = map_roads(path)
+    (found,) = list_opendrive_roads(path)
     assert found.line is None
     with pytest.raises(ImportFormatError, match=reason):
         raise ImportFormatError(found.refusal)
@@ -146,7 +146,7 @@ def test_a_course_that_is_none_is_refused_with_the_reason(
 def test_a_road_without_length_is_refused_with_the_reason(tmp_path: Path, length: str) -> None:
     path = tmp_path / "map.xodr"
     path.write_text(document(road(length=length)))
-    (found,) = map_roads(path)
+    (found,) = list_opendrive_roads(path)
     with pytest.raises(ImportFormatError, match=r"attribute length.*more than 0 m"):
         raise ImportFormatError(found.refusal)
 
@@ -168,7 +168,7 @@ def test_the_command_lists_and_draws(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.ci
 def test_every_road_of_known_maps_is_read(shared_data: Path) -> None:
     for path in sorted((shared_data / "opendrive").glob("*.xodr")):
-        found = map_roads(path)
+        found = list_opendrive_roads(path)
         assert found
         assert all(one.line is not None and one.steepest is not None for one in found), path.name
         assert all((one.road is None) != (one.refusal is None) for one in found)

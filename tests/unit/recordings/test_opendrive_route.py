@@ -9,7 +9,7 @@ import pytest
 from overtaking.core.errors import ImportFormatError
 from overtaking.model.road import Road, RoadMark
 from overtaking.recordings.opendrive import read_opendrive
-from overtaking.recordings.opendrive_map import map_roads
+from overtaking.recordings.opendrive_map import list_opendrive_roads
 from overtaking.world.road_parameters import has_two_directions
 
 from .opendrive_text import LEFT, LINE, ONE_LANE, RIGHT, TYPE, document, lane, road, section
@@ -81,7 +81,7 @@ def test_the_longest_stretch_without_a_change_is_read(
     # It lies where the reference line of the file does.
     x, y = 10.0 + start * math.cos(0.5), -20.0 + start * math.sin(0.5)
     assert (found.x0, found.y0, found.heading) == pytest.approx((x, y, 0.5))
-    (mapped,) = map_roads(tmp_path / "map.xodr")
+    (mapped,) = list_opendrive_roads(tmp_path / "map.xodr")
     assert mapped.part is not None
     if "<left></left>" in text:
         assert (mapped.part.start, mapped.part.end) == (start, end)
@@ -260,7 +260,7 @@ def test_a_route_over_linked_roads_is_one_road(tmp_path: Path):
     assert back.name == "map roads 3, 2, 1"
     assert (back.x0, abs(back.heading)) == pytest.approx((300.0, math.pi))
     assert [lane.lane_id for lane in back.lanes] == [2, 1]
-    leads = [one.leads_to for one in map_roads(tmp_path / "map.xodr")]
+    leads = [one.leads_to for one in list_opendrive_roads(tmp_path / "map.xodr")]
     assert leads == ["2", "3", None]
 
 

@@ -13,7 +13,7 @@ from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import Road, RoadMark
 from overtaking.recordings.limits import NO_LIMIT
 from overtaking.recordings.opendrive import read_opendrive
-from overtaking.recordings.opendrive_map import map_roads
+from overtaking.recordings.opendrive_map import list_opendrive_roads
 
 from .opendrive_text import ONE_LANE, document, lane, road, section
 
@@ -106,7 +106,7 @@ def test_a_lane_of_no_width_is_left_out(tmp_path, lanes, ids):
     found = read_opendrive(path)
     assert [one.lane_id for one in found.lanes] == ids
     assert [one.width for one in found.lanes] == [3.5, 3.5]
-    (mapped,) = map_roads(path)
+    (mapped,) = list_opendrive_roads(path)
     assert mapped.right == 2
 
 
@@ -271,7 +271,7 @@ def test_each_side_may_have_sections_of_its_own_from_the_beginning(tmp_path):
 def test_a_road_without_a_junction_is_outside_junctions(tmp_path, header):
     path = tmp_path / "map.xodr"
     path.write_text(document(road(header=header)), encoding="utf-8")
-    (mapped,) = map_roads(path)
+    (mapped,) = list_opendrive_roads(path)
     assert not mapped.in_junction
     assert mapped.road is not None
 

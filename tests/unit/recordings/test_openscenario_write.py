@@ -194,9 +194,9 @@ def test_a_name_may_hold_what_xml_does_not_know(runs, tmp_path):
 
 
 def test_a_data_set_becomes_the_same_bytes_again(tmp_path):
-    data = api.generate("pinto2023-physical", 3, 1, tmp_path / "data")
+    data = api.generate_dataset("pinto2023-physical", 3, 1, tmp_path / "data")
     for name in ("a", "b"):
-        rows = api.export(data, tmp_path / name, file_format="openscenario")
+        rows = api.export_dataset(data, tmp_path / name, file_format="openscenario")
         assert rows == data.table("states").num_rows
     files = sorted(each.name for each in (tmp_path / "a").iterdir())
     ends = ("xodr", "xosc")

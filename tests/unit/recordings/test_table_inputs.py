@@ -467,7 +467,7 @@ def test_the_speed_limit_is_an_option_of_import(tmp_path, frame, text, limit):
     columns.write_text(f"[columns]\n{cells}\n", encoding="utf-8")
     line = ["import", "table", str(path), "--columns", str(columns), "--out", str(out)]
     assert main([*line, "--speed-limit", text]) == 0
-    data = ot.load(out)
+    data = ot.load_dataset(out)
     assert data.manifest.identity.road.speed_limit == pytest.approx(limit)
     assert "speed_limit" not in data.manifest.identity.unknown
 
@@ -534,7 +534,7 @@ def test_exports_have_the_coordinates_of_the_source(tmp_path, frame):
     content = {**MAP, "road": {"kind": "motorway"}}
     data = api.import_recording("table", path, tmp_path / "data", columns=content)
     assert (data.road.origin_x, data.road.origin_y) == (691_000.0, 5_335_000.0)
-    api.export(data, tmp_path / "scenes", file_format="commonroad")
+    api.export_dataset(data, tmp_path / "scenes", file_format="commonroad")
     text = min((tmp_path / "scenes").glob("*.xml")).read_text(encoding="utf-8")
     x, y = (
         np.array(re.findall(rf"<{axis}>([-0-9.]+)</{axis}>", text.partition("<dynamicO")[2]), float)
@@ -551,7 +551,7 @@ def test_a_vehicle_of_unknown_kind_is_unknown_in_a_commonroad_file(tmp_path, fra
     frame.loc[frame.id == 7, "length"] = 7.07
     frame.to_csv(path, index=False)
     data = api.import_recording("table", path, tmp_path / "data", columns=MAP)
-    api.export(data, tmp_path / "scenes", file_format="commonroad")
+    api.export_dataset(data, tmp_path / "scenes", file_format="commonroad")
     text = min((tmp_path / "scenes").glob("*.xml")).read_text(encoding="utf-8")
     types = re.findall(r"<dynamicObstacle id=\"(\d+)\"><type>(\w+)</type>", text)
     assert types[0] == ("1000", "unknown")

@@ -143,13 +143,13 @@ def test_any_profile_may_have_pushes():
 def test_a_data_set_remembers_its_pushes(tmp_path: Any):
     short = {"time.horizon_s": 4.0, "time.attempt_deadline_s": 4.0}
     for keep in ("frames", "features"):
-        data = ot.generate("pinto2023", 6, 1, tmp_path / keep, keep=keep, overrides=short)
+        data = ot.generate_dataset("pinto2023", 6, 1, tmp_path / keep, keep=keep, overrides=short)
         before = data.labels()
-        again = ot.load(tmp_path / keep)
+        again = ot.load_dataset(tmp_path / keep)
         assert again.scenario(2).pushes == ot.sample("pinto2023", 3, 1).pushes
         assert len(again.states(2)) > 0
-        ot.relabel(tmp_path / keep)
-        assert ot.load(tmp_path / keep).labels().equals(before)
+        ot.relabel_dataset(tmp_path / keep)
+        assert ot.load_dataset(tmp_path / keep).labels().equals(before)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from overtaking.model.verdicts import Verdict
 
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 _SAFETY: Final = {
     "ttc": ("least time to collision ahead", "s"),
@@ -32,7 +32,7 @@ MARGINS: Final = _SAFETY | _LAW
 """Description and unit of each margin; those of rules are negative in a breach."""
 
 
-def of_batch(labelled: Labelled) -> dict[str, tuple[Array, Array]]:
+def of_batch(labelled: LabelledTrajectories) -> dict[str, tuple[Array, Array]]:
     """Each margin, and the scenes that have it, both of shape (scene,)."""
     safety, findings = labelled.safety, labelled.findings
     front = labelled.events.has_attempt & safety.front.valid[:, 0]

@@ -17,7 +17,7 @@ from overtaking.model.verdicts import Belief, OvertakeClass, Verdict
 if TYPE_CHECKING:
     from overtaking.analysis.validation.tally import Array
     from overtaking.core.arrays import F64
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.model.trajectories import Trajectories
 
 Columns = dict[str, "F64"]
@@ -30,7 +30,7 @@ JERK_S: Final = 0.5
 """Jerk is a difference over this time: longer than a step, shorter than a manoeuvre [s]."""
 
 
-def columns(labelled: Labelled, stay: Trajectories) -> Columns:
+def columns(labelled: LabelledTrajectories, stay: Trajectories) -> Columns:
     """Everything that endpoints are made of.
 
     Args:
@@ -61,7 +61,7 @@ def _clipped(runs: Trajectories) -> Array:
     return np.zeros(runs.scenario.num_simulations) if counted is None else counted
 
 
-def _outcome(labelled: Labelled) -> dict[str, Array]:
+def _outcome(labelled: LabelledTrajectories) -> dict[str, Array]:
     """How the scenes ended."""
     events, labels = labelled.events, labelled.labels
     kind = labels.classes[:, labels.policies.index(POLICY)]
@@ -77,7 +77,7 @@ def _outcome(labelled: Labelled) -> dict[str, Array]:
     }
 
 
-def _law(labelled: Labelled) -> dict[str, Array]:
+def _law(labelled: LabelledTrajectories) -> dict[str, Array]:
     """Breaches: by policy, and by rule where it applies."""
     labels, findings = labelled.labels, labelled.findings
     place = labels.policies.index(POLICY)
@@ -96,7 +96,7 @@ def _law(labelled: Labelled) -> dict[str, Array]:
     return found
 
 
-def _margins(labelled: Labelled) -> dict[str, Array]:
+def _margins(labelled: LabelledTrajectories) -> dict[str, Array]:
     """Attempts that came too close, at their worst."""
     safety, attempted = labelled.safety, labelled.events.has_attempt
     front = attempted & safety.front.valid[:, 0]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from overtaking.analysis.validation.tally import Array
     from overtaking.analysis.validation.traffic import Batch
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 
 class Origin(Enum):
@@ -66,7 +66,7 @@ class Conflict:
     is_preventable: bool | None
 
 
-def columns(labelled: Labelled, batch: Batch, near: Moments) -> dict[str, Array]:
+def columns(labelled: LabelledTrajectories, batch: Batch, near: Moments) -> dict[str, Array]:
     """How many conflicts each scene has, by who began them; shape (scene,)."""
     scenes = len(batch.weight)
     found = list(conflicts(labelled, batch, near))
@@ -90,7 +90,7 @@ def columns(labelled: Labelled, batch: Batch, near: Moments) -> dict[str, Array]
     }
 
 
-def conflicts(labelled: Labelled, batch: Batch, near: Moments) -> Iterator[Conflict]:
+def conflicts(labelled: LabelledTrajectories, batch: Batch, near: Moments) -> Iterator[Conflict]:
     """The near-crashes and contacts of the egos.
 
     Args:
@@ -111,7 +111,13 @@ def conflicts(labelled: Labelled, batch: Batch, near: Moments) -> Iterator[Confl
 
 
 def _conflict(
-    labelled: Labelled, batch: Batch, simulation: int, frame: int, partner: int, *, contact: bool
+    labelled: LabelledTrajectories,
+    batch: Batch,
+    simulation: int,
+    frame: int,
+    partner: int,
+    *,
+    contact: bool,
 ) -> Conflict:
     scene = _Scene(batch, simulation, frame, partner)
     origin, perceived = scene.origin()

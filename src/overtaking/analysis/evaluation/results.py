@@ -13,7 +13,7 @@ from overtaking.core.representation import CompactRepr, json_values
 
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.endpoints import Endpoint
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 TOO_FEW = "too few"
 
@@ -158,7 +158,7 @@ class Worst(ContentEquality):
     scene: int
     what: str
     rank: tuple[float, ...]
-    labelled: Labelled
+    labelled: LabelledTrajectories
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

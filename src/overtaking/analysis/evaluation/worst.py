@@ -12,7 +12,7 @@ from overtaking.labels.law import policy
 
 if TYPE_CHECKING:
     from overtaking.analysis.evaluation.measures import Columns
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 KEPT: Final = 10
 
@@ -26,7 +26,7 @@ _KINDS: Final = (
 """Columns, the worst first, and what happened."""
 
 
-def of_batch(labelled: Labelled, measured: Columns) -> list[Worst]:
+def of_batch(labelled: LabelledTrajectories, measured: Columns) -> list[Worst]:
     """The worst scenes of a batch, the worst first; scenes in which nothing went wrong are none.
 
     Collisions are ordered by the speed of approach, all others by the braking that the ego needed.

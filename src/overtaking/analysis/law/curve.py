@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.core.arrays import Mask
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.labels.law import Pack, Policy
     from overtaking.model.verdicts import Case
 
@@ -107,7 +107,9 @@ class _Found:
     doubtful: Mask
 
 
-def curve(batches: Iterable[tuple[Labelled, Case]], pack: Pack, policy: Policy) -> Curve:
+def curve(
+    batches: Iterable[tuple[LabelledTrajectories, Case]], pack: Pack, policy: Policy
+) -> Curve:
     """The curve of all completed overtakes.
 
     Args:
@@ -128,7 +130,7 @@ def curve(batches: Iterable[tuple[Labelled, Case]], pack: Pack, policy: Policy) 
     return _curve(together, pack, policy, version)
 
 
-def _found(labelled: Labelled, case: Case, pack: Pack, policy: Policy) -> _Found:
+def _found(labelled: LabelledTrajectories, case: Case, pack: Pack, policy: Policy) -> _Found:
     findings = labelled.findings
     columns = [findings.rules.index(code) for code in policy.required]
     done = np.flatnonzero(labelled.labels.outcome == Outcome.COMPLETED)

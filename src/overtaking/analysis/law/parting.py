@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.labels.law import Pack, Policy
     from overtaking.model.verdicts import Case
 
 EXAMPLES = 5
 """Simulations that are named for each way to part."""
 
-Judged = tuple["NDArray[np.integer]", "Case", "list[Labelled]"]
+Judged = tuple["NDArray[np.integer]", "Case", "list[LabelledTrajectories]"]
 """Numbers of simulations, what they are, and their labels by each law."""
 
 
@@ -115,7 +115,7 @@ def compared(
     }
 
 
-def _conduct(labelled: Labelled, column: int) -> dict[str, int]:
+def _conduct(labelled: LabelledTrajectories, column: int) -> dict[str, int]:
     """Simulations, overtake or not, by whether required rules are broken, or in doubt."""
     broken = labelled.labels.num_broken[:, column] > 0
     doubtful = ~broken & (labelled.labels.num_undecidable[:, column] > 0)
@@ -129,7 +129,7 @@ def _conduct(labelled: Labelled, column: int) -> dict[str, int]:
 def _part(
     into: Parted,
     column: int,
-    batch: tuple[NDArray[np.integer], Case, Labelled, Labelled],
+    batch: tuple[NDArray[np.integer], Case, LabelledTrajectories, LabelledTrajectories],
     pack: Pack,
     policy: Policy,
 ) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from overtaking.analysis.validation.overtakes import flying
 from overtaking.core.process_limits import ordered_map
 from overtaking.data.plan import CHUNK_SIZE, runs
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import POLICIES
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.scenarios.sampler import ScenarioSource
@@ -105,7 +105,7 @@ def replicates(
     return Replicates(classes=classes, columns=shaped)
 
 
-def _kept(labelled: Labelled) -> dict[str, Array]:
+def _kept(labelled: LabelledTrajectories) -> dict[str, Array]:
     """The columns that are kept of a chunk: features, and classes by policy."""
     found = labelled.paper
     kept: dict[str, Array] = {

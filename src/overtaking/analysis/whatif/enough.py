@@ -16,7 +16,7 @@ from overtaking.analysis.whatif.scenes import Scene, class_of, pull_out
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, check_choice
 from overtaking.core.units import mps_from_kmh
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import choose_policy
 from overtaking.labels.law import policy as policy_named
 from overtaking.model.batch import concatenate
@@ -296,7 +296,7 @@ def _later_classes(scene: Scene, policy: str) -> tuple[Values, NDArray[np.uint8]
     return np.array(list(found)), np.array(list(found.values()), np.uint8)
 
 
-def _code(labelled: Labelled, policy: str) -> int:
+def _code(labelled: LabelledTrajectories, policy: str) -> int:
     return int(labelled.labels.classes[0, labelled.labels.policies.index(policy)])
 
 

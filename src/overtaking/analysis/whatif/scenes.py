@@ -7,7 +7,7 @@ import numpy as np
 from overtaking.core.errors import ConfigError
 from overtaking.data.branches import branch_again, drawn
 from overtaking.data.load import Dataset
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.model.scenario import BranchOrigin, Intervention, Scenario
 from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
@@ -142,7 +142,7 @@ def pull_out(run: Trajectories) -> int | None:
     return int(found[0]) if len(found) else None
 
 
-def class_of(labelled: Labelled, policy: str) -> str:
+def class_of(labelled: LabelledTrajectories, policy: str) -> str:
     """The class of the first simulation under a policy."""
     labels = labelled.labels
     return OvertakeClass(int(labels.classes[0, labels.policies.index(policy)])).title

@@ -11,7 +11,7 @@ from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.data.branches import Told
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.model.scenario import ForcedDecision, Intervention
 from overtaking.model.trajectories import STATE_RESOLUTION, States, Trajectories
 from overtaking.model.vehicles import EGO_SLOT
@@ -76,7 +76,7 @@ class Twin(ContentEquality):
     effect: Effect
     since: float
     told: tuple[Told, Told]
-    labelled: tuple[Labelled, Labelled]
+    labelled: tuple[LabelledTrajectories, LabelledTrajectories]
     parting: Parting | None
     begins: tuple[float | None, float | None]
     lamps: float | None

@@ -15,7 +15,7 @@ from overtaking.data.tables.build import Given, Rows, Texts, build, read_columns
 from overtaking.data.tables.encode import Numbers, encode
 from overtaking.data.tables.schemas import COLUMNS, LABEL_TABLES
 from overtaking.labels.instants import slot_of
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.batch import concatenate
 from overtaking.model.neighbours import NeighbourRole
@@ -55,7 +55,7 @@ def contents(
 
 
 def encode_labels(
-    labelled: Labelled, numbers: Numbers, class_weight: Weights | None = None
+    labelled: LabelledTrajectories, numbers: Numbers, class_weight: Weights | None = None
 ) -> dict[str, pa.Table]:
     """The tables of labels of a batch, by the names of their folders.
 
@@ -76,7 +76,7 @@ def encode_labels(
     }
 
 
-def events(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def events(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and event that happened."""
     found = labelled.events
     frames = np.stack([getattr(found, name) for name in names.EVENTS], axis=1)
@@ -100,14 +100,14 @@ def events(labelled: Labelled, numbers: Numbers) -> pa.Table:
     return build("events", labelled, _per_simulation(1), computed)
 
 
-def _speed_change(labelled: Labelled) -> NDArray[np.floating[Any]]:
+def _speed_change(labelled: LabelledTrajectories) -> NDArray[np.floating[Any]]:
     """Impulse of the ego's first contact over its mass, shape (simulation,) [m/s]."""
     run = labelled.trajectories
     impulse = run.contacts.impulse[:, EGO_SLOT].astype(np.float32)
     return impulse / run.scenario.vehicles.mass[:, EGO_SLOT]
 
 
-def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
+def labels(labelled: LabelledTrajectories, numbers: Numbers, weight: Weights) -> pa.Table:
     """One row per simulation and policy."""
     count, policies = labelled.labels.classes.shape
     code = [names.POLICY_NAMES.index(name) for name in labelled.labels.policies]
@@ -120,7 +120,7 @@ def labels(labelled: Labelled, numbers: Numbers, weight: Weights) -> pa.Table:
     return build("labels", labelled, _per_simulation(policies), computed)
 
 
-def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def findings(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and rule; on one-way roads without those about oncoming traffic."""
     labelled = _kept_findings(labelled)
     found = labelled.findings
@@ -138,7 +138,7 @@ def findings(labelled: Labelled, numbers: Numbers) -> pa.Table:
     return build("findings", labelled, _per_simulation(rules), computed)
 
 
-def _kept_findings(labelled: Labelled) -> Labelled:
+def _kept_findings(labelled: LabelledTrajectories) -> LabelledTrajectories:
     """The batch with the findings that its table keeps."""
     if labelled.trajectories.road.is_two_way:
         return labelled
@@ -154,7 +154,7 @@ def _per_simulation(count: int) -> Rows:
     return lambda values: values.reshape(-1) if values.ndim > 1 else np.repeat(values, count)
 
 
-def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def features(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and way of measuring."""
     paper, matched = labelled.features
     both = concatenate([paper, matched.replace(policy=paper.policy)])
@@ -173,14 +173,14 @@ def features(labelled: Labelled, numbers: Numbers) -> pa.Table:
     return build("features", both, rows, computed, labelled.trajectories.unknown)
 
 
-def decisions(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def decisions(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation: the state when the overtake began, or might have begun."""
     found, unknown = labelled.decisions, labelled.trajectories.unknown
     computed: dict[str, Given] = {"simulation": numbers, **_of_known_kinds(labelled)}
     return build("decisions", found, lambda values: values, computed, unknown)
 
 
-def _of_known_kinds(labelled: Labelled) -> dict[str, Given]:
+def _of_known_kinds(labelled: LabelledTrajectories) -> dict[str, Given]:
     """Columns of `decisions` that depend on kinds, null where a kind is not known."""
     run, found = labelled.trajectories, labelled.decisions
     if run.is_kind_known is None:
@@ -205,7 +205,7 @@ def _of_known_kinds(labelled: Labelled) -> dict[str, Given]:
     return made
 
 
-def safety(labelled: Labelled, numbers: Numbers) -> pa.Table:
+def safety(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and moment that came."""
     found, unknown = labelled.safety, labelled.trajectories.unknown
     came = np.flatnonzero(found.frame != NEVER)

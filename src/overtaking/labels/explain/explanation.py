@@ -9,7 +9,7 @@ from overtaking.labels.explain.breach import Breach, BreachFacts
 from overtaking.labels.explain.german import GERMAN
 from overtaking.labels.explain.remedies import REMEDIES, remedies_of
 from overtaking.labels.explain.thoughts import Thought, thoughts
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, Rule, Text
 from overtaking.labels.signals import target_signals
 from overtaking.model.verdicts import Belief, Case, Severity, Verdict
@@ -60,7 +60,7 @@ class Explanation:
 
 
 def explain(
-    labelled: Labelled,
+    labelled: LabelledTrajectories,
     simulation: int = 0,
     *,
     pack: Pack = PORTUGAL,
@@ -90,14 +90,16 @@ def explain(
     )
 
 
-def case_of(labelled: Labelled) -> Case:
+def case_of(labelled: LabelledTrajectories) -> Case:
     """What rules look at."""
     runs, seen, events = labelled.trajectories, labelled.signals, labelled.events
     target = target_signals(runs, seen, events.target)
     return Case(trajectories=runs, signals=seen, events=events, target=target)
 
 
-def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -> Breach:
+def _breach(
+    one: LabelledTrajectories, case: Case, rule: Rule, policies: Sequence[Policy]
+) -> Breach:
     findings = one.findings
     at = (0, findings.rules.index(rule.code))
     margin = float(findings.margin[at])
@@ -115,7 +117,7 @@ def _breach(one: Labelled, case: Case, rule: Rule, policies: Sequence[Policy]) -
     )
 
 
-def _doubt(one: Labelled, rule: Rule, policies: Sequence[Policy], pack: Pack) -> Doubt:
+def _doubt(one: LabelledTrajectories, rule: Rule, policies: Sequence[Policy], pack: Pack) -> Doubt:
     unknown = one.trajectories.unknown
     if one.trajectories.is_kind_known is not None and not one.trajectories.is_kind_known.all():
         unknown = unknown | {"kinds"}

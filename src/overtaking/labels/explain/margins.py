@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, F64
 from overtaking.labels.explain.explanation import case_of
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import PORTUGAL, Finding, Pack
 from overtaking.labels.law.alongside import (
     L10,
@@ -26,7 +26,7 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case, Verdict
 
 
-def margins(labelled: Labelled, pack: Pack = PORTUGAL) -> dict[str, F64]:
+def margins(labelled: LabelledTrajectories, pack: Pack = PORTUGAL) -> dict[str, F64]:
     """Margins of one simulation, frame by frame; the smallest is the margin of the finding.
 
     Args:

@@ -14,9 +14,9 @@ from overtaking.labels.law.policies import (
 )
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import (
-    Errors,
     Finding,
     Grade,
+    MeasurementErrors,
     Pack,
     Rule,
     Text,
@@ -34,10 +34,10 @@ __all__ = [
     "PACKS",
     "POLICIES",
     "PORTUGAL",
-    "Errors",
     "Finding",
     "Grade",
     "Legality",
+    "MeasurementErrors",
     "Pack",
     "Policy",
     "Rule",

@@ -12,7 +12,7 @@ from overtaking.labels.law.errors import lane_error
 from overtaking.labels.law.frames import ENDLESS, Span, always_at, driving_end
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import num_slow, target_may_be
-from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread
+from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread
 from overtaking.labels.signals import beside_target
 from overtaking.model.batch import cached_per_batch
 from overtaking.model.overtake_events import NEVER
@@ -107,7 +107,7 @@ def in_queue(case: Case, rows: IndexArray, frames: IndexArray) -> Mask:
     return (slow >= constant("law.queue.vehicles")) & (faster <= constant("law.queue.faster"))
 
 
-def _lane_of_both(case: Case, found: Finding, errors: Errors) -> F32:
+def _lane_of_both(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of being left of the target: by the ways of both centres to the next border [lanes].
 
     A breach is sure where one of its frames is; no breach is sure where all frames are.
@@ -186,10 +186,10 @@ def check_lateral_distance(case: Case, distance: LateralDistance, *, bicycle: bo
     return frames_alongside.check(case, margin, target_may_be(case, bicycle=bicycle))
 
 
-def _of_two_places(case: Case, found: Finding, errors: Errors) -> F32:
+def _of_two_places(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of a distance across the road [m]."""
     del case
-    return np.full_like(found.margin, np.sqrt(2.0) * errors.position)
+    return np.full_like(found.margin, np.sqrt(2.0) * errors.position_std)
 
 
 L10 = Rule(
@@ -219,16 +219,16 @@ def _apart_from_bicycle(case: Case) -> Finding:
     return frames_alongside.check(case, np.minimum(room, slower), target_may_be(case, bicycle=True))
 
 
-def _bicycle_error(case: Case, found: Finding, errors: Errors) -> F32:
+def _bicycle_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of the share of room or of speed, whichever decides [1]."""
     over, limit = alongside(case), bicycle_distance(case)
     room = np.full(len(found.margin), ENDLESS)
     np.minimum.at(room, over.rows, (over.lateral_gap - limit) / limit)
     start = np.maximum(at(case.signals.speed, case.events.attempt), _LEAST_SPEED)
     # Both speeds have the same error, which changes their ratio alone.
-    of_speed = np.abs(found.margin) / start * np.float32(errors.speed)
+    of_speed = np.abs(found.margin) / start * np.float32(errors.speed_std)
     is_room = np.abs(room - found.margin) < np.float32(1e-6)
-    return np.where(is_room, np.float32(np.sqrt(2.0) * errors.position) / limit, of_speed)
+    return np.where(is_room, np.float32(np.sqrt(2.0) * errors.position_std) / limit, of_speed)
 
 
 L11 = Rule(

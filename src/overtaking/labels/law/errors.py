@@ -39,7 +39,7 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, coming, others_at
-from overtaking.labels.law.rule import Errors, Spread
+from overtaking.labels.law.rule import MeasurementErrors, Spread
 from overtaking.labels.signals import encounter
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.overtake_events import NEVER
@@ -86,7 +86,9 @@ def deciding(span: Span, margin: Callable[[IndexArray, IndexArray], F32], checke
     return decide
 
 
-def gap_error(case: Case, place: NeighbourRole, frame: I32, margin: Margin, errors: Errors) -> F32:
+def gap_error(
+    case: Case, place: NeighbourRole, frame: I32, margin: Margin, errors: MeasurementErrors
+) -> F32:
     """Error of a margin of the gap to a neighbour, from positions and speeds of both."""
     other, seen = beside(case, place, frame), case.signals
     speed, decel = at(seen.speed, frame), sure_decel(at(seen.friction, frame))
@@ -123,12 +125,12 @@ def moved_neighbour(
     )
 
 
-def of_both(errors: Errors) -> tuple[float, float, float, float]:
+def of_both(errors: MeasurementErrors) -> tuple[float, float, float, float]:
     """Errors of two positions and two speeds."""
-    return errors.position, errors.position, errors.speed, errors.speed
+    return errors.position_std, errors.position_std, errors.speed_std, errors.speed_std
 
 
-def _following(case: Case, found: Finding, errors: Errors) -> F32:
+def _following(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the gap to the leader, in the frame in which it lacks most."""
 
     def margin(rows: IndexArray, frames: IndexArray) -> F32:
@@ -144,7 +146,7 @@ def _following(case: Case, found: Finding, errors: Errors) -> F32:
     return np.sqrt(error * error + leaving * leaving)
 
 
-def _leaving(case: Case, frame: I32, errors: Errors) -> F32:
+def _leaving(case: Case, frame: I32, errors: MeasurementErrors) -> F32:
     """Error of a gap because the ego leaves the lane sooner or later than it was seen to [m].
 
     Where a gap closes until the ego has left the lane, the last frame in the lane decides.
@@ -153,20 +155,22 @@ def _leaving(case: Case, frame: I32, errors: Errors) -> F32:
     leaves = at(seen.lane, next_one) != at(seen.lane, frame)
     closing = beside(case, NeighbourRole.LEADER, frame).closing_speed
     across = np.maximum(np.abs(at(seen.lateral_speed, frame)), _SLOW)
-    return np.where(leaves, closing * np.float32(errors.position) / across, np.float32(0.0))
+    return np.where(leaves, closing * np.float32(errors.position_std) / across, np.float32(0.0))
 
 
-def _entering(place: NeighbourRole, margin: Margin) -> Callable[[Case, Finding, Errors], F32]:
+def _entering(
+    place: NeighbourRole, margin: Margin
+) -> Callable[[Case, Finding, MeasurementErrors], F32]:
     """Of the gap to a neighbour in the entered lane as the line is crossed."""
 
-    def of(case: Case, found: Finding, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
         del found
         return gap_error(case, place, case.events.line_crossed, margin, errors)
 
     return of
 
 
-def _returning(case: Case, found: Finding, errors: Errors) -> F32:
+def _returning(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the smaller of the gaps behind and ahead at the end of the return."""
     del found
     frame, seen = case.events.return_end, case.signals
@@ -185,16 +189,16 @@ def _returning(case: Case, found: Finding, errors: Errors) -> F32:
             np.where(near.valid, after, ENDLESS), np.where(far.valid, before, ENDLESS)
         )
 
-    return _finite(standard_error(moved, *[errors.position] * 3, *[errors.speed] * 3))
+    return _finite(standard_error(moved, *[errors.position_std] * 3, *[errors.speed_std] * 3))
 
 
-def _keeping_right(case: Case, found: Finding, errors: Errors) -> F32:
+def _keeping_right(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the room in the slower lane at the first frame."""
     del found
     return _room_error(case, np.maximum(case.events.first, 0), errors)
 
 
-def _room_error(case: Case, frame: I32, errors: Errors) -> F32:
+def _room_error(case: Case, frame: I32, errors: MeasurementErrors) -> F32:
     """Error of `slow_lane_room` [m]."""
     places = (NeighbourRole.RIGHT_LEADER, NeighbourRole.RIGHT_FOLLOWER)
     ahead, behind = (beside(case, place, frame) for place in places)
@@ -207,10 +211,10 @@ def _room_error(case: Case, frame: I32, errors: Errors) -> F32:
         near = moved_neighbour(behind, own, rear, faster, rear_faster, is_ahead=False)
         return room_beside(speed + faster, decel, far, near)
 
-    return standard_error(moved, *[errors.position] * 3, *[errors.speed] * 3)
+    return standard_error(moved, *[errors.position_std] * 3, *[errors.speed_std] * 3)
 
 
-def _braking(case: Case, found: Finding, errors: Errors) -> F32:
+def _braking(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the braking that is forced on the follower, where it is hardest."""
 
     def hard(behind: Encounter) -> F32:
@@ -257,7 +261,7 @@ def oncoming_margins(case: Case, others: Others, speed_error: F32 | None = None)
     return np.where(coming(others), others.gap - needed, ENDLESS)
 
 
-def _meeting(case: Case, found: Finding, errors: Errors) -> F32:
+def _meeting(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the gap to the oncoming vehicle that lacks most, when the ego is back."""
     del found
     others = others_at(case, back_frame(case))
@@ -269,7 +273,7 @@ def _meeting(case: Case, found: Finding, errors: Errors) -> F32:
     return _finite(standard_error(moved, *of_both(errors)))
 
 
-def _due(case: Case, found: Finding, errors: Errors) -> F32:
+def _due(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the time for which a return was due: how much later the target is far enough behind."""
     del found
     frame = stretches(case).due[0]
@@ -298,10 +302,10 @@ def _due(case: Case, found: Finding, errors: Errors) -> F32:
     return np.where(frame != NEVER, np.sqrt(error * error + late * late), np.float32(0.0))
 
 
-def _stopping(sight: str) -> Callable[[Case, Finding, Errors], F32]:
+def _stopping(sight: str) -> Callable[[Case, Finding, MeasurementErrors], F32]:
     """Of the stopping distance where it comes nearest to the sight."""
 
-    def of(case: Case, found: Finding, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
         seen = case.signals
 
         def margin(rows: IndexArray, frames: IndexArray) -> F32:
@@ -311,34 +315,34 @@ def _stopping(sight: str) -> Callable[[Case, Finding, Errors], F32]:
         frame = deciding(conduct(case), margin, found)
         speed = at(seen.speed, frame)
         time = constant("law.sight.reaction_time") + speed / full_decel(at(seen.friction, frame))
-        return time * np.float32(errors.speed)
+        return time * np.float32(errors.speed_std)
 
     return of
 
 
-def _of_speed(case: Case, found: Finding, errors: Errors) -> F32:
+def _of_speed(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the ego's speed."""
     del case
-    return np.full_like(found.margin, errors.speed)
+    return np.full_like(found.margin, errors.speed_std)
 
 
-def _of_place(case: Case, found: Finding, errors: Errors) -> F32:
+def _of_place(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of one position across the road."""
     del case
-    return np.full_like(found.margin, errors.position)
+    return np.full_like(found.margin, errors.position_std)
 
 
-def lane_error(distance: F32, errors: Errors) -> F32:
+def lane_error(distance: F32, errors: MeasurementErrors) -> F32:
     """Error of a margin in lanes: half a lane where a centre is one error from the border [lanes].
 
     Args:
         distance: From the border that decides, either way [m].
         errors: Of the measurement.
     """
-    return np.float32(0.5 * errors.position) / np.maximum(np.abs(distance), METRES)
+    return np.float32(0.5 * errors.position_std) / np.maximum(np.abs(distance), METRES)
 
 
-def _slow_lanes(case: Case, found: Finding, errors: Errors) -> F32:
+def _slow_lanes(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of being in the two slowest lanes, by the way to the border of the third."""
     del found
     road, span = case.trajectories.road, conduct(case)

@@ -22,7 +22,7 @@ from overtaking.labels.law.frames import (
 )
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, coming, others_at
-from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, inapplicable
+from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread, inapplicable
 from overtaking.labels.signals import encounter
 from overtaking.model.batch import cached_per_batch
 from overtaking.model.neighbours import NeighbourRole
@@ -113,7 +113,7 @@ def room_and_time(case: Case, others: Others, faster: F32 | None = None) -> F32:
     return np.where(coming(others), gaps - needed, ENDLESS)
 
 
-def _time_error(case: Case, found: Finding, errors: Errors) -> F32:
+def _time_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the predicted gap, by positions at the pull-out and both speeds [m]."""
     del found
     others = others_at(case, on_the_other_side(case).start)
@@ -130,10 +130,10 @@ def _time_error(case: Case, found: Finding, errors: Errors) -> F32:
     return np.sqrt(along * along + late * late)
 
 
-def time_back_error(case: Case, errors: Errors) -> F32:
+def time_back_error(case: Case, errors: MeasurementErrors) -> F32:
     """Error of when the ego is back on its side, by its position across the road [s]."""
     across = at(case.signals.lateral_speed, on_the_other_side(case).stop)
-    return np.float32(errors.position) / np.maximum(np.abs(across), _SLOW)
+    return np.float32(errors.position_std) / np.maximum(np.abs(across), _SLOW)
 
 
 L25 = Rule(
@@ -251,7 +251,7 @@ def _room_taken(behind: F32, ahead: F32, length: F32, decel: F32) -> F32:
     return length + after + lawful_gap(ahead, np.float32(0.0), decel)
 
 
-def _return_error(case: Case, found: Finding, errors: Errors) -> F32:
+def _return_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of the gap between two others and of what their speeds ask [m]."""
     del found
     _, gap, behind, ahead, length = gap_to_return(case)
@@ -326,7 +326,7 @@ L28 = Rule(
     spread=Spread(
         formula="sqrt(2) sp",
         of=lambda _, found, errors: np.full_like(
-            found.margin, np.sqrt(2.0) * errors.position, np.float32
+            found.margin, np.sqrt(2.0) * errors.position_std, np.float32
         ),
     ),
     two_way=True,

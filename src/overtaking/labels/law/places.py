@@ -12,7 +12,15 @@ from overtaking.labels.law.frames import ENDLESS, Span, ends_in, manoeuvre
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.opposite import on_the_other_side, time_back_error
 from overtaking.labels.law.others import ego_may_be, target_may_be
-from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, decided, inapplicable
+from overtaking.labels.law.rule import (
+    Finding,
+    Grade,
+    MeasurementErrors,
+    Rule,
+    Spread,
+    decided,
+    inapplicable,
+)
 from overtaking.model.batch import cached_per_batch
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.road_course import ZoneKind
@@ -164,8 +172,8 @@ def together(found: list[Finding]) -> Finding:
 def place_spread(before: Callable[[ZoneKind], float]) -> Spread:
     """Of a position along the road, and of when the ego is back where that decides [m]."""
 
-    def of(case: Case, found: Finding, errors: Errors) -> F32:
-        stop, position = overtaking(case).stop, np.float32(errors.position)
+    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
+        stop, position = overtaking(case).stop, np.float32(errors.position_std)
         along = stretches_of(case, ZoneKind, before)
         at_end = np.abs(at(distance_from(case, along), stop) - found.margin) < _SAME
         at_end &= stop == on_the_other_side(case).stop

@@ -42,7 +42,7 @@ class Grade(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Errors:
+class MeasurementErrors:
     """Standard deviations of what was measured.
 
     The errors of a vehicle are the same in all frames of a simulation, and independent of those of
@@ -53,12 +53,12 @@ class Errors:
         speed: [m/s].
     """
 
-    position: float = 0.0
-    speed: float = 0.0
+    position_std: float = 0.0
+    speed_std: float = 0.0
 
     def __str__(self) -> str:
         """As part of the version of findings."""
-        return f"+-{self.position:g}m+-{self.speed:g}mps"
+        return f"+-{self.position_std:g}m+-{self.speed_std:g}mps"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ class Spread:
     """
 
     formula: str
-    of: Callable[[Case, Finding, Errors], F32]
+    of: Callable[[Case, Finding, MeasurementErrors], F32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,7 +240,7 @@ def inapplicable(num_simulations: int) -> Finding:
     return decided(np.zeros(num_simulations, np.bool_), nothing, never, never)
 
 
-def judge(rule: Rule, case: Case, errors: Errors | None = None) -> Finding:
+def judge(rule: Rule, case: Case, errors: MeasurementErrors | None = None) -> Finding:
     """What a rule says of a batch, with severity, and undecidable where it lacks what it needs.
 
     Args:
@@ -407,7 +407,7 @@ class Pack:
         return {rule.code: rule for rule in self.rules}[code]
 
 
-def check(pack: Pack, case: Case, errors: Errors | None = None) -> Findings:
+def check(pack: Pack, case: Case, errors: MeasurementErrors | None = None) -> Findings:
     """What each rule of a pack says of each simulation.
 
     Args:

@@ -18,7 +18,7 @@ from overtaking.labels.law.frames import (
     stretches,
 )
 from overtaking.labels.law.numbers import amount, bare
-from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread
+from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread
 from overtaking.model.batch import cached_per_batch
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.verdicts import Case
@@ -200,12 +200,12 @@ def time_needed(case: Case) -> F32:
     return out + constant("law.sight.oncoming_margin")
 
 
-def sight_error(case: Case, found: Finding, errors: Errors) -> F32:
+def sight_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of the sight that is needed against oncoming traffic, by the ego's speed [m]."""
     if not case.trajectories.road.is_two_way:
         return np.zeros_like(found.margin)
     decides = np.abs(passing_margin(case) - found.margin) < _SAME
-    return np.where(decides, time_needed(case) * np.float32(errors.speed), np.float32(0.0))
+    return np.where(decides, time_needed(case) * np.float32(errors.speed_std), np.float32(0.0))
 
 
 _TIME_LEFT = f"(time on the left + {amount('law.sight.oncoming_margin')})"

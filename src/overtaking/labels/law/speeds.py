@@ -21,9 +21,9 @@ from overtaking.labels.law.frames import (
 from overtaking.labels.law.numbers import amount, bare
 from overtaking.labels.law.others import num_slow
 from overtaking.labels.law.rule import (
-    Errors,
     Finding,
     Grade,
+    MeasurementErrors,
     Rule,
     Spread,
     decided,
@@ -158,7 +158,7 @@ def rounded(limits: F32) -> F32:
 def limit_spread(limits: Limits) -> Spread:
     """Of a speed, and of a position where another limit is near, under the limits of a law."""
 
-    def of(case: Case, found: Finding, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
         if not _changes(case.trajectories) or "speed_limit" in case.trajectories.unknown:
             return OF_SPEED.of(case, found, errors)
         speed, span = case.signals.speed, conduct(case)
@@ -167,7 +167,7 @@ def limit_spread(limits: Limits) -> Spread:
             most = limits(case, float(ahead))[1]
             return reduced(np.minimum, most - (speed + faster), span)
 
-        return standard_error(moved, errors.position, errors.speed)
+        return standard_error(moved, errors.position_std, errors.speed_std)
 
     formula = "sv, and by sp the difference between two limits where both are that near"
     return Spread(formula=formula, of=of)

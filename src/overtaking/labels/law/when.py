@@ -14,7 +14,7 @@ from overtaking.labels.law.errors import DUE, KEEPING_RIGHT, of_both, standard_e
 from overtaking.labels.law.frames import driving_end, frames_of, instant, passed, stretches
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import Others, others_at, out_indicator, steady_speed_at
-from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, decided
+from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread, decided
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.verdicts import Case
@@ -82,7 +82,7 @@ def _arrival(case: Case, others: Others, left: Mask, rows: IndexArray) -> F32:
     return np.where(comes & (time < longest), time, longest).min(axis=1)
 
 
-def _arrival_error(case: Case, found: Finding, errors: Errors) -> F32:
+def _arrival_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of the arrival of the first on the left, by positions and speeds of both [s]."""
     rows = np.flatnonzero(case.events.has_attempt)
     frame = case.events.attempt[rows]

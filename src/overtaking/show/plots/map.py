@@ -37,7 +37,7 @@ def draw_map(roads: Sequence[MappedRoad]) -> Figure:
     """The reference lines of a map, with the ids of its longest roads.
 
     Args:
-        roads: What `map_roads` found.
+        roads: The result of `list_opendrive_roads`.
     """
     drawn = [road for road in roads if road.line is not None]
     if not drawn:

@@ -106,7 +106,8 @@ def figures_of(source: Any, policy: str | None) -> dict[str, Draw]:
     raise ConfigError.of(
         what="source",
         where="plot",
-        expected=f"a data set, roads of map_roads, or a result of {', '.join(_FUNCTIONS)}",
+        expected="a data set, roads of list_opendrive_roads, or a result of "
+        + ", ".join(_FUNCTIONS),
         got=f"a {type(source).__name__}",
         next_step="give one of them",
     )
@@ -281,6 +282,6 @@ _SOURCES: dict[str, Callable[[Any, str | None], dict[str, Draw]]] = {
 """Functions that list the figures of a source, by the name of its class."""
 
 _FUNCTIONS = (
-    *("statistics", "learn_factors", "validate", "law_curve", "twin", "fan", "evaluate"),
-    "reproduce",
+    *("dataset_statistics", "learning.learn_factors", "validate_profile", "law.tolerance_curve"),
+    *("whatif.counterfactual", "whatif.outcome_fan", "evaluate", "reproduce_study"),
 )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from overtaking.data.load import Dataset
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import choose_policy
 from overtaking.show.report.learned import learn
 from overtaking.show.report.write import Progress, Report, write_report
@@ -42,7 +42,7 @@ def report_on(
     """
     policy = choose_policy(policy, data.profile)
 
-    def example(simulation: int) -> Labelled:
+    def example(simulation: int) -> LabelledTrajectories:
         return label(data.trajectory(simulation))
 
     return write_report(

@@ -16,7 +16,7 @@ from overtaking.analysis.stats.distributions import typical
 from overtaking.analysis.stats.results import Statistics, statistics
 from overtaking.core.errors import MissingExtraError, OvertakingError
 from overtaking.core.representation import CompactRepr
-from overtaking.labels.label import Labelled
+from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import POLICIES, PORTUGAL
 from overtaking.model.import_report import ImportFinding, check_lines
 from overtaking.show.palette import CLASS_COLOURS
@@ -34,7 +34,7 @@ from overtaking.show.report.page import (
 )
 from overtaking.show.view.write import page_of
 
-Example = Callable[[int], Labelled]
+Example = Callable[[int], LabelledTrajectories]
 """A simulation by its number: a batch of one, with its labels."""
 
 Progress = Callable[[int, int], None]
@@ -183,7 +183,7 @@ class Writer(files.ReportFolder):
             return [about, self.lacking("These data have no simulations to draw, only features.")]
         numbers = self._found.sample.frame.index
         blocks: list[str] = []
-        shown: list[tuple[int, Labelled]] = []
+        shown: list[tuple[int, LabelledTrajectories]] = []
         for name, place in typical(self._found.sample).items():
             simulation = int(numbers[place])
             try:
@@ -196,14 +196,14 @@ class Writer(files.ReportFolder):
                 shown.append((simulation, labelled))
         return [about, self._running(shown), *blocks]
 
-    def _running(self, shown: list[tuple[int, Labelled]]) -> str:
+    def _running(self, shown: list[tuple[int, LabelledTrajectories]]) -> str:
         """The page in which the examples run."""
         if not shown:
             return ""
         content = page_of("Typical overtakes", self._found.sample.policy, shown)
         return self.view(content, prose.ABOUT_RUNNING)
 
-    def _example(self, name: str, simulation: int, labelled: Labelled) -> str:
+    def _example(self, name: str, simulation: int, labelled: LabelledTrajectories) -> str:
         """One of them in space and time."""
         one = diagram(labelled.trajectories, labelled.events)
         drawn = self.pictures(
@@ -213,7 +213,7 @@ class Writer(files.ReportFolder):
         )
         return drawn + self._verdicts(labelled, simulation)
 
-    def _verdicts(self, labelled: Labelled, simulation: int) -> str:
+    def _verdicts(self, labelled: LabelledTrajectories, simulation: int) -> str:
         """A paragraph for each rule that the policy requires and that is broken."""
         (policy,) = (one for one in POLICIES if one.name == self._found.sample.policy)
         said = paragraphs(labelled, simulation, PORTUGAL, POLICIES)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from overtaking.data.load import Dataset
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.show.server.wanted import Branch, Futures, Rows
 
 FAULT = "a fault of overtaking itself, please report it"
@@ -152,7 +152,7 @@ class Library:
             raise NoSuchSimulationError.out_of_range("simulation", self._data.name, 0, last, number)
         return number
 
-    def _prepared(self, number: int) -> tuple[Labelled, dict[str, Any]]:
+    def _prepared(self, number: int) -> tuple[LabelledTrajectories, dict[str, Any]]:
         with self._work:
             labelled = label(self._data.trajectory(number))
             return labelled, pack(labelled, number)

@@ -136,14 +136,14 @@ class ViewServer:
                 where="view",
                 expected="status 200",
                 got=status,
-                next_step="write a page with write_view or --export instead",
+                next_step="write a page with write_viewer_page or --export instead",
             )
 
 
 def serve(
     data: Dataset, *, policy: str | None, port: int, ready: Callable[[str], None] | None
 ) -> ViewServer | None:
-    """Serve a data set; see `overtaking.serve_view`."""
+    """Serve a data set; see `overtaking.serve_viewer`."""
     server = ViewServer(data, policy, port)
     if _is_event_loop_running():
         link = f'<a href="{escape(server.url)}" target="_blank">{escape(server.url)}</a>'

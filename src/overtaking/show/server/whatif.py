@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from overtaking.analysis.whatif.scenes import Scene
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.model.scenario import Scenario
     from overtaking.model.trajectories import Trajectories
     from overtaking.model.weather import Weather
@@ -47,7 +47,7 @@ _MS_PER_S = 1000.0
 
 
 def branch(
-    labelled: Labelled, number: int, before: dict[str, Any], asked: Branch
+    labelled: LabelledTrajectories, number: int, before: dict[str, Any], asked: Branch
 ) -> dict[str, Any]:
     """A branch of a simulation as the page reads it, and what differs, in words.
 

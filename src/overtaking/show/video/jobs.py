@@ -8,12 +8,12 @@ import numpy as np
 
 from overtaking.core.errors import ConfigError
 from overtaking.data.load import Dataset
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import Policy, choose_policy, policy
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.verdicts import OvertakeClass
 
-Source = Dataset | Trajectories | Labelled
+Source = Dataset | Trajectories | LabelledTrajectories
 """A data set, or a batch in memory; labels are computed if they are missing."""
 
 ALL, ONE_PER_CLASS = "all", "one-per-class"
@@ -39,7 +39,7 @@ class Job:
     """
 
     number: int
-    labelled: Labelled
+    labelled: LabelledTrajectories
     policy: Policy
     label: OvertakeClass
 
@@ -75,7 +75,7 @@ class _Candidate:
     """
 
     number: int
-    batch: Labelled
+    batch: LabelledTrajectories
     row: int
     policy: Policy
     label: OvertakeClass
@@ -94,7 +94,7 @@ def _candidates(
     source: Source, selection: Iterable[int] | str, counted: Policy
 ) -> Iterator[_Candidate]:
     for numbers, batch in _batches(source, selection):
-        labelled = batch if isinstance(batch, Labelled) else label(batch)
+        labelled = batch if isinstance(batch, LabelledTrajectories) else label(batch)
         codes = labelled.labels.classes[:, labelled.labels.policies.index(counted.name)]
         for row, number in enumerate(numbers):
             overtake_class = OvertakeClass(int(codes[row]))
@@ -121,7 +121,7 @@ def _first_of_each_class(candidates: Iterable[_Candidate]) -> Iterator[_Candidat
 
 def _batches(
     source: Source, selection: Iterable[int] | str
-) -> Iterator[tuple[list[int], Trajectories | Labelled]]:
+) -> Iterator[tuple[list[int], Trajectories | LabelledTrajectories]]:
     """The simulations to look at, with their numbers."""
     if isinstance(selection, str) and selection not in (ALL, ONE_PER_CLASS):
         raise _refused(f"numbers, {ALL} or {ONE_PER_CLASS}", repr(selection))
@@ -143,7 +143,7 @@ def num_simulations(source: Source) -> int:
     """How many simulations there are."""
     if isinstance(source, Dataset):
         return len(source)
-    runs = source.trajectories if isinstance(source, Labelled) else source
+    runs = source.trajectories if isinstance(source, LabelledTrajectories) else source
     return runs.scenario.num_simulations
 
 
@@ -151,7 +151,7 @@ def profile_of(source: Source) -> str:
     """Name of the profile of the simulations, or of the format of a recording."""
     if isinstance(source, Dataset):
         return source.profile
-    run = source.trajectories if isinstance(source, Labelled) else source
+    run = source.trajectories if isinstance(source, LabelledTrajectories) else source
     return run.scenario.profile
 
 

@@ -29,7 +29,7 @@ from overtaking.world.surrogate_safety import ttc
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.model.road import Road
     from overtaking.model.trajectories import Trajectories
 
@@ -54,7 +54,7 @@ _PLACES = 4  # Decimals of a margin, as in `show --json`: both are then rounded 
 _MM = 1000.0
 
 
-def pack(labelled: Labelled, number: int) -> Values:
+def pack(labelled: LabelledTrajectories, number: int) -> Values:
     """Everything that a page shows of one simulation.
 
     Args:
@@ -216,7 +216,7 @@ def _vehicle(run: Trajectories, slot: int) -> Values:
     }
 
 
-def _neighbour_slots(labelled: Labelled, role: NeighbourRole) -> list[int | None]:
+def _neighbour_slots(labelled: LabelledTrajectories, role: NeighbourRole) -> list[int | None]:
     """Slot of the vehicle that has a role, frame by frame; None where no vehicle has it.
 
     Gaps and times to collision of the frame refer to this vehicle. The page finds beliefs by the
@@ -236,14 +236,14 @@ def _margin_steps(margins: NDArray[np.floating]) -> list[int | None]:
     return sparse(np.where((margins < 0) & (steps == 0), -1.0, steps), 1)
 
 
-def _gap(labelled: Labelled) -> list[int | None]:
+def _gap(labelled: LabelledTrajectories) -> list[int | None]:
     """From the ego's bumper to that of the vehicle ahead in its lane."""
     seen, last = labelled.signals, int(labelled.trajectories.num_frames[0])
     there = seen.has_neighbour(NeighbourRole.LEADER)[0, :last]
     return sparse(np.where(there, seen.gap[0, NeighbourRole.LEADER, :last], np.nan), _MM)
 
 
-def _inverse_ttc(labelled: Labelled) -> Values:
+def _inverse_ttc(labelled: LabelledTrajectories) -> Values:
     """One over the time to collision, to the vehicle ahead and that of the one behind.
 
     As `Encounter.ttc` of the measures of safety, 0 where they do not close. Its inverse has no
@@ -259,7 +259,7 @@ def _inverse_ttc(labelled: Labelled) -> Values:
     return {"ahead": to(NeighbourRole.LEADER), "behind": to(NeighbourRole.FOLLOWER)}
 
 
-def _sight(labelled: Labelled) -> list[int] | None:
+def _sight(labelled: LabelledTrajectories) -> list[int] | None:
     """How far the ego sees a lit vehicle; None where the weather is not known."""
     if "weather" in labelled.trajectories.unknown:
         return None
@@ -273,7 +273,7 @@ def _air(run: Trajectories) -> Values:
     return {"text": seen.text, "extinction": haze(seen)}
 
 
-def _law(labelled: Labelled, values: Values) -> list[Values]:
+def _law(labelled: LabelledTrajectories, values: Values) -> list[Values]:
     """The rules that are broken, then those that are nearly, each with its paragraph."""
     said = {one["rule"]: one["paragraph"] for one in paragraphs_of(labelled, values, PORTUGAL)}
     findings, frames = labelled.findings, int(labelled.trajectories.num_frames[0])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from overtaking.data.generate import ProgressCallback
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.show.video.jobs import Source
 
 MOST_BYTES = 64_000_000
@@ -55,7 +55,7 @@ def write(
     progress: ProgressCallback | None = None,
     say: Callable[[int], None] | None = None,
 ) -> ViewPage:
-    """Write a page; see `overtaking.write_view`."""
+    """Write a page; see `overtaking.write_viewer_page`."""
     policy = choose_policy(policy, profile_of(source))
     total, entries, size = num_films(source, chosen), list[dict[str, Any]](), 0
     reports: dict[tuple[ImportFinding, ...], None] = {}
@@ -78,7 +78,7 @@ def write(
     return ViewPage(path=out, simulations=numbers, size_bytes=len(content))
 
 
-def page_of(title: str, policy: str, shown: Iterable[tuple[int, Labelled]]) -> bytes:
+def page_of(title: str, policy: str, shown: Iterable[tuple[int, LabelledTrajectories]]) -> bytes:
     """A page of simulations that are labelled already.
 
     Args:

@@ -98,7 +98,7 @@ def test_two_laws_part_where_their_classes_do(run):
 
 
 def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
-    data = api.generate("motorway", 40, 1, tmp_path / "data")
+    data = api.generate_dataset("motorway", 40, 1, tmp_path / "data")
     before, picture = data.content_hash, tmp_path / "law.png"
     line = ["law", "curve", str(data.path), "--law", "de", "--plot", str(picture), "--json"]
     assert main(line) == 0
@@ -108,11 +108,11 @@ def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["law", "compare", str(data.path)]) == 0
     assert "de-2@2013" in capsys.readouterr().out
-    assert api.load(data.path).content_hash == before
+    assert api.load_dataset(data.path).content_hash == before
 
 
 def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsys):
-    data, out = api.generate("motorway", 30, 1, tmp_path / "data"), tmp_path / "de.parquet"
+    data, out = api.generate_dataset("motorway", 30, 1, tmp_path / "data"), tmp_path / "de.parquet"
     before = data.content_hash
     line = ["label", str(data.path), "--law", "de", "--policies", "serious,enforced"]
     assert main([*line, "--out", str(out), "--json"]) == 0
@@ -123,11 +123,11 @@ def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsy
     assert {*rows["law"]} == {"de"}
     for name, classes in told["classes"].items():
         assert rows[rows["policy"] == name]["class"].value_counts().to_dict() == classes
-    assert api.load(data.path).content_hash == before
+    assert api.load_dataset(data.path).content_hash == before
     assert [path.name for path in tmp_path.glob("*.parquet")] == ["de.parquet"]
 
 
 def test_a_policy_that_a_law_lacks_is_refused(tmp_path):
-    data = api.generate("motorway", 2, 1, tmp_path / "data")
+    data = api.generate_dataset("motorway", 2, 1, tmp_path / "data")
     with pytest.raises(ConfigError, match="expected paper or default or strict"):
-        api.law_curve(data.path, policy="lenient")
+        api.tolerance_curve(data.path, policy="lenient")

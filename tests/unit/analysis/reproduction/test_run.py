@@ -36,7 +36,7 @@ SEED = 5
 
 @pytest.fixture(scope="module")
 def found() -> Reproduction:
-    return ot.reproduce("pinto2023", 2, SEED)
+    return ot.reproduce_study("pinto2023", 2, SEED)
 
 
 def named(found: Reproduction, name: str) -> Comparison:
@@ -66,7 +66,7 @@ def test_replicates_are_the_simulations_of_the_profile_in_order(found: Reproduct
 
 
 def test_a_replicate_is_the_same_whatever_follows(found: Reproduction):
-    alone = ot.reproduce("pinto2023", 1, SEED)
+    alone = ot.reproduce_study("pinto2023", 1, SEED)
     for one, other in zip(alone.comparisons, found.comparisons, strict=True):
         assert one.replicates[0] == pytest.approx(other.replicates[0], nan_ok=True)
 
@@ -124,12 +124,12 @@ def test_presets_give_the_correlations_that_they_must(found: Reproduction):
 def test_what_cannot_be_is_refused_in_a_line(arguments: dict[str, object], what: str):
     given = {"study": "pinto2023", "replicates": 1, **arguments}
     with pytest.raises(ConfigError, match=what) as caught:
-        ot.reproduce(**given)  # type: ignore[arg-type]
+        ot.reproduce_study(**given)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
 
 
 def test_other_parameters_than_the_frozen_ones_are_said_to_be_other():
-    changed = ot.reproduce("pinto2023", 1, overrides={"time.horizon_s": 9.0})
+    changed = ot.reproduce_study("pinto2023", 1, overrides={"time.horizon_s": 9.0})
     assert not changed.is_frozen
     assert any("not those that were fitted" in text for text in words.warnings(changed))
 
@@ -233,7 +233,7 @@ from pathlib import Path
 found = util.find_spec
 util.find_spec = lambda name, *rest: None if name == "matplotlib" else found(name, *rest)
 import overtaking as ot
-made = ot.write_reproduction(ot.reproduce("pinto2023", 1), Path(sys.argv[1]))
+made = ot.write_reproduction(ot.reproduce_study("pinto2023", 1), Path(sys.argv[1]))
 print(len(made.figures), *made.remarks, sep="|")
 """
 

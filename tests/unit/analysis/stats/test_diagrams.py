@@ -18,13 +18,13 @@ from overtaking.scenarios.sampler import ScenarioSource
 from overtaking.sim import engine
 
 if TYPE_CHECKING:
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 PHASES = ("follows", "pulls out", "in the other lane", "returns", "done")
 
 
 @pytest.fixture(scope="module")
-def labelled() -> Labelled:
+def labelled() -> LabelledTrajectories:
     road = load_road("town06")
     return label(
         engine.simulate(
@@ -35,16 +35,16 @@ def labelled() -> Labelled:
     )
 
 
-def of(labelled: Labelled, simulation: int) -> Diagram:
+def of(labelled: LabelledTrajectories, simulation: int) -> Diagram:
     one = slice(simulation, simulation + 1)
     return diagram(labelled.trajectories.select(one), labelled.events.select(one))
 
 
-def completed(labelled: Labelled) -> int:
+def completed(labelled: LabelledTrajectories) -> int:
     return int(np.flatnonzero(labelled.events.is_completed)[0])
 
 
-def test_phases_follow_each_other_without_gaps(labelled: Labelled):
+def test_phases_follow_each_other_without_gaps(labelled: LabelledTrajectories):
     for simulation in range(80):
         phases = of(labelled, simulation).phases
         assert phases[0].begin == 0.0
@@ -53,7 +53,7 @@ def test_phases_follow_each_other_without_gaps(labelled: Labelled):
             assert one.end > one.begin
 
 
-def test_a_completed_overtake_has_all_phases_at_its_events(labelled: Labelled):
+def test_a_completed_overtake_has_all_phases_at_its_events(labelled: LabelledTrajectories):
     simulation = completed(labelled)
     one = of(labelled, simulation)
     assert tuple(phase.name for phase in one.phases) == PHASES
@@ -65,7 +65,7 @@ def test_a_completed_overtake_has_all_phases_at_its_events(labelled: Labelled):
     assert not one.has_contact
 
 
-def test_ego_and_target_come_first_and_swap_places(labelled: Labelled):
+def test_ego_and_target_come_first_and_swap_places(labelled: LabelledTrajectories):
     simulation = completed(labelled)
     ego, target, *others = of(labelled, simulation).tracks
     assert ego.is_ego
@@ -76,7 +76,7 @@ def test_ego_and_target_come_first_and_swap_places(labelled: Labelled):
     assert ego.ahead[-1] > target.ahead[-1]
 
 
-def test_the_mark_moves_with_the_target(labelled: Labelled):
+def test_the_mark_moves_with_the_target(labelled: LabelledTrajectories):
     simulation = completed(labelled)
     one = of(labelled, simulation)
     target = one.tracks[1]
@@ -89,7 +89,7 @@ def test_the_mark_moves_with_the_target(labelled: Labelled):
     assert mps_from_kmh(30.0) < one.reference_speed < mps_from_kmh(130.0)
 
 
-def test_the_ego_leaves_its_lane_for_the_fast_side(labelled: Labelled):
+def test_the_ego_leaves_its_lane_for_the_fast_side(labelled: LabelledTrajectories):
     simulation = completed(labelled)
     one = of(labelled, simulation)
     ego = one.tracks[0]
@@ -118,14 +118,14 @@ def test_in_left_hand_traffic_the_fast_side_is_up_as_well():
     assert ego.lateral.max() - ego.lateral[begun] > 1.5
 
 
-def test_a_collision_is_marked(labelled: Labelled):
+def test_a_collision_is_marked(labelled: LabelledTrajectories):
     simulation = int(np.flatnonzero(labelled.events.collision != NEVER)[0])
     one = of(labelled, simulation)
     assert one.has_contact
     assert one.phases[-1].name == "collided"
 
 
-def test_without_an_attempt_the_ego_follows(labelled: Labelled):
+def test_without_an_attempt_the_ego_follows(labelled: LabelledTrajectories):
     events = labelled.events
     ended = (events.collision != NEVER) | (events.road_departure != NEVER)
     simulation = int(np.flatnonzero(~events.has_attempt & ~ended)[0])

@@ -38,7 +38,7 @@ STARTS = (
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     """A few simulations in hard rain."""
     place = tmp_path_factory.mktemp("whatif") / "data"
-    return ot.generate("pinto2023-physical", 16, 7, place, overrides=WET)
+    return ot.generate_dataset("pinto2023-physical", 16, 7, place, overrides=WET)
 
 
 @pytest.fixture(scope="module")
@@ -50,17 +50,17 @@ def begun(data: ot.Dataset) -> int:
 
 def test_a_twin_with_nothing_changed_has_the_same_hash(data: ot.Dataset, begun: int):
     for wish in ({}, {"without": ["fog"]}, {"delay": 0.0}):
-        found = ot.twin(data, begun, **wish)
+        found = ot.whatif.counterfactual(data, begun, **wish)
         assert found.parting is None
         hashes = [one.run.trace_hash for one in found.told]
         np.testing.assert_array_equal(*hashes)
-    total = ot.twin(data, begun, without=["fog"], from_start=True)
+    total = ot.whatif.counterfactual(data, begun, without=["fog"], from_start=True)
     np.testing.assert_array_equal(total.told[1].run.trace_hash, data[begun].trace_hash)
 
 
 def test_direct_and_total_effects_differ_in_the_start(data: ot.Dataset, begun: int):
-    direct = ot.twin(data, begun, without=["rain"])
-    total = ot.twin(data, begun, without=["rain"], from_start=True)
+    direct = ot.whatif.counterfactual(data, begun, without=["rain"])
+    total = ot.whatif.counterfactual(data, begun, without=["rain"], from_start=True)
     assert (direct.effect, total.effect) == ("direct", "total")
     was = data[begun].states.s[0, :, 0]
     np.testing.assert_array_equal(direct.told[1].run.states.s[0, : len(was), 0], was)
@@ -74,7 +74,7 @@ def test_direct_and_total_effects_differ_in_the_start(data: ot.Dataset, begun: i
 
 
 def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, begun: int):
-    found = ot.twin(data, begun, without=["rain"], at=1.0)
+    found = ot.whatif.counterfactual(data, begun, without=["rain"], at=1.0)
     assert found.parting is not None
     one, two = (told.run.states for told in found.told)
     frame = found.parting.frame
@@ -89,7 +89,7 @@ def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, be
 
 @pytest.mark.parametrize("delay", [0.3, 1.0, 2.5])
 def test_a_later_start_is_as_late_as_asked(data: ot.Dataset, begun: int, delay: float):
-    run = ot.twin(data, begun, delay=delay).told[1].run
+    run = ot.whatif.counterfactual(data, begun, delay=delay).told[1].run
     before, after = pull_out(data[begun]), pull_out(run)
     assert before is not None
     assert after is not None
@@ -97,11 +97,11 @@ def test_a_later_start_is_as_late_as_asked(data: ot.Dataset, begun: int, delay: 
 
 
 def test_who_stays_never_begins(data: ot.Dataset, begun: int):
-    assert pull_out(ot.twin(data, begun, stay=True).told[1].run) is None
+    assert pull_out(ot.whatif.counterfactual(data, begun, stay=True).told[1].run) is None
 
 
 def test_a_careful_driver_has_the_traits_of_a_careful_temper(data: ot.Dataset, begun: int):
-    found = ot.twin(data, begun, driver="careful")
+    found = ot.whatif.counterfactual(data, begun, driver="careful")
     branched = found.told[1].run.branch_origin
     assert branched is not None
     (change,) = branched.changes
@@ -115,19 +115,19 @@ def test_a_careful_driver_has_the_traits_of_a_careful_temper(data: ot.Dataset, b
 def test_what_cannot_be_drawn_again_is_refused(data: ot.Dataset, begun: int):
     for wish in ({"stay": True}, {"delay": 1.0}, {"without": ["rain"], "at": 1.0}):
         with pytest.raises(ConfigError, match="twin from the start"):
-            ot.twin(data, begun, from_start=True, **wish)
+            ot.whatif.counterfactual(data, begun, from_start=True, **wish)
     with pytest.raises(ConfigError, match=r"driver: expected .*careful"):
-        ot.twin(data, begun, driver="brave")
+        ot.whatif.counterfactual(data, begun, driver="brave")
 
 
 @pytest.mark.parametrize("from_start", [False, True])
 def test_saved_twins_are_simulated_again_from_their_manifest(
     data: ot.Dataset, begun: int, tmp_path: Path, from_start: bool
 ):
-    found = ot.twin(data, begun, without=["rain"], from_start=from_start)
-    saved = ot.save_twin(data, found, tmp_path / "twin")
+    found = ot.whatif.counterfactual(data, begun, without=["rain"], from_start=from_start)
+    saved = ot.whatif.save_twin(data, found, tmp_path / "twin")
     for number, told in enumerate(found.told):
-        again = ot.branch_again(saved, number)
+        again = ot.whatif.resimulate_branch(saved, number)
         np.testing.assert_array_equal(again.trace_hash, told.run.trace_hash)
         np.testing.assert_array_equal(saved[number].trace_hash, told.run.trace_hash)
     table = saved.labels()
@@ -135,20 +135,20 @@ def test_saved_twins_are_simulated_again_from_their_manifest(
     assert list(chosen) == [class_of(one, "paper") for one in found.labelled]
     assert "| 1 |" in (saved.path / "README.md").read_text()
     with pytest.raises(ot.OvertakingError, match="which are written whole"):
-        ot.resume(saved.path)
+        ot.resume_dataset(saved.path)
 
 
 def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int, tmp_path: Path):
-    first = ot.twin(data, begun, without=["rain"])
-    saved = ot.save_twin(data, first, tmp_path / "twin")
-    second = ot.twin(saved, 1, stay=True)
-    both = ot.twin(data, begun, without=["rain"], stay=True)
+    first = ot.whatif.counterfactual(data, begun, without=["rain"])
+    saved = ot.whatif.save_twin(data, first, tmp_path / "twin")
+    second = ot.whatif.counterfactual(saved, 1, stay=True)
+    both = ot.whatif.counterfactual(data, begun, without=["rain"], stay=True)
     np.testing.assert_array_equal(second.told[1].run.trace_hash, both.told[1].run.trace_hash)
 
 
 def test_a_removed_vehicle_is_in_no_table_of_states(data: ot.Dataset, begun: int, tmp_path: Path):
     gone = ot.branch(data[begun], changes=[ot.Intervention(frame=30, vehicle=1, removed=True)])
-    saved = ot.save_branches(data, {"without vehicle 1": gone}, tmp_path / "gone")
+    saved = ot.whatif.save_branches(data, {"without vehicle 1": gone}, tmp_path / "gone")
     states = saved.states(0)
     assert (states[states["vehicle"] == 1]["frame"] < 30).all()
     np.testing.assert_array_equal(saved[0].state_mask, gone.state_mask)
@@ -179,7 +179,7 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
     told = ot.branch(
         data[begun], changes=[*changes, ot.Intervention(frame=25, decision=STARTS[1].decision)]
     )
-    saved = ot.save_branches(data, {"much changed": told}, tmp_path / "much")
+    saved = ot.whatif.save_branches(data, {"much changed": told}, tmp_path / "much")
     scene = scene_of(saved, 0)
     futures = started(scene.world, 40, copies(scene.world, 40, 3))
     alone = ot.branch(data[begun], changes=[*changes, *STARTS])
@@ -194,9 +194,9 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
 def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_path: Path):
     dry = ot.branch(data[begun], changes=[ot.Intervention(without=("rain",))])
     stays = ot.branch(data[begun], decision=ot.ForcedDecision.STAY)
-    saved = ot.save_branches(data, {"dry": dry, "stays": stays}, tmp_path / "two")
+    saved = ot.whatif.save_branches(data, {"dry": dry, "stays": stays}, tmp_path / "two")
     was, changed, same = (
-        ot.fan(one, number, futures=30, every=2.0)
+        ot.whatif.outcome_fan(one, number, futures=30, every=2.0)
         for one, number in ((data, begun), (saved, 0), (saved, 1))
     )
     assert same.actual is None
@@ -213,7 +213,7 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
         ot.Intervention(frame=5, vehicle=3, removed=True),
         ot.Intervention(frame=10, vehicle=2, traits={"time_gap": 2.5}),
     ]
-    saved = ot.save_branches(
+    saved = ot.whatif.save_branches(
         data, {"one": ot.branch(data[begun], changes=changes)}, tmp_path / "one"
     )
     scene = scene_of(saved, 0)
@@ -230,7 +230,7 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
 
 
 def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
-    found = ot.fan(data, begun, futures=30, every=2.0)
+    found = ot.whatif.outcome_fan(data, begun, futures=30, every=2.0)
     assert (found.futures == 30).all()
     scene = scene_of(data, begun)
     frame = round(float(found.time[1]) * 20)
@@ -239,7 +239,7 @@ def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
         assert found.counts[1, code] == (labels.classes[:, 0] == code).sum()
         known = binomtest(int(found.counts[1, code]), 30).proportion_ci(method="wilson")
         np.testing.assert_allclose(found.interval(code)[1], (known.low, known.high), atol=1e-6)
-    few = ot.fan(data, begun, futures=TOO_FEW - 1, every=5.0)
+    few = ot.whatif.outcome_fan(data, begun, futures=TOO_FEW - 1, every=5.0)
     assert np.isnan(few.shares).all()
 
 
@@ -272,7 +272,7 @@ def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
     numbers = paper[paper["class"] == "Success_I"]["simulation"].tolist()
     confirmed = 0
     for number in numbers[:3]:
-        found = ot.enough(data, number)
+        found = ot.whatif.sufficient_changes(data, number)
         assert found.was == "Success_I"
         for one in found.found:
             if one.least is None or not one.name.startswith("ego: time gap wanted"):
@@ -305,7 +305,7 @@ def test_a_goal_that_is_reached_is_refused(data: ot.Dataset, begun: int):
     paper = table[table["policy"] == "paper"].set_index("simulation")["class"]
     safe = next(k for k, name in paper.items() if name not in [one.title for one in ACCIDENTS])
     with pytest.raises(ConfigError, match="expected one that was not safe"):
-        ot.enough(data, int(safe), goal="safe")
+        ot.whatif.sufficient_changes(data, int(safe), goal="safe")
 
 
 def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
@@ -313,15 +313,15 @@ def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
         return np.zeros((len(seen.active), 2))
 
     driver = ot.Driver(policy=patient, observe="truth")
-    data = ot.generate("pinto2023-physical", 1, 1, tmp_path / "driven", driver=driver)
+    data = ot.generate_dataset("pinto2023-physical", 1, 1, tmp_path / "driven", driver=driver)
     with pytest.raises(ConfigError, match="expected simulations of this package's drivers"):
-        ot.twin(data, 0, stay=True)
+        ot.whatif.counterfactual(data, 0, stay=True)
 
 
 def test_twins_are_filmed_one_above_the_other(data: ot.Dataset, begun: int, tmp_path: Path):
     av = pytest.importorskip("av")
-    found = ot.twin(data, begun, delay=1.0)
-    path = ot.film_twin(found, tmp_path / "twin.mp4")
+    found = ot.whatif.counterfactual(data, begun, delay=1.0)
+    path = ot.whatif.film_twin(found, tmp_path / "twin.mp4")
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
         longest = max(int(told.run.num_frames[0]) for told in found.told)
@@ -332,7 +332,7 @@ def test_twins_are_filmed_one_above_the_other(data: ot.Dataset, begun: int, tmp_
 
 
 def test_films_of_twins_have_one_time_axis(data: ot.Dataset, begun: int):
-    found = ot.twin(data, begun, stay=True)
+    found = ot.whatif.counterfactual(data, begun, stay=True)
     frames = [int(told.run.num_frames[0]) for told in found.told]
     assert min(frames) < max(frames)
     picture = TwinFilm(found).draw(min(frames) - 1).rgb().astype(int)
@@ -346,7 +346,7 @@ def test_films_of_twins_have_one_time_axis(data: ot.Dataset, begun: int):
 def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, name: str):
     pytest.importorskip("matplotlib")
     path = tmp_path / name
-    ot.plot(ot.twin(data, begun, delay=1.0), out=path)
+    ot.plot(ot.whatif.counterfactual(data, begun, delay=1.0), out=path)
     assert path.stat().st_size > 5_000
     with pytest.raises(ConfigError, match="source: expected a data set"):
         ot.plot(Stage.PASS, out=path)
@@ -355,7 +355,7 @@ def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, 
 def test_a_fan_names_every_vehicle_of_its_scene(data: ot.Dataset, begun: int):
     """The target too, which the ego comes near to."""
     plots = pytest.importorskip("overtaking.show.plots.whatif")
-    figure = plots.draw_fan(ot.fan(data, begun, futures=5, every=5.0))
+    figure = plots.draw_fan(ot.whatif.outcome_fan(data, begun, futures=5, every=5.0))
     named = [one.get_text() for one in figure.axes[0].texts]
     assert {"ego", "target"} <= set(named)
     assert len(named) == len(figure.axes[0].lines) - 1  # One says when it began.

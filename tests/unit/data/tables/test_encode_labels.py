@@ -10,7 +10,7 @@ from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode_labels import encode_labels
 from overtaking.data.tables.names import EVENTS
 from overtaking.data.tables.schemas import KEYS, LABEL_TABLES, SCHEMAS
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import PORTUGAL
 from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail
 from overtaking.model.verdicts import OvertakeClass, Severity, Verdict
@@ -23,7 +23,7 @@ SIZE, FIRST = 60, 1000
 
 
 @pytest.fixture(scope="module")
-def labelled() -> Labelled:
+def labelled() -> LabelledTrajectories:
     given = load_specification("pinto2023-physical")
     index = np.arange(SIZE, dtype=np.uint64)
     return label(engine.simulate(ScenarioSource(given, load_road(given.road), 4).sample(index)))

@@ -11,7 +11,7 @@ from tests.support.overtakes import crossing
 from overtaking import api
 from overtaking.labels.explain import explain
 from overtaking.labels.explain.thoughts import thoughts
-from overtaking.labels.label import Labelled, label
+from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.labels.law import POLICIES, PORTUGAL, Pack, Policy, policy
 from overtaking.labels.law.beliefs import FRONT, LEADER, REAR
 from overtaking.model.trajectories import ManoeuvreKind
@@ -23,7 +23,7 @@ FAR, NEAR = 60.0, 10.0
 
 
 @pytest.fixture(scope="module")
-def labelled() -> Labelled:
+def labelled() -> LabelledTrajectories:
     """Enough simulations for most rules to be broken in some."""
     return api.label(api.simulate(api.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
 

@@ -15,7 +15,7 @@ import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.labels.events import case_of
-from overtaking.labels.law import PORTUGAL, Errors, check, judge
+from overtaking.labels.law import PORTUGAL, MeasurementErrors, check, judge
 from overtaking.labels.law.distances import margin_of_gap
 from overtaking.labels.law.errors import standard_error
 from overtaking.model.verdicts import Verdict
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 RULES = {rule.code: rule for rule in PORTUGAL.rules}
-ERRORS = Errors(position=0.1, speed=0.1)
+ERRORS = MeasurementErrors(position_std=0.1, speed_std=0.1)
 DRAWS = 1500
 
 UPPER_BOUNDS = {
@@ -55,7 +55,7 @@ HARD = ("L23", "some braking", lambda: crossing(
     ego={"lane": ramp((4, 0), (6, 1), frames=200)}))  # fmt: skip
 
 
-def drawn(run: Trajectories, errors: Errors, draws: int) -> Trajectories:
+def drawn(run: Trajectories, errors: MeasurementErrors, draws: int) -> Trajectories:
     """The same simulation measured many times, each with errors of its own."""
     many, draw = run.select(np.zeros(draws, np.int64)), np.random.default_rng(5)
     states, shape = many.states, (*many.states.s.shape[:2], 1)
@@ -63,18 +63,18 @@ def drawn(run: Trajectories, errors: Errors, draws: int) -> Trajectories:
     def off(size: float) -> np.ndarray:
         return np.rint(draw.normal(0.0, size * 1000.0, shape)).astype(np.int32)
 
-    d = states.d + off(errors.position)
+    d = states.d + off(errors.position_std)
     return many.replace(
         states=states.replace(
-            s=states.s + off(errors.position),
+            s=states.s + off(errors.position_std),
             d=d,
             lane=lane_codes(run.road, d * 1e-3),
-            speed=np.maximum(states.speed + off(errors.speed), 0),
+            speed=np.maximum(states.speed + off(errors.speed_std), 0),
         )
     )
 
 
-def measured(case: Case, errors: Errors, draws: int = DRAWS) -> Case:
+def measured(case: Case, errors: MeasurementErrors, draws: int = DRAWS) -> Case:
     """The case measured many times; its events are those of the first one."""
     events = case.events.select(np.zeros(draws, np.int64))
     events = events.replace(original_lane=events.original_lane.astype(np.uint8))
@@ -96,7 +96,7 @@ def test_the_error_of_a_margin_is_that_of_many_measurements(code, name, make):
 @pytest.mark.parametrize("side", [0.05, 0.15, 0.3])
 def test_lanes_are_in_doubt_as_often_as_measurements_change_them(side):
     """A truck whose centre is near the border of the third lane."""
-    width, errors = 3.75, Errors(position=0.1)
+    width, errors = 3.75, MeasurementErrors(position_std=0.1)
     case = passing(2 - 0.5 - side / width, ego={"kind": "T"})
     rule = RULES["L20"]
     assert rule.spread is not None
@@ -131,18 +131,18 @@ def test_a_margin_within_two_standard_errors_is_undecidable_and_no_other():
     assert 0 < margin < 1
     limit = margin / (2.0 * math.sqrt(2.0))
     for size, verdict in ((limit * 0.99, Verdict.LEGAL), (limit * 1.01, Verdict.UNDECIDABLE)):
-        found = judge(rule, case, Errors(position=size))
+        found = judge(rule, case, MeasurementErrors(position_std=size))
         assert found.verdict[0] == verdict
         assert (found.margin[0] == exact.margin[0]) == (verdict == Verdict.LEGAL)
 
 
 def test_larger_errors_never_decide_more():
     case = overtake(target={"s": 100.0})
-    before = check(PORTUGAL, case, Errors())
+    before = check(PORTUGAL, case, MeasurementErrors())
     exact = check(PORTUGAL, case)
     assert np.array_equal(before.verdict, exact.verdict)
     for size in (0.1, 0.3, 1.0, 3.0, 10.0):
-        now = check(PORTUGAL, case, Errors(position=size, speed=size))
+        now = check(PORTUGAL, case, MeasurementErrors(position_std=size, speed_std=size))
         decided = now.verdict != Verdict.UNDECIDABLE
         assert np.array_equal(now.verdict[decided], exact.verdict[decided])
         assert not (decided & (before.verdict == Verdict.UNDECIDABLE)).any()
@@ -160,12 +160,15 @@ def test_the_public_functions_take_errors_and_the_version_names_them(tmp_path, c
     assert undecidable[1] > undecidable[0]
     with pytest.raises(ConfigError, match="position_error"):
         ot.label(run, position_error=-1.0)
-    data = ot.generate("pinto2023", 20, 3, tmp_path / "data")
-    again = ot.relabel(data.path, position_error=0.5, speed_error=0.2)
+    data = ot.generate_dataset("pinto2023", 20, 3, tmp_path / "data")
+    again = ot.relabel_dataset(data.path, position_error=0.5, speed_error=0.2)
     assert set(again.labels()["rule_set"].astype(str)) == {doubtful.findings.version}
     found = again.findings().query("verdict == 'undecidable'")
     assert len(found) == undecidable[1]
     number = int(found["simulation"].iloc[0])
     assert main(["show", str(data.path), str(number), "--position-error", "0.5"]) == 0
     assert "(its margin is within its error)" in " ".join(capsys.readouterr().out.split())
-    assert len(ot.relabel(data.path).findings().query("verdict == 'undecidable'")) == undecidable[0]
+    assert (
+        len(ot.relabel_dataset(data.path).findings().query("verdict == 'undecidable'"))
+        == undecidable[0]
+    )

@@ -25,7 +25,7 @@ from overtaking.show.view.pack import pack as page_payload
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
     from overtaking.labels.law import Rule
 
 PACKS = {"pt": PORTUGAL, "de": GERMANY}
@@ -67,7 +67,7 @@ def texts_of_rule(rule: Rule) -> Iterator[str]:
         yield rule.spread.formula
 
 
-def labelled_by(law: str, runs: Any) -> Labelled:
+def labelled_by(law: str, runs: Any) -> LabelledTrajectories:
     return label(runs, pack=PACKS[law], policies=policies_for(law))
 
 

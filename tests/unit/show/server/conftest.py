@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Without frames: what is shown is simulated again."""
     folder = tmp_path_factory.mktemp("server") / "data"
-    return ot.generate("pinto2023-physical", 60, 1, folder, keep="features")
+    return ot.generate_dataset("pinto2023-physical", 60, 1, folder, keep="features")
 
 
 @pytest.fixture(scope="module")

@@ -44,10 +44,10 @@ def is_open(url: str) -> bool:
 
 
 def serve_in_a_loop(data: Dataset, ready: Callable[[str], None] | None = None) -> ViewServer:
-    """What `serve_view` returns where an event loop runs."""
+    """What `serve_viewer` returns where an event loop runs."""
 
     async def call() -> Any:
-        return ot.serve_view(data, port=0, ready=ready)
+        return ot.serve_viewer(data, port=0, ready=ready)
 
     server = asyncio.run(call())
     assert isinstance(server, ViewServer)
@@ -100,7 +100,7 @@ def test_outside_an_event_loop_the_call_blocks_until_an_interrupt(
 
     monkeypatch.setattr(ViewServer, "wait", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        ot.serve_view(data, ready=urls.append)
+        ot.serve_viewer(data, ready=urls.append)
     assert not is_open(urls[0])
 
 
@@ -121,7 +121,7 @@ def test_an_error_in_ready_ends_the_server(data: Dataset):
         raise RuntimeError("no browser")
 
     with pytest.raises(RuntimeError, match="no browser"):
-        ot.serve_view(data, ready=fail)
+        ot.serve_viewer(data, ready=fail)
     assert not is_open(urls[0])
 
 
@@ -135,7 +135,7 @@ def test_a_server_without_an_answer_is_a_clear_error(
     monkeypatch.setattr(running, "app", lambda *_: refuse)
     urls: list[str] = []
     with pytest.raises(OvertakingError, match="first request: expected status 200, got 503"):
-        ot.serve_view(data, ready=urls.append)
+        ot.serve_viewer(data, ready=urls.append)
     assert urls == []
 
 

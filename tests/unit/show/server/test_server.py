@@ -310,7 +310,7 @@ def test_a_recording_is_listed_and_shown_without_what_it_does_not_tell(tmp_path:
     scene, out = tmp_path / "scene.xml", tmp_path / "data"
     scene.write_text(commonroad(), encoding="utf-8")
     assert main(["import", "commonroad", str(scene), "--out", str(out), "-q"]) == 0
-    with serving(ot.load(out)) as url:
+    with serving(ot.load_dataset(out)) as url:
         client = Client(url).enter()
         told = client.rows()
         assert told["rows"][0]["weather"] == "unknown"

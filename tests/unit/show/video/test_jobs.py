@@ -22,7 +22,7 @@ from overtaking.show.video.produce import produce
 def data(request, tmp_path_factory):
     """Data sets with and without what has a row per frame."""
     folder = tmp_path_factory.mktemp("data") / request.param
-    return api.generate("pinto2023-physical", 24, 1, folder, keep=request.param)
+    return api.generate_dataset("pinto2023-physical", 24, 1, folder, keep=request.param)
 
 
 def test_one_film_for_each_class_the_first_of_it(data):

@@ -37,22 +37,22 @@ from overtaking.show.view.page import MAX_FINDINGS, THEMES, page, words
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.labels.label import Labelled
+    from overtaking.labels.label import LabelledTrajectories
 
 NUM_SIMULATIONS = 24
 
 
 @pytest.fixture(scope="module")
-def labelled() -> Labelled:
+def labelled() -> LabelledTrajectories:
     return ot.label(ot.simulate(ot.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
 
 
 @pytest.fixture(scope="module")
-def packs(labelled: Labelled) -> list[dict[str, Any]]:
+def packs(labelled: LabelledTrajectories) -> list[dict[str, Any]]:
     return [pack(one(labelled, number), number) for number in range(NUM_SIMULATIONS)]
 
 
-def one(labelled: Labelled, number: int) -> Labelled:
+def one(labelled: LabelledTrajectories, number: int) -> LabelledTrajectories:
     return labelled.select(np.array([number]))
 
 
@@ -64,7 +64,9 @@ def summed(differences: list[int], order: int = 1) -> np.ndarray:
     return column
 
 
-def test_columns_are_the_recorded_integers(labelled: Labelled, packs: list[dict[str, Any]]):
+def test_columns_are_the_recorded_integers(
+    labelled: LabelledTrajectories, packs: list[dict[str, Any]]
+):
     states = labelled.trajectories.states
     orders = {"s": ("s", 2), "d": ("d", 2), "speed": ("speed", 1), "lights": ("lights", 1)}
     for number, values in enumerate(packs):
@@ -76,7 +78,7 @@ def test_columns_are_the_recorded_integers(labelled: Labelled, packs: list[dict[
         json.dumps(values, allow_nan=False)
 
 
-def test_a_vehicle_has_the_frames_in_which_it_was_recorded(labelled: Labelled):
+def test_a_vehicle_has_the_frames_in_which_it_was_recorded(labelled: LabelledTrajectories):
     runs = one(labelled, 0).trajectories
     present = runs.state_mask.copy()
     present[0, 1, :7] = present[0, 1, 20:22] = present[0, 1, 90:] = False
@@ -85,7 +87,9 @@ def test_a_vehicle_has_the_frames_in_which_it_was_recorded(labelled: Labelled):
     assert (vehicle["first"], len(vehicle["s"]), vehicle["away"]) == (7, 83, [20, 21])
 
 
-def test_a_page_is_told_what_show_tells(labelled: Labelled, packs: list[dict[str, Any]]):
+def test_a_page_is_told_what_show_tells(
+    labelled: LabelledTrajectories, packs: list[dict[str, Any]]
+):
     for number, values in enumerate(packs):
         assert values["values"] == describe(one(labelled, number), number)
         told = values["told"]
@@ -94,7 +98,7 @@ def test_a_page_is_told_what_show_tells(labelled: Labelled, packs: list[dict[str
 
 
 def test_rows_of_the_law_are_what_is_broken_and_what_is_near(
-    labelled: Labelled, packs: list[dict[str, Any]]
+    labelled: LabelledTrajectories, packs: list[dict[str, Any]]
 ):
     findings, kinds = labelled.findings, set[bool]()
     for number, values in enumerate(packs):
@@ -111,7 +115,9 @@ def test_rows_of_the_law_are_what_is_broken_and_what_is_near(
     assert kinds == {True, False}
 
 
-def test_a_ghost_stands_where_the_gap_was_believed(labelled: Labelled, packs: list[dict[str, Any]]):
+def test_a_ghost_stands_where_the_gap_was_believed(
+    labelled: LabelledTrajectories, packs: list[dict[str, Any]]
+):
     runs, seen = labelled.trajectories, 0
     for number, values in enumerate(packs):
         percepts = runs.percepts
@@ -130,7 +136,7 @@ def test_a_ghost_stands_where_the_gap_was_believed(labelled: Labelled, packs: li
 
 
 def test_times_to_collision_are_those_of_the_measures_of_safety(
-    labelled: Labelled, packs: list[dict[str, Any]]
+    labelled: LabelledTrajectories, packs: list[dict[str, Any]]
 ):
     safety, seen = labelled.safety, 0
     for number, values in enumerate(packs):
@@ -170,7 +176,7 @@ def test_a_road_that_bends_or_rises_says_so():
     assert course_of(straight) is None
 
 
-def test_little_is_needed_of_a_recording(labelled: Labelled):
+def test_little_is_needed_of_a_recording(labelled: LabelledTrajectories):
     unknown = {"weather", "percepts", "stage", "marks", "bodies", "kinds", "lamps", "speed_limit"}
     runs = one(labelled, 3).trajectories.replace(unknown=frozenset(unknown))
     values = pack(ot.label(runs), 3)
@@ -223,12 +229,12 @@ def test_colours_can_be_told_from_their_ground(name: str):
 
 
 def test_a_page_holds_all_that_it_needs_and_lets_nothing_else_run(
-    labelled: Labelled, tmp_path: Path
+    labelled: LabelledTrajectories, tmp_path: Path
 ):
     name = "</script><b>&amp;<!--<script>"
     runs = labelled.trajectories
     runs = runs.replace(scenario=runs.scenario.replace(profile=name)).select(slice(0, 3))
-    made = ot.write_view(runs, tmp_path / "page.html", simulations=[2, 0])
+    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulations=[2, 0])
     assert made.simulations == (0, 2)
     assert made.size_bytes == made.path.stat().st_size
     text = made.path.read_text(encoding="utf-8")
@@ -266,31 +272,33 @@ def test_the_script_can_lie_in_a_page():
 
 
 def test_a_page_that_is_too_large_is_not_written(
-    labelled: Labelled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    labelled: LabelledTrajectories, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     path = tmp_path / "page.html"
     path.write_text("as it was")
     monkeypatch.setattr(writing, "MOST_BYTES", 30_000)
     with pytest.raises(ConfigError, match=r"choose fewer than [2-6] with --simulations"):
-        ot.write_view(labelled, path, simulations="all")
+        ot.write_viewer_page(labelled, path, simulations="all")
     assert path.read_text() == "as it was"
     assert [one.name for one in tmp_path.iterdir()] == ["page.html"]
 
 
 def test_a_large_page_is_announced(
-    labelled: Labelled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    labelled: LabelledTrajectories, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     said: list[int] = []
-    made = ot.write_view(labelled, tmp_path / "a.html", simulations=[0], say=said.append)
+    made = ot.write_viewer_page(labelled, tmp_path / "a.html", simulations=[0], say=said.append)
     assert said == []
     monkeypatch.setattr(writing, "LARGE", 1000)
-    ot.write_view(labelled, tmp_path / "b.html", simulations=[0], say=said.append)
+    ot.write_viewer_page(labelled, tmp_path / "b.html", simulations=[0], say=said.append)
     assert said == [made.size_bytes]
 
 
-def test_one_of_each_class_by_default_under_the_policy(labelled: Labelled, tmp_path: Path):
+def test_one_of_each_class_by_default_under_the_policy(
+    labelled: LabelledTrajectories, tmp_path: Path
+):
     progress: list[int] = []
-    made = ot.write_view(
+    made = ot.write_viewer_page(
         labelled,
         tmp_path / "a.html",
         policy="strict",
@@ -302,15 +310,15 @@ def test_one_of_each_class_by_default_under_the_policy(labelled: Labelled, tmp_p
     assert progress == list(range(1, len(made.simulations) + 1))
 
 
-def test_there_must_be_something_to_show(labelled: Labelled, tmp_path: Path):
+def test_there_must_be_something_to_show(labelled: LabelledTrajectories, tmp_path: Path):
     with pytest.raises(ConfigError, match="expected some of 0 to 23, got none"):
-        ot.write_view(labelled, tmp_path / "a.html", simulations=[])
+        ot.write_viewer_page(labelled, tmp_path / "a.html", simulations=[])
     with pytest.raises(ConfigError, match="policy"):
-        ot.write_view(labelled, tmp_path / "a.html", policy="moon")
+        ot.write_viewer_page(labelled, tmp_path / "a.html", policy="moon")
 
 
 def test_a_page_shows_the_first_findings_of_an_import_report_and_the_number_of_all(
-    labelled: Labelled, tmp_path: Path
+    labelled: LabelledTrajectories, tmp_path: Path
 ):
     findings = tuple(
         ImportFinding(

@@ -14,7 +14,15 @@ from overtaking.labels.law.frames import (
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import ego_may_be
 from overtaking.labels.law.places import distance_from, stretches_of
-from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, decided, inapplicable
+from overtaking.labels.law.rule import (
+    Finding,
+    Grade,
+    MeasurementErrors,
+    Rule,
+    Spread,
+    decided,
+    inapplicable,
+)
 from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.road_course import ZoneKind
 from overtaking.model.trajectories import NO_VEHICLE
@@ -42,10 +50,10 @@ def way_of(speed: F32, seconds: str) -> F32:
 def _error(seconds: str) -> Spread:
     """Error of a gap less a way of some seconds."""
 
-    def of(case: Case, found: Finding, errors: Errors) -> F32:
+    def of(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
         del case
-        way = float(constant(seconds)) * errors.speed
-        return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position, way))
+        way = float(constant(seconds)) * errors.speed_std
+        return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position_std, way))
 
     return Spread(formula=f"sqrt(2 sp^2 + ({amount(seconds)})^2 sv^2)", of=of)
 
@@ -150,10 +158,10 @@ def _trucks_keep_distance(case: Case) -> Finding:
     return always(np.where(counts & trucks[:, None], margin, ENDLESS), settled(case))
 
 
-def _two_places(case: Case, found: Finding, errors: Errors) -> F32:
+def _two_places(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of a gap."""
     del case
-    return np.full_like(found.margin, np.sqrt(2.0) * errors.position)
+    return np.full_like(found.margin, np.sqrt(2.0) * errors.position_std)
 
 
 A3 = Rule(
@@ -198,11 +206,11 @@ def room_for_another(speed: F32) -> F32:
     return constant("law_de.distance.entering_length") + distance
 
 
-def _room_error(case: Case, found: Finding, errors: Errors) -> F32:
+def _room_error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of a gap less a length and twice the way of 1.5 s."""
     del case
-    way = 2.0 * float(constant("law_de.distance.courts")) * errors.speed
-    return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position, way))
+    way = 2.0 * float(constant("law_de.distance.courts")) * errors.speed_std
+    return np.full_like(found.margin, np.hypot(np.sqrt(2.0) * errors.position_std, way))
 
 
 A4 = Rule(

@@ -26,7 +26,7 @@ from overtaking.labels.law.gaps import BACK_BEFORE_ONCOMING, L24
 from overtaking.labels.law.lamps import INDICATES, L18
 from overtaking.labels.law.numbers import amount
 from overtaking.labels.law.others import ego_may_be
-from overtaking.labels.law.rule import Errors, Finding, Grade, Rule, Spread, adopt
+from overtaking.labels.law.rule import Finding, Grade, MeasurementErrors, Rule, Spread, adopt
 from overtaking.labels.law.sight import optical_range
 from overtaking.labels.law.when import L7, L9, RETURNS_SOON, TARGET_KEEPS_LANE
 from overtaking.model.neighbours import NeighbourRole
@@ -73,10 +73,10 @@ def _much_faster(case: Case) -> Finding:
     return instant(frame, faster - constant("law_de.pass.faster"), target != NO_VEHICLE)
 
 
-def _two_speeds(case: Case, found: Finding, errors: Errors) -> F32:
+def _two_speeds(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Error of a difference of two speeds."""
     del case
-    return np.full_like(found.margin, np.sqrt(2.0) * errors.speed)
+    return np.full_like(found.margin, np.sqrt(2.0) * errors.speed_std)
 
 
 O2 = Rule(
@@ -165,7 +165,7 @@ def _not_endangered(place: NeighbourRole, event: str) -> tuple[Callable[[Case], 
         speed = at(case.signals.speed, np.maximum(frame, 0))
         return instant(frame, _calm(other.gap, speed, other.closing_speed, speed), other.valid)
 
-    def error(case: Case, found: Finding, errors: Errors) -> F32:
+    def error(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
         del found
         return gap_error(case, place, getattr(case.events, event), _calm, errors)
 
