@@ -7,7 +7,6 @@ from overtaking.knowledge.toml_reader import constant
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.model.weather import dry
-from overtaking.world.constants import EnabledEffects, model_constants
 from overtaking.world.road_surface import rain_rate
 from overtaking.world.visibility import meteorological_range, sun_illuminance
 from overtaking.world.weather_parameters import scene_conditions
@@ -35,10 +34,7 @@ def environments(trajectories: Trajectories) -> list[str]:
 def _friction_scale(scenario: Scenario) -> F32:
     """Grip on this road over that on a dry one, (simulation,) [1]."""
     on_dry = scenario.replace(weather=dry(scenario.weather))
-    wet, best = (
-        scene_conditions(one, model_constants(), EnabledEffects()).believed_friction
-        for one in (scenario, on_dry)
-    )
+    wet, best = (scene_conditions(batch).believed_friction for batch in (scenario, on_dry))
     return wet / best
 
 

@@ -34,7 +34,6 @@ from overtaking.scenarios.safe_start import (
 from overtaking.scenarios.specification import Specification, StartsSection
 from overtaking.scenarios.traffic_specification import FlowTraffic, PlacedTraffic, TwoWayTraffic
 from overtaking.scenarios.weather_sampling import sample_weather
-from overtaking.world.constants import EnabledEffects, model_constants
 from overtaking.world.driver_parameters import (
     DesiredSpeedFactors,
     adapted_speed,
@@ -225,11 +224,12 @@ def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Wea
 
 def _start_states(section: StartsSection, start: TrafficStart, scenario: Scenario) -> StartStates:
     """Stations in each vehicle's own direction [m] and speeds [m/s], safe for every driver."""
-    factors = desired_speed_factors(scenario)
+    conditions = scene_conditions(scenario)
+    factors = desired_speed_factors(scenario, conditions)
     desired_speed = adapted_speed(factors, np.float32(scenario.road.speed_limit))
     desired_speed = minimum(desired_speed, scenario.vehicles.max_speed)
     states = start.states_at_speed(desired_speed)
-    road_speeds = _speeds_for_road(scenario, factors)
+    road_speeds = _speeds_for_road(scenario, factors, conditions.side_accel)
     if road_speeds is not None:
         # Place the vehicles again: speeds in bends depend on the stations, and gaps depend on the
         # speeds. `repair_starts` slows the vehicles that are still too fast.
@@ -260,18 +260,17 @@ def _follower_limits(start: TrafficStart, scenario: Scenario, speed: F32) -> Fol
     )
 
 
-def _speeds_for_road(scenario: Scenario, factors: DesiredSpeedFactors) -> RoadSpeeds | None:
+def _speeds_for_road(
+    scenario: Scenario, factors: DesiredSpeedFactors, max_lateral_accel: F32
+) -> RoadSpeeds | None:
     """The speeds for bends and lower limits; None on a road without them."""
     road = road_parameters(scenario.road)
     if not road.course.shape[1]:
         return None
-    conditions = scene_conditions(
-        with_effective_weather(scenario), model_constants(), EnabledEffects()
-    )
     shape = scenario.start_s.shape
     return RoadSpeeds(
         road=road,
         speed_limit=np.float32(scenario.road.speed_limit),
-        max_lateral_accel=conditions.step.side_accel,
+        max_lateral_accel=max_lateral_accel,
         factors=DesiredSpeedFactors(*(np.broadcast_to(factor, shape) for factor in factors)),
     )

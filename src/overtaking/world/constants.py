@@ -47,7 +47,7 @@ def _table_field(path: str) -> Any:
 
 
 def _to_float32(values: Values) -> Any:
-    """Numbers of a table, each rounded once, in tuples as deep as before."""
+    """Numbers rounded once to float32, in tuples as deep as the given ones."""
     if isinstance(values, tuple):
         return tuple(_to_float32(value) for value in values)
     return np.float32(values)

@@ -1,8 +1,8 @@
-"""From a scenario to the numbers that the step needs, computed once for reference and engine.
+"""All parameters of a batch, computed once from its scenarios for reference and engine.
 
-Values that are constant during a simulation are computed here: forces per unit, extinction, the
-speed that a driver thinks right for the sight and the grip. Inside the simulation the lateral axis
-points towards the fast side, so that left-hand traffic is the mirror image of right-hand traffic.
+They are the values that stay constant during a simulation: forces per unit, extinction, the desired
+speed for the sight and the friction. Inside the simulation the lateral axis points towards the fast
+side, so that left-hand traffic is the mirror image of right-hand traffic.
 """
 
 import dataclasses
@@ -19,33 +19,31 @@ from overtaking.model.scenario import ForcedDecision, Scenario
 from overtaking.model.vehicles import DriverTraits, VehicleSpecs
 from overtaking.world.constants import (
     STEP_MS,
+    STEPS_PER_SECOND,
     EnabledEffects,
     ModelConstants,
-    model_constants,
-    without_disabled_effects,
 )
 from overtaking.world.driver_parameters import (
+    ONCOMING_JUDGEMENT_FIELDS,
+    REACTION_TO_ONCOMING_FIELDS,
     driver_parameters,
-    passing_parameters,
+    oncoming_judgement,
+    reaction_to_oncoming,
     weather_slowing,
 )
-from overtaking.world.road_parameters import RoadParameters, road_parameters
+from overtaking.world.road_parameters import RoadParameters, refuse_oncoming, road_parameters
 from overtaking.world.vehicle_parameters import vehicle_parameters
-from overtaking.world.weather_parameters import (
-    SimulationParameters,
-    scene_conditions,
-    with_effective_weather,
-)
+from overtaking.world.weather_parameters import SimulationParameters, step_context
 
 
 class VehicleParameters(NamedTuple):
     """Parameters of each vehicle, in the order in which the engine receives them.
 
     Every array has shape (vehicle, simulation) in the step. `model.vehicles.VehicleSpecs` and
-    `model.vehicles.DriverTraits` explain the fields that have their names;
-    `world.vehicle_parameters` and `world.driver_parameters` work out the others. Flags are 0 or 1.
-    Wanted speeds are those under the limit of the road; on one with `RoadCourse.limits` the step
-    lowers them.
+    `model.vehicles.DriverTraits` explain the fields that they have too;
+    `world.vehicle_parameters` and `world.driver_parameters` compute the others. Flags are 0 or 1.
+    Desired speeds hold under the limit of the road; the step lowers them on a road with
+    `RoadCourse.limits`.
     """
 
     valid: F32
@@ -145,12 +143,12 @@ class Parameters:
         vehicle: Shape (field, vehicle, simulation), fields as `VEHICLE_FIELDS`.
         simulation: Shape (field, simulation), fields as `SIMULATION_FIELDS`.
         road: The road.
-        constants: The constants.
+        constants: Constants of the model, without the disabled effects.
         seed: Key of the random numbers.
-        index: Simulation numbers, shape (simulation,).
+        index: Numbers from which the scenarios are drawn, shape (simulation,).
         record_every: Steps between recorded frames.
-        judged: Errors of distance and speed that the ego has where these parameters take over, in
-            standard deviations, shape (2, simulation); None leaves them as they are.
+        judged: The ego's errors of distance and speed at the step from which these parameters hold,
+            in standard deviations, shape (2, simulation); None leaves them unchanged.
     """
 
     vehicle: F32
@@ -174,73 +172,120 @@ class Parameters:
 
     @property
     def num_frames(self) -> int:
-        """Frames of the longest simulation that these parameters allow; 1 for an empty batch."""
+        """Number of frames of the longest simulation; 1 for an empty batch."""
         last = self.of_simulations.last_step
         return int(last.max()) // self.record_every + 1 if last.size else 1
 
 
 Turn = tuple[int, Parameters]
-"""A step, and the parameters from then on; vehicles are displaced and sped up by as much as their
-starts differ from those before."""
+"""A step, and the parameters from that step on; vehicles are displaced and accelerated by the
+differences of their starts."""
 
 
 def parameters(scenario: Scenario, effects: EnabledEffects | None = None) -> Parameters:
-    """Work out everything that the step needs.
+    """Compute all inputs of the step.
 
     Args:
         scenario: A batch of scenarios.
-        effects: Ablations; None for the model as published.
+        effects: The effects that are enabled; None for the model as published.
+
+    Raises:
+        ConfigError: Vehicles drive in the opposite direction on a road where the model simulates
+            one direction only.
     """
-    effects = effects or EnabledEffects()
-    c = without_disabled_effects(model_constants(), effects)
-    world = scene_conditions(scenario, c, effects)
-    vehicle = _unchanged(scenario.vehicles) | _unchanged(scenario.drivers)
-    vehicle |= vehicle_parameters(scenario, c, world, effects)
-    vehicle |= driver_parameters(with_effective_weather(scenario), c, world, effects)
-    own, each = passing_parameters(scenario, world, effects)
-    vehicle |= each
-    own |= weather_slowing(with_effective_weather(scenario), c, world)
+    context = step_context(scenario, effects or EnabledEffects())
+    vehicle = _same_fields(scenario.vehicles) | _same_fields(scenario.drivers)
+    vehicle |= vehicle_parameters(context) | driver_parameters(context)
+    simulation = (
+        _clock(scenario)
+        | context.conditions.step_fields()
+        | weather_slowing(scenario, context.conditions)
+    )
+    if road_parameters(scenario.road).two_way:
+        vehicle |= reaction_to_oncoming(context)
+        simulation |= oncoming_judgement(context)
+    else:
+        refuse_oncoming(
+            scenario, "a road that is not two equally wide lanes, one in each direction"
+        )
+        vehicle |= dict.fromkeys(REACTION_TO_ONCOMING_FIELDS, np.zeros_like(scenario.start_s))
+        simulation |= dict.fromkeys(ONCOMING_JUDGEMENT_FIELDS, np.zeros_like(scenario.horizon))
     return Parameters(
-        vehicle=_stacked(vehicle, VEHICLE_FIELDS),
-        simulation=_stacked(world.step._asdict() | own, SIMULATION_FIELDS),
+        vehicle=_stack(vehicle, VEHICLE_FIELDS),
+        simulation=_stack(simulation, SIMULATION_FIELDS),
         road=road_parameters(scenario.road),
-        constants=c,
+        constants=context.constants,
         seed=scenario.seed,
         index=np.ascontiguousarray(scenario.index),
         record_every=scenario.frame_interval_ms // STEP_MS,
     )
 
 
-def _unchanged(batch: VehicleSpecs | DriverTraits) -> dict[str, NDArray[Any]]:
-    """The fields that the step has under the same name, as they are."""
+def with_ring(params: Parameters, length: F32) -> Parameters:
+    """Parameters of a road that closes on itself, for statistics of steady traffic.
+
+    Each vehicle reacts to the nearest image of every other vehicle. Vehicles that are laps apart
+    cannot touch in the simulation, and an ego that overtakes would not find its target, so the ego
+    must stay (`ForcedDecision.STAY`).
+
+    Args:
+        params: Parameters of a road with ends.
+        length: Length of the closed road, shape (simulation,) [m].
+    """
+    simulation = params.simulation.copy()
+    simulation[SIMULATION_FIELDS.index("ring")] = length
+    simulation[SIMULATION_FIELDS.index("inverse_ring")] = np.float32(1.0) / length
+    return with_command(dataclasses.replace(params, simulation=simulation), ForcedDecision.STAY)
+
+
+def with_command(params: Parameters, command: int) -> Parameters:
+    """Parameters with a decision forced on every ego, see `sim.branch`.
+
+    Args:
+        params: Parameters of a batch.
+        command: A `ForcedDecision`.
+    """
+    simulation = params.simulation.copy()
+    simulation[SIMULATION_FIELDS.index("command")] = command
+    return dataclasses.replace(params, simulation=simulation)
+
+
+def _clock(scenario: Scenario) -> dict[str, F32]:
+    """Fields of `SimulationParameters` for the end of a simulation, and those without an effect.
+
+    No decision is forced and the road has ends; `with_command` and `with_ring` set these fields.
+    """
+    zero = np.zeros_like(scenario.horizon)
+    return {
+        "last_step": np.rint(scenario.horizon * STEPS_PER_SECOND),
+        "deadline_step": np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
+        "command": zero,
+        "ring": zero,
+        "inverse_ring": zero,
+    }
+
+
+def _same_fields(batch: VehicleSpecs | DriverTraits) -> dict[str, NDArray[Any]]:
+    """The fields that `VehicleParameters` has under the same name."""
     names = (field.name for field in dataclasses.fields(batch) if field.name in VEHICLE_FIELDS)
     return {name: getattr(batch, name) for name in names}
 
 
-def _stacked(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
-    """Arrays of one shape, turned so that simulations lie side by side, shape (field, ...)."""
+def _stack(rows: Mapping[str, NDArray[Any]], names: Sequence[str]) -> F32:
+    """Stack arrays by field and transpose them: simulations lie side by side in memory.
+
+    Args:
+        rows: Arrays of one shape by field.
+        names: The fields, in the order of the table.
+
+    Returns:
+        Shape (field, ...), the other axes in reverse order.
+
+    Raises:
+        KeyError: A field is missing.
+    """
     shape = (len(names), *rows[names[0]].shape[::-1])
     stacked = empty_array(math.prod(shape), np.float32).reshape(shape)
     for row, name in zip(stacked, names, strict=True):
         row[...] = rows[name].T
     return stacked
-
-
-def with_ring(given: Parameters, length: F32) -> Parameters:
-    """The same parameters on a road that closes on itself after `length`, (simulation,) [m].
-
-    For the statistics of steady traffic. Everyone sees the nearest image of everyone else;
-    contacts between vehicles that are laps apart are not looked for, and an ego that overtakes
-    would not find its target, so it is kept from it (`ForcedDecision.STAY`).
-    """
-    simulation = given.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("ring")] = length
-    simulation[SIMULATION_FIELDS.index("inverse_ring")] = np.float32(1.0) / length
-    return with_command(dataclasses.replace(given, simulation=simulation), ForcedDecision.STAY)
-
-
-def with_command(given: Parameters, command: int) -> Parameters:
-    """The same parameters with a decision forced on every ego (see `sim.branch`)."""
-    simulation = given.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("command")] = command
-    return dataclasses.replace(given, simulation=simulation)

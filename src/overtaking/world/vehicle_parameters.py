@@ -1,12 +1,12 @@
-"""From a vehicle's body to the parameters of the step: forces per unit, levers, lamps."""
+"""Vehicle bodies, as parameters of the step: forces per unit, levers, lamps."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.arrays import F32
-from overtaking.core.float32_math import log, maximum
+from overtaking.core.arrays import F32, Mask
+from overtaking.core.float32_math import HALF, ONE, ZERO, log, maximum
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.road import MAX_LANES
 from overtaking.model.scenario import Scenario
@@ -15,171 +15,206 @@ from overtaking.model.vehicles import VehicleKind, VehicleSpecs
 from overtaking.world import visibility
 from overtaking.world.constants import EnabledEffects, ModelConstants
 from overtaking.world.road_parameters import road_parameters
-from overtaking.world.weather_parameters import SceneConditions, with_effective_weather
+from overtaking.world.weather_parameters import StepContext
 
 FieldArrays = dict[str, NDArray[Any]]
-"""Fields of `parameters.VehicleParameters`, each of shape (simulation, vehicle)."""
-_ONE = np.float32(1.0)
-_HALF = np.float32(0.5)
+"""Fields of `step_parameters.VehicleParameters`, each of shape (simulation, vehicle)."""
 
 _LAMP_OFF = np.float32(1e9)
 """One over the intensity of a lamp that is off [1/cd]."""
 
 
-def vehicle_parameters(
-    scenario: Scenario, c: ModelConstants, world: SceneConditions, effects: EnabledEffects
-) -> FieldArrays:
-    """The parameters of the step that bodies decide, but for fields of bodies as they are.
+def vehicle_parameters(context: StepContext) -> FieldArrays:
+    """Fields of `VehicleParameters` that bodies and starts decide, without unchanged ones.
 
     Args:
-        scenario: A batch of scenarios.
-        c: Constants.
-        world: Its weather and light.
-        effects: Ablations.
+        context: The batch, its weather and the constants.
+
+    Returns:
+        Arrays of shape (simulation, vehicle) by field.
     """
-    v = scenario.vehicles
+    vehicles, constants = context.scenario.vehicles, context.constants
     return (
-        _shape(v, effects)
-        | _inertia(v)
-        | _drive(scenario, c)
-        | _tyres(v, c)
-        | _wind_surface(v, c)
-        | _lamps(scenario, world)
-        | _start(scenario)
+        _shape(vehicles, context.effects)
+        | _inertia(vehicles)
+        | _drive(context.scenario, constants)
+        | _tyres(vehicles, constants)
+        | _wind_surface(vehicles, constants)
+        | _lamps(context)
+        | _start(context.scenario)
     )
 
 
-def _shape(v: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
-    high = (v.kind == VehicleKind.T) | (v.kind == VehicleKind.V)
+def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
+    """Lengths and widths, and the effects of a body on traffic behind it."""
+    is_tall = (vehicles.kind == VehicleKind.T) | (vehicles.kind == VehicleKind.V)
     return {
-        "half_length": _HALF * v.length,
-        "half_width": _HALF * v.width,
-        "half_track": _HALF * v.track_width,
-        "tall": high & effects.occlusion,
-        "shelters": high,
-        "spray": v.spray_factor,
+        "half_length": HALF * vehicles.length,
+        "half_width": HALF * vehicles.width,
+        "half_track": HALF * vehicles.track_width,
+        "tall": is_tall & effects.occlusion,
+        "shelters": is_tall,
+        "spray": vehicles.spray_factor,
     }
 
 
-def _cg_to_rear(v: VehicleSpecs) -> F32:
-    return v.wheelbase - v.cg_to_front
+def _cg_to_rear(vehicles: VehicleSpecs) -> F32:
+    """Distance between the centre of gravity and the rear axle [m]."""
+    return vehicles.wheelbase - vehicles.cg_to_front
 
 
-def _inertia(v: VehicleSpecs) -> FieldArrays:
+def _inertia(vehicles: VehicleSpecs) -> FieldArrays:
+    """Inertia and levers, as the step multiplies by them."""
     return {
-        "inverse_mass": _ONE / v.mass,
-        "inverse_inertia": _ONE / v.yaw_inertia,
-        "cg_front": v.cg_to_front,
-        "cg_rear": _cg_to_rear(v),
-        "inverse_wheelbase": _ONE / v.wheelbase,
+        "inverse_mass": ONE / vehicles.mass,
+        "inverse_inertia": ONE / vehicles.yaw_inertia,
+        "cg_front": vehicles.cg_to_front,
+        "cg_rear": _cg_to_rear(vehicles),
+        "inverse_wheelbase": ONE / vehicles.wheelbase,
     }
 
 
-def _drive(scenario: Scenario, c: ModelConstants) -> FieldArrays:
-    v = scenario.vehicles
-    # The study's bicycles drive at 50 km/h and more: let them hold the speed that they start with.
-    lifted = maximum(v.max_speed, scenario.start_speed)
+def _drive(scenario: Scenario, constants: ModelConstants) -> FieldArrays:
+    """Forces of the engine, the brakes and the resistances."""
+    vehicles = scenario.vehicles
+    # Bicycles of the study drive at 50 km/h and more: let them hold the speed that they start with.
+    raised_max_speed = maximum(vehicles.max_speed, scenario.start_speed)
     return {
-        "launch_force": v.mass * v.launch_accel,
-        "power": constant("model.dynamics.power_share") * v.power,
-        "drag": c.half_air_density * v.drag_area,
-        "rolling": v.rolling_resistance * v.mass * c.gravity,
-        "max_speed": np.where(v.unlawful_presence, lifted, v.max_speed),
-        "brake_force": v.mass * v.peak_decel,
-        "front_drive": v.front_drive_share,
+        "launch_force": vehicles.mass * vehicles.launch_accel,
+        "power": constant("model.dynamics.power_share") * vehicles.power,
+        "drag": constants.half_air_density * vehicles.drag_area,
+        "rolling": vehicles.rolling_resistance * vehicles.mass * constants.gravity,
+        "max_speed": np.where(vehicles.unlawful_presence, raised_max_speed, vehicles.max_speed),
+        "brake_force": vehicles.mass * vehicles.peak_decel,
+        "front_drive": vehicles.front_drive_share,
     }
 
 
-def _tyres(v: VehicleSpecs, c: ModelConstants) -> FieldArrays:
+def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
+    """Steering response and kind of the tyres."""
     return {
-        "understeer": understeer_gradient(v, c),
-        "moment_angle": moment_angle(v, c),
-        "side_lag": side_lag(v, c),
-        "wear": v.tyre_wear,
-        "truck": (v.kind == VehicleKind.T).astype(np.float32),
+        "understeer": understeer_gradient(vehicles, constants),
+        "moment_angle": moment_angle(vehicles, constants),
+        "side_lag": side_lag(vehicles, constants),
+        "wear": vehicles.tyre_wear,
+        "truck": (vehicles.kind == VehicleKind.T).astype(np.float32),
     }
 
 
-def understeer_gradient(v: VehicleSpecs, c: ModelConstants) -> F32:
-    """Wheel angle per lateral acceleration beyond that of the curve itself [rad s^2/m].
+def understeer_gradient(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
+    """Wheel angle per lateral acceleration, beyond the angle that the curve itself needs.
 
-    K = (1 / C_f - 1 / C_r) / g, with the cornering stiffness per axle load.
+    K = (1 / C_f - 1 / C_r) / g [rad s^2/m], with the cornering stiffness per axle load.
+
+    Args:
+        vehicles: Vehicles.
+        constants: Constants of the model.
 
     Source:
         Gillespie, Fundamentals of Vehicle Dynamics (1992), chapter 6.
     """
-    return (_ONE / v.front_stiffness - _ONE / v.rear_stiffness) / c.gravity
+    return (ONE / vehicles.front_stiffness - ONE / vehicles.rear_stiffness) / constants.gravity
 
 
-def moment_angle(v: VehicleSpecs, c: ModelConstants) -> F32:
+def moment_angle(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
     """Wheel angle that balances a yaw moment on a straight course [rad/(N m)].
 
     (1 / C_f + 1 / C_r) / l with the axles' cornering stiffness in N/rad, from the steady
     single-track equations without yaw rate.
+
+    Args:
+        vehicles: Vehicles.
+        constants: Constants of the model.
     """
-    front = v.front_stiffness * v.mass * c.gravity * _cg_to_rear(v) / v.wheelbase
-    rear = v.rear_stiffness * v.mass * c.gravity * v.cg_to_front / v.wheelbase
-    return (_ONE / front + _ONE / rear) / v.wheelbase
+    front = (
+        vehicles.front_stiffness
+        * vehicles.mass
+        * constants.gravity
+        * _cg_to_rear(vehicles)
+        / vehicles.wheelbase
+    )
+    rear = (
+        vehicles.rear_stiffness
+        * vehicles.mass
+        * constants.gravity
+        * vehicles.cg_to_front
+        / vehicles.wheelbase
+    )
+    return (ONE / front + ONE / rear) / vehicles.wheelbase
 
 
-def side_lag(v: VehicleSpecs, c: ModelConstants) -> F32:
+def side_lag(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
     """Time in which the tyres build up a side force, per speed: m / (C_f + C_r) [s^2/m].
+
+    Args:
+        vehicles: Vehicles.
+        constants: Constants of the model.
 
     Source:
         The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
     """
-    share = _cg_to_rear(v) / v.wheelbase
-    return _ONE / (c.gravity * (v.front_stiffness * share + v.rear_stiffness * (_ONE - share)))
+    share = _cg_to_rear(vehicles) / vehicles.wheelbase
+    return ONE / (
+        constants.gravity
+        * (vehicles.front_stiffness * share + vehicles.rear_stiffness * (ONE - share))
+    )
 
 
-def _wind_surface(v: VehicleSpecs, c: ModelConstants) -> FieldArrays:
+def _wind_surface(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
+    """Force of side wind per squared speed, and its levers."""
     return {
-        "side_wind": c.half_air_density * v.side_area * v.wind_side_coefficient,
-        "wind_centre": v.wind_centre_ratio * v.wheelbase,
-        "wind_arm": _HALF * (v.cg_to_front - _cg_to_rear(v)),
+        "side_wind": constants.half_air_density
+        * vehicles.side_area
+        * vehicles.wind_side_coefficient,
+        "wind_centre": vehicles.wind_centre_ratio * vehicles.wheelbase,
+        "wind_arm": HALF * (vehicles.cg_to_front - _cg_to_rear(vehicles)),
     }
 
 
-def _lamps(scenario: Scenario, world: SceneConditions) -> FieldArrays:
-    """Lamps and looks: low beam at night, in rain and in thick fog, fog lamps in that alone."""
-    v = scenario.vehicles
-    has_lamps = v.kind != VehicleKind.B
-    night, dark = (
-        one.weather.night[:, None] for one in (scenario, with_effective_weather(scenario))
+def _lamps(context: StepContext) -> FieldArrays:
+    """Lamps and contrast: low beam at night, in rain and in thick fog; fog lamps in thick fog."""
+    vehicles, conditions = context.scenario.vehicles, context.conditions
+    has_lamps = vehicles.kind != VehicleKind.B
+    # Lamps are switched by the recorded night. Drivers see outlines of lamps instead of bodies only
+    # where the night acts by physics.
+    is_night = context.scenario.weather.night[:, None]
+    is_dark = context.effective_scenario.weather.night[:, None]
+    thick_fog = visibility.extinction_of_range(constant("model.lights.fog_lamp_range"))
+    is_foggy = (conditions.fog_extinction > thick_fog)[:, None]
+    has_fog_lamp = has_lamps & is_foggy
+    has_low_beam = has_lamps & (is_night | (conditions.rain_rate > 0)[:, None] | is_foggy)
+    tail_lamp = np.where(
+        has_fog_lamp, constant("weather.lamps.rear_fog"), constant("weather.lamps.rear_position")
     )
-    thick = world.step.fog_extinction > visibility.extinction_of_range(
-        constant("model.lights.fog_lamp_range")
-    )
-    foggy = has_lamps & thick[:, None]
-    lit = has_lamps & (night | (world.rain_rate > 0)[:, None] | thick[:, None])
-    tail = np.where(
-        foggy, constant("weather.lamps.rear_fog"), constant("weather.lamps.rear_position")
-    )
+    head_lamp = constant("model.lights.headlamp")
     return {
-        "lights": _bit(lit, Lights.LOW_BEAM) + _bit(foggy, Lights.REAR_FOG),
-        "inverse_tail_lamp": np.where(lit, _ONE / tail, _LAMP_OFF),
-        "inverse_head_lamp": np.where(lit, _ONE / constant("model.lights.headlamp"), _LAMP_OFF),
-        "loom_width": np.where(dark, v.lamp_separation, v.width),
-        "contrast": log(v.contrast),
+        "lights": _light_bit(has_low_beam, Lights.LOW_BEAM)
+        + _light_bit(has_fog_lamp, Lights.REAR_FOG),
+        "inverse_tail_lamp": np.where(has_low_beam, ONE / tail_lamp, _LAMP_OFF),
+        "inverse_head_lamp": np.where(has_low_beam, ONE / head_lamp, _LAMP_OFF),
+        "loom_width": np.where(is_dark, vehicles.lamp_separation, vehicles.width),
+        "contrast": log(vehicles.contrast),
     }
 
 
-def _bit(on: NDArray[np.bool_], light: Lights) -> F32:
-    return np.where(on, np.float32(light.value), np.float32(0.0))
+def _light_bit(is_on: Mask, light: Lights) -> F32:
+    """The bit of a light where it is on, else 0."""
+    return np.where(is_on, np.float32(light.value), ZERO)
 
 
 def _start(scenario: Scenario) -> FieldArrays:
+    """States at the start, each vehicle in the frame of its own direction."""
     road = road_parameters(scenario.road)
     borders = road.boundaries
-    # An empty slot may name any lane.
+    # A slot without a vehicle may hold any number as its lane.
     lane = np.minimum(scenario.start_lane, MAX_LANES - 1).astype(np.int64)
-    opposed = road.two_way & (lane == road.own_lanes)
+    is_oncoming = road.two_way & (lane == road.own_lanes)
     # In its own frame an oncoming vehicle starts in the slowest lane.
-    lane = np.where(opposed, 0, lane)
+    lane = np.where(is_oncoming, 0, lane)
     return {
-        "start_s": np.where(opposed, road.far_end - scenario.start_s, scenario.start_s),
-        "start_d": _HALF * (borders[lane] + borders[lane + 1]),
+        "start_s": np.where(is_oncoming, road.far_end - scenario.start_s, scenario.start_s),
+        "start_d": HALF * (borders[lane] + borders[lane + 1]),
         "start_speed": scenario.start_speed,
         "start_lane": lane,
-        "direction": np.where(opposed, -_ONE, _ONE),
+        "direction": np.where(is_oncoming, -ONE, ONE),
     }

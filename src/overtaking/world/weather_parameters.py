@@ -1,12 +1,16 @@
-"""Parameters of each simulation: water, wind and sight, computed from weather and light."""
+"""Weather and light of each simulation: water, wind and sight.
 
-from dataclasses import dataclass
+Where the study's pushes stand for the weather, a dry, still, clear day acts by physics. It is the
+*effective* weather, see `with_effective_weather`.
+"""
+
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import PI, log, minimum, sincos
+from overtaking.core.float32_math import HALF, ONE, PI, TWO, ZERO, log, minimum, sincos
 from overtaking.core.random_numbers import PhiloxStream, Stream
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.batch import cached_per_batch
@@ -15,59 +19,64 @@ from overtaking.model.weather import Weather
 from overtaking.world import road_surface, visibility
 from overtaking.world.constants import (
     DECISIONS_PER_SECOND,
-    STEPS_PER_SECOND,
     EnabledEffects,
     ModelConstants,
+    model_constants,
+    without_disabled_effects,
 )
 from overtaking.world.road_parameters import road_parameters
 from overtaking.world.road_surface import PERCENT
 
-_ONE = np.float32(1.0)
-_HIGH_SUN = np.float32(0.8)  # Neither night nor glare [rad].
-_UNSEEN = np.float32(1e9)  # An illuminance at which no lamp is noticed [lx].
+_HIGH_SUN = np.float32(0.8)
+"""Altitude of a sun that brings neither night nor glare [rad]."""
+
+_NO_LAMP_VISIBLE = np.float32(1e9)
+"""A threshold of illuminance that no lamp reaches [lx]."""
 
 
 class SimulationParameters(NamedTuple):
     """Parameters of each simulation, in the order in which the engine receives them.
 
     Attributes:
-        last_step: Step at which it ends at the latest.
-        deadline_step: Step at which it ends if nothing was attempted.
-        fog_extinction: Of fog [1/m].
-        rain_extinction: Of rain, to an observer at rest [1/m].
-        sight_front: Logarithm of glare factor over contrast threshold, looking ahead.
-        sight_rear: The same looking back.
-        lamp_threshold: Illuminance at which a lamp is seen [lx].
-        inverse_lit_range: One over the range of the own low beam, 0 by day [1/m].
-        detection_time: Until something in plain view is noticed [s].
+        last_step: Step at which the simulation ends at the latest.
+        deadline_step: Step at which it ends if the ego has not attempted to overtake.
+        fog_extinction: Extinction coefficient of fog [1/m].
+        rain_extinction: Extinction coefficient of rain, to an observer at rest [1/m].
+        sight_front: Logarithm of glare factor over contrast threshold, looking ahead [1].
+        sight_rear: The same, looking back [1].
+        lamp_threshold: Illuminance at which a driver detects a lamp [lx].
+        inverse_lit_range: One over the range of the driver's low beam, 0 by day [1/m].
+        detection_time: Time in which a driver notices a vehicle in plain view [s].
         distance_error: Coefficient of variation of judged distances [1].
-        speed_error: The same of closing speeds [1].
+        speed_error: Coefficient of variation of judged closing speeds [1].
         wind_along: Mean wind in the direction of travel [m/s].
         wind_across: Mean wind towards the fast side [m/s].
         gust_gain: Amplitude of single gusts over the mean [1].
-        gust_phase: Where along the road they stand, in [0, 1) of their spacing.
+        gust_phase: Position of the gusts along the road, in [0, 1) of their spacing.
         gust_length: Length of road that each of them covers [m].
         push_accel: Lateral acceleration of pushes towards the fast side, 0 without them [m/s^2].
         push_rate: Pushes per decision [1].
-        push_share: Part of the time in which a push acts [1].
-        push_phase: When the first one comes, in [0, 1) of the interval.
+        push_share: Share of the time in which a push acts [1].
+        push_phase: Time of the first push, in [0, 1) of the interval.
         least_film: Film of a wet road, 0 on a dry one [mm].
-        film_rain: `film.film_per_rain` of the rain.
+        film_rain: `road_surface.film_rain_factor` of the rain.
         texture: Depth of the road's texture [mm].
-        puddle_reach: Threshold of the field of puddles, see `film.puddle`.
+        puddle_reach: Threshold of the field of puddles, see `road_surface.puddle_depth_share`.
         puddle_film: Depth of a puddle above the film [mm].
         puddle_phase_1: Phase of the first wave of that field, in [0, 1).
-        puddle_phase_2: Phase of the second.
+        puddle_phase_2: Phase of the second wave, in [0, 1).
         side_accel: Largest lateral acceleration that drivers choose [m/s^2].
-        command: Decision that is forced on the ego, 0 for none (`parameters.with_command`).
+        command: Code of the decision that is forced on the ego, 0 without one; see
+            `step_parameters.with_command`.
         ring: Length of a road that closes on itself, 0 for a road with ends [m].
         inverse_ring: One over that length, 0 for a road with ends [1/m].
         oncoming_error: Coefficient of variation of judged distances to oncoming vehicles [1].
-        oncoming_sight: How far an oncoming car is seen in this weather and light [m].
-        usual_speed: At which drivers believe that others come until it looms [m/s].
-        hasty_change: Shortest change of lane in an emergency [s].
-        rain_slowing: By how much a fully cautious driver slows for rain [m/s].
-        stoppable_speed: Speed from which one stops within sight of a lit vehicle [m/s].
+        oncoming_sight: Distance at which a driver sees an oncoming car in this weather [m].
+        usual_speed: Speed that drivers assume of oncoming vehicles until their images grow visibly
+            [m/s].
+        hasty_change: Duration of the shortest lane change in an emergency [s].
+        rain_slowing: Speed by which a fully cautious driver slows for rain [m/s].
+        stoppable_speed: Speed from which a driver stops within sight of a lit vehicle [m/s].
 
     Every array has shape (simulation,).
     """
@@ -111,40 +120,14 @@ class SimulationParameters(NamedTuple):
     stoppable_speed: F32
 
 
-LATER = (
-    "oncoming_error",
-    "oncoming_sight",
-    "usual_speed",
-    "hasty_change",
-    "rain_slowing",
-    "stoppable_speed",
-)
-"""What `passing` works out for two-way roads, and `people` for every one."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SceneConditions:
-    """Weather and light; every array has shape (simulation,).
-
-    Attributes:
-        rain_rate: Rain [mm/h].
-        believed_friction: Friction coefficient that drivers believe in.
-        step: The parameters of the step that follow.
-    """
-
-    rain_rate: F32
-    believed_friction: F32
-    step: SimulationParameters
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherEffects:
-    """What rain, fog and light come to; every array has shape (simulation,).
+    """Effects of rain, fog and light that are not drawn; every array has shape (simulation,).
 
     Attributes:
         rain_rate: Rain [mm/h].
-        film: Water on the road, the fields of `SimulationParameters` that are not drawn.
-        sight: Sight ahead, fields of `SimulationParameters`.
+        film: Water on the road, as fields of `SimulationParameters`.
+        sight: Sight ahead, as fields of `SimulationParameters`.
     """
 
     rain_rate: F32
@@ -152,46 +135,142 @@ class WeatherEffects:
     sight: dict[str, F32]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneConditions:
+    """Weather and light of each simulation; every array has shape (simulation,).
+
+    Fields that `SimulationParameters` has too are explained there.
+
+    Attributes:
+        rain_rate: Rain [mm/h].
+        believed_friction: Friction coefficient that drivers assume [1].
+    """
+
+    rain_rate: F32
+    believed_friction: F32
+    fog_extinction: F32
+    rain_extinction: F32
+    sight_front: F32
+    sight_rear: F32
+    lamp_threshold: F32
+    inverse_lit_range: F32
+    detection_time: F32
+    distance_error: F32
+    speed_error: F32
+    wind_along: F32
+    wind_across: F32
+    gust_gain: F32
+    gust_phase: F32
+    gust_length: F32
+    push_accel: F32
+    push_rate: F32
+    push_share: F32
+    push_phase: F32
+    least_film: F32
+    film_rain: F32
+    texture: F32
+    puddle_reach: F32
+    puddle_film: F32
+    puddle_phase_1: F32
+    puddle_phase_2: F32
+    side_accel: F32
+
+    def step_fields(self) -> dict[str, F32]:
+        """The fields of `SimulationParameters` that these conditions decide."""
+        return {name: getattr(self, name) for name in _STEP_FIELDS}
+
+
+_STEP_FIELDS = tuple(
+    field.name for field in fields(SceneConditions) if field.name in SimulationParameters._fields
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepContext:
+    """The inputs of the functions that compute parameters of the step.
+
+    Attributes:
+        scenario: A batch of scenarios, with its recorded weather. Bodies, pushes and judgements of
+            oncoming vehicles depend on it.
+        effective_scenario: The same batch with the weather that acts by physics. Drivers slow down
+            for this weather.
+        constants: Constants of the model, without the disabled effects.
+        conditions: Weather and light.
+        effects: The effects that are enabled.
+    """
+
+    scenario: Scenario
+    effective_scenario: Scenario
+    constants: ModelConstants
+    conditions: SceneConditions
+    effects: EnabledEffects
+
+
 @cached_per_batch
 def weather_effects(scenario: Scenario) -> WeatherEffects:
-    """What rain, fog and light come to in the whole model: in the step, in signals and tables."""
-    return _outlook(scenario, EnabledEffects())
+    """Effects of rain, fog and light in the whole model: in the step, in signals and tables.
+
+    The results are cached for each batch.
+    """
+    return _weather_effects(scenario, EnabledEffects())
 
 
-def scene_conditions(
-    scenario: Scenario, c: ModelConstants, effects: EnabledEffects
-) -> SceneConditions:
-    """What weather and light mean in each simulation."""
-    ahead = (
-        weather_effects(scenario) if effects == EnabledEffects() else _outlook(scenario, effects)
-    )
+def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) -> SceneConditions:
+    """Weather and light of each simulation.
+
+    No ablation changes the constants that are used here, so they are always the published ones.
+
+    Args:
+        scenario: A batch of scenarios, with its recorded weather.
+        effects: The effects that are enabled; None for all.
+    """
+    effects = effects or EnabledEffects()
+    is_whole_model = effects == EnabledEffects()
+    weather = weather_effects(scenario) if is_whole_model else _weather_effects(scenario, effects)
     draws = PhiloxStream(scenario.seed, scenario.index, Stream.WIND_AND_WATER)
-    felt = with_effective_weather(scenario)
-    # Wind draws before water: the order of the draws is part of what a seed means.
-    wind = _wind(felt, draws, effects)
+    effective_scenario = with_effective_weather(scenario)
+    # Wind draws before water: the order of the draws is part of the meaning of a seed.
+    wind = _wind(effective_scenario, draws, effects)
     phases = {"puddle_phase_1": draws.uniform(), "puddle_phase_2": draws.uniform()}
-    grip = _believed_grip(c, ahead.film)
-    dared = np.full_like(grip, constant("model.steering.comfort_accel"))
-    zero = np.zeros_like(grip)
-    step = SimulationParameters(
-        last_step=np.rint(scenario.horizon * STEPS_PER_SECOND),
-        deadline_step=np.rint(scenario.attempt_deadline * STEPS_PER_SECOND),
-        side_accel=minimum(dared, constant("model.steering.grip_share") * c.gravity * grip),
-        command=zero,
-        ring=zero,
-        inverse_ring=zero,
-        **dict.fromkeys(LATER, zero),
-        **_sight(felt, ahead, effects),
+    friction = _believed_friction(weather.film)
+    comfort = np.full_like(friction, constant("model.steering.comfort_accel"))
+    grip_share = constant("model.steering.grip_share")
+    return SceneConditions(
+        rain_rate=weather.rain_rate,
+        believed_friction=friction,
+        side_accel=minimum(comfort, grip_share * model_constants().gravity * friction),
+        **_sight(effective_scenario, weather, effects),
         **wind,
-        **ahead.film,
+        **weather.film,
         **phases,
-        **_push(scenario, draws),
+        **_pushes(scenario, draws),
     )
-    return SceneConditions(rain_rate=ahead.rain_rate, believed_friction=grip, step=step)
+
+
+def step_context(scenario: Scenario, effects: EnabledEffects) -> StepContext:
+    """Gather the inputs of the functions that compute parameters of the step.
+
+    Args:
+        scenario: A batch of scenarios.
+        effects: The effects that are enabled.
+    """
+    return StepContext(
+        scenario=scenario,
+        effective_scenario=with_effective_weather(scenario),
+        constants=without_disabled_effects(model_constants(), effects),
+        conditions=scene_conditions(scenario, effects),
+        effects=effects,
+    )
 
 
 def with_effective_weather(scenario: Scenario) -> Scenario:
-    """The scenario with the weather that acts by physics: a dry, still, clear day for pushes."""
+    """The scenario with the weather that acts by physics.
+
+    That is a dry, still, clear day where pushes stand for the weather, else the recorded weather.
+
+    Args:
+        scenario: A batch of scenarios.
+    """
     if scenario.pushes is None:
         return scenario
     weather, zero = scenario.weather, np.zeros_like(scenario.weather.rain)
@@ -209,66 +288,75 @@ def with_effective_weather(scenario: Scenario) -> Scenario:
 
 
 def has_reduced_vision(weather: Weather) -> Mask:
-    """Where the study reduces the field of vision, shape (simulation,)."""
-    cloudy = weather.cloudiness > constant("weather.pushes.clouds_percent")
-    return weather.night | cloudy | weather.horizon_line
-
-
-def _push(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
-    """Pushes towards where the wind blows to, as often as rain and wind are strong on average."""
-    weather, pushes = scenario.weather, scenario.pushes
-    zero = np.zeros_like(weather.rain)
-    if pushes is None:
-        return dict.fromkeys(("push_accel", "push_rate", "push_share", "push_phase"), zero)
-    sine, _ = sincos(weather.wind_direction)
-    towards = np.where(road_parameters(scenario.road).side * sine < 0, -_ONE, _ONE)
-    strength = np.float32(0.5) * PERCENT * (weather.rain + weather.wind)
-    per_second = strength / np.float32(pushes.interval)
-    return {
-        "push_accel": towards * np.float32(pushes.accel),
-        "push_rate": per_second / np.float32(DECISIONS_PER_SECOND),
-        "push_share": minimum(per_second * np.float32(pushes.duration), _ONE),
-        "push_phase": draws.uniform(),
-    }
+    """Whether the study reduces the field of vision, shape (simulation,)."""
+    is_cloudy = weather.cloudiness > constant("weather.pushes.clouds_percent")
+    return weather.night | is_cloudy | weather.horizon_line
 
 
 def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
-    """Mean wind in the direction of travel and towards the fast side, (simulation,) [m/s]."""
+    """Mean wind in each simulation.
+
+    Args:
+        scenario: A batch of scenarios.
+
+    Returns:
+        Components in the direction of travel and towards the fast side, shape (simulation,) [m/s].
+    """
     sine, cosine = sincos(scenario.weather.wind_direction)
     speed = constant("weather.wind.full_speed") * (scenario.weather.wind * PERCENT)
     return speed * cosine, road_parameters(scenario.road).side * speed * sine
 
 
-def _wind(scenario: Scenario, draws: PhiloxStream, effects: EnabledEffects) -> dict[str, F32]:
-    weather = scenario.weather
-    along, across = mean_wind(scenario)
-    gusty = (weather.wind >= constant("weather.gusts.from_percent")) & effects.gusts
-    gain = _drawn(draws, "weather.gusts.min_ratio", "weather.gusts.max_ratio")
+def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
+    """Pushes in the direction of the wind, as often as rain and wind are strong on average."""
+    weather, pushes = scenario.weather, scenario.pushes
+    zero = np.zeros_like(weather.rain)
+    if pushes is None:
+        return dict.fromkeys(("push_accel", "push_rate", "push_share", "push_phase"), zero)
+    sine, _ = sincos(weather.wind_direction)
+    push_sign = np.where(road_parameters(scenario.road).side * sine < 0, -ONE, ONE)
+    strength = HALF * PERCENT * (weather.rain + weather.wind)
+    per_second = strength / np.float32(pushes.interval)
     return {
-        "wind_along": along,
-        "wind_across": across,
-        "gust_gain": np.where(gusty, gain, np.float32(0.0)),
-        "gust_phase": draws.uniform(),
-        "gust_length": _drawn(draws, "weather.gusts.min_length", "weather.gusts.max_length"),
+        "push_accel": push_sign * np.float32(pushes.accel),
+        "push_rate": per_second / np.float32(DECISIONS_PER_SECOND),
+        "push_share": minimum(per_second * np.float32(pushes.duration), ONE),
+        "push_phase": draws.uniform(),
     }
 
 
-def _drawn(draws: PhiloxStream, low: str, high: str) -> F32:
-    """The next number between two entries of the knowledge base."""
+def _wind(scenario: Scenario, draws: PhiloxStream, effects: EnabledEffects) -> dict[str, F32]:
+    """Mean wind, and the single gusts of this simulation."""
+    along, across = mean_wind(scenario)
+    has_gusts = (scenario.weather.wind >= constant("weather.gusts.from_percent")) & effects.gusts
+    gain = _draw_between(draws, "weather.gusts.min_ratio", "weather.gusts.max_ratio")
+    return {
+        "wind_along": along,
+        "wind_across": across,
+        "gust_gain": np.where(has_gusts, gain, ZERO),
+        "gust_phase": draws.uniform(),
+        "gust_length": _draw_between(draws, "weather.gusts.min_length", "weather.gusts.max_length"),
+    }
+
+
+def _draw_between(draws: PhiloxStream, low: str, high: str) -> F32:
+    """Draw the next number, uniform between two entries of the knowledge base."""
     return draws.uniform(float(constant(low)), float(constant(high)))
 
 
-def _outlook(scenario: Scenario, effects: EnabledEffects) -> WeatherEffects:
-    felt = with_effective_weather(scenario)
-    rate = road_surface.rain_rate(felt.weather.rain)
+def _weather_effects(scenario: Scenario, effects: EnabledEffects) -> WeatherEffects:
+    """Effects of rain, fog and light, without the effects that are disabled."""
+    effective_scenario = with_effective_weather(scenario)
+    rate = road_surface.rain_rate(effective_scenario.weather.rain)
     return WeatherEffects(
         rain_rate=rate,
-        film=_film(felt, rate, effects),
-        sight=_sight_ahead(felt, rate, effects) | _cut(scenario, effects),
+        film=_film(effective_scenario, rate, effects),
+        sight=_sight_ahead(effective_scenario, rate, effects) | _reduced_vision(scenario, effects),
     )
 
 
 def _film(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F32]:
+    """Water on the road."""
     zero = np.zeros_like(rate)
     rain = rate if effects.film else zero
     puddles = scenario.weather.puddles if effects.film else zero
@@ -276,28 +364,31 @@ def _film(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F
         "least_film": road_surface.min_wet_film(rain, puddles),
         "film_rain": road_surface.film_rain_factor(rain),
         "texture": np.full_like(rate, constant("weather.film.texture_depth_mm")),
-        # See `film.puddle`.
-        "puddle_reach": np.sqrt(np.float32(2.0) * road_surface.puddle_cover(puddles)),
+        # The share of the road under water is half the square of the threshold, see
+        # `road_surface.puddle_depth_share`.
+        "puddle_reach": np.sqrt(TWO * road_surface.puddle_cover(puddles)),
         "puddle_film": road_surface.puddle_depth(puddles),
     }
 
 
-def _believed_grip(c: ModelConstants, water: dict[str, F32]) -> F32:
-    """The friction that a driver assumes: that of one tyre at one speed, outside puddles."""
+def _believed_friction(water: dict[str, F32]) -> F32:
+    """Friction coefficient that drivers assume: of one car tyre at one speed, outside puddles."""
     path = np.full_like(water["film_rain"], constant("model.believed_grip.path_factor"))
-    h = road_surface.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
-    speed = np.full_like(h, constant("model.believed_grip.speed"))
-    wear = np.full_like(h, constant("model.believed_grip.tyre_wear"))
-    return road_surface.peak_friction(c, speed, h, wear, np.zeros_like(h))
+    film = road_surface.lane_film(water["least_film"], water["film_rain"], path, water["texture"])
+    speed = np.full_like(film, constant("model.believed_grip.speed"))
+    wear = np.full_like(film, constant("model.believed_grip.tyre_wear"))
+    car = np.zeros_like(film)
+    return road_surface.peak_friction(model_constants(), speed, film, wear, car)
 
 
-def _sight(scenario: Scenario, ahead: WeatherEffects, effects: EnabledEffects) -> dict[str, F32]:
-    weather, rate = scenario.weather, ahead.rain_rate
+def _sight(
+    scenario: Scenario, conditions: WeatherEffects, effects: EnabledEffects
+) -> dict[str, F32]:
+    """Sight ahead and behind, time of detection and errors of judgement."""
+    weather, rate = scenario.weather, conditions.rain_rate
     zero = np.zeros_like(rate)
-    error = (
-        constant("weather.errors.closing_speed_cv") if effects.distance_error else np.float32(0.0)
-    )
-    return ahead.sight | {
+    error = constant("weather.errors.closing_speed_cv") if effects.distance_error else ZERO
+    return conditions.sight | {
         "sight_rear": _contrast(scenario, rate, np.abs(PI - np.abs(weather.sun_azimuth))),
         "detection_time": _detection_time(weather.night) if effects.delay else zero,
         "distance_error": _distance_error(scenario) if effects.distance_error else zero,
@@ -306,51 +397,64 @@ def _sight(scenario: Scenario, ahead: WeatherEffects, effects: EnabledEffects) -
 
 
 def _sight_ahead(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F32]:
-    weather, limited = scenario.weather, _ONE if effects.range else np.float32(0.0)
-    lit_range = limited / _low_beam_range(rate)
+    """Sight ahead: extinction, contrast, lamps."""
+    weather, limited = scenario.weather, ONE if effects.range else ZERO
+    inverse_lit_range = limited / _low_beam_range(rate)
     return {
         "fog_extinction": limited * visibility.fog_extinction(weather.fog),
         "rain_extinction": limited * visibility.rain_extinction(rate),
         "sight_front": _contrast(scenario, rate, np.abs(weather.sun_azimuth)),
-        "lamp_threshold": limited * visibility.lamp_threshold(weather.night, _dusk(scenario)),
-        "inverse_lit_range": np.where(weather.night, lit_range, np.zeros_like(rate)),
+        "lamp_threshold": limited * visibility.lamp_threshold(weather.night, _is_dusk(scenario)),
+        "inverse_lit_range": np.where(weather.night, inverse_lit_range, np.zeros_like(rate)),
     }
 
 
-def _cut(scenario: Scenario, effects: EnabledEffects) -> dict[str, F32]:
-    """The field of vision where pushes stand for weather: it ends for lamps as for all else."""
+def _reduced_vision(scenario: Scenario, effects: EnabledEffects) -> dict[str, F32]:
+    """Reduced field of vision where pushes stand for the weather, for lamps too."""
     if scenario.pushes is None or not effects.range:
         return {}
-    cut = has_reduced_vision(scenario.weather)
-    inverse = np.where(cut, _ONE / np.float32(scenario.pushes.sight), np.float32(0.0))
-    return {"inverse_lit_range": inverse, "lamp_threshold": np.full_like(inverse, _UNSEEN)}
+    is_reduced = has_reduced_vision(scenario.weather)
+    inverse = np.where(is_reduced, ONE / np.float32(scenario.pushes.sight), ZERO)
+    return {"inverse_lit_range": inverse, "lamp_threshold": np.full_like(inverse, _NO_LAMP_VISIBLE)}
 
 
 def _contrast(scenario: Scenario, rate: F32, angle: F32) -> F32:
-    """Logarithm of glare factor over contrast threshold, looking within an angle of the sun."""
+    """Logarithm of glare factor over contrast threshold [1].
+
+    Args:
+        scenario: A batch of scenarios.
+        rate: Rain rate [mm/h].
+        angle: Horizontal angle between the line of sight and the sun [rad].
+    """
     weather = scenario.weather
-    threshold = visibility.contrast_threshold(weather.night, _dusk(scenario), rate)
+    threshold = visibility.contrast_threshold(weather.night, _is_dusk(scenario), rate)
     glare = visibility.glare_factor(weather.sun_altitude, angle, weather.cloudiness)
     return log(glare / threshold)
 
 
-def _dusk(scenario: Scenario) -> Mask:
+def _is_dusk(scenario: Scenario) -> Mask:
+    """Whether the sun is below the horizon before the night begins."""
     return ~scenario.weather.night & (scenario.weather.sun_altitude < 0)
 
 
 def _low_beam_range(rate: F32) -> F32:
-    """How far an unlit object is seen by the own low beam [m]."""
-    wet_factor = np.where(rate > 0, constant("weather.headlamps.wet_factor"), _ONE)
+    """Range at which a driver's low beam shows an unlit object [m]."""
+    wet_factor = np.where(rate > 0, constant("weather.headlamps.wet_factor"), ONE)
     return constant("weather.headlamps.low_beam") * wet_factor
 
 
 def _detection_time(night: Mask) -> F32:
-    by_day, by_night = (constant(f"model.perception.detection_time_{x}") for x in ("day", "night"))
+    """Time in which a driver notices a vehicle in plain view [s]."""
+    by_day = constant("model.perception.detection_time_day")
+    by_night = constant("model.perception.detection_time_night")
     return np.where(night, by_night, by_day)
 
 
 def _distance_error(scenario: Scenario) -> F32:
-    day, night, fog = (constant(f"weather.errors.distance_cv_{x}") for x in ("day", "night", "fog"))
+    """Coefficient of variation of judged distances [1]."""
+    day, night, fog = (
+        constant(f"weather.errors.distance_cv_{light}") for light in ("day", "night", "fog")
+    )
     optical_range = visibility.meteorological_range(scenario.weather.fog)
-    foggy = optical_range < constant("model.perception.fog_range")
-    return np.where(foggy, fog, np.where(scenario.weather.night, night, day))
+    is_foggy = optical_range < constant("model.perception.fog_range")
+    return np.where(is_foggy, fog, np.where(scenario.weather.night, night, day))

@@ -11,6 +11,10 @@ import pytest
 from tests.support.worlds import Vehicle, body_of, scenario, wide_road
 
 from overtaking.world.constants import EnabledEffects
+from overtaking.world.driver_parameters import (
+    ONCOMING_JUDGEMENT_FIELDS,
+    REACTION_TO_ONCOMING_FIELDS,
+)
 from overtaking.world.road_parameters import road_parameters
 from overtaking.world.step_parameters import SIMULATION_FIELDS, parameters, with_command
 
@@ -93,6 +97,14 @@ def test_ablations_of_constants_touch_only_theirs():
     ):  # fmt: skip
         values = dataclasses.asdict(parameters(world, EnabledEffects(**{effect: False})).constants)
         assert {key for key in whole if whole[key] != values[key]} == {name}
+
+
+def test_on_a_road_of_one_direction_the_fields_of_oncoming_traffic_are_zero():
+    vehicles, simulations = step_fields(scenario([Vehicle()]))
+    for field in REACTION_TO_ONCOMING_FIELDS:
+        assert not getattr(vehicles, field).any(), field
+    for field in ONCOMING_JUDGEMENT_FIELDS:
+        assert not getattr(simulations, field).any(), field
 
 
 def test_a_reckless_driver_does_not_slow_for_weather_and_a_cautious_one_does():
