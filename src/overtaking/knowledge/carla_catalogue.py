@@ -10,12 +10,12 @@ from overtaking.knowledge.toml_reader import read_records
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CarlaVehicle:
-    """One vehicle of CARLA's catalogue.
+    """A vehicle of CARLA's catalogue.
 
     Attributes:
         blueprint: Its id, such as "vehicle.audi.a2".
-        base_type: CARLA's own word for what it is: car, truck, van, bus, motorcycle or bicycle.
-        vehicle_class: Class of `vehicle_classes` whose physics it gets.
+        base_type: CARLA's name of its kind: car, truck, van, bus, motorcycle or bicycle.
+        vehicle_class: Class of `vehicle_classes` that decides its physics.
         size: Length, width and height of its bounding box [m].
     """
 
@@ -28,13 +28,13 @@ class CarlaVehicle:
 @cache
 def carla_vehicles() -> Mapping[str, CarlaVehicle]:
     """The vehicles by id, in alphabetical order."""
-    found = read_records(CarlaVehicle, "carla_vehicles.toml").values()
-    return MappingProxyType({one.blueprint: one for one in found})
+    vehicles = read_records(CarlaVehicle, "carla_vehicles.toml").values()
+    return MappingProxyType({vehicle.blueprint: vehicle for vehicle in vehicles})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PropBlueprint:
-    """One prop of CARLA's catalogue, such as a traffic cone.
+    """A prop of CARLA's catalogue, such as a traffic cone.
 
     Attributes:
         blueprint: Its id, such as "static.prop.trafficcone01".
@@ -48,11 +48,11 @@ class PropBlueprint:
 @cache
 def props() -> Mapping[str, PropBlueprint]:
     """The props by id, in alphabetical order."""
-    sections = read_records(PropBlueprint, "carla_props.toml").values()
-    return MappingProxyType({prop.blueprint: prop for prop in sections})
+    props_by_key = read_records(PropBlueprint, "carla_props.toml").values()
+    return MappingProxyType({prop.blueprint: prop for prop in props_by_key})
 
 
-# Our field, which carries its unit, to CARLA's, which does not.
+# Our field, whose name ends in its unit, to the field of CARLA.
 _CARLA_FIELDS = {
     "cloudiness_percent": "cloudiness",
     "precipitation_percent": "precipitation",
@@ -84,7 +84,7 @@ class WeatherPreset:
         sun_azimuth_deg: Direction of the sun; -1 keeps the sun where it is.
         sun_altitude_deg: Height of the sun; negative at night.
         fog_density_percent: Fog.
-        fog_distance: Where the fog begins [m].
+        fog_distance: Distance at which the fog begins [m].
         wetness_percent: Sheen of the road, for cameras only.
         fog_falloff: Thinning of the fog with height.
         scattering_intensity: Light that the fog scatters.
@@ -110,8 +110,8 @@ class WeatherPreset:
     dust_storm_percent: float
 
     def carla_fields(self) -> dict[str, float]:
-        """The fourteen values by the names of `carla.WeatherParameters`, in its order."""
-        return {theirs: getattr(self, ours) for ours, theirs in _CARLA_FIELDS.items()}
+        """The fourteen values, named and ordered as in `carla.WeatherParameters`."""
+        return {carla_field: getattr(self, field) for field, carla_field in _CARLA_FIELDS.items()}
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The words for classes, policies, features and vehicle classes, each declared once."""
+"""The words of the package: classes, policies, features, vehicle classes and other terms."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ TERM_GROUPS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Term:
-    """What a word means.
+    """A word and its meaning.
 
     Attributes:
         meaning: One sentence.
-        defined_in: Where the code defines it, below the root of the package.
-        title: The name in a few words, empty where the name is one.
-        display_unit: Unit in which tables show it, empty without one.
-        avoid: What not to call it.
+        defined_in: Module and name that define it, below the root of the package.
+        title: The name in a few words; empty if the name is a word of its own.
+        display_unit: Unit in which tables show it; empty for a pure number or a text.
+        avoid: Words that must not be used for it.
     """
 
     meaning: str
@@ -45,10 +45,10 @@ def terms(group: str) -> Mapping[str, Term]:
     """The terms of a group by name, in the order in which tables show them.
 
     Args:
-        group: One of `GROUPS`.
+        group: One of `TERM_GROUPS`.
 
     Raises:
-        KnowledgeError: An entry lacks a word, or has one too many.
+        KnowledgeError: A term lacks a key or has an unknown one.
         KeyError: There is no such group.
     """
     return read_records(Term, "glossary.toml", group)

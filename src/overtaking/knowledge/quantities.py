@@ -9,7 +9,7 @@ from overtaking.core.errors import KnowledgeError
 from overtaking.core.units import si_unit, unit_converter, unit_of_suffix
 
 Values: TypeAlias = "float | tuple[Values, ...]"
-"""A number, or a tuple of them, nested as deep as the table that it stands for."""
+"""A number, or a tuple of numbers or of tuples, as deep as the lists of the file."""
 
 ENGINEERING_CHOICE = "choice"
 """The source of an engineering choice; such an entry must give its rationale."""
@@ -21,14 +21,14 @@ SOURCE_KINDS = ("law", "standard", "handbook", "paper", "report", "software")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """Where values come from.
+    """A publication, standard or program from which values come.
 
     Attributes:
         id: Short name by which entries refer to it.
-        citation: What to look up: author, year, title, and a DOI or an official number.
+        citation: Author, year, title, and a DOI or an official number.
         kind: One of `SOURCE_KINDS`.
-        checked: Whether the values were read in the source, or in a faithful reprint of it,
-            rather than taken over from the common knowledge of the field.
+        checked: Whether the values were read in the source or in a faithful reprint. If not, they
+            are common knowledge of the field.
     """
 
     id: str
@@ -86,7 +86,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution:
-    """How a parameter spreads over a population.
+    """The distribution of a parameter over a population.
 
     The parameters by kind: `constant`: value; `uniform`: none beside the limits; `normal`: mean,
     sigma; `lognormal`: median, sigma (of the natural logarithm, so without unit); `bernoulli`:
@@ -113,7 +113,7 @@ class Distribution:
     rationale: str | None
 
     def __post_init__(self) -> None:
-        """Close the parameters, so that a cached distribution cannot be changed."""
+        """Make the parameters read-only, because distributions are cached."""
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
     def numbers(self) -> dict[str, Any]:
@@ -122,7 +122,7 @@ class Distribution:
         return {"kind": self.kind, **self.parameters, **limits, "unit": self.unit}
 
     def parameter(self, name: str) -> float:
-        """One scalar parameter; KnowledgeError if this kind has none of that name."""
+        """One scalar parameter; KnowledgeError if this kind lacks it."""
         value = self.parameters.get(name)
         if isinstance(value, float):
             return value
@@ -235,7 +235,7 @@ def parse_distribution(
 
 
 def _origin(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Where the numbers of an entry come from, by field of `Quantity` and `Distribution`."""
+    """Unit and source of an entry, by field of `Quantity` and `Distribution`."""
     return {
         "quoted_unit": entry["unit"],
         "source": entry["source"],
@@ -268,11 +268,11 @@ def _unit(entry: Mapping[str, Any], name: str, where: str) -> tuple[str, Callabl
     """The unit in which the value is kept, and the conversion into it."""
     quoted: str = entry["unit"]
     convert = unit_converter(str(quoted), where=where)
-    kept = unit_of_suffix(name)
-    if kept is None:
+    suffix_unit = unit_of_suffix(name)
+    if suffix_unit is None:
         return si_unit(quoted), convert
-    if kept != quoted:
-        raise _wrong("unit", where, f"{kept}, as the name {name} says", quoted)
+    if suffix_unit != quoted:
+        raise _wrong("unit", where, f"{suffix_unit}, as the name {name} says", quoted)
     return quoted, float
 
 
@@ -299,7 +299,7 @@ def _limits(
     convert: Callable[[Any], float],
     where: str,
 ) -> tuple[Values, Values]:
-    """Where a sample of the quantity is cut off."""
+    """Smallest and largest value of a sample of the quantity."""
     if isinstance(value, tuple):
         if entry.keys() & {"sigma", "low", "high"}:
             raise _wrong("spread", where, "sigma, low and high beside one number only", "a list")
@@ -313,7 +313,7 @@ def _limits(
 
 
 def _range_of_draws(kind: str, numbers: Mapping[str, Any], where: str) -> tuple[float, float]:
-    """Smallest and largest possible draw; KnowledgeError if the parameters make no sense."""
+    """Smallest and largest possible draw; KnowledgeError for inconsistent parameters."""
     if kind == "choice":
         return _choice_support(numbers, where)
     if any(isinstance(number, tuple) for number in numbers.values()):

@@ -12,7 +12,7 @@ _FILE = "roads.toml"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GeneralLimits:
-    """Limits that hold where none is posted, for light passenger vehicles [m/s].
+    """Limits of roads without a posted limit, for light passenger vehicles [m/s].
 
     Attributes:
         motorway: On motorways.
@@ -27,15 +27,15 @@ class GeneralLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SightFacts:
-    """What limits the sight of a road, and below which sight one does not pass; all in SI.
+    """Numbers for the sight on a road and the sight that passing needs; all in SI.
 
     Attributes:
-        clearance: From the middle of the lane inside a bend to what hides the road [m].
-        eye_height: Of who drives a car, above the road [m].
-        truck_eye_height: Of who drives a truck [m].
-        object_height: Of what is seen of a vehicle [m].
+        clearance: From the middle of the lane inside a bend to the obstacle to sight [m].
+        eye_height: Height of a car driver's eyes above the road [m].
+        truck_eye_height: Height of a truck driver's eyes above the road [m].
+        object_height: Height of the part of a vehicle that a driver must see, above the road [m].
         passing_zone_speeds: Speed limits [m/s].
-        passing_zone_sight: Least sight at each of them where lines let one pass [m].
+        passing_zone_sight: Least sight at each speed limit where markings allow passing [m].
     """
 
     clearance: float
@@ -48,7 +48,7 @@ class SightFacts:
 
 @cache
 def sight_facts() -> SightFacts:
-    """What limits the sight of a road that bends or rises."""
+    """The numbers for sight on roads that bend or rise."""
     return read_record(SightFacts, _FILE, "sight")
 
 

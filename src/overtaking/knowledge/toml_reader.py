@@ -18,7 +18,7 @@ import copy
 import dataclasses
 import tomllib
 from collections.abc import Iterator, Mapping
-from enum import EnumType
+from enum import Enum, EnumType
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType, UnionType
@@ -116,7 +116,7 @@ def read_record(cls: type[Record], file: str | Path, section: str = "") -> Recor
             got="none" if table is None else table,
             next_step="add the section",
         )
-    return _record_from_table(cls, cast("dict[str, Any]", table), where=_where(file, section))
+    return _record_from_table(cls, cast("dict[str, Any]", table), where=_entry_place(file, section))
 
 
 def read_records(cls: type[Record], file: str | Path, section: str = "") -> Mapping[str, Record]:
@@ -218,7 +218,7 @@ def load_quantity(path: str) -> Quantity:
         return entry
     raise KnowledgeError.of(
         what="entry",
-        where=_where(f"{stem}.toml", name),
+        where=_entry_place(f"{stem}.toml", name),
         expected="a quantity",
         got="none" if entry is None else f"a {entry.kind} distribution",
         next_step="correct the name, or draw from the distribution",
@@ -258,7 +258,7 @@ def _entries_of_lines(
 
 
 def _entry_with_shared(value: Any, shared: Mapping[str, str]) -> dict[str, Any]:
-    """The entry of one item; its own source and rationale win over those of its line."""
+    """The entry of one item; its own source and rationale replace the shared ones."""
     if not isinstance(value, dict):
         return {"value": value, **shared}
     entry = cast("dict[str, Any]", value)
@@ -277,7 +277,7 @@ def _inherit(table: dict[str, Any], document: Mapping[str, Any], file: str) -> N
         if isinstance(path := child.get("base"), str):
             base = _table_at(document, path, f"{file} [{name}]")
             del child["base"]
-            table[name] = child = _merged(base, child)
+            table[name] = child = _merge_tables(base, child)
         _inherit(child, document, file)
 
 
@@ -291,13 +291,13 @@ def _table_at(document: Mapping[str, Any], path: str, where: str) -> Mapping[str
     return cast("dict[str, Any]", table)
 
 
-def _merged(base: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
-    """The entries of a base in their order, replaced by those of the table, then its new ones."""
+def _merge_tables(base: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries of a base, each replaced if the table states it, then the new entries."""
     merged = copy.deepcopy(dict(base))
     for key, item in table.items():
         below = merged.get(key)
         if isinstance(below, dict) and isinstance(item, dict) and not is_entry(item):
-            item = _merged(cast("dict[str, Any]", below), cast("dict[str, Any]", item))
+            item = _merge_tables(cast("dict[str, Any]", below), cast("dict[str, Any]", item))
         merged[key] = item
     return merged
 
@@ -315,7 +315,8 @@ def _source(id_: str, item: Any) -> Source:
     return source
 
 
-def _where(file: str | Path, name: str) -> str:
+def _entry_place(file: str | Path, name: str) -> str:
+    """File and entry or section, for messages."""
     return f"{Path(file).name} [{name}]" if name else Path(file).name
 
 
@@ -350,22 +351,23 @@ def _record_from_table(cls: type[Record], table: Mapping[str, Any], *, where: st
     return cls(**values)
 
 
-def _check_keys(got: set[str], *, allowed: set[str], required: set[str], where: str) -> None:
+def _check_keys(keys: set[str], *, allowed: set[str], required: set[str], where: str) -> None:
     """KnowledgeError for the first key that is unknown or missing."""
-    for what, keys in (("unknown key", got - allowed), ("missing key", required - got)):
-        if keys:
+    for fault, names in (("unknown key", keys - allowed), ("missing key", required - keys)):
+        if names:
             raise KnowledgeError.of(
-                what=f"{what} {min(keys)}",
+                what=f"{fault} {min(names)}",
                 where=where,
                 expected=f"the keys {', '.join(sorted(allowed))}",
-                got=", ".join(sorted(got)) or "none",
+                got=", ".join(sorted(keys)) or "none",
                 next_step="correct the file",
             )
 
 
 def _field_value(item: Any, hint: Any, name: str, where: str) -> Any:
     """One item of a table, as the type that its field declares."""
-    hint = next((one for one in get_args(hint) if isinstance(hint, UnionType)), hint)  # Not None.
+    if isinstance(hint, UnionType):
+        hint = get_args(hint)[0]  # The type beside None.
     if hint in (str, bool) or isinstance(hint, EnumType):
         return _text_or_flag(item, hint, where)
     if dataclasses.is_dataclass(hint) and hint not in (Quantity, Distribution):
@@ -385,10 +387,10 @@ def _field_value(item: Any, hint: Any, name: str, where: str) -> Any:
 def _text_or_flag(item: Any, hint: Any, where: str) -> Any:
     """A name, a flag or a member of an enumeration."""
     if isinstance(hint, EnumType):
-        known = [str(one) for one in hint]
-        if item in known:
+        members = [str(cast("Enum", member).value) for member in hint]
+        if item in members:
             return hint(item)
-        raise _wrong_kind(where, f"one of {', '.join(known)}", item)
+        raise _wrong_kind(where, f"one of {', '.join(members)}", item)
     if isinstance(item, hint):
         return item
     raise _wrong_kind(where, f"a {hint.__name__}", item)

@@ -17,7 +17,7 @@ COLOUR_NAMES = ("yellow", "blue", "red", "green", "orange", "grey", "white", "br
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleClass:
-    """What the vehicles of one class have in common, and how far they differ.
+    """Properties of the vehicles of one class, with their spread.
 
     The centre of gravity lies `cg_to_front_ratio` of the wheelbase behind the front axle, written
     a, and b ahead of the rear axle. All values are SI.

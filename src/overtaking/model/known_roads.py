@@ -14,6 +14,9 @@ from overtaking.model.road_course import CentreLineSpan, RoadCourse, RoadZone, Z
 ROAD_NAMES = ("town06", "motorway", "rural")
 """The roads that come with the package."""
 
+_LINES = (RoadMark.SOLID, RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID)
+_PLACES = (ZoneKind.JUNCTION, ZoneKind.CREST, ZoneKind.BEND)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NeighbourEntry:
@@ -30,7 +33,7 @@ class _NeighbourEntry:
     lane_id: int
     kind: str
     width: float
-    far_mark: str
+    far_mark: RoadMark
     is_oncoming: bool = False
 
 
@@ -65,7 +68,7 @@ class _RoadEntry:
 
     Attributes:
         kind: OpenDRIVE road type.
-        driving_side: "right" or "left".
+        driving_side: Side of the road that traffic keeps to.
         lane_ids: OpenDRIVE ids.
         lane_widths: Widths [m].
         slow_edge_mark: Line on the slow side of the first lane.
@@ -83,12 +86,12 @@ class _RoadEntry:
     """
 
     kind: str
-    driving_side: str
+    driving_side: DrivingSide
     lane_ids: tuple[float, ...]
     lane_widths: tuple[float, ...]
-    slow_edge_mark: str
-    lane_mark: str
-    fast_edge_mark: str
+    slow_edge_mark: RoadMark
+    lane_mark: RoadMark
+    fast_edge_mark: RoadMark
     edge_d: float
     length: float
     x0: float
@@ -98,16 +101,6 @@ class _RoadEntry:
     slow_side: _NeighbourEntry
     fast_side: _NeighbourEntry
     course: _CourseEntry | None = None
-
-
-@cache
-def road_facts(name: str) -> _RoadEntry:
-    """The facts about one of `ROAD_NAMES`; KnowledgeError for any other name."""
-    return read_record(_RoadEntry, "roads.toml", name)
-
-
-_LINES = (RoadMark.SOLID, RoadMark.SOLID_BROKEN, RoadMark.BROKEN_SOLID)
-_PLACES = (ZoneKind.JUNCTION, ZoneKind.CREST, ZoneKind.BEND)
 
 
 @cache
@@ -128,60 +121,66 @@ def known_road(name: str) -> Road:
             got=repr(name),
             next_step="choose one of them, or read a map file",
         )
-    facts = road_facts(name)
-    slow, fast = facts.slow_side, facts.fast_side
-    lanes = zip(map(int, facts.lane_ids), facts.lane_widths, _marks(facts), strict=True)
-    slow_marks = slow.far_mark, facts.slow_edge_mark
-    fast_marks = facts.fast_edge_mark, fast.far_mark
+    road = read_record(_RoadEntry, "roads.toml", name)
+    slow, fast = road.slow_side, road.fast_side
+    lanes = zip(map(int, road.lane_ids), road.lane_widths, _marks(road), strict=True)
+    slow_marks = slow.far_mark, road.slow_edge_mark
+    fast_marks = road.fast_edge_mark, fast.far_mark
     return Road(
         name=name,
-        kind=facts.kind,
-        driving_side=DrivingSide(facts.driving_side),
-        lanes=tuple(_lane(facts, *lane, "driving") for lane in lanes),
-        edge_d=facts.edge_d,
-        length=facts.length,
-        x0=facts.x0,
-        y0=facts.y0,
-        heading=facts.heading,
-        speed_limit=facts.speed_limit,
-        slow_side_neighbour=_neighbour_lane(facts, slow, slow_marks),
-        fast_side_neighbour=_neighbour_lane(facts, fast, fast_marks),
-        course=facts.course and _course(facts.course),
+        kind=road.kind,
+        driving_side=road.driving_side,
+        lanes=tuple(_lane(road, *lane, "driving") for lane in lanes),
+        edge_d=road.edge_d,
+        length=road.length,
+        x0=road.x0,
+        y0=road.y0,
+        heading=road.heading,
+        speed_limit=road.speed_limit,
+        slow_side_neighbour=_neighbour_lane(road, slow, slow_marks),
+        fast_side_neighbour=_neighbour_lane(road, fast, fast_marks),
+        course=road.course and _course(road.course),
     )
 
 
-def _course(facts: _CourseEntry) -> RoadCourse:
+def _course(entry: _CourseEntry) -> RoadCourse:
+    """The course, its centre line in the order of stations."""
     lines = [
         CentreLineSpan(start=start, stop=stop, mark=mark)
         for mark in _LINES
-        for start, stop in getattr(facts, mark.name.lower())
+        for start, stop in getattr(entry, mark.name.lower())
     ]
     places = [
         RoadZone(kind=kind, start=start, stop=stop)
         for kind in _PLACES
-        for start, stop in getattr(facts, kind.value)
+        for start, stop in getattr(entry, kind.value)
     ]
     return RoadCourse(
         lines=tuple(sorted(lines, key=attrgetter("start"))),
         places=tuple(places),
-        sight=facts.sight,
-        sight_against=facts.sight_against,
+        sight=entry.sight,
+        sight_against=entry.sight_against,
     )
 
 
-def _marks(facts: _RoadEntry) -> Iterable[tuple[str, str]]:
+def _marks(road: _RoadEntry) -> Iterable[tuple[RoadMark, RoadMark]]:
     """The marks of each driving lane on its kerb side and on its overtaking side."""
-    between = [facts.lane_mark] * (len(facts.lane_ids) - 1)
-    return pairwise([facts.slow_edge_mark, *between, facts.fast_edge_mark])
+    between = [road.lane_mark] * (len(road.lane_ids) - 1)
+    return pairwise([road.slow_edge_mark, *between, road.fast_edge_mark])
 
 
-def _neighbour_lane(facts: _RoadEntry, beside: _NeighbourEntry, marks: tuple[str, str]) -> Lane:
-    lane = _lane(facts, beside.lane_id, beside.width, marks, beside.kind)
+def _neighbour_lane(
+    road: _RoadEntry, beside: _NeighbourEntry, marks: tuple[RoadMark, RoadMark]
+) -> Lane:
+    """A lane beside the driving lanes, whose traffic may come the other way."""
+    lane = _lane(road, beside.lane_id, beside.width, marks, beside.kind)
     return replace(lane, direction=-1) if beside.is_oncoming else lane
 
 
-def _lane(facts: _RoadEntry, lane_id: int, width: float, marks: tuple[str, str], kind: str) -> Lane:
+def _lane(
+    road: _RoadEntry, lane_id: int, width: float, marks: tuple[RoadMark, RoadMark], kind: str
+) -> Lane:
     """A lane, from its marks on the kerb side and on the overtaking side."""
-    slow, fast = map(RoadMark, marks)
-    right, left = (slow, fast) if facts.driving_side == "right" else (fast, slow)
+    slow, fast = marks
+    right, left = (slow, fast) if road.driving_side is DrivingSide.RIGHT else (fast, slow)
     return Lane(lane_id=lane_id, width=width, kind=kind, right_mark=right, left_mark=left)

@@ -1,4 +1,4 @@
-"""What the source paper states about its data set, number by number."""
+"""The numbers that the source paper states about its data set."""
 
 import math
 from collections.abc import Mapping
@@ -14,11 +14,12 @@ _FILE = "paper.toml"
 
 ALL = "all"
 """The scope of a statement about every simulation."""
-_DIGITS = 9  # Decimals that no printed number has; what is beyond is of the conversion.
+# No printed number has more decimals; further digits are errors of the conversion to SI.
+_DIGITS = 9
 
 
 class StatementRole(StrEnum):
-    """What a number of the paper is to us."""
+    """The role of a number of the paper in the model."""
 
     CALIBRATED = "calibrated"
     IMPLIED = "implied"
@@ -34,7 +35,7 @@ class StatementRole(StrEnum):
 
     @property
     def group(self) -> str:
-        """What it counts as in the score."""
+        """The group of the score in which it counts."""
         return _GROUPS.get(self, str(self))
 
 
@@ -153,5 +154,5 @@ def statements() -> Mapping[str, Statement]:
 
 @cache
 def calibration() -> Calibration:
-    """What was fitted, and with which random numbers."""
+    """The fitted population and the seeds of its calibration."""
     return read_record(Calibration, _FILE, "calibration")

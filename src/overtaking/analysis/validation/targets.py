@@ -13,7 +13,7 @@ _FILE = "validation.toml"
 
 
 class TargetRole(StrEnum):
-    """What a figure within its limits says of a profile's drivers."""
+    """The meaning of a figure within its limits for the drivers of a profile."""
 
     FITTED = "fitted"
     HELD_OUT = "held out"
@@ -38,7 +38,7 @@ class FigureTarget:
 
     Attributes:
         description: The figure in words.
-        standing: What a figure within its limits says.
+        standing: The meaning of a figure within its limits.
         low: Lower limit, None if it is open.
         high: Upper limit, None if it is open.
         display_unit: Unit in which a figure without limits is shown.
@@ -55,7 +55,7 @@ class FigureTarget:
     @property
     def limits(self) -> list[Quantity]:
         """The limits that are not open."""
-        return [one for one in (self.low, self.high) if one is not None]
+        return [limit for limit in (self.low, self.high) if limit is not None]
 
     @property
     def unit(self) -> str:
@@ -71,7 +71,7 @@ class FigureTarget:
     @property
     def source(self) -> str:
         """Source of the limits, `choice` where one of them is our own; empty without any."""
-        sources = [one.source for one in self.limits]
+        sources = [limit.source for limit in self.limits]
         return ENGINEERING_CHOICE if ENGINEERING_CHOICE in sources else "".join(sources[-1:])
 
 
