@@ -45,62 +45,6 @@ def vehicle_parameters(context: StepContext) -> FieldArrays:
     )
 
 
-def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
-    """Lengths and widths, and the effects of a body on traffic behind it."""
-    is_tall = (vehicles.kind == VehicleKind.T) | (vehicles.kind == VehicleKind.V)
-    return {
-        "half_length": HALF * vehicles.length,
-        "half_width": HALF * vehicles.width,
-        "half_track": HALF * vehicles.track_width,
-        "tall": is_tall & effects.occlusion,
-        "shelters": is_tall,
-        "spray": vehicles.spray_factor,
-    }
-
-
-def _cg_to_rear(vehicles: VehicleSpecs) -> F32:
-    """Distance between the centre of gravity and the rear axle [m]."""
-    return vehicles.wheelbase - vehicles.cg_to_front
-
-
-def _inertia(vehicles: VehicleSpecs) -> FieldArrays:
-    """Inertia and levers, as the step multiplies by them."""
-    return {
-        "inverse_mass": ONE / vehicles.mass,
-        "inverse_inertia": ONE / vehicles.yaw_inertia,
-        "cg_front": vehicles.cg_to_front,
-        "cg_rear": _cg_to_rear(vehicles),
-        "inverse_wheelbase": ONE / vehicles.wheelbase,
-    }
-
-
-def _drive(scenario: Scenario, constants: ModelConstants) -> FieldArrays:
-    """Forces of the engine, the brakes and the resistances."""
-    vehicles = scenario.vehicles
-    # Bicycles of the study drive at 50 km/h and more: let them hold the speed that they start with.
-    raised_max_speed = maximum(vehicles.max_speed, scenario.start_speed)
-    return {
-        "launch_force": vehicles.mass * vehicles.launch_accel,
-        "power": constant("model.dynamics.power_share") * vehicles.power,
-        "drag": constants.half_air_density * vehicles.drag_area,
-        "rolling": vehicles.rolling_resistance * vehicles.mass * constants.gravity,
-        "max_speed": np.where(vehicles.unlawful_presence, raised_max_speed, vehicles.max_speed),
-        "brake_force": vehicles.mass * vehicles.peak_decel,
-        "front_drive": vehicles.front_drive_share,
-    }
-
-
-def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
-    """Steering response and kind of the tyres."""
-    return {
-        "understeer": understeer_gradient(vehicles, constants),
-        "moment_angle": moment_angle(vehicles, constants),
-        "side_lag": side_lag(vehicles, constants),
-        "wear": vehicles.tyre_wear,
-        "truck": (vehicles.kind == VehicleKind.T).astype(np.float32),
-    }
-
-
 def understeer_gradient(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
     """Wheel angle per lateral acceleration, beyond the angle that the curve itself needs.
 
@@ -160,6 +104,57 @@ def side_lag(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
     )
 
 
+def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
+    """Lengths and widths, and the effects of a body on traffic behind it."""
+    is_tall = (vehicles.kind == VehicleKind.T) | (vehicles.kind == VehicleKind.V)
+    return {
+        "half_length": HALF * vehicles.length,
+        "half_width": HALF * vehicles.width,
+        "half_track": HALF * vehicles.track_width,
+        "tall": is_tall & effects.occlusion,
+        "shelters": is_tall,
+        "spray": vehicles.spray_factor,
+    }
+
+
+def _inertia(vehicles: VehicleSpecs) -> FieldArrays:
+    """Inertia and levers, as the step multiplies by them."""
+    return {
+        "inverse_mass": ONE / vehicles.mass,
+        "inverse_inertia": ONE / vehicles.yaw_inertia,
+        "cg_front": vehicles.cg_to_front,
+        "cg_rear": _cg_to_rear(vehicles),
+        "inverse_wheelbase": ONE / vehicles.wheelbase,
+    }
+
+
+def _drive(scenario: Scenario, constants: ModelConstants) -> FieldArrays:
+    """Forces of the engine, the brakes and the resistances."""
+    vehicles = scenario.vehicles
+    # Bicycles of the study drive at 50 km/h and more: let them hold the speed that they start with.
+    raised_max_speed = maximum(vehicles.max_speed, scenario.start_speed)
+    return {
+        "launch_force": vehicles.mass * vehicles.launch_accel,
+        "power": constant("model.dynamics.power_share") * vehicles.power,
+        "drag": constants.half_air_density * vehicles.drag_area,
+        "rolling": vehicles.rolling_resistance * vehicles.mass * constants.gravity,
+        "max_speed": np.where(vehicles.unlawful_presence, raised_max_speed, vehicles.max_speed),
+        "brake_force": vehicles.mass * vehicles.peak_decel,
+        "front_drive": vehicles.front_drive_share,
+    }
+
+
+def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
+    """Steering response and kind of the tyres."""
+    return {
+        "understeer": understeer_gradient(vehicles, constants),
+        "moment_angle": moment_angle(vehicles, constants),
+        "side_lag": side_lag(vehicles, constants),
+        "wear": vehicles.tyre_wear,
+        "truck": (vehicles.kind == VehicleKind.T).astype(np.float32),
+    }
+
+
 def _wind_surface(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
     """Force of side wind per squared speed, and its levers."""
     return {
@@ -197,11 +192,6 @@ def _lamps(context: StepContext) -> FieldArrays:
     }
 
 
-def _light_bit(is_on: Mask, light: Lights) -> F32:
-    """The bit of a light where it is on, else 0."""
-    return np.where(is_on, np.float32(light.value), ZERO)
-
-
 def _start(scenario: Scenario) -> FieldArrays:
     """States at the start, each vehicle in the frame of its own direction."""
     road = road_parameters(scenario.road)
@@ -218,3 +208,13 @@ def _start(scenario: Scenario) -> FieldArrays:
         "start_lane": lane,
         "direction": np.where(is_oncoming, -ONE, ONE),
     }
+
+
+def _light_bit(is_on: Mask, light: Lights) -> F32:
+    """The bit of a light where it is on, else 0."""
+    return np.where(is_on, np.float32(light.value), ZERO)
+
+
+def _cg_to_rear(vehicles: VehicleSpecs) -> F32:
+    """Distance between the centre of gravity and the rear axle [m]."""
+    return vehicles.wheelbase - vehicles.cg_to_front
