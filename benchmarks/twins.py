@@ -58,8 +58,8 @@ def twins(given: Specification, pairs: int, seed: int) -> dict[str, NDArray[np.u
         index = np.arange(first, min(first + CHUNK, pairs), dtype=np.uint64)
         scenario = ScenarioSource(given, road, seed).sample(index)
         parts[""].append(classes_of(scenario))
-        for name, take in REMOVABLE_FACTORS.items():
-            weather = take(scenario.weather)
+        for name in REMOVABLE_FACTORS:
+            weather = scenario.weather.without(name)
             parts[name].append(classes_of(scenario.replace(weather=weather)))
         print(f"\r{len(index) + first:,} of {pairs:,} pairs", end="", file=sys.stderr)
     print(file=sys.stderr)

@@ -52,7 +52,6 @@ Objects:
     Move                    a decision that a driver may answer
     OvertakingError         the base of all errors
     RecordingWarning        a warning about a recording that was read
-    weather                 weather without rain, wind, fog, night or glare
 
 Modules:
 
@@ -110,7 +109,6 @@ _HOMES = {
     "dataset_statistics": "overtaking.api.results",
     "validate_profile": "overtaking.api.results",
     "write_evaluation": "overtaking.api.evaluating",
-    "weather": "overtaking.api",
     "write_report": "overtaking.api.results",
     "write_reproduction": "overtaking.api.results",
     "serve_viewer": "overtaking.api.results",

@@ -3,7 +3,6 @@ from overtaking import law as law
 from overtaking import learning as learning
 from overtaking import logic as logic
 from overtaking import whatif as whatif
-from overtaking.api import weather as weather
 from overtaking.api.data import generate_dataset as generate_dataset
 from overtaking.api.data import load_dataset as load_dataset
 from overtaking.api.data import relabel_dataset as relabel_dataset

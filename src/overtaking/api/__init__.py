@@ -1,6 +1,6 @@
 """The public functions: what to call from Python, and which simulator they call."""
 
-from overtaking.api import rules, weather
+from overtaking.api import rules
 from overtaking.api.carla import measure_limits, replay, serve
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, simulator_of
 from overtaking.api.data import (
@@ -117,7 +117,6 @@ __all__ = [
     "tolerance_curve",
     "undecidable_rules",
     "validate_profile",
-    "weather",
     "write_column_map",
     "write_evaluation",
     "write_report",

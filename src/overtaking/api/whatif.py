@@ -42,8 +42,8 @@ def counterfactual(
     Args:
         data: The data set, or its folder; of simulations, or of branches.
         simulation: Its number.
-        without: What is taken away from the weather: names in `weather.REMOVABLE_FACTORS`. Rain
-            goes with film, spray, puddles and clouds.
+        without: Factors to remove from the weather, as in `Weather.without`: `wind`, `rain`, `fog`,
+            `night` or `glare`.
         driver: Another temper of the ego's driver: `careful`, `average` or `reckless`.
         stay: Whether the ego never begins an overtake.
         delay: By how much later it begins, whatever the gaps are then [s].

@@ -1,7 +1,7 @@
 """Weather, and weather without one of its factors."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -75,75 +75,77 @@ class Weather(Batch):
     horizon_line: Annotated[Mask, FieldSpec("Whether the sun stands low ahead")]
 
     def axis_lengths(self) -> Mapping[str, int]:
-        """How many presets there are."""
+        """Number of weather presets."""
         return {"preset": len(weather_presets())}
+
+    def without(self, *factors: str) -> "Weather":
+        """The same weather without some factors; the preset is then `NO_PRESET`.
+
+        Args:
+            factors: Names in `REMOVABLE_FACTORS`, in any order. Without rain the road is dry and
+                has no puddles, and the clouds of the rain are gone.
+
+        Raises:
+            ConfigError: A name is not in `REMOVABLE_FACTORS`.
+        """
+        for name in sorted(set(factors) - set(REMOVABLE_FACTORS)):
+            raise ConfigError.unknown_choice("without", "weather", REMOVABLE_FACTORS, name)
+        weather = self
+        # In a fixed order, because night and glare both move the sun.
+        for name, remove in _REMOVERS.items():
+            weather = remove(weather) if name in factors else weather
+        return weather
 
 
 _NOON = np.float32(np.pi / 4)
 """A sun that neither dazzles nor leaves twilight [rad]."""
 
 
-def dry(weather: Weather) -> Weather:
-    """Without rain, and without the film, spray, puddles and clouds that it brings."""
+def _without_wind(weather: Weather) -> Weather:
+    """Weather without wind and gusts."""
+    return _with_consequences(weather.replace(wind=np.zeros_like(weather.wind)))
+
+
+def _without_rain(weather: Weather) -> Weather:
+    """Weather without rain, and without the puddles and clouds that came with it."""
     zero = np.zeros_like(weather.rain)
     clouds = np.where(weather.rain > 0, zero, weather.cloudiness)
     return _with_consequences(weather.replace(rain=zero, puddles=zero, cloudiness=clouds))
 
 
-def still(weather: Weather) -> Weather:
-    """Without wind and gusts."""
-    return _with_consequences(weather.replace(wind=np.zeros_like(weather.wind)))
-
-
-def clear(weather: Weather) -> Weather:
-    """Without fog."""
+def _without_fog(weather: Weather) -> Weather:
+    """Weather without fog."""
     return _with_consequences(weather.replace(fog=np.zeros_like(weather.fog)))
 
 
-def bright(weather: Weather) -> Weather:
-    """By day: the sun stands high where it was night."""
+def _without_night(weather: Weather) -> Weather:
+    """Weather by day: the sun stands high where it was night."""
     altitude = np.where(weather.night, _NOON, weather.sun_altitude)
     return _with_consequences(
         weather.replace(night=np.zeros_like(weather.night), sun_altitude=altitude)
     )
 
 
-def without_glare(weather: Weather) -> Weather:
-    """Without a low sun: by day it stands high."""
+def _without_glare(weather: Weather) -> Weather:
+    """Weather without a low sun: by day it stands high."""
     altitude = np.where(weather.night, weather.sun_altitude, _NOON)
     return _with_consequences(weather.replace(sun_altitude=altitude))
 
 
-REMOVABLE_FACTORS: dict[str, Callable[[Weather], Weather]] = {
-    "wind": still,
-    "rain": dry,
-    "fog": clear,
-    "night": bright,
-    "glare": without_glare,
+_REMOVERS: dict[str, Callable[[Weather], Weather]] = {
+    "wind": _without_wind,
+    "rain": _without_rain,
+    "fog": _without_fog,
+    "night": _without_night,
+    "glare": _without_glare,
 }
-"""Functions that remove a factor from weather, by its name."""
 
-
-def without(weather: Weather, names: Iterable[str]) -> Weather:
-    """Weather with several things taken away, in the order of `REMOVABLE_FACTORS`.
-
-    Args:
-        weather: Weather of each simulation, shape (simulation,).
-        names: Names in `REMOVABLE_FACTORS`.
-
-    Raises:
-        ConfigError: One of them is no such name.
-    """
-    factors = set(names)
-    for name in sorted(factors - set(REMOVABLE_FACTORS)):
-        raise ConfigError.unknown_choice("without", "weather", REMOVABLE_FACTORS, name)
-    for name, take in REMOVABLE_FACTORS.items():
-        weather = take(weather) if name in factors else weather
-    return weather
+REMOVABLE_FACTORS = tuple(_REMOVERS)
+"""Names of the factors that `Weather.without` removes."""
 
 
 def _with_consequences(weather: Weather) -> Weather:
-    """The same with what follows from it: no preset, and whether the low sun dazzles."""
+    """The same weather without a preset, and with the right `horizon_line`."""
     low, high = (
         constant("weather.glare.min_sun_altitude"),
         constant("weather.glare.max_sun_altitude"),
@@ -151,5 +153,5 @@ def _with_consequences(weather: Weather) -> Weather:
     is_low = (weather.sun_altitude >= low) & (weather.sun_altitude <= high)
     is_ahead = np.abs(weather.sun_azimuth) < constant("weather.glare.half_width")
     is_clear = weather.cloudiness < constant("weather.glare.max_cloud_percent")
-    free = np.full_like(weather.preset, NO_PRESET)
-    return weather.replace(preset=free, horizon_line=is_low & is_ahead & is_clear)
+    no_preset = np.full_like(weather.preset, NO_PRESET)
+    return weather.replace(preset=no_preset, horizon_line=is_low & is_ahead & is_clear)

@@ -6,7 +6,6 @@ from overtaking.core.arrays import F32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
-from overtaking.model.weather import dry
 from overtaking.world.road_surface import rain_rate
 from overtaking.world.visibility import meteorological_range, sun_illuminance
 from overtaking.world.weather_parameters import scene_conditions
@@ -33,7 +32,7 @@ def environments(trajectories: Trajectories) -> list[str]:
 
 def _friction_scale(scenario: Scenario) -> F32:
     """Grip on this road over that on a dry one, (simulation,) [1]."""
-    on_dry = scenario.replace(weather=dry(scenario.weather))
+    on_dry = scenario.replace(weather=scenario.weather.without("rain"))
     wet, best = (scene_conditions(batch).believed_friction for batch in (scenario, on_dry))
     return wet / best
 

@@ -13,7 +13,7 @@ from overtaking.model.batch import batch_fields
 from overtaking.model.scenario import BranchOrigin, ForcedDecision, Intervention, Scenario
 from overtaking.model.trajectories import STATE_DTYPES, States, Trajectories
 from overtaking.model.vehicles import EGO_SLOT, DriverTraits
-from overtaking.model.weather import Weather, without
+from overtaking.model.weather import Weather
 from overtaking.sim import engine
 from overtaking.world.step_parameters import Turn, parameters, with_command
 
@@ -167,7 +167,7 @@ def changed(scenario: Scenario, change: Intervention) -> Scenario:
     weather = scenario.weather if change.weather is None else change.weather
     if len(weather.rain) == 1:
         weather = weather.select(np.zeros(scenario.num_simulations, np.int64))
-    found = scenario.replace(weather=without(weather, change.without))
+    found = scenario.replace(weather=weather.without(*change.without))
     if not change.is_about_vehicle:
         return found
     _check_vehicle(scenario, change)

@@ -1,4 +1,4 @@
-"""Weather with something taken away, and what that does to road and sight."""
+"""Weather without some of its factors, and its effects on road and sight."""
 
 from __future__ import annotations
 
@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 
 from overtaking.core.errors import ConfigError
-from overtaking.model.weather import (
-    NO_PRESET,
-    REMOVABLE_FACTORS,
-    bright,
-    clear,
-    dry,
-    still,
-    without,
-    without_glare,
-)
+from overtaking.model.weather import NO_PRESET, REMOVABLE_FACTORS
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import ScenarioSource
@@ -29,10 +20,10 @@ def drawn():
     return ScenarioSource(given, load_road(given.road), 3).sample(np.arange(200))
 
 
-def test_rain_goes_with_all_that_it_brings(drawn):
+def test_without_rain_there_are_no_films_puddles_and_rain_clouds(drawn):
     wet = drawn.weather.rain > 0
     assert wet.any()
-    dried = dry(drawn.weather)
+    dried = drawn.weather.without("rain")
     step = parameters(drawn.replace(weather=dried)).of_simulations
     for name in ("least_film", "film_rain", "puddle_film", "puddle_reach", "rain_extinction"):
         assert not getattr(step, name).any(), name
@@ -40,39 +31,41 @@ def test_rain_goes_with_all_that_it_brings(drawn):
     np.testing.assert_array_equal(dried.cloudiness[~wet], drawn.weather.cloudiness[~wet])
     np.testing.assert_array_equal(dried.wind, drawn.weather.wind)
     # Nothing lights low beams by day any more, but fog.
-    lights = parameters(drawn.replace(weather=clear(dried))).of_vehicles.lights
+    lights = parameters(drawn.replace(weather=dried.without("fog"))).of_vehicles.lights
     assert not lights[:, ~dried.night].any()
 
 
-def test_wind_fog_night_and_a_low_sun_go_alone(drawn):
+def test_wind_fog_night_and_glare_can_be_removed_alone(drawn):
     weather = drawn.weather
-    assert not parameters(drawn.replace(weather=still(weather))).of_simulations.wind_across.any()
-    thin = parameters(drawn.replace(weather=clear(weather))).of_simulations.fog_extinction
+    assert not parameters(
+        drawn.replace(weather=weather.without("wind"))
+    ).of_simulations.wind_across.any()
+    thin = parameters(drawn.replace(weather=weather.without("fog"))).of_simulations.fog_extinction
     # Clear air has the extinction of the best visibility that airports report.
     assert len(np.unique(thin)) == 1
     assert thin[0] < 1e-3
-    day = bright(weather)
+    day = weather.without("night")
     assert not day.night.any()
     assert (day.sun_altitude[weather.night] > 0.5).all()
     np.testing.assert_array_equal(
         day.sun_altitude[~weather.night], weather.sun_altitude[~weather.night]
     )
     assert weather.horizon_line.any()
-    assert not without_glare(weather).horizon_line.any()
-    for take in REMOVABLE_FACTORS.values():
-        assert (take(weather).preset == NO_PRESET).all()
+    assert not weather.without("glare").horizon_line.any()
+    for name in REMOVABLE_FACTORS:
+        assert (weather.without(name).preset == NO_PRESET).all()
 
 
-def test_behind_the_clouds_of_rain_there_may_be_a_low_sun(drawn):
+def test_without_rain_clouds_a_low_sun_may_dazzle(drawn):
     wet = drawn.weather.select(drawn.weather.rain > 0).select(slice(0, 1))
     low = np.float32([0.15])
     sunset = wet.replace(sun_altitude=low, sun_azimuth=np.float32([0.1]), night=np.array([False]))
-    assert dry(sunset.replace(cloudiness=np.float32([100.0]))).horizon_line.all()
+    overcast = sunset.replace(cloudiness=np.float32([100.0]))
+    assert overcast.without("rain").horizon_line.all()
 
 
-def test_several_things_are_taken_away_in_any_order(drawn):
-    one, two = (without(drawn.weather, names) for names in (("rain", "fog"), ("fog", "rain")))
-    for name in type(one).__slots__:
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+def test_the_order_of_the_removed_factors_does_not_matter(drawn):
+    weather = drawn.weather
+    assert weather.without("rain", "fog").equals(weather.without("fog", "rain"))
     with pytest.raises(ConfigError, match=r"without: expected .*rain.*got snow"):
-        without(drawn.weather, ["snow"])
+        weather.without("snow")
