@@ -137,17 +137,21 @@ class Learned:
         return guarded(self.model.predict(seen, deterministic=True)[0], seen)
 
 
-def soon_back(before: Seen, action: NDArray[Any], after: Seen, events: StepOutcome) -> NDArray[Any]:
+def soon_back(
+    observation: Seen, action: NDArray[Any], next_observation: Seen, outcome: StepOutcome
+) -> NDArray[Any]:
     """The reward `progress`, less what it costs to stay out once the target is passed.
 
     Args:
-        before: What was observed.
-        action: What was answered.
-        after: What is observed now.
-        events: What came of it.
+        observation: Observation before the step.
+        action: Actions.
+        next_observation: Observation after the step.
+        outcome: Outcome of the step.
     """
-    tardy = (after.of("passed") > 0) & (after.of("stage") == Stage.PASS)
-    return progress(before, action, after, events) - TARDY * events.seconds * tardy
+    stage = next_observation.of("stage")
+    is_tardy = (next_observation.of("passed") > 0) & (stage == Stage.PASS)
+    reward = progress(observation, action, next_observation, outcome)
+    return reward - TARDY * outcome.seconds * is_tardy
 
 
 def train(steps: int, seed: int, profiles: Sequence[str] = PROFILES) -> PPO:

@@ -7,6 +7,12 @@
 
 Importing this module registers an environment for each profile of the package. Gymnasium imports
 the module that stands before the colon of an id, so no further import is needed.
+
+environments      OvertakingEnv and OvertakingVectorEnv
+episodes          episodes in the rows of a batch, and the scenarios they take
+rewards           rewards
+spaces            spaces of observations and actions
+stable_baselines  adapter for Stable-Baselines3
 """
 
 from overtaking.core.errors import MissingExtraError

@@ -58,10 +58,10 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     policy `default`; `broken`, how many rules of that policy it breaks.
 
     Args:
-        profile: What to sample, as in `overtaking.sample`.
+        profile: Profile of the scenarios, as in `overtaking.sample`.
         num_envs: Number of environments.
         observe: `human` for what the model's driver perceives, or `truth`.
-        action: What actions are, as in `overtaking.drive`.
+        action: Kind of the actions, as in `overtaking.drive`.
         hold: Decisions for which an action holds, 20 a second.
         reward: A function, or a name in `REWARDS`; None for 0.
         labels: Whether each simulation is labelled at its end. Labels cost more than all steps of
@@ -70,9 +70,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         first: Number of the first simulation: training and evaluation should not share any.
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
-        autoreset_mode: What happens after the end of an episode: a member of Gymnasium's
+        autoreset_mode: Reaction to the end of an episode: a member of Gymnasium's
             `AutoresetMode`, or its name, such as `SAME_STEP`.
-        render_mode: With `rgb_array`, `render` returns pictures like those of `overtaking video`;
+        render_mode: With `rgb_array`, `render` returns the pictures of `overtaking video`;
             with None it draws nothing.
 
     Raises:
@@ -184,7 +184,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         """
         episodes, was_over = self._check_all_running(), self._has_ended.copy()
         action, is_clipped = clip_actions(actions, self._settings.action, self.num_envs)
-        before = episodes.observation
+        observation = episodes.observation
         episodes.num_clipped += is_clipped & episodes.is_running
         episodes.step(action)
         has_crashed = episodes.has_crashed & ~was_over
@@ -195,11 +195,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         verdicts = None
         if self._with_labels and ended.any():
             verdicts = episodes.judge(np.flatnonzero(ended))
-        events = self._events(terminated, truncated, has_crashed, verdicts)
+        outcome = self._outcome(terminated, truncated, has_crashed, verdicts)
         reward = np.zeros(self.num_envs)
         if self._reward is not None:
-            after = episodes.observation
-            reward = np.where(was_over, 0.0, self._reward(before, action, after, events))
+            next_observation = episodes.observation
+            values = self._reward(observation, action, next_observation, outcome)
+            reward = np.where(was_over, 0.0, values)
         info = self._describe(episodes, ended, verdicts)
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
             info = self._restart_in_same_step(episodes, ended, info)
@@ -267,7 +268,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             raise _option_error("reset_mask", expected, "some of them")
         return mask
 
-    def _events(
+    def _outcome(
         self, terminated: Mask, truncated: Mask, has_crashed: Mask, verdicts: EpisodeVerdicts | None
     ) -> StepOutcome:
         assert self._episodes is not None
@@ -339,7 +340,7 @@ class OvertakingEnv(Env[F32, Any]):
     environments at a time, so the vector environment is faster for training.
 
     Args:
-        profile: What to sample, as in `overtaking.sample`.
+        profile: Profile of the scenarios, as in `overtaking.sample`.
         **settings: The other arguments of `OvertakingVectorEnv`.
 
     Raises:

@@ -124,11 +124,11 @@ class ScenarioSupply:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSettings:
-    """What all environments of a batch have in common.
+    """Settings that all environments of a batch share.
 
     Attributes:
         num_envs: Number of environments.
-        action: What actions are, a name in `CONTROLS`.
+        action: Kind of the actions, a name in `CONTROLS`.
         hold: Decisions for which an action holds, 20 a second.
         observes_truth: Whether the true state is observed, not what the driver perceives.
     """
@@ -178,7 +178,7 @@ class EpisodeBatch:
 
     Args:
         supply: Source of the scenarios.
-        settings: What all environments have in common.
+        settings: Settings that all environments share.
         refs: First scenario of each environment.
     """
 

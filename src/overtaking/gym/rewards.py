@@ -1,4 +1,4 @@
-"""Rewards, apart from the environments: what a step was worth."""
+"""Rewards of a step of an environment."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from overtaking.labels.law.distances import lawful_gap
 from overtaking.sim.observation import Seen
 
 CRASH_COST: Final = 100.0
-"""What an accident costs: more time than any overtake gains; a choice [s]."""
+"""Cost of an accident: more time than any overtake gains; a choice [s]."""
 
 BREACH_COST: Final = 10.0
-"""What a breach of the law costs; a choice [s]."""
+"""Cost of a breach of the law; a choice [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepOutcome:
-    """What happened in a step, each of shape (simulation,).
+    """Outcome of a step, each of shape (simulation,).
 
     Attributes:
         seconds: Length of the step [s]; where the episode ended within it, the time until then.
@@ -44,74 +44,84 @@ class StepOutcome:
 
 
 RewardFunction = Callable[[Seen, F64, Seen, StepOutcome], F64]
-"""From what was observed before, the action, what is observed after, and what came of it."""
+"""From the observation, the action, the next observation and the outcome to the reward."""
 
 
-def progress(before: Seen, action: F64, after: Seen, events: StepOutcome) -> F64:
+def progress(observation: Seen, action: F64, next_observation: Seen, outcome: StepOutcome) -> F64:
     """Time lost against driving as fast as the scenario's driver wishes, shape (simulation,) [s].
 
     Never positive; an accident costs `CRASH_COST` more.
 
     Args:
-        before: What was observed.
-        action: What was answered, shape (simulation, part).
-        after: What is observed now.
-        events: What came of it.
+        observation: Observation before the step.
+        action: Actions, shape (simulation, part).
+        next_observation: Observation after the step.
+        outcome: Outcome of the step.
     """
     del action
-    way = after.of("position").astype(np.float64) - before.of("position")
-    lost = events.seconds - way / np.maximum(before.driver.desired_speed.astype(np.float64), 1.0)
-    return -np.maximum(lost, 0.0) - np.where(events.crashed, CRASH_COST, 0.0)
+    distance = next_observation.of("position").astype(np.float64) - observation.of("position")
+    lost = outcome.seconds - distance / np.maximum(
+        observation.driver.desired_speed.astype(np.float64), 1.0
+    )
+    return -np.maximum(lost, 0.0) - np.where(outcome.crashed, CRASH_COST, 0.0)
 
 
-def progress_legal(before: Seen, action: F64, after: Seen, events: StepOutcome) -> F64:
-    """`progress`, less what breaches of the law cost, shape (simulation,) [s].
+def progress_legal(
+    observation: Seen, action: F64, next_observation: Seen, outcome: StepOutcome
+) -> F64:
+    """`progress`, less the cost of breaches of the law, shape (simulation,) [s].
 
     Following too close (rule L3, on a dry road) costs as much time as it lasts, in proportion to
     what the gap lacks. Other rules are final only at the end: a breach of any costs `BREACH_COST`.
 
     Args:
-        before: What was observed.
-        action: What was answered, shape (simulation, part).
-        after: What is observed now.
-        events: What came of it.
+        observation: Observation before the step.
+        action: Actions, shape (simulation, part).
+        next_observation: Observation after the step.
+        outcome: Outcome of the step.
 
     Raises:
         ConfigError: A simulation has ended and has no label.
     """
-    _check_judged(events, "progress_legal")
-    speed, closing, gap = after.of("speed"), after.of("closing", "lead"), after.of("gap", "lead")
+    _check_judged(outcome, "progress_legal")
+    speed, closing, gap = (
+        next_observation.of("speed"),
+        next_observation.of("closing", "lead"),
+        next_observation.of("gap", "lead"),
+    )
     lawful = lawful_gap(speed, closing, as_f32(constant("law.safe_distance.decel_limit")))
     lacking = np.clip(1.0 - gap / np.maximum(lawful, 1.0), 0.0, 1.0)
-    lacking = np.where(after.of("detected", "lead") > 0, lacking, 0.0)
-    cost = events.seconds * lacking + BREACH_COST * (events.judged & ~events.legal)
-    return progress(before, action, after, events) - cost
+    lacking = np.where(next_observation.of("detected", "lead") > 0, lacking, 0.0)
+    cost = outcome.seconds * lacking + BREACH_COST * (outcome.judged & ~outcome.legal)
+    return progress(observation, action, next_observation, outcome) - cost
 
 
-def overtake_once(before: Seen, action: F64, after: Seen, events: StepOutcome) -> F64:
+def overtake_once(
+    observation: Seen, action: F64, next_observation: Seen, outcome: StepOutcome
+) -> F64:
     """1 at the end of a completed overtake, -1 at an accident, shape (simulation,).
 
     The label of the whole simulation decides whether the overtake was completed. The stage of the
     ego cannot: after a second pull-out it belongs to another target than the label.
 
     Args:
-        before: What was observed.
-        action: What was answered, shape (simulation, part).
-        after: What is observed now.
-        events: What came of it.
+        observation: Observation before the step.
+        action: Actions, shape (simulation, part).
+        next_observation: Observation after the step.
+        outcome: Outcome of the step.
 
     Raises:
         ConfigError: A simulation has ended and has no label.
     """
-    del before, action, after
-    _check_judged(events, "overtake_once")
-    return np.where(events.completed, 1.0, -events.crashed.astype(np.float64))
+    del observation, action, next_observation
+    _check_judged(outcome, "overtake_once")
+    return np.where(outcome.completed, 1.0, -outcome.crashed.astype(np.float64))
 
 
-def _check_judged(events: StepOutcome, reward: str) -> None:
+def _check_judged(outcome: StepOutcome, reward: str) -> None:
     """Refuse simulations that have ended without a label."""
-    ended = events.terminated | events.truncated
-    if (ended & ~events.judged).any():
+    ended = outcome.terminated | outcome.truncated
+    if (ended & ~outcome.judged).any():
         raise ConfigError.of(
             what="labels",
             where=reward,

@@ -31,7 +31,7 @@ class ObservationColumn:
         unit: Its unit.
         low: Smallest value; smaller ones are clipped to it.
         high: Largest value.
-        scale: What it is divided by where scaled numbers are asked for.
+        scale: Divisor of scaled numbers.
     """
 
     name: str
@@ -78,7 +78,7 @@ than what drivers meet."""
 
 
 def _columns() -> tuple[ObservationColumn, ...]:
-    own = [(name, name, unit) for name, (unit, _) in EGO_COLUMNS.items()]
+    ego = [(name, name, unit) for name, (unit, _) in EGO_COLUMNS.items()]
     around = [
         (name, f"{role}.{name}", unit)
         for role in NEIGHBOUR_ROLES
@@ -87,56 +87,56 @@ def _columns() -> tuple[ObservationColumn, ...]:
     meeting = [(name, name, unit) for name, (unit, _) in PASSING_COLUMNS.items()]
     return tuple(
         ObservationColumn(title, unit, *_RANGES.get(title, _RANGES.get(name, _FLAG)))
-        for name, title, unit in [*own, *around, *meeting]
+        for name, title, unit in [*ego, *around, *meeting]
     )
 
 
 OBSERVATION_COLUMNS: Final = _columns()
 """The numbers of an observation, in order."""
 
-_LEAST, _MOST, _SCALE = (
-    np.array([getattr(one, name) for one in OBSERVATION_COLUMNS], np.float32)
+_LOW, _HIGH, _SCALE = (
+    np.array([getattr(column, name) for column in OBSERVATION_COLUMNS], np.float32)
     for name in ("low", "high", "scale")
 )
 
 
-def flatten_observation(seen: Seen, *, scaled: bool = False) -> F32:
-    """The numbers of an observation as a network takes them, shape (simulation, `COLUMNS`).
+def flatten_observation(observation: Seen, *, scaled: bool = False) -> F32:
+    """The numbers of an observation for a network, shape (simulation, `OBSERVATION_COLUMNS`).
 
     Args:
-        seen: What the environments, or the policies of `overtaking.drive`, observe.
+        observation: Observation of environments, or of the policies of `overtaking.drive`.
         scaled: Whether to divide each by its scale.
     """
-    return clip_observation(seen.table, scaled=scaled)
+    return clip_observation(observation.table, scaled=scaled)
 
 
 def clip_observation(table: F32, *, scaled: bool) -> F32:
-    """Numbers within their bounds, perhaps scaled, shape (simulation, `COLUMNS`)."""
-    numbers = np.clip(table, _LEAST, _MOST)
+    """Numbers within their bounds, perhaps scaled, shape (simulation, `OBSERVATION_COLUMNS`)."""
+    numbers = np.clip(table, _LOW, _HIGH)
     return np.divide(numbers, _SCALE, out=numbers) if scaled else numbers
 
 
 def observation_space(*, scaled: bool) -> spaces.Box:
-    """What an environment observes: a number for each of `COLUMNS`."""
+    """Space of observations: a number for each of `OBSERVATION_COLUMNS`."""
     scale = _SCALE if scaled else np.float32(1.0)
-    return spaces.Box(_LEAST / scale, _MOST / scale, dtype=np.float32)
+    return spaces.Box(_LOW / scale, _HIGH / scale, dtype=np.float32)
 
 
 def action_space(action: str) -> spaces.Box | spaces.Discrete:
-    """What it is answered: a number for each part of the control, or one of `Move`."""
+    """Space of actions: a number for each part of the control, or one of `Move`."""
     if action == "decision":
         return spaces.Discrete(len(Move))
     parts = CONTROLS[action].parts
-    least, most = ([getattr(one, name) for one in parts] for name in ("low", "high"))
-    return spaces.Box(np.array(least, np.float32), np.array(most, np.float32), dtype=np.float32)
+    low, high = ([getattr(part, name) for part in parts] for name in ("low", "high"))
+    return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
 
 def clip_actions(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float64], Mask]:
     """Actions of all environments, shape (simulation, part), within their bounds.
 
     Args:
-        actions: What was given.
-        action: What it is, a name in `CONTROLS`.
+        actions: Actions of all environments.
+        action: Kind of the actions, a name in `CONTROLS`.
         rows: Environments.
 
     Returns:
@@ -150,12 +150,12 @@ def clip_actions(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float
     if values.shape == (rows,) and len(parts) == 1:
         values = values[:, None]
     if values.shape != (rows, len(parts)) or not np.isfinite(values).all():
-        got = values.tolist() if values.shape == (rows, len(parts)) else f"shape {values.shape}"
+        has_shape = values.shape == (rows, len(parts))
         raise ConfigError.of(
             what="actions",
             where="step",
             expected=f"finite numbers of shape ({rows}, {len(parts)})",
-            got=got,
+            got=values.tolist() if has_shape else f"shape {values.shape}",
             next_step="correct the policy",
         )
     return limited(values, parts)

@@ -28,7 +28,7 @@ class StableBaselinesVecEnv(VecEnv):
     """Environments in one batch, for algorithms of Stable-Baselines3.
 
     Args:
-        profile: What to sample, as in `overtaking.sample`.
+        profile: Profile of the scenarios, as in `overtaking.sample`.
         num_envs: How many environments.
         seed: Seed of the scenarios; None for one from the system.
         **settings: The other arguments of `OvertakingVectorEnv`.
@@ -99,11 +99,11 @@ class StableBaselinesVecEnv(VecEnv):
         return [False] * len(list(self._get_indices(indices)))
 
 
-def _only_together(what: str) -> ConfigError:
+def _only_together(name: str) -> ConfigError:
     return ConfigError.of(
-        what=what,
+        what=name,
         where="StableBaselinesVecEnv",
-        expected="what all environments share",
+        expected="settings that all environments share",
         got="a call for single ones",
         next_step="give settings when the environments are made",
     )

@@ -22,9 +22,9 @@ from overtaking.scenarios.random_draws import (
     NumberTransform,
     RandomStream,
     SampleBlock,
+    identity_transform,
     scale_to_range,
     truncate,
-    untransformed,
 )
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ CLASS_FACTORS = {
     "accel_factor": "accel",
     "lane_change_factor": "lane_change_duration",
 }
-"""What a vehicle class may change in its drivers: key in the file, and trait that it multiplies."""
+"""Factors of a vehicle class on its drivers: key in the file, and trait that it multiplies."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,11 +67,11 @@ class Population:
     """Drivers between two extremes.
 
     Attributes:
-        careful: Distribution of each of `TRAITS` among drivers of temper 0, in the order in which
-            they are drawn, which is that of the file.
-        reckless: The same among drivers of temper 1.
+        careful: Distribution of each of `ALL_TRAITS` among drivers of driving style 0. The file's
+            order is the order in which they are drawn.
+        reckless: The same among drivers of driving style 1.
         factors: By trait, the factor of each vehicle class on what a driver would do in a car, in
-            the order of `VEHICLE_CLASS_ORDER`: those of `CLASS_FACTORS`, and the comfortable
+            the order of `VEHICLE_CLASS_NAMES`: the factors of `CLASS_FACTORS`, and the comfortable
             braking of the class.
     """
 
@@ -100,19 +100,21 @@ def load_population(name: str) -> Population:
     """One of `population_names()`; KnowledgeError for any other name."""
     if name not in population_names():
         raise _wrong(f"population {name}", f"one of {', '.join(population_names())}", name)
-    found = {key: one for key, one in all_quantities(_FILE).items() if key.startswith(f"{name}.")}
+    entries = {
+        key: entry for key, entry in all_quantities(_FILE).items() if key.startswith(f"{name}.")
+    }
     factors = {
         trait: tuple(
-            _factor(found.pop(f"{name}.classes.{kind}.{key}", None), key)
+            _factor(entries.pop(f"{name}.classes.{kind}.{key}", None), key)
             for kind in VEHICLE_CLASS_NAMES
         )
         for key, trait in CLASS_FACTORS.items()
     }
-    comfort = [one.comfort_decel.number for one in vehicle_classes().values()]
-    car = vehicle_classes()["M"].comfort_decel.number
-    factors["decel"] = tuple(one / car for one in comfort)
+    decels = [entry.comfort_decel.number for entry in vehicle_classes().values()]
+    car_decel = vehicle_classes()["M"].comfort_decel.number
+    factors["decel"] = tuple(decel / car_decel for decel in decels)
     ends: dict[str, dict[str, Distribution]] = {"careful": {}, "reckless": {}}
-    for key, entry in found.items():
+    for key, entry in entries.items():
         _, end, trait = key.split(".", 2)
         if end not in ends or trait not in ALL_TRAITS:
             raise _wrong(
@@ -124,9 +126,9 @@ def load_population(name: str) -> Population:
 
 def trait_range(name: str, trait: str) -> tuple[float, float]:
     """Least and largest number that a population has for a trait, in any vehicle."""
-    who = load_population(name)
-    ends = (who.careful[trait], who.reckless[trait])
-    factors = as_f32(who.factors.get(trait, (1.0,)))
+    population = load_population(name)
+    ends = (population.careful[trait], population.reckless[trait])
+    factors = as_f32(population.factors.get(trait, (1.0,)))
     low, high = min(end.low for end in ends), max(end.high for end in ends)
     return low * float(factors.min()), high * float(factors.max())
 
@@ -153,7 +155,7 @@ def _wrong(what: str, expected: str, got: object) -> KnowledgeError:
 
 
 def sample_traits(
-    block: SampleBlock, kind: U8, transform: NumberTransform = untransformed
+    block: SampleBlock, kind: U8, transform: NumberTransform = identity_transform
 ) -> dict[str, F32]:
     """Draw the traits of each driver, before speeds are drawn.
 
@@ -187,7 +189,9 @@ def sample_traits(
     return traits
 
 
-def drivers_from_speeds(traits: Mapping[str, F32], came_with: F32, max_speed: F32) -> DriverTraits:
+def drivers_from_speeds(
+    traits: Mapping[str, F32], drawn_speed: F32, max_speed: F32
+) -> DriverTraits:
     """Drivers with the speeds that they want.
 
     The traffic goes on at about the speed that it came with. The ego wants to be faster than its
@@ -195,40 +199,40 @@ def drivers_from_speeds(traits: Mapping[str, F32], came_with: F32, max_speed: F3
 
     Args:
         traits: As `sample_traits` returns them.
-        came_with: Speeds that were drawn for the vehicles, shape (simulation, vehicle) [m/s].
+        drawn_speed: Speeds that were drawn for the vehicles, shape (simulation, vehicle) [m/s].
         max_speed: Top speeds, the same shape [m/s].
     """
-    desired = came_with * traits["cruise_factor"]
-    lead, own = desired[:, LEADER_SLOT], came_with[:, EGO_SLOT]
+    desired = drawn_speed * traits["cruise_factor"]
+    leader, ego = desired[:, LEADER_SLOT], drawn_speed[:, EGO_SLOT]
     wants = traits["wants_to_overtake"][:, EGO_SLOT] > 0
-    faster = maximum(own, lead + traits["speed_over_leader"][:, EGO_SLOT])
-    desired[:, EGO_SLOT] = np.where(wants, faster, minimum(own, lead))
+    faster = maximum(ego, leader + traits["speed_over_leader"][:, EGO_SLOT])
+    desired[:, EGO_SLOT] = np.where(wants, faster, minimum(ego, leader))
     return drivers_with_speed(traits, minimum(desired, max_speed))
 
 
 def drivers_with_speed(traits: Mapping[str, F32], desired_speed: F32) -> DriverTraits:
     """Drivers who want given speeds, shape (simulation, vehicle) [m/s]."""
-    kept: dict[str, Any] = {
+    recorded: dict[str, Any] = {
         name: traits[name] > 0 if field.is_flag else traits[name]
         for name, field in RECORDED_TRAITS.items()
     }
-    return DriverTraits(desired_speed=desired_speed, **kept)
+    return DriverTraits(desired_speed=desired_speed, **recorded)
 
 
 def max_placed_desired_speed(people: DriversSection, traffic: PlacedTraffic) -> float:
     """The highest speed that anyone may want [m/s]."""
-    who = load_population(people.population)
-    gain = max(end["speed_over_leader"].high for end in (who.careful, who.reckless))
+    population = load_population(people.population)
+    gain = max(end["speed_over_leader"].high for end in (population.careful, population.reckless))
     cruise = max_cruise_factor(people)
-    came_with = mps_from_kmh(traffic.speed_kmh[1])
+    drawn_speed = mps_from_kmh(traffic.speed_kmh[1])
     lead = cruise * mps_from_kmh(traffic.lead_speed_kmh[1])
-    return max(cruise * came_with, lead + gain)
+    return max(cruise * drawn_speed, lead + gain)
 
 
 def max_cruise_factor(people: DriversSection) -> float:
     """The largest factor that anyone may have on the speed of their type."""
-    who = load_population(people.population)
-    return max(end["cruise_factor"].high for end in (who.careful, who.reckless))
+    population = load_population(people.population)
+    return max(end["cruise_factor"].high for end in (population.careful, population.reckless))
 
 
 def _trait(
@@ -256,10 +260,12 @@ def _trait(
     normal = stream.unbounded_normal()
     normal[:, EGO_SLOT] = transform(f"ego_{name}", normal[:, EGO_SLOT])
     sigma = _between(driving_style, *(end.parameter("sigma") for end in ends))
-    return clamp(_shifted(kind, ends, driving_style, sigma * truncate(normal)), low, high)
+    return clamp(
+        _distribution_value(kind, ends, driving_style, sigma * truncate(normal)), low, high
+    )
 
 
-def _shifted(
+def _distribution_value(
     kind: str, ends: tuple[Distribution, Distribution], driving_style: F32, deviation: F32
 ) -> F32:
     """Centre plus deviation of a normal, or their exponential of a lognormal."""
@@ -270,6 +276,6 @@ def _shifted(
 
 
 def _between(driving_style: F32, careful: float, reckless: float) -> F32:
-    """What lies between two ends in proportion to the temper."""
+    """The value between two ends that corresponds to the driving style."""
     start, end = np.float32(careful), np.float32(reckless)
     return start + (end - start) * driving_style

@@ -114,7 +114,7 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
         kept_gap_share=np.zeros_like(speeds),
-        zone=StartZone.unbounded(block.road),
+        zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         deadline=minimum(layout.time, deadline),
     )
@@ -294,10 +294,10 @@ def _states_at_speed(
 
 def _of_lane(values: list[F32], lane: U8) -> F32:
     """The value of each simulation's lane, `_FREE` outside of all lanes."""
-    chosen = np.full_like(values[0], _FREE)
+    lane_value = np.full_like(values[0], _FREE)
     for lane_index, value in enumerate(values):
-        chosen = np.where(lane == lane_index, value, chosen)
-    return chosen
+        lane_value = np.where(lane == lane_index, value, lane_value)
+    return lane_value
 
 
 def _vehicles_per_metre(flow: FlowTraffic) -> tuple[float, float]:

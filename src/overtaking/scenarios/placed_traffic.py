@@ -76,14 +76,14 @@ def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> Start
     _check_speeds(spec, traffic)
     room = max_length(traffic) + spec.starts.min_gap_m
     fit = math.floor((high - low - _SLACK) / room) + 1 if high - low > _SLACK else 1
-    most = traffic.vehicles[1]
-    if fit < 2 or fit * road.num_lanes < most:
+    max_vehicles = traffic.vehicles[1]
+    if fit < 2 or fit * road.num_lanes < max_vehicles:
         raise InfeasibleError.of(
             what="traffic.vehicles",
             where=f"specification {spec.name}",
             expected=f"at most {fit * road.num_lanes if fit > 1 else 1} on {high - low:g} m of "
             f"{road.num_lanes} lanes, with {room:.1f} m for each vehicle",
-            got=most,
+            got=max_vehicles,
             next_step="ask for fewer vehicles, a longer zone, or smaller gaps",
         )
     return StartZone(low=low, high=high, ego_lanes=lanes, num_lanes=road.num_lanes, max_in_lane=fit)
@@ -158,9 +158,10 @@ def _start_range(spec: Specification, traffic: PlacedTraffic, road: Road) -> tup
 
 
 def _ego_lanes(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple[int, ...]:
-    """Lanes for the ego: never the fastest, beside which there is none to overtake in."""
-    given = traffic.ego_lanes
-    lanes = tuple(range(road.num_lanes - 1)) if given is None else given
+    """Lanes for the ego: never the fastest, because it has no lane to overtake in."""
+    lanes = traffic.ego_lanes
+    if lanes is None:
+        lanes = tuple(range(road.num_lanes - 1))
     if not lanes or max(lanes) > road.num_lanes - 2:
         raise ConfigError.of(
             what="traffic.ego_lanes",

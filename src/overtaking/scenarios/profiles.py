@@ -80,7 +80,7 @@ def _table(source: str | Path | Mapping[str, Any] | Specification) -> tuple[str,
 
 
 def path_exists(name: str) -> bool:
-    """Whether a text is the path of a file or folder; one that is too long for a path is none."""
+    """Whether a text is the path of a file or folder; a text too long for a path is not."""
     try:
         return Path(name).exists()
     except OSError:
@@ -92,7 +92,7 @@ def _profile(name: str) -> Path:
 
 
 def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
-    """A specification with what it leaves to the profile that it is based on."""
+    """A specification with all values that it takes from its base profile."""
     if "base" not in table:
         return table
     base = table["base"]
@@ -104,16 +104,18 @@ def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
             got=repr(base),
             next_step=suggestion(str(base), profile_names()),
         )
-    own = {key: value for key, value in table.items() if key != "base"}
-    return _merged(_with_base(_read(_profile(base)), f"{base}.toml"), own)
+    changes = {key: value for key, value in table.items() if key != "base"}
+    return _merge_tables(_with_base(_read(_profile(base)), f"{base}.toml"), changes)
 
 
-def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Tables of which the upper one wins, key by key."""
-    merged = dict(below)
-    for key, value in above.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = _merged(merged[key], cast("dict[str, Any]", value)) if both else value
+def _merge_tables(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """A table with changes; tables inside it are merged key by key."""
+    merged = dict(base)
+    for key, value in changes.items():
+        are_tables = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = (
+            _merge_tables(merged[key], cast("dict[str, Any]", value)) if are_tables else value
+        )
     return merged
 
 
@@ -169,8 +171,8 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
     Keys that exclude the new one are dropped: the other way to give the zone in which vehicles
     start, and everything that belongs to the other mode of the weather.
     """
-    first, *rest = key.split(".")
-    if not all([first, *rest]) or len(rest) > _MAX_DEPTH:
+    first, *subkeys = key.split(".")
+    if not all([first, *subkeys]) or len(subkeys) > _MAX_DEPTH:
         raise ConfigError.of(
             what=repr(key),
             where=where,
@@ -178,19 +180,19 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
             got=repr(key),
             next_step="name section and key, with a dot between them",
         )
-    if not rest:
+    if not subkeys:
         return table | {first: value}
     section = table.get(first, {})
     if not isinstance(section, Mapping):
         raise ConfigError.of(
             what=first, where=where, expected="a table", got=section, next_step="set the key itself"
         )
-    kept = dict(cast("Mapping[str, Any]", section))
-    if key == "weather.mode" and kept.get("mode") != value:
-        kept = {}
-    if rest[0] in _SPAWN_KEYS:
-        kept = {name: item for name, item in kept.items() if name not in _SPAWN_KEYS}
-    return table | {first: _with_override(kept, ".".join(rest), value, where)}
+    remaining = dict(cast("Mapping[str, Any]", section))
+    if key == "weather.mode" and remaining.get("mode") != value:
+        remaining = {}
+    if subkeys[0] in _SPAWN_KEYS:
+        remaining = {name: item for name, item in remaining.items() if name not in _SPAWN_KEYS}
+    return table | {first: _with_override(remaining, ".".join(subkeys), value, where)}
 
 
 def _lists_to_tuples(value: Any) -> Any:

@@ -163,7 +163,7 @@ def unsort_columns(columns: list[F32], order: IndexArray) -> F32:
     return values
 
 
-def untransformed(name: str, number: F32) -> F32:
+def identity_transform(name: str, number: F32) -> F32:
     """Return the number itself: a `NumberTransform` without effect."""
     del name
     return number
@@ -197,7 +197,7 @@ class ProposalSampler:
         """
         num_simulations = len(scenario_index)
         self._components = tuple(
-            tempered for component in components for tempered in component.tempered()
+            copy for component in components for copy in component.at_each_temper()
         )
         if components:
             u = RandomStream(seed, scenario_index, Stream.PROPOSAL).uniform()
@@ -222,7 +222,7 @@ class ProposalSampler:
             return number
         drawn = number
         for component, is_drawn in zip(self._components, self._is_drawn_from, strict=True):
-            drawn = np.where(is_drawn, _transformed(component, name, number), drawn)
+            drawn = np.where(is_drawn, _transform_number(component, name, number), drawn)
         # Update the ratio of every component, not only of the one drawn from: the weight divides
         # the profile's density by that of the mixture (balance heuristic), and so never exceeds
         # 1 / (1 - sum of the shares).
@@ -232,7 +232,7 @@ class ProposalSampler:
 
     @property
     def weight_so_far(self) -> F64:
-        """The profile's density over that of the mixture for the numbers drawn so far.
+        """The profile's density over the mixture's, for the numbers drawn so far.
 
         Shape (simulation,). After the last number it is the sampling weight.
         """
@@ -242,7 +242,7 @@ class ProposalSampler:
         return 1.0 / mixture
 
 
-def _transformed(component: Component, name: str, number: F32) -> F32:
+def _transform_number(component: Component, name: str, number: F32) -> F32:
     """The number as the component draws it."""
     if name in component.powers:
         return power(number, np.full_like(number, component.powers[name]))

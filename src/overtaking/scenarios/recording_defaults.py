@@ -1,9 +1,9 @@
-"""Default values for what a recording does not tell, so that formulas stay finite.
+"""Default values for quantities that a recording lacks, so that formulas stay finite.
 
 A recording of real traffic shows length, width and movement of a vehicle, rarely its mass, never
-its driver. `Trajectories.unknown` says what is not known; the values made here only keep formulas
-from dividing by zero, and nothing that depends on them may be reported. They follow from what is
-known alone, so that a recording from memory and from a file has the same ones.
+its driver. `Trajectories.unknown` names the missing quantities. The default values only keep
+formulas from dividing by zero; no result may depend on them. They depend on recorded quantities
+alone, so that a recording from memory and from a file has the same ones.
 """
 
 from typing import Any
@@ -48,7 +48,7 @@ def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
 
 
 def default_vehicles(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpecs:
-    """Bodies of which length and width are known, the rest being typical of their type.
+    """Vehicles of recorded length and width; all other quantities are typical of their class.
 
     Args:
         valid: Whether the slot holds a vehicle, shape (simulation, vehicle).
@@ -71,18 +71,18 @@ def default_drivers(shape: tuple[int, int]) -> DriverTraits:
 
 
 def default_weather(num_simulations: int) -> Weather:
-    """A dry, clear day for recordings that do not tell their weather."""
-    nothing = np.zeros(num_simulations, np.float32)
-    no = np.zeros(num_simulations, np.bool_)
+    """A dry, clear day for recordings without weather."""
+    zero = np.zeros(num_simulations, np.float32)
+    is_false = np.zeros(num_simulations, np.bool_)
     percentages: dict[str, Any] = dict.fromkeys(
-        ("cloudiness", "rain", "puddles", "wind", "fog"), nothing
+        ("cloudiness", "rain", "puddles", "wind", "fog"), zero
     )
     return Weather(
         preset=np.full(num_simulations, NO_PRESET, np.uint8),
-        wind_direction=nothing,
-        sun_altitude=nothing + _HIGH_SUN,
-        sun_azimuth=nothing + _ABEAM,
-        night=no,
-        horizon_line=no,
+        wind_direction=zero,
+        sun_altitude=zero + _HIGH_SUN,
+        sun_azimuth=zero + _ABEAM,
+        night=is_false,
+        horizon_line=is_false,
         **percentages,
     )

@@ -62,7 +62,7 @@ class StartZone:
     max_in_lane: int
 
     @classmethod
-    def unbounded(cls, road: Road, low: float = 0.0) -> Self:
+    def whole_road(cls, road: Road, low: float = 0.0) -> Self:
         """A zone for traffic that fills the road and needs no other limit.
 
         Args:

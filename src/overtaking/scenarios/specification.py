@@ -61,10 +61,10 @@ PROPOSAL_UNIFORMS = (
     "ego_heeds_lines",
     "others_temper",
 )
-"""What a proposal may draw differently. `rains` and `foggy` decide whether there is any: they are
-small where there is. Of two-way roads are `flow`, `start` (where the ego starts), `held_up` (small
-where it is) and `ego_heeds_lines` (large where it heeds none). `others_temper` is bent for each of
-the others on its own."""
+"""Uniform numbers that a proposal may transform. Small values of `rains` and `foggy` mean rain and
+fog. Only two-way roads have `flow`, `start` (the ego's station), `held_up` (small: the ego is held
+up) and `ego_heeds_lines` (large: the ego ignores lines). `others_temper` is transformed for each of
+the other drivers separately."""
 
 PROPOSAL_NORMALS = tuple(
     f"ego_{trait}"
@@ -82,7 +82,8 @@ PROPOSAL_NORMALS = tuple(
         "need_factor",
     )
 )
-"""Traits of the ego that a proposal may draw differently, all of them normal or lognormal."""
+"""Standard normal numbers that a proposal may transform: traits of the ego, normal or lognormal."""
+
 _MIN_PART = 0.001
 
 
@@ -99,54 +100,53 @@ _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
 _Temper = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
-def _is_own(name: str) -> bool:
+def _is_of_ego(name: str) -> bool:
     """Whether a quantity belongs to the ego."""
     return name.startswith("ego_")
 
 
-def _known(of: tuple[str, ...]) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    def refuse_others(given: dict[str, Any]) -> dict[str, Any]:
-        for name in given:
-            if name not in of:
-                raise specification_error("a known quantity", suggestion(name, of), got=name)
-        return given
+def _name_check(names: tuple[str, ...]) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    def check_names(numbers: dict[str, Any]) -> dict[str, Any]:
+        for name in numbers:
+            if name not in names:
+                raise specification_error("a known quantity", suggestion(name, names), got=name)
+        return numbers
 
-    return refuse_others
+    return check_names
 
 
 class Component(Section):
-    """Entry of section `[[proposal]]`: draws a part of the simulations from elsewhere.
+    """Entry of section `[[proposal]]`: draws a share of the simulations from other distributions.
 
-    A bent quantity is made from u^power in place of u, uniform in (0, 1): a power below one favours
-    its upper end, a power above one its lower. One that is drawn from a part of (0, 1) lies nowhere
-    else. A shifted one is made from z + shift in place of z, normal: it lies so many standard
-    deviations higher.
+    A power replaces u, uniform in (0, 1), by u^power: a power below one favours the upper end, a
+    power above one the lower. A part replaces u by a uniform number between two limits. A shift
+    replaces z, standard normal, by z + shift.
 
     Attributes:
-        name: What the simulations of this part are for.
-        share: Part of the simulations that is drawn so.
-        powers: Quantity of `BENT` to power.
-        parts: Quantity of `BENT` to the part of (0, 1) that it is drawn from.
-        shifts: Trait of the ego, of `SHIFTED`, to standard deviations.
+        name: Purpose of these simulations.
+        share: Share of the simulations that the component draws.
+        powers: Power by name, one of `PROPOSAL_UNIFORMS`.
+        parts: Lower and upper limit by name, one of `PROPOSAL_UNIFORMS`.
+        shifts: Standard deviations by name, one of `PROPOSAL_NORMALS`.
         tempers: The share is divided equally among copies of the component, one for each temper t:
-            its powers are raised to t and its shifts multiplied by it, so a small t bends little.
+            its powers are raised to t and its shifts multiplied by it, so a small t changes little.
             Parts stay.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]
     share: Annotated[Share, Field(gt=0.0, lt=1.0)]
-    powers: Annotated[dict[str, _Power], AfterValidator(_known(PROPOSAL_UNIFORMS))] = Field(
+    powers: Annotated[dict[str, _Power], AfterValidator(_name_check(PROPOSAL_UNIFORMS))] = Field(
         default_factory=dict
     )
-    parts: Annotated[dict[str, _Part], AfterValidator(_known(PROPOSAL_UNIFORMS))] = Field(
+    parts: Annotated[dict[str, _Part], AfterValidator(_name_check(PROPOSAL_UNIFORMS))] = Field(
         default_factory=dict
     )
-    shifts: Annotated[dict[str, _Shift], AfterValidator(_known(PROPOSAL_NORMALS))] = Field(
+    shifts: Annotated[dict[str, _Shift], AfterValidator(_name_check(PROPOSAL_NORMALS))] = Field(
         default_factory=dict
     )
     tempers: Annotated[tuple[_Temper, ...], Field(min_length=1)] = (1.0,)
 
-    def tempered(self) -> tuple[Self, ...]:
+    def at_each_temper(self) -> tuple[Self, ...]:
         """The component at each of its tempers, with equal parts of its share."""
         return tuple(
             self.model_copy(
@@ -165,15 +165,19 @@ class Component(Section):
         return name in self.powers or name in self.parts or name in self.shifts
 
     def without_ego_quantities(self) -> Self:
-        """The component without what it bends of the ego: its marginal of the scene and the others.
+        """The component without its changes of the ego: its marginal for the scene and the others.
 
-        A component draws each quantity by itself, so leaving some out integrates over them.
+        A component draws each number independently, so leaving some out integrates over them.
         """
-        kept = {
-            field: {name: one for name, one in getattr(self, field).items() if not _is_own(name)}
+        changes = {
+            field: {
+                name: number
+                for name, number in getattr(self, field).items()
+                if not _is_of_ego(name)
+            }
             for field in ("powers", "parts", "shifts")
         }
-        return self.model_copy(update=kept)
+        return self.model_copy(update=changes)
 
     @model_validator(mode="after")
     def _once(self) -> Self:
@@ -187,7 +191,7 @@ class Component(Section):
 
 
 def _check_natural_share(components: tuple[Component, ...]) -> tuple[Component, ...]:
-    total = sum(one.share for one in components)
+    total = sum(component.share for component in components)
     if not total < 1.0:
         raise specification_error(
             "shares that leave some simulations as they are met, a sum below 1",
@@ -201,8 +205,9 @@ def _check_natural_share(components: tuple[Component, ...]) -> tuple[Component, 
 Proposal = Annotated[
     tuple[Component, ...], Field(min_length=1), AfterValidator(_check_natural_share)
 ]
-"""What is drawn differently; the rest of the simulations is drawn as it is met, which bounds every
-weight by 1 / (1 - the sum of the shares)."""
+"""Components; all other simulations are drawn from the profile itself, which bounds every weight by
+1 / (1 - the sum of the shares)."""
+
 Exponent = Annotated[float, Field(gt=0.0, le=20.0)] | None
 
 Weibull = (
@@ -211,9 +216,9 @@ Weibull = (
 )
 
 
-def _kind_of_traffic(given: Any) -> str:
+def _kind_of_traffic(section: Any) -> str:
     """The mode of the traffic; without one, vehicles are placed independently, as in the study."""
-    mode = given.get("mode") if isinstance(given, dict) else getattr(given, "mode", None)
+    mode = section.get("mode") if isinstance(section, dict) else getattr(section, "mode", None)
     return mode if mode in ("flow", "two-way") else "placed"
 
 
@@ -262,9 +267,9 @@ class PushesSection(Section):
     clouds and towards a low sun, drivers see as far as `sight_m`.
 
     Attributes:
-        accel_mps2: Lateral acceleration of a push; 0 for none.
+        accel_mps2: Lateral acceleration of a push; 0 without pushes.
         duration_s: How long a push lasts.
-        interval_s: From the begin of a push to that of the next at 100 % of rain and of wind.
+        interval_s: Time between the starts of two pushes at 100 % of rain and of wind.
         sight_m: How far drivers see where vision is cut.
     """
 
@@ -352,8 +357,8 @@ class IndependentWeather(Section):
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
         for name in ("rain", "wind", "puddles"):
-            given = (getattr(self, f"{name}_exponent"), getattr(self, f"{name}_weibull"))
-            if None not in given:
+            shapes = (getattr(self, f"{name}_exponent"), getattr(self, f"{name}_weibull"))
+            if None not in shapes:
                 raise specification_error(
                     f"{name}_exponent or {name}_weibull",
                     "leave one of them out",
@@ -382,12 +387,12 @@ class FixedTraits(create_model("_FixedTraits", __base__=Section, **_fixable())):
     """
 
     def values(self) -> dict[str, float]:
-        """What is fixed, by the names of `model.vehicles.DriverTraits`."""
-        given = self.model_dump(exclude_none=True)
+        """Fixed values by the names of `model.vehicles.DriverTraits`."""
+        fixed = self.model_dump(exclude_none=True)
         keys = {
             name + NAME_SUFFIXES[field.spec.unit]: name for name, field in RECORDED_TRAITS.items()
         }
-        return {keys[key]: value for key, value in given.items()}
+        return {keys[key]: value for key, value in fixed.items()}
 
 
 _SCALABLE = tuple(name for name, field in RECORDED_TRAITS.items() if not field.is_flag)
@@ -436,7 +441,7 @@ class DriversSection(Section):
 
 
 class StartsSection(Section):
-    """Section `[starts]`: what a start must leave to those in it.
+    """Section `[starts]`: conditions that every start fulfils.
 
     Attributes:
         allow_doomed: Whether a vehicle may start so fast that no braking saves it.
@@ -448,16 +453,16 @@ class StartsSection(Section):
 
 
 class Specification(Section):
-    """A whole specification: what to sample.
+    """A whole specification of scenarios.
 
     Attributes:
         profile: Name, road and frames.
         time: Durations.
         traffic: Vehicles.
         weather: Weather and light.
-        drivers: People.
+        drivers: Drivers.
         starts: Safety of the first frame.
-        proposal: Quantities that are drawn more often than in nature; None for none.
+        proposal: Components of importance sampling; None without them.
     """
 
     profile: ProfileSection
@@ -484,11 +489,11 @@ class Specification(Section):
         return self.profile.road
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything that was given or left to a default, as JSON types; `spec` reads it back."""
+        """All values as JSON types, defaults included; `load_specification` reads them."""
         return self.model_dump(mode="json", exclude_none=True)
 
     def canonical_json(self) -> str:
-        """`resolved` as text that is the same for equal specifications, on one line."""
+        """`to_dict` as text that is the same for equal specifications, on one line."""
         return json.dumps(self.to_dict(), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     @property

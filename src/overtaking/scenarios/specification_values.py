@@ -29,53 +29,53 @@ def specification_error(
     """An error of one of our own checks.
 
     Args:
-        expected: What would have been right.
-        next_step: What the reader can do, as an imperative.
+        expected: The kind of value that is right.
+        next_step: The reader's next step, as an imperative.
         key: Key inside the section, where the check is about a whole section.
-        got: The value found, if it is not the checked one.
+        got: The wrong value, if it is not the checked one.
     """
     context = {"expected": expected, "next_step": next_step, "key": key, "got": got}
     return PydanticCustomError(_OURS, "{expected}", context)
 
 
-def one_of(what: str, names: Callable[[], tuple[str, ...]]) -> Callable[[str], str]:
+def name_check(kind: str, names: Callable[[], tuple[str, ...]]) -> Callable[[str], str]:
     """A check that a text is one of `names()`."""
 
     def check(name: str) -> str:
         if name in names():
             return name
-        raise specification_error(f"a known {what}", suggestion(name, names()), got=name)
+        raise specification_error(f"a known {kind}", suggestion(name, names()), got=name)
 
     return check
 
 
-def config_error(found: ValidationError, where: str, keys: Keys) -> ConfigError:
+def config_error(error: ValidationError, where: str, keys: Keys) -> ConfigError:
     """Make a `ConfigError` from one finding of a validation: an unknown key, else the first one.
 
     A misspelt key leads to two findings, an unknown and a missing key. The unknown one names the
     mistake.
 
     Args:
-        found: What pydantic raised.
+        error: The error that Pydantic raised.
         where: The file or profile that was read.
         keys: Gives the known keys of a section, named by its path, and the weather's mode.
     """
-    findings = found.errors(include_url=False)
+    findings = error.errors(include_url=False)
     unknown = (finding for finding in findings if finding["type"] == "extra_forbidden")
     first = next(unknown, findings[0])
     path, mode = _path(first)
     expected, got, next_step = _explain(first, path, lambda: keys(tuple(path[:-1]), mode))
     key = first.get("ctx", {}).get("key")
-    what = ".".join([*path, key] if key else path)
-    return ConfigError.of(what=what, where=where, expected=expected, got=got, next_step=next_step)
+    name = ".".join([*path, key] if key else path)
+    return ConfigError.of(what=name, where=where, expected=expected, got=got, next_step=next_step)
 
 
-def _path(found: ErrorDetails) -> tuple[list[str], str | None]:
+def _path(finding: ErrorDetails) -> tuple[list[str], str | None]:
     """The key path of a finding, and the mode of the weather or traffic if it lies there.
 
     Pydantic names the mode after the section, and marks the keys of a mapping.
     """
-    path = [str(part) for part in found["loc"] if part != "[key]"]
+    path = [str(part) for part in finding["loc"] if part != "[key]"]
     if path[:1] in (["weather"], ["traffic"]) and len(path) > 1:
         return path[:1] + path[2:], path[1]
     return path, None
@@ -99,38 +99,38 @@ _TYPES = {
 
 
 def _explain(
-    found: ErrorDetails, path: list[str], keys: Callable[[], tuple[str, ...]]
+    finding: ErrorDetails, path: list[str], keys: Callable[[], tuple[str, ...]]
 ) -> tuple[str, object, str]:
     """Expected, got and next step of one finding."""
-    kind, context = found["type"], found.get("ctx", {})
+    kind, context = finding["type"], finding.get("ctx", {})
     if kind == _OURS:
-        got = _shown(found["input"]) if context["got"] is None else context["got"]
+        got = _format_value(finding["input"]) if context["got"] is None else context["got"]
         return context["expected"], got, context["next_step"]
     if kind == "extra_forbidden":
         return "a known key", repr(path[-1]), suggestion(path[-1], keys())
     if kind == "union_tag_not_found":
-        similar = difflib.get_close_matches("mode", map(str, found["input"]), n=1)
+        similar = difflib.get_close_matches("mode", map(str, finding["input"]), n=1)
         if similar:
             return f"the key mode, {_MODE}", f"the key {similar[0]}", "did you mean mode?"
     if kind == "missing":
         return "a value", "nothing", "add the key"
     if kind in ("too_short", "too_long"):
         number = context["min_length" if kind == "too_short" else "max_length"]
-        return f"{number} values", _shown(found["input"]), "correct the list"
-    expected = _TYPES.get(kind) or found["msg"].removeprefix("Input should be ")
-    return expected, _shown(found["input"]), "correct the value"
+        return f"{number} values", _format_value(finding["input"]), "correct the list"
+    expected = _TYPES.get(kind) or finding["msg"].removeprefix("Input should be ")
+    return expected, _format_value(finding["input"]), "correct the value"
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """What to do about an unknown name: take the one most like it, or choose from all."""
-    by_lower = {candidate.lower(): candidate for candidate in known}
+def suggestion(name: str, choices: Iterable[str]) -> str:
+    """The next step after an unknown name: the most similar name, or all names."""
+    by_lower = {candidate.lower(): candidate for candidate in choices}
     close = difflib.get_close_matches(name.lower(), by_lower, n=1)
     if close:
         return f"did you mean {by_lower[close[0]]}?"
     return f"choose from {', '.join(by_lower.values())}"
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     return repr(list(cast("tuple[object, ...]", value)) if isinstance(value, tuple) else value)
 
 
@@ -208,14 +208,14 @@ SpeedRange = Annotated[tuple[SpeedKmh, SpeedKmh], AfterValidator(check_ascending
 PercentRange = Annotated[tuple[Percent, Percent], AfterValidator(check_ascending)]
 AltitudeDeg = Annotated[float, Field(ge=-90.0, le=90.0)]
 Weight = Annotated[float, Field(ge=0.0, le=1e6)]
-TypeName = Annotated[str, AfterValidator(one_of("vehicle type", lambda: VEHICLE_CLASS_NAMES))]
-ColourName = Annotated[str, AfterValidator(one_of("colour", lambda: COLOUR_NAMES))]
+TypeName = Annotated[str, AfterValidator(name_check("vehicle type", lambda: VEHICLE_CLASS_NAMES))]
+ColourName = Annotated[str, AfterValidator(name_check("colour", lambda: COLOUR_NAMES))]
 
 PresetName = Annotated[
-    str, AfterValidator(one_of("weather preset", lambda: tuple(weather_presets())))
+    str, AfterValidator(name_check("weather preset", lambda: tuple(weather_presets())))
 ]
-RoadName = Annotated[str, AfterValidator(one_of("road", lambda: ROAD_NAMES))]
-PopulationName = Annotated[str, AfterValidator(one_of("population", population_names))]
+RoadName = Annotated[str, AfterValidator(name_check("road", lambda: ROAD_NAMES))]
+PopulationName = Annotated[str, AfterValidator(name_check("population", population_names))]
 
 Types = Annotated[
     dict[TypeName, Weight], BeforeValidator(equal_weights), AfterValidator(check_some_weight)
@@ -231,6 +231,6 @@ Presets = Annotated[
 
 
 class Section(BaseModel):
-    """What all sections share: nothing unknown, nothing converted, nothing infinite."""
+    """A section: unknown keys, values of another type and infinite numbers are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)

@@ -81,9 +81,9 @@ class FlowLane(Section):
     Attributes:
         density: Its density over the mean of all lanes.
         types: Weights of the vehicle types in it.
-        speed_kmh: What its traffic drives at on average; the ends of the traffic are kept out of
-            the ego's sight by it.
-        wish: Factor on the speed that its drivers want, over that of all drivers of their type.
+        speed_kmh: Mean speed of its traffic, by which the ends of the traffic stay out of the ego's
+            sight.
+        wish: Factor on the desired speed that drivers of a vehicle class have on average.
     """
 
     density: Factor
@@ -100,8 +100,8 @@ class FlowTraffic(Section):
         vehicles: Fewest and most vehicles; there are as many as it takes to keep the ends of the
             traffic out of the ego's sight.
         density_per_km_lane: Vehicles on a kilometre of a lane, the mean of the lanes, uniform.
-        lanes: What drives in each lane, the slowest first; as many as the road has.
-        free_speed_kmh: What drivers of a type want on a free road, on average.
+        lanes: Traffic of each lane, the slowest first; as many as the road has.
+        free_speed_kmh: Mean desired speed on a free road by vehicle class.
         spacing_sigma: Spread of the logarithm of the free part of the distances.
         colours: Weights of the colours.
         ego_lanes: Lanes that the ego may start in, as likely as their densities say.
@@ -142,16 +142,16 @@ class FlowTraffic(Section):
 
 
 _PerHour = Annotated[float, Field(ge=10.0, le=1500.0)]
-_Some = Annotated[int, Field(ge=1, le=MAX_VEHICLES - 2)]
-_None = Annotated[int, Field(ge=0, le=MAX_VEHICLES - 2)]
+_CountFromOne = Annotated[int, Field(ge=1, le=MAX_VEHICLES - 2)]
+_CountFromZero = Annotated[int, Field(ge=0, le=MAX_VEHICLES - 2)]
 
 
 class TwoWayTraffic(Section):
     """Section `[traffic]` with `mode = "two-way"`: a road with one lane in each direction.
 
-    Vehicles arrive at random, in each direction at a rate of its own, and follow who is slower. The
-    ego is one of those who go along the road. Others come until the ego cannot meet any more of
-    them while it overtakes, or as many as there is room for.
+    Vehicles arrive at random, in each direction at a rate of its own, and follow slower vehicles.
+    Oncoming vehicles are drawn until the ego cannot meet another one while it overtakes, or until
+    all slots are filled.
 
     Attributes:
         mode: Says which kind of traffic this is.
@@ -161,23 +161,24 @@ class TwoWayTraffic(Section):
         flow_vph: Vehicles per hour and direction, the mean of both, uniform.
         split: Share of the busier direction, uniform; either may be it.
         least_headway_s: Least time between two arrivals; the rest is exponential.
-        held_up: Part of the egos that follow the vehicle ahead at the start, as far off as they
-            like to; the others meet it as everybody meets others.
+        held_up: Share of the egos that follow the vehicle ahead in a platoon at the start; for the
+            others the first headway is drawn like all headways.
         types: Weights of the vehicle types.
         ego_types: Weights of the ego's; never a two-wheeler.
         semitrailers: Part of the trucks that pull one.
-        free_speed_kmh: What drivers of a type want on a free road, on average.
+        free_speed_kmh: Mean desired speed on a free road by vehicle class.
         slow_share: Part of the vehicles, the ego not among them, that are slow for some reason.
-        slow_speed_kmh: What these want.
+        slow_speed_kmh: Desired speed of the slow vehicles.
         start_s_m: Where the ego may start.
-        sight_m: How far the ego may see who comes; nearer than this no arrival is missing.
+        sight_m: Largest distance at which the ego may see an oncoming vehicle; within it no arrival
+            is missing.
         colours: Weights of the colours.
     """
 
     mode: Literal["two-way"]
-    ahead: _Some
-    behind: _None
-    oncoming: _None
+    ahead: _CountFromOne
+    behind: _CountFromZero
+    oncoming: _CountFromZero
     flow_vph: Annotated[tuple[_PerHour, _PerHour], AfterValidator(check_ascending)]
     split: Annotated[tuple[Share, Share], AfterValidator(check_ascending)] = (0.5, 0.5)
     least_headway_s: Annotated[float, Field(ge=0.5, le=5.0)] = 1.5

@@ -134,7 +134,7 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         drivers=drivers_with_speed(slots.traits, slots.desired_speed),
         lane=lane,
         kept_gap_share=np.zeros_like(slots.desired_speed),
-        zone=StartZone.unbounded(block.road, low=-block.road.length),
+        zone=StartZone.whole_road(block.road, low=-block.road.length),
         deadline=_attempt_deadline(block, traffic, drawn),
         states_at_speed=partial(_states_at_speed, layout, slots),
         is_oncoming=slots.is_oncoming,
@@ -209,17 +209,17 @@ def _pack_slots(drawn: DrawnSlots, is_on_road: Mask) -> DrawnSlots:
     """
     order = np.argsort(~is_on_road, axis=1, kind="stable")
 
-    def packed(values: NDArray[Any]) -> NDArray[Any]:
+    def pack(values: NDArray[Any]) -> NDArray[Any]:
         return np.take_along_axis(values, order, axis=1)
 
     names = (field.name for field in fields(drawn.vehicles))
-    columns = {name: packed(getattr(drawn.vehicles, name)) for name in names}
+    columns = {name: pack(getattr(drawn.vehicles, name)) for name in names}
     return DrawnSlots(
-        vehicles=drawn.vehicles.replace(**columns | {"valid": packed(is_on_road)}),
-        traits={name: packed(values) for name, values in drawn.traits.items()},
-        desired_speed=packed(drawn.desired_speed),
-        s=packed(drawn.s),
-        is_oncoming=packed(drawn.is_oncoming),
+        vehicles=drawn.vehicles.replace(**columns | {"valid": pack(is_on_road)}),
+        traits={name: pack(values) for name, values in drawn.traits.items()},
+        desired_speed=pack(drawn.desired_speed),
+        s=pack(drawn.s),
+        is_oncoming=pack(drawn.is_oncoming),
     )
 
 

@@ -95,8 +95,8 @@ def sample_vehicles(
 
 def _wear(u: F32) -> F32:
     """Wear of tyres, 0 new to 1 bald, from uniform numbers: triangular, most of them half worn."""
-    one, mode = np.float32(1.0), np.float32(WEAR_MODE)
-    return np.where(u < mode, np.sqrt(mode * u), one - np.sqrt((one - mode) * (one - u)))
+    unit, mode = np.float32(1.0), np.float32(WEAR_MODE)
+    return np.where(u < mode, np.sqrt(mode * u), unit - np.sqrt((unit - mode) * (unit - u)))
 
 
 def with_able_bicycles(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpecs:
@@ -194,13 +194,13 @@ def class_value(quantity: str, kind: U8) -> F32:
 def _table(quantity: str) -> F32:
     """Value of a quantity for each vehicle type, shape (type,)."""
     classes = vehicle_classes().values()
-    return np.array([getattr(one, quantity).number for one in classes], np.float32)
+    return np.array([getattr(entry, quantity).number for entry in classes], np.float32)
 
 
 @cache
 def _limits(quantity: str) -> tuple[F32, F32]:
     """Smallest and largest sample of a quantity for each vehicle type."""
-    entries = [getattr(one, quantity) for one in vehicle_classes().values()]
+    entries = [getattr(vehicle_class, quantity) for vehicle_class in vehicle_classes().values()]
     low = np.array([entry.low for entry in entries], np.float32)
     return low, np.array([entry.high for entry in entries], np.float32)
 
@@ -208,14 +208,16 @@ def _limits(quantity: str) -> tuple[F32, F32]:
 @cache
 def _sigma(quantity: str) -> F32:
     """Standard deviation of a quantity for each vehicle type, zero where it is fixed."""
-    entries = [getattr(one, quantity) for one in vehicle_classes().values()]
+    entries = [getattr(vehicle_class, quantity) for vehicle_class in vehicle_classes().values()]
     return np.array([entry.sigma or 0.0 for entry in entries], np.float32)
 
 
 @cache
 def _flags(name: str) -> NDArray[np.bool_]:
     """A yes or no of `knowledge.VehicleClass` for each vehicle type."""
-    return np.array([getattr(one, name) for one in vehicle_classes().values()], np.bool_)
+    return np.array(
+        [getattr(vehicle_class, name) for vehicle_class in vehicle_classes().values()], np.bool_
+    )
 
 
 @cache
@@ -231,7 +233,7 @@ def _sample_quantity(quantity: str, kind: U8, z: F32) -> F32:
 
 
 def _cg_height(kind: U8, mass: F32) -> F32:
-    """Height of the centre of gravity, which a load raises up to that of the usual load [m]."""
+    """Height of the centre of gravity, between empty and the usual load [m]."""
     empty, usual = class_value("mass_empty", kind), class_value("mass", kind)
     loaded = clamp((mass - empty) / (usual - empty), np.zeros_like(mass), np.ones_like(mass))
     low, high = class_value("cg_height_empty", kind), class_value("cg_height", kind)
@@ -244,7 +246,7 @@ def _assemble(body: DrawnBody) -> VehicleSpecs:
     wheelbase = class_value("wheelbase", kind)
     cg_to_front = class_value("cg_to_front_ratio", kind) * wheelbase
     arms = cg_to_front * (wheelbase - cg_to_front)
-    same = {
+    of_class = {
         name: class_value(name, kind)
         for name in (
             "width",
@@ -281,5 +283,5 @@ def _assemble(body: DrawnBody) -> VehicleSpecs:
         contrast=_contrasts()[body.colour],
         two_wheeler=_flags("two_wheeler")[kind],
         unlawful_presence=~_flags("motorway_allowed")[kind],
-        **same,
+        **of_class,
     )

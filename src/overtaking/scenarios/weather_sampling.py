@@ -19,8 +19,8 @@ from overtaking.scenarios.random_draws import (
     RandomStream,
     SampleBlock,
     choose_weighted,
+    identity_transform,
     scale_to_range,
-    untransformed,
     weights_of,
 )
 from overtaking.scenarios.specification import IndependentWeather, PresetWeather
@@ -49,7 +49,7 @@ def sample_weather(block: SampleBlock) -> Weather:
 def draw_weather(
     section: PresetWeather | IndependentWeather,
     stream: RandomStream,
-    transform: NumberTransform = untransformed,
+    transform: NumberTransform = identity_transform,
 ) -> Weather:
     """Draw weather, shape (simulation,).
 
@@ -104,8 +104,8 @@ def _from_uniform(
     if weibull is not None:
         scale, shape = weibull
         depth = -log(maximum(np.float32(1.0) - u, np.full_like(u, _MIN_TAIL)))
-        beyond = np.float32(scale) * power(depth, np.full_like(u, 1.0 / shape))
-        return minimum(np.float32(limits[0]) + beyond, np.full_like(u, limits[1]))
+        excess = np.float32(scale) * power(depth, np.full_like(u, 1.0 / shape))
+        return minimum(np.float32(limits[0]) + excess, np.full_like(u, limits[1]))
     if exponent is not None:
         u = power(u, np.full_like(u, exponent))
     return scale_to_range(u, *limits)
@@ -157,8 +157,8 @@ def _independent(
 @cache
 def _preset_table(field: str) -> F32:
     """A field of every preset, shape (preset,)."""
-    found: tuple[WeatherPreset, ...] = tuple(weather_presets().values())
-    return np.array([getattr(preset, field) for preset in found], np.float32)
+    presets: tuple[WeatherPreset, ...] = tuple(weather_presets().values())
+    return np.array([getattr(preset, field) for preset in presets], np.float32)
 
 
 def _of_preset(field: str, preset: U8) -> F32:
