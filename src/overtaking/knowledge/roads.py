@@ -59,9 +59,13 @@ def general_limits() -> GeneralLimits:
 
 
 def general_limit(kind: str) -> float:
-    """The limit of a road without a sign [m/s], by its OpenDRIVE road type.
+    """The limit of a road without a sign, by its OpenDRIVE road type.
 
-    Every type whose name begins with "town" and "lowSpeed" lie inside localities.
+    Args:
+        kind: Road type. Types that begin with "town", and "lowSpeed", lie inside localities.
+
+    Returns:
+        The limit of light passenger vehicles [m/s].
     """
     limits = general_limits()
     if kind == "motorway":
