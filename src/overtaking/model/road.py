@@ -34,6 +34,7 @@ from overtaking.model.reference_line import CurveSegment, ReferenceLine, cos_sin
 from overtaking.model.road_course import (
     MAX_LENGTH,
     MAX_SPEED_LIMIT,
+    MarkChange,
     RoadCourse,
     RoadMark,
     marks_along,
@@ -182,7 +183,7 @@ class Road:
         return neighbour is not None and neighbour.kind == "driving" and neighbour.direction == -1
 
     @property
-    def fast_edge_marks(self) -> tuple[tuple[float, RoadMark], ...]:
+    def fast_edge_marks(self) -> tuple[MarkChange, ...]:
         """The line on the fast side of `lanes[-1]`, seen from there: where each mark begins [m].
 
         The first begins at minus infinity.

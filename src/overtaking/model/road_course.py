@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -250,9 +250,19 @@ def _error(what: str, expected: str, got: object) -> ConfigError:
     )
 
 
-def marks_along(
-    lines: Sequence[CentreLineSpan], otherwise: RoadMark
-) -> tuple[tuple[float, RoadMark], ...]:
+class MarkChange(NamedTuple):
+    """Start of a mark along a line.
+
+    Attributes:
+        station: Where the mark begins, minus infinity for the first one [m].
+        mark: The mark from there on.
+    """
+
+    station: float
+    mark: RoadMark
+
+
+def marks_along(lines: Sequence[CentreLineSpan], otherwise: RoadMark) -> tuple[MarkChange, ...]:
     """The line between the directions from end to end.
 
     Args:
@@ -260,15 +270,15 @@ def marks_along(
         otherwise: The mark between them, before them and behind them.
 
     Returns:
-        Where each mark begins, the first at minus infinity, and the mark; neighbours differ.
+        The changes of the mark in order; each mark differs from the one before.
     """
-    starts = [(-math.inf, otherwise)]
+    starts = [MarkChange(-math.inf, otherwise)]
     for span in lines:
-        if starts[-1][0] == span.start:  # The previous span ends here.
+        if starts[-1].station == span.start:  # The previous span ends here.
             starts.pop()
-        starts += [(span.start, span.mark), (span.stop, otherwise)]
+        starts += [MarkChange(span.start, span.mark), MarkChange(span.stop, otherwise)]
     changes = starts[:1]
-    for start, mark in starts[1:]:
-        if mark is not changes[-1][1]:
-            changes.append((start, mark))
+    for change in starts[1:]:
+        if change.mark is not changes[-1].mark:
+            changes.append(change)
     return tuple(changes)
