@@ -39,7 +39,7 @@ BALANCE = ClassBalance()
 GENERATE = f"""
 import sys
 from overtaking import api
-from overtaking.data.balance import Balance
+from overtaking.data.balance import ClassBalance
 held, after = sys.argv[2], int(sys.argv[3])
 def teller(phase):
     def tell(done, total):
@@ -47,8 +47,8 @@ def teller(phase):
         if phase == held and done > after:
             sys.stdin.read()
     return tell
-api.generate("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1], balance=Balance(),
-             progress=teller("simulations"), on_candidates=teller("candidates"), **{SETTINGS!r})
+api.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1],
+             balance=ClassBalance(), progress=teller("simulations"), on_candidates=teller("candidates"), **{SETTINGS!r})
 """
 
 

@@ -175,8 +175,8 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
 
 STARTS_A_SERVER = """
 import sys
-from overtaking.core.worker_process import Worker
-server = Worker("overtaking.simulators.carla_server.running")
+from overtaking.core.worker_process import WorkerProcess
+server = WorkerProcess("overtaking.simulators.carla_server.running")
 assert server.receive(60.0) > 0
 print(server.pid, flush=True)
 sys.stdin.read()

@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 DEFINITIONS = {"Attribute", "Column", "Endpoint", "Quantity", "Scale", "Statement", "Target"}
 """Classes of constants of the package, which are the same objects in all results."""
 
-INPUTS = {"Change", "Course", "Driver", "Lane", "Limit", "Line", "Pack", "Place", "Road", "Type"}
+INPUTS = {
+    *("CentreLineSpan", "Driver", "Intervention", "Lane", "MarkChange", "Pack", "Road"),
+    *("RoadCourse", "RoadZone", "SpeedLimitSpan", "Type"),
+}
 """Classes that hold only numbers which are checked to be finite, and texts."""
 
 

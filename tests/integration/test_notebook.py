@@ -25,7 +25,7 @@ from overtaking import api
 
 notebook.DELAY_S = {delay_s}
 with TemporaryDirectory() as folder:
-    api.generate("pinto2023", 8, 1, Path(folder) / "data"{arguments});
+    api.generate_dataset("pinto2023", 8, 1, Path(folder) / "data"{arguments});
 """
 
 

@@ -34,7 +34,7 @@ def progress(done, total):
     if done == int(sys.argv[2]):
         sys.stdin.read()
 try:
-    api.generate("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1], progress=progress,
+    api.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1], progress=progress,
                  **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     print(type(error).__name__, error, file=sys.stderr)

@@ -281,7 +281,7 @@ import resource, sys
 from overtaking import api
 from overtaking.core.errors import ConfigError
 try:
-    api.query(sys.argv[1], sys.argv[2], memory_mib=128, max_rows=10**9)
+    api.sql(sys.argv[1], sys.argv[2], memory_mib=128, max_rows=10**9)
 except ConfigError as error:
     print(error)
 # Not ru_maxrss, which counts the memory of the parent before the start.

@@ -141,7 +141,7 @@ def test_another_seed_is_another_batch(seed):
 def test_an_empty_batch_is_a_batch():
     empty = ScenarioSource(PINTO, TOWN06, 1).sample([])
     assert empty.num_simulations == 0
-    assert empty.start_s.shape == (0, PINTO.traffic.vehicles[1])
+    assert empty.start_s.shape == (0, PINTO.traffic.num_slots[1])
 
 
 @pytest.mark.parametrize("index", [[-1], [0.5], [[0, 1]], 3, ["a"]])

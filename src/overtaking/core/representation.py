@@ -9,8 +9,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 _SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -22,7 +20,7 @@ def format_count(number: int, noun: str) -> str:
         noun: What, in the singular, with a plural in s.
 
     Examples:
-        >>> counted(1, "simulation"), counted(1000, "simulation")
+        >>> format_count(1, "simulation"), format_count(1000, "simulation")
         ('1 simulation', '1,000 simulations')
     """
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
@@ -50,6 +48,9 @@ def json_values(value: Any) -> Any:
             lists; bytes become hexadecimal text; NaN and infinities become null; anything else that
             JSON does not have becomes text.
     """
+    # Not at the top of the module: the help of commands, which prints no arrays, loads no NumPy.
+    import numpy as np
+
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if value is None or isinstance(value, bool | int | str):
@@ -92,6 +93,8 @@ class CompactRepr:
 
     def summary(self) -> Mapping[str, object]:
         """Names and values to show: fields with one value, and how many the others have."""
+        import numpy as np  # As in `json_values`.
+
         found: dict[str, object] = {}
         for field in dataclasses.fields(self):  # type: ignore[arg-type]
             with contextlib.suppress(

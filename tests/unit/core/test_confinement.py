@@ -9,8 +9,8 @@ pytestmark = pytest.mark.ci
 pytest.importorskip("resource", reason="Windows bounds no process")
 
 SPINS = """
-from overtaking.core.process_limits import confine
-confine(64, processor_s=1)
+from overtaking.core.process_limits import limit_process
+limit_process(64, processor_s=1)
 while True:
     pass
 """

@@ -177,18 +177,23 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             lambda s: ot.branch(s, 3, weather=s.weather.select(slice(0, 2))),
             "branch: weather.preset: expected length 3 along simulation, as index has, got 2",
         ),
-        (lambda _: ot.load_dataset(5), "load: path: expected a text, a path or a Dataset, got 5"),
+        (
+            lambda _: ot.load_dataset(5),
+            "load_dataset: path: expected a text, a path or a Dataset, got 5",
+        ),
         (
             lambda _: ot.load_dataset("\0"),
-            "load: path: expected a text, a path or a Dataset, got '\\x00'",
+            "load_dataset: path: expected a text, a path or a Dataset, got '\\x00'",
         ),
         (
             lambda _: ot.compare_simulators("pinto2023-physical", 1, 1, simulators="engine"),
-            "compare: simulators: expected several values, each of them a text, got 'engine'",
+            "compare_simulators: simulators: expected several values, each of them a text, "
+            "got 'engine'",
         ),
         (
             lambda _: ot.film(5),
-            "film: source: expected a Dataset, a text, a path, a Trajectories or a Labelled, got 5",
+            "film: source: expected a Dataset, a text, a path, a Trajectories or a "
+            "LabelledTrajectories, got 5",
         ),
         (lambda _: ot.plot(1), "plot: source: expected a data set"),
         (

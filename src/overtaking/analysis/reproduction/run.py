@@ -130,7 +130,10 @@ class Comparison(ContentEquality):
         return json_values(
             {
                 "name": self.name,
-                **{name: getattr(one, name) for name in ("about", "text", "scope", "standing")},
+                **{
+                    name: getattr(one, name)
+                    for name in ("about", "text", "outcome_class", "standing")
+                },
                 "unit": one.unit,
                 "paper": one.quoted,
                 "ours": self.ours,
