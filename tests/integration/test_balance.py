@@ -48,7 +48,8 @@ def teller(phase):
             sys.stdin.read()
     return tell
 api.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1],
-             balance=ClassBalance(), progress=teller("simulations"), on_candidates=teller("candidates"), **{SETTINGS!r})
+             balance=ClassBalance(), progress=teller("simulations"),
+             on_candidates=teller("candidates"), **{SETTINGS!r})
 """
 
 

@@ -13,6 +13,7 @@ from overtaking.model.known_roads import known_road
 from overtaking.model.scenario import SLOT_CAPACITIES
 from overtaking.scenarios.profiles import load_specification
 from overtaking.scenarios.sampler import BLOCK_SIZE, ScenarioSource
+from overtaking.scenarios.traffic_specification import PlacedTraffic
 
 TOWN06 = known_road("town06")
 PINTO = load_specification("pinto2023-physical")
@@ -141,7 +142,8 @@ def test_another_seed_is_another_batch(seed):
 def test_an_empty_batch_is_a_batch():
     empty = ScenarioSource(PINTO, TOWN06, 1).sample([])
     assert empty.num_simulations == 0
-    assert empty.start_s.shape == (0, PINTO.traffic.num_slots[1])
+    assert isinstance(PINTO.traffic, PlacedTraffic)
+    assert empty.start_s.shape == (0, PINTO.traffic.vehicles[1])
 
 
 @pytest.mark.parametrize("index", [[-1], [0.5], [[0, 1]], 3, ["a"]])
