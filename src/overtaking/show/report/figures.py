@@ -106,8 +106,7 @@ def figures_of(source: Any, policy: str | None) -> dict[str, Draw]:
     raise ConfigError.of(
         what="source",
         where="plot",
-        expected="a data set, roads of list_opendrive_roads, or a result of "
-        + ", ".join(_FUNCTIONS),
+        expected=f"a data set, roads, or what {', '.join(_FUNCTIONS)} returned",
         got=f"a {type(source).__name__}",
         next_step="give one of them",
     )
@@ -282,6 +281,6 @@ _SOURCES: dict[str, Callable[[Any, str | None], dict[str, Draw]]] = {
 """Functions that list the figures of a source, by the name of its class."""
 
 _FUNCTIONS = (
-    *("dataset_statistics", "learning.learn_factors", "validate_profile", "law.tolerance_curve"),
-    *("whatif.counterfactual", "whatif.outcome_fan", "evaluate", "reproduce_study"),
+    *("dataset_statistics", "learn_factors", "validate_profile", "tolerance_curve"),
+    *("counterfactual", "outcome_fan", "evaluate", "reproduce_study"),
 )

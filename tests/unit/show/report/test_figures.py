@@ -18,6 +18,8 @@ def test_a_result_without_figures_of_single_axes_proposes_none():
 
 
 def test_the_error_for_another_source_names_every_function_in_full():
-    with pytest.raises(ConfigError, match=r"evaluate, reproduce_study, got a str; ") as caught:
+    with pytest.raises(
+        ConfigError, match=r"evaluate, reproduce_study returned, got a str; "
+    ) as caught:
         draw("a folder", None, axes=None, width="page", policy=None)
     assert "..." not in str(caught.value)
