@@ -92,7 +92,7 @@ def run_cell(folder: Path, *, delay_s: float, arguments: str = "") -> list[Any]:
 def test_a_notebook_shows_one_line_that_ends_with_all_simulations(tmp_path: Path):
     (output,) = run_cell(tmp_path, delay_s=0.0)
     assert output.output_type == "display_data"
-    assert output.data["text/plain"] == "generate: 8 of 8"
+    assert output.data["text/plain"] == "generate_dataset: 8 of 8"
 
 
 @pytest.mark.ci
