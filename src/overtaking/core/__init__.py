@@ -1,4 +1,4 @@
-"""What every other package uses.
+"""Basis of all other packages: arrays, errors, files, random numbers, processes.
 
 arrays: array types with their dtypes; memory of large arrays is reused.
 equality: equality by content for objects that hold arrays, tables and NaN.

@@ -45,7 +45,7 @@ class Finding:
 
     Attributes:
         check: The check that found the fault.
-        consequence: What the reader did about it.
+        consequence: Whether the reader corrected, left out, refused or only reported it.
         detail: One sentence with columns, values and, for a correction, its method.
         rows: Number of rows with the fault.
         vehicle: Name of the vehicle in the file; None if the fault concerns the whole file.
