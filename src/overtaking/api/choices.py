@@ -92,7 +92,7 @@ def road_of(road: str | Path | Road) -> Road:
 def several(simulators: Sequence[str]) -> Sequence[str]:
     """Names of simulators to compare, refused if they are not two or more different ones."""
     if len(set(simulators)) < 2 or len(set(simulators)) < len(simulators):
-        raise ConfigError.of(
+        raise ConfigError(
             what="simulators",
             where="compare",
             expected="two or more different ones",

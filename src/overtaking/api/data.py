@@ -151,7 +151,7 @@ def resume_dataset(
     """
     begun = read_manifest(location_of(out)).identity
     if begun.seed is None:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set",
             where=str(out),
             expected="one that was generated",
@@ -159,7 +159,7 @@ def resume_dataset(
             next_step="import it again into another folder",
         )
     if begun.branches:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set",
             where=str(out),
             expected="one that was generated",
@@ -167,7 +167,7 @@ def resume_dataset(
             next_step="branch again into another folder",
         )
     if begun.policy is not None:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set",
             where=str(out),
             expected="one without a policy",

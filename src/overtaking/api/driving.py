@@ -115,7 +115,7 @@ def _check_num_parts(driver: Driver) -> None:
     parts = driver.control.parts
     num_parts = getattr(driver.policy, "num_parts", len(parts))
     if num_parts != len(parts):
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"output for --action {driver.action}",
             where=driver.name,
             expected=f"{len(parts)} parts ({', '.join(part.name for part in parts)})",
@@ -175,7 +175,7 @@ def _may_be_policy(name: str, value: object) -> bool:
 
 
 def _unknown_policy(name: str, option: str, expected: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="driver",
         where=option,
         expected=expected,

@@ -187,7 +187,7 @@ def policy_of(
         return name
     if observe is None:
         load_policy(name, option, SHIPPED)  # Reports an unknown name before the missing option.
-        raise ConfigError.of(
+        raise ConfigError(
             what="--observe",
             where="evaluate",
             expected=f"human, truth or the file of a sensor, for {option} {name}",
@@ -217,7 +217,7 @@ def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
     ]
     names = [contestant.name for contestant in contestants]
     if len(set(names)) < len(names):
-        raise ConfigError.of(
+        raise ConfigError(
             what="policies",
             where="evaluate",
             expected="a policy and others, each once",

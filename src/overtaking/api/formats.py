@@ -135,7 +135,7 @@ def _chosen(
 
     found = chosen(data, simulations, label, policy)
     if found is not None and not found.size:
-        raise ConfigError.of(
+        raise ConfigError(
             what="simulations",
             where="export",
             expected="at least one",
@@ -151,7 +151,7 @@ def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
         raise ConfigError.unknown_choice("format", "export", EXPORTS, file_format)
     known = _EXPORT_OPTIONS.get(file_format, ())
     for name in sorted(set(options) - set(known)):
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"option {name}",
             where=f"export to {file_format}",
             expected=", ".join(known) or "none of those that some formats have",
@@ -424,7 +424,7 @@ def write_column_map(table: str | Path, out: str | Path) -> None:
 
     target = Path(out)
     if target.exists():
-        raise ConfigError.of(
+        raise ConfigError(
             what="map of columns",
             where=str(target),
             expected="a new file",

@@ -221,7 +221,7 @@ def serve_viewer(
     if any(find_spec(name) is None for name in ("starlette", "uvicorn")):
         lacks = "Starlette and uvicorn, which serve the page"
         instead = "write a page with --export"
-        raise MissingExtraError.lacking("view", what=lacks, where="view", otherwise=instead)
+        raise MissingExtraError.for_extra("view", what=lacks, where="view", otherwise=instead)
     from overtaking.show.server.running import serve
 
     return serve(load_dataset(data), policy=policy, port=port, ready=ready)

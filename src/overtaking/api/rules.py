@@ -175,7 +175,7 @@ def _sound(pack: Pack) -> Pack:
 
 
 def _refused(law: str, expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="law",
         where=law,
         expected=expected,

@@ -247,7 +247,7 @@ def check_runnable(scenario: Scenario, where: str) -> None:
         ("vehicles", slots > MAX_VEHICLES, f"at most {MAX_VEHICLES} slots", slots),
     ):
         if is_wrong:
-            raise ConfigError.of(
+            raise ConfigError(
                 what=f"scenario.{what}",
                 where=where,
                 expected=expected,

@@ -170,7 +170,7 @@ def save_branches(data: Dataset | str | Path, runs: Mapping[str, Any], out: str 
 
     for run in runs.values():
         if not isinstance(run, Trajectories) or run.scenario.num_simulations != 1:
-            raise ConfigError.of(
+            raise ConfigError(
                 what="runs",
                 where="save_branches",
                 expected="batches of one simulation, by name",

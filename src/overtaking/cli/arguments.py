@@ -60,7 +60,7 @@ def overrides(
     for change in changes:
         key, equals, value = change.partition("=")
         if not (key.strip() and equals and value.strip()):
-            raise ConfigError.of(
+            raise ConfigError(
                 what=repr(change),
                 where=where,
                 expected="KEY=VALUE",
@@ -94,7 +94,7 @@ def picture_size(text: str) -> tuple[int, int]:
     """
     width, _, height = text.lower().partition("x")
     if not (width.isdecimal() and height.isdecimal()):
-        raise ConfigError.of(
+        raise ConfigError(
             what="size",
             where="--size",
             expected="WIDTHxHEIGHT",
@@ -132,7 +132,7 @@ def road(choice: RoadChoice) -> Road | None:
     if name is None:
         for option, value in (("--speed-limit", limit), ("--driving-side", driving_side)):
             if value is not None:
-                raise ConfigError.of(
+                raise ConfigError(
                     what=option,
                     where="road",
                     expected="a map, whose road the option changes",
@@ -167,7 +167,7 @@ def speed_limit(text: str | None) -> float | None:
         limit = math.nan
     if not 0.0 < limit <= MAX_SPEED_LIMIT:
         highest_kmh = f"{kmh_from_mps(MAX_SPEED_LIMIT):g}"
-        raise ConfigError.of(
+        raise ConfigError(
             what="--speed-limit",
             where="road",
             expected=f"a number of km/h, more than 0 and at most {highest_kmh}, or the word none",
@@ -216,7 +216,7 @@ def _numbers(part: str, where: str) -> range:
 
 
 def _no_numbers(got: str, where: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="--simulations",
         where=where,
         expected="numbers and ranges such as 1,7,20-29",
@@ -239,7 +239,7 @@ def export_target(out: Path, file_format: str, *, is_csv: bool | None) -> Path:
     if file_format == "pinto2023":
         return table_file(out, is_csv=is_csv)
     if is_csv is not None:
-        raise ConfigError.of(
+        raise ConfigError(
             what="kind of file",
             where=str(out),
             expected=f"none with --format {file_format}",
@@ -259,7 +259,7 @@ def figure_file(out: Path | None) -> Path | None:
         check_output_path(out)
     if out is None or (out.suffix in (".png", ".svg", ".pdf") and out.parent.is_dir()):
         return out
-    raise ConfigError.of(
+    raise ConfigError(
         what="figure",
         where=str(out),
         expected="a file that ends in .png, .svg or .pdf, in a folder that exists",
@@ -279,7 +279,7 @@ def table_file(out: Path, *, is_csv: bool | None) -> Path:
         ConfigError: It is a folder, or its ending says one thing and the option another.
     """
     if out.is_dir():
-        raise ConfigError.of(
+        raise ConfigError(
             what="--out",
             where=str(out),
             expected="a file",
@@ -291,7 +291,7 @@ def table_file(out: Path, *, is_csv: bool | None) -> Path:
     if named is None:
         return out.with_name(out.name + (".parquet" if is_csv is False else ".csv"))
     if is_csv is not None and is_csv != named:
-        raise ConfigError.of(
+        raise ConfigError(
             what="kind of file",
             where=str(out),
             expected="--csv for .csv, --parquet for .parquet",

@@ -115,7 +115,7 @@ def evaluate(
 def _refuse(scenes: dict[str, Any]) -> None:
     """Refuse scenes of one's own beside a benchmark."""
     if scenes:
-        raise ConfigError.of(
+        raise ConfigError(
             what="--benchmark",
             where="evaluate",
             expected="no other word about the scenes, as a benchmark fixes them",

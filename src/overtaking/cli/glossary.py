@@ -45,7 +45,7 @@ def values_of(word: str | None) -> dict[str, Any]:
         from overtaking.scenarios.specification_values import suggestion
 
         names = [name for group in TERM_GROUPS for name in terms(group)]
-        raise ConfigError.of(
+        raise ConfigError(
             what="word",
             where="glossary",
             expected="a word of the glossary",

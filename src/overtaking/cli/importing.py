@@ -210,7 +210,7 @@ def _refuse_of_file(**given: Any) -> None:
     """Refuse options that only folders of recordings have."""
     for name, value in given.items():
         if value not in (None, False):
-            raise ConfigError.of(
+            raise ConfigError(
                 what=f"--{name}",
                 where="import",
                 expected="a folder of recordings beside it",

@@ -72,7 +72,7 @@ def ask(
 
 def _check_one(query: str | None, why: int | None, predicates: bool) -> None:
     if (query is not None) + (why is not None) + predicates != 1:
-        raise ConfigError.of(
+        raise ConfigError(
             what="question",
             where="ask",
             expected="a query, --why N or --predicates",

@@ -51,7 +51,7 @@ def choose_profile(argument: str | None, option: str | None) -> str | None:
         ConfigError: Both are given and differ.
     """
     if argument is not None and option is not None and argument != option:
-        raise ConfigError.of(
+        raise ConfigError(
             what="profile",
             where="generate",
             expected="one profile",
@@ -127,7 +127,7 @@ def balance(asked: Balancing) -> ClassBalance | None:
             given["by"] = tuple(name.strip() for name in given["by"].split(","))
         return ClassBalance(**given)
     if given:
-        raise ConfigError.of(
+        raise ConfigError(
             what=_WORDS[next(iter(given))],
             where="generate",
             expected="--balance beside it",

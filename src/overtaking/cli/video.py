@@ -54,7 +54,7 @@ def choice(shown: options.Shown, where: str) -> list[int] | str:
         ConfigError: More than one of these, or an invalid number.
     """
     if (shown.simulations is not None) + shown.one_per_class + shown.every > 1:
-        raise ConfigError.of(
+        raise ConfigError(
             what="choice",
             where=where,
             expected="one of --simulations, --one-per-class and --all",

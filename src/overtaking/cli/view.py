@@ -51,7 +51,7 @@ def _serve(output: Output, data: str, shown: options.Shown, port: int, *, opens:
     from overtaking import api
 
     if shown.simulations is not None or shown.one_per_class or shown.every:
-        raise ConfigError.of(
+        raise ConfigError(
             what="choice",
             where="view",
             expected="--export FILE with it",

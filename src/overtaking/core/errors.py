@@ -13,7 +13,7 @@ from functools import cache
 from importlib import metadata
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from overtaking.core.representation import as_utf8
 
@@ -36,28 +36,45 @@ def printable(part: object) -> str:
     return text[: MAX_MESSAGE_PART - 3] + "..."
 
 
+def _format_message(
+    *, what: object, where: object, expected: object, got: object, next_step: object = "correct it"
+) -> str:
+    head = f"{printable(where)}: {printable(what)}"
+    body = f"expected {printable(expected)}, got {printable(got)}"
+    return f"{head}: {body}; {printable(next_step)}"
+
+
 class OvertakingError(Exception):
-    """Anything that this package refuses to do; the root of the tree."""
+    """Base class of all errors that this package raises on purpose.
 
-    @classmethod
-    def of(
-        cls, *, what: object, where: object, expected: object, got: object, next_step: object
-    ) -> Self:
-        """An error whose message has everything that a reader needs to go on.
+    Args:
+        message: A complete message, in place of the five parts. Pickling restores an error so.
+        what: The invalid thing, such as a column, a key or an option.
+        where: The file, section or call in which it was found.
+        expected: Description of a valid value.
+        got: The value found.
+        next_step: Advice for the user, as an imperative.
 
-        Args:
-            what: The thing that is wrong, such as a column, a key or an option.
-            where: The file, section or call in which it was found.
-            expected: What would have been right.
-            got: The value found.
-            next_step: What the reader can do now, as an imperative.
+    The parts make the one-line message `where: what: expected ..., got ...; next_step`.
+    """
 
-        Returns:
-            The error, with the one-line message `where: what: expected ..., got ...; next_step`.
-        """
-        head = f"{printable(where)}: {printable(what)}"
-        body = f"expected {printable(expected)}, got {printable(got)}"
-        return cls(f"{head}: {body}; {printable(next_step)}")
+    @overload
+    def __init__(self, message: str) -> None: ...
+
+    @overload
+    def __init__(
+        self,
+        *,
+        what: object,
+        where: object,
+        expected: object,
+        got: object,
+        next_step: object = "correct it",
+    ) -> None: ...
+
+    def __init__(self, message: str | None = None, **parts: object) -> None:
+        """Take a message, or format its parts."""
+        super().__init__(_format_message(**parts) if message is None else message)
 
     @classmethod
     def unknown_choice(cls, what: str, where: str, known: Iterable[str], got: object) -> Self:
@@ -70,11 +87,18 @@ class OvertakingError(Exception):
             got: The name that was given.
         """
         step = "choose one of them"
-        return cls.of(what=what, where=where, expected=" or ".join(known), got=got, next_step=step)
+        return cls(what=what, where=where, expected=" or ".join(known), got=got, next_step=step)
 
     @classmethod
     def out_of_range(
-        cls, what: str, where: str, low: object, high: object, got: object, next_step: str = ""
+        cls,
+        *,
+        what: str,
+        where: str,
+        low: object,
+        high: object = None,
+        got: object,
+        next_step: str = "",
     ) -> Self:
         """An error for a number that is not in a range.
 
@@ -88,7 +112,7 @@ class OvertakingError(Exception):
         """
         expected = f"{low} or more" if high is None else f"{low} to {high}"
         step = next_step or "choose a number in that range"
-        return cls.of(what=what, where=where, expected=expected, got=got, next_step=step)
+        return cls(what=what, where=where, expected=expected, got=got, next_step=step)
 
 
 class ConfigError(OvertakingError, ValueError):
@@ -113,7 +137,7 @@ class SchemaError(OvertakingError, ValueError):
             got: The value found.
         """
         step = "use the version of overtaking that wrote it, or a newer one"
-        return cls.of(what=what, where=where, expected=f"at most {known}", got=got, next_step=step)
+        return cls(what=what, where=where, expected=f"at most {known}", got=got, next_step=step)
 
 
 class DriverError(OvertakingError, RuntimeError):
@@ -147,7 +171,7 @@ class MissingExtraError(OvertakingError, ImportError):
     """An optional dependency that a command needs and that is not installed."""
 
     @classmethod
-    def lacking(
+    def for_extra(
         cls, extra: str, *, what: str, where: str, got: str = "none", otherwise: str = ""
     ) -> Self:
         """The error for an extra that is not installed; its last part is the command to run.
@@ -216,7 +240,7 @@ def check_in_range(
     """
     if not low <= got <= high:
         bounds = f"{low:g} {unit}".strip() + " or more"
-        raise ConfigError.of(
+        raise ConfigError(
             what=what,
             where=where,
             expected=bounds if high == inf else f"{low:,} to {high:,} {unit}".strip(),
@@ -258,7 +282,7 @@ def check_whole_number(value: Any, low: int, high: int, *, what: str, where: str
     """
     number = whole_number(value)
     if number is None or not low <= number <= high:
-        raise ConfigError.out_of_range(what, where, low, high, value)
+        raise ConfigError.out_of_range(what=what, where=where, low=low, high=high, got=value)
     return number
 
 

@@ -54,7 +54,7 @@ def unreadable_error(
         or isinstance(error, MISSING_FILE_ERRORS)
     ):
         return None
-    return kind.of(
+    return kind(
         what="file",
         where=where,
         expected="a file that this process can read",
@@ -76,7 +76,7 @@ def check_output_path(path: str | Path) -> None:
         with suppress(OSError):  # The working directory does not exist any more.
             absolute = os.path.abspath(path)  # noqa: PTH100 - `resolve` would follow links.
     if as_utf8(absolute) != absolute:
-        raise ConfigError.of(
+        raise ConfigError(
             what="output",
             where=absolute,
             expected="a name in UTF-8",
@@ -194,7 +194,7 @@ def check_folder_is_free(out: Path) -> None:
     if out.is_dir() and not any(out.iterdir()):
         return
     if out.exists() or out.is_symlink():
-        raise ConfigError.of(
+        raise ConfigError(
             what="folder",
             where=str(out),
             expected="a name that is free, or an empty folder",

@@ -121,7 +121,7 @@ def simd_level(level: str | None = None) -> str | None:
     forced = level or os.environ.get(SIMD_VARIABLE) or None
     known = [name for name, is_available in _core.simd_levels() if is_available]
     if forced is not None and forced not in known:
-        raise ConfigError.of(
+        raise ConfigError(
             what="SIMD level",
             where=SIMD_VARIABLE,
             expected=", ".join(known),

@@ -111,7 +111,7 @@ def check_address_space(where: str) -> None:
     libraries = 0 if "pyarrow" in sys.modules else LIBRARY_BYTES
     required = libraries + WORKING_BYTES + _missing_threads() * _stack_bytes()
     if used + required > limit:
-        raise SystemLimitError.of(
+        raise SystemLimitError(
             what="memory",
             where=where,
             expected=f"at least {_size(required)} that can be allocated",
@@ -134,7 +134,7 @@ def check_memory(size: int, where: str, next_step: str) -> None:
     """
     for free, limit in _limits():
         if size > free:
-            raise SystemLimitError.of(
+            raise SystemLimitError(
                 what="memory",
                 where=where,
                 expected=f"at most the {_size(free)} {limit}",
@@ -160,7 +160,7 @@ def refusal_of(error: BaseException, where: str) -> SystemLimitError | None:
     if isinstance(error, MemoryError) or number in _MEMORY_ERRORS:
         return memory_error(where, text)
     if number in _FILE_ERRORS:
-        return SystemLimitError.of(
+        return SystemLimitError(
             what="open files",
             where=where,
             expected="a system that opens one more",
@@ -209,7 +209,7 @@ def memory_error(where: str, answer: str) -> SystemLimitError:
         where: The function or file that needs it.
         answer: Text of the error of the system or of a library.
     """
-    return SystemLimitError.of(
+    return SystemLimitError(
         what="memory",
         where=where,
         expected="a system that grants more",
@@ -225,7 +225,7 @@ def thread_error(where: str, answer: str) -> SystemLimitError:
         where: The function that needs them.
         answer: Text of the error of the system or of a library.
     """
-    return SystemLimitError.of(
+    return SystemLimitError(
         what="threads",
         where=where,
         expected="a system that starts them",
@@ -429,7 +429,7 @@ def check_query_limits(where: str, *, max_rows: int, timeout_s: float, memory_mi
         ("memory in MiB", memory_mib, 16),
     ):
         if not low <= value <= 1e9:
-            raise ConfigError.out_of_range(what, where, low, None, value)
+            raise ConfigError.out_of_range(what=what, where=where, low=low, got=value)
 
 
 ANSWER_MEMORY_SHARE = 8
@@ -459,7 +459,7 @@ def remaining_answer_bytes(room: int | None, rows: object, where: str, memory_mi
 
 def query_limit_error(where: str, expected: str, got: str) -> ConfigError:
     """The error of a question that needs more than it may."""
-    return ConfigError.of(
+    return ConfigError(
         what="query",
         where=where,
         expected=expected,

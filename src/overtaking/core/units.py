@@ -154,7 +154,7 @@ def unit_converter(unit: str, *, where: str) -> Callable[[float], float]:
     powers = _powers(unit)
     if powers is None:
         known = ", ".join(sorted(_SI_SYMBOLS | _OTHER_SYMBOLS.keys()))
-        raise KnowledgeError.of(
+        raise KnowledgeError(
             what="unit",
             where=where,
             expected="a product of known symbols",

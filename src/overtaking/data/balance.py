@@ -98,7 +98,7 @@ class ClassBalance:
         """
         cells = len(self.cells)
         if num_simulations < cells:
-            raise ConfigError.of(
+            raise ConfigError(
                 what="simulations",
                 where="balance",
                 expected=f"at least {cells}, one a cell",

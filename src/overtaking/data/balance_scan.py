@@ -239,7 +239,7 @@ class Scan:
             return
         rarest = int(np.argmax(found.missing))
         short = int((found.missing > 0).sum())
-        raise DatasetError.of(
+        raise DatasetError(
             what=f"cell {self._balance.cells[rarest]}",
             where=str(self._location),
             expected=f"{found.kept[rarest] + found.missing[rarest]} simulations of it among "

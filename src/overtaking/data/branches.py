@@ -123,7 +123,7 @@ def branch_again(data: Dataset, number: int) -> Trajectories:
     found = _again(data, number)
     recorded = data.trajectory(number)
     if (found.trace_hash != recorded.trace_hash).any():
-        raise DatasetError.of(
+        raise DatasetError(
             what=f"simulation {number}, simulated again",
             where=data.where,
             expected="the recorded trace hash",
@@ -136,7 +136,7 @@ def branch_again(data: Dataset, number: int) -> Trajectories:
 def _again(data: Dataset, number: int) -> Trajectories:
     identity = data.manifest.identity
     if not identity.branches:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set",
             where=data.where,
             expected="one of branches",
@@ -168,7 +168,7 @@ def drawn(
     """
     identity = data.manifest.identity
     if identity.seed is None:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set",
             where=data.where,
             expected="simulations of this package",

@@ -49,7 +49,9 @@ def chosen(
     found = None if numbers is None else np.unique(np.fromiter(numbers, np.int64))
     if found is not None and found.size and not 0 <= found[0] <= found[-1] < len(data):
         wrong = int(found[0] if found[0] < 0 else found[-1])
-        raise ConfigError.out_of_range("simulation", _WHERE, 0, len(data) - 1, wrong)
+        raise ConfigError.out_of_range(
+            what="simulation", where=_WHERE, low=0, high=len(data) - 1, got=wrong
+        )
     policy = choose_policy(policy, data.profile)
     check_choice(policy, POLICY_NAMES, what="policy", where=_WHERE)
     if label is None:

@@ -393,7 +393,7 @@ def _list_recordings(file_format: str, folder: Path) -> list[str]:
     )
     if names:
         return names
-    raise ConfigError.of(
+    raise ConfigError(
         what="folder",
         where=str(folder),
         expected=f"recordings, files that end in {' or '.join(endings)}",
@@ -559,7 +559,7 @@ def _json_text(values: Mapping[str, Any]) -> str:
 def _folder_error(
     location: Location, expected: str, next_step: str, got: str = "others"
 ) -> DatasetError:
-    return DatasetError.of(
+    return DatasetError(
         what="folder of labels",
         where=str(location),
         expected=expected,

@@ -92,7 +92,7 @@ def refuse_too_large(
         return
     found = estimate(recipe, location, simulator, count)
     if found.free_bytes is not None and found.size_bytes > found.free_bytes:
-        raise DatasetError.of(
+        raise DatasetError(
             what="disk",
             where=str(location),
             expected=f"room for about {found.size_bytes / _GB:.3g} GB",
@@ -102,7 +102,7 @@ def refuse_too_large(
         )
     is_allowed = allowed(found) if callable(allowed) else allowed or not found.is_large
     if not is_allowed:
-        raise ConfigError.of(
+        raise ConfigError(
             what="size",
             where="generate",
             expected=f"at most {LARGE_BYTES / _GB:g} GB and {LARGE_SIMULATIONS:,} simulations, or "

@@ -118,6 +118,4 @@ def _refuse_beside(engine: str, what: str, value: object, others: str) -> None:
 
 
 def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:
-    return ConfigError.of(
-        what=what, where="generate", expected=expected, got=got, next_step=next_step
-    )
+    return ConfigError(what=what, where="generate", expected=expected, got=got, next_step=next_step)

@@ -168,7 +168,7 @@ class _Run:
         expected, got = f"{len(self._shards)} shards", f"{len(self._records)}"
         if self._scan and not self._chosen:
             expected, got = "every quota filled", f"{self._scan.selection.candidates} candidates"
-        message = DatasetError.of(
+        message = DatasetError(
             what="data set",
             where=str(self._location),
             expected=expected,
@@ -188,7 +188,7 @@ class _Run:
         try:
             manifest.write_manifest(self._location, first, is_first=True)
         except FileExistsError:
-            raise DatasetError.of(
+            raise DatasetError(
                 what="data set",
                 where=str(self._location),
                 expected="no other process that begins one",
@@ -210,7 +210,9 @@ def _check(recipe: Recipe) -> None:
     for what, value, low, high, remedy in limits:
         if not low <= value <= high:
             next_step = remedy if value > high else ""
-            raise ConfigError.out_of_range(what, "generate", low, high, value, next_step)
+            raise ConfigError.out_of_range(
+                what=what, where="generate", low=low, high=high, got=value, next_step=next_step
+            )
 
 
 def _refuse_strangers(location: Location) -> None:
@@ -223,7 +225,7 @@ def _refuse_strangers(location: Location) -> None:
         if manifest.FILE_NAME in names or names <= _OWN:
             return
         got = f"a folder with {min(names - _OWN)}"
-    raise DatasetError.of(
+    raise DatasetError(
         what="folder",
         where=str(location),
         expected="an empty folder or a data set",
@@ -243,7 +245,7 @@ def _begun(location: Location, identity: Identity, *, resume: bool) -> Manifest 
         # Another model explains all other differences.
         name = "simulator_version" if "simulator_version" in different else different[0]
         ours, theirs = (_shown(one, name) for one in (identity, begun.identity))
-        raise DatasetError.of(
+        raise DatasetError(
             what=f"{name} of the data set",
             where=str(location),
             expected=ours,
@@ -253,7 +255,7 @@ def _begun(location: Location, identity: Identity, *, resume: bool) -> Manifest 
             else "choose another folder, or ask for what it was begun with",
         )
     if not resume:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set",
             where=str(location),
             expected="an empty folder",

@@ -144,7 +144,7 @@ def refuse_findings(findings: Sequence[ImportFinding]) -> None:
     if not findings:
         return
     first = findings[0]
-    raise ImportFormatError.of(
+    raise ImportFormatError(
         what="examination with strict",
         where=first.recording,
         expected="no finding",
@@ -180,7 +180,7 @@ def _sha256(content: bytes) -> str:
 
 
 def _damaged(location: Location, got: str) -> DatasetError:
-    return DatasetError.of(
+    return DatasetError(
         what="import report",
         where=location.at(FILE_NAME),
         expected="the file that was written with the data set",

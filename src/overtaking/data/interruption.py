@@ -56,14 +56,14 @@ def all_or_nothing(where: object, expected: str, after: str) -> Generator[None]:
         error.filename = None  # A file in a staging folder that is gone.
         raise cannot_write(where, error, f"make room and {after}") from error
     except Terminated:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set", where=str(where), expected=expected, got="SIGTERM", next_step=after
         ) from None
 
 
 def cannot_write(where: object, error: OSError, next_step: str) -> OvertakingError:
     """The error for what the system refused, with the next step."""
-    return refusal_of(error, str(where)) or DatasetError.of(
+    return refusal_of(error, str(where)) or DatasetError(
         what="writing",
         where=str(error.filename or where),
         expected="room and permission to write",

@@ -58,7 +58,7 @@ def load(where: str | Path | Location, simulator: Simulator) -> Dataset:
     location = location_of(where)
     manifest = read_manifest(location)
     if not manifest.complete:
-        raise DatasetError.of(
+        raise DatasetError(
             what="data set",
             where=str(location),
             expected="one that is complete",
@@ -348,7 +348,7 @@ class Dataset(CompactRepr):
             DatasetError: It was not kept, or a file is damaged.
         """
         if name not in self._tables:
-            raise ConfigError.of(
+            raise ConfigError(
                 what=f"table {name}",
                 where=self.where,
                 expected=f"one of {', '.join(self._tables)}",
@@ -433,7 +433,9 @@ class Dataset(CompactRepr):
         """
         if not 0 <= first < len(self):
             end = len(self) - 1
-            raise NoSuchSimulationError.out_of_range("simulation", self.where, 0, end, first)
+            raise NoSuchSimulationError.out_of_range(
+                what="simulation", where=self.where, low=0, high=end, got=first
+            )
         shard = self._shards[first // self._manifest.identity.shard_size]
         path = self._files.one(table, shard)
         rows = read_rows(path, table, first, first if last is None else last)
@@ -477,7 +479,7 @@ class Dataset(CompactRepr):
             ("horizon_s", longest <= np.float32(horizon_s), f"at most {horizon_s:g}", longest),
         ):
             if not is_right:
-                raise DatasetError.of(
+                raise DatasetError(
                     what=f"column {column} of table simulations",
                     where=self.where,
                     expected=f"{expected}, as the manifest states",
@@ -498,7 +500,7 @@ class Dataset(CompactRepr):
         changed = np.flatnonzero((again.trace_hash != known).any(axis=1))
         if len(changed):
             number = rows["simulations"]["simulation"][int(changed[0])].as_py()
-            raise DatasetError.of(
+            raise DatasetError(
                 what=f"simulation {number}, simulated again",
                 where=self.where,
                 expected="the recorded trace hash",
@@ -512,7 +514,7 @@ class Dataset(CompactRepr):
         if actions is None:
             return self._simulator.simulate(scenario)
         if self._simulator.replay is None:
-            raise DatasetError.of(
+            raise DatasetError(
                 what="simulator",
                 where=self.where,
                 expected="one that carries out recorded actions",

@@ -208,7 +208,7 @@ def folder_of(where: str | Path, purpose: str) -> Path:
     location = location_of(where) if is_url(where) else Folder(Path(where))
     if isinstance(location, Folder):
         return location.path
-    raise ConfigError.of(
+    raise ConfigError(
         what="location",
         where=str(where),
         expected=f"a folder of this machine to {purpose}",

@@ -65,7 +65,7 @@ def locked(folder: Path) -> Generator[None]:
 def _held(folder: Path, handle: int) -> LockedError:
     os.lseek(handle, 0, os.SEEK_SET)
     holder = os.read(handle, 32).decode(errors="replace").strip()
-    return LockedError.of(
+    return LockedError(
         what="data set",
         where=str(folder),
         expected="no other process that writes it",
@@ -75,7 +75,7 @@ def _held(folder: Path, handle: int) -> LockedError:
 
 
 def _no_locks(folder: Path, error: OSError) -> LockedError:
-    return LockedError.of(
+    return LockedError(
         what="data set",
         where=str(folder),
         expected="a file system with locks, which keep a second writer out",

@@ -465,7 +465,7 @@ def _no_manifest(location: Location, error: OSError) -> DatasetError:
     else:
         got = "a file" if path.is_file() else error.strerror or str(error)
         next_step = "check the path of the data set"
-    return DatasetError.of(
+    return DatasetError(
         what="data set",
         where=where,
         expected=f"its folder, which holds {FILE_NAME}",
@@ -493,10 +493,6 @@ def _check_version(path: str, head: _Head) -> None:
 
 
 def _unreadable(path: str, got: str, next_step: str) -> DatasetError:
-    return DatasetError.of(
-        what="manifest",
-        where=path,
-        expected="that of a data set",
-        got=got,
-        next_step=next_step,
+    return DatasetError(
+        what="manifest", where=path, expected="that of a data set", got=got, next_step=next_step
     )

@@ -47,7 +47,9 @@ class ProcessExecutor:
         """Refuse less than one."""
         if self.workers < 1:
             next_step = "leave it out for one on each core"
-            raise ConfigError.out_of_range("workers", "generate", 1, None, self.workers, next_step)
+            raise ConfigError.out_of_range(
+                what="workers", where="generate", low=1, got=self.workers, next_step=next_step
+            )
 
     def __call__(
         self, job: Work, tasks: Iterable[HasShard], location: Location, on_done: OnDone
@@ -137,7 +139,7 @@ class _Run:
                 __name__, inbox=self._inbox, variables=dict.fromkeys(_ONE_THREAD, "1")
             )
         except OSError as error:
-            raise DatasetError.of(
+            raise DatasetError(
                 what="worker process",
                 where="generate",
                 expected="one that starts",
@@ -165,7 +167,7 @@ class _Run:
         if attempts.begun < MAX_ATTEMPTS:
             self.begin(attempts)
             return
-        raise DatasetError.of(
+        raise DatasetError(
             what=f"shard {attempts.task.shard.number}",
             where=self._where,
             expected="a worker that lives until it is finished",

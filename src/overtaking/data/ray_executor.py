@@ -69,7 +69,7 @@ class RayExecutor:
         """Refuse what cannot be meant."""
         if self.workers is None or (self.address is None and self.workers >= 1):
             return
-        raise ConfigError.of(
+        raise ConfigError(
             what="workers",
             where="generate",
             expected="1 or more" if self.address is None else "none beside an address",
@@ -133,7 +133,7 @@ def _compare(packages: dict[str, str]) -> None:
     """Refuse other versions than the driver's: they might write other bytes."""
     for name, expected in packages.items():
         if _packages()[name] != expected:
-            raise ConfigError.of(
+            raise ConfigError(
                 what=f"version of {name}",
                 where=f"worker on {socket.gethostname()}",
                 expected=expected,
@@ -174,7 +174,7 @@ def _record(ray: Any, done: Any, location: Location) -> ShardRecord:
             raise error.cause from None
         raise
     except ray.exceptions.RayError as error:
-        raise DatasetError.of(
+        raise DatasetError(
             what="shard",
             where=str(location),
             expected="a worker that lives until it is finished",
@@ -225,7 +225,7 @@ def _trying_once() -> Generator[None]:
 
 def _no_cluster(address: str | None, error: Exception) -> ConfigError:
     said, *_traceback = str(error).split("\n")
-    return ConfigError.of(
+    return ConfigError(
         what="address",
         where="generate",
         expected="that of a Ray cluster that runs",
@@ -256,7 +256,7 @@ def _start(ray: Any, workers: int | None) -> None:
 
 
 def _not_started(error: Exception) -> DatasetError:
-    return DatasetError.of(
+    return DatasetError(
         what="Ray",
         where="generate",
         expected=f"a cluster on this machine after {_STARTS} tries",
@@ -267,7 +267,7 @@ def _not_started(error: Exception) -> DatasetError:
 
 def _reachable() -> ConfigError:
     """The error if Ray was imported before its variable could keep it on this machine."""
-    return ConfigError.of(
+    return ConfigError(
         what="Ray",
         where="generate",
         expected="a cluster that only this machine can reach",
@@ -296,7 +296,7 @@ def _ray(*, is_only_here: bool) -> Any:
     try:
         import ray
     except ImportError:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "ray", what="Ray, of the engine ray", where="generate"
         ) from None
     return ray

@@ -281,7 +281,7 @@ def _most_steps_and_frames(spec: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def _other_rows(table: str, where: str, expected: str, got: object) -> DatasetError:
-    return DatasetError.of(
+    return DatasetError(
         what=f"rows of table {table}",
         where=where,
         expected=expected,
@@ -435,7 +435,7 @@ class ShardFiles:
     def _unreadable(self, name: str, error: OSError) -> OvertakingError:
         """The error for a file that the system or a store does not hand out."""
         where = self._location.at(name)
-        return unreadable_error(error, where, DatasetError) or DatasetError.of(
+        return unreadable_error(error, where, DatasetError) or DatasetError(
             what="file",
             where=where,
             expected="a file that this process can read",
@@ -444,7 +444,7 @@ class ShardFiles:
         )
 
     def _damaged(self, name: str, got: str) -> DatasetError:
-        return DatasetError.of(
+        return DatasetError(
             what="file",
             where=self._location.at(name),
             expected="the bytes that were written",
@@ -454,7 +454,7 @@ class ShardFiles:
 
     def _older(self, table: str) -> DatasetError:
         """The error for a table that is newer than the data set."""
-        return DatasetError.of(
+        return DatasetError(
             what=f"table {table}",
             where=str(self._location),
             expected="one of this version",

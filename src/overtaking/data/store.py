@@ -147,13 +147,13 @@ def _reached(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "cloud", what="fsspec, which reaches stores", where=url
         ) from None
     try:
         files, root = url_to_fs(url)
     except ImportError as error:
-        raise MissingExtraError.of(
+        raise MissingExtraError(
             what="store",
             where=url,
             expected="the packages that reach it",
@@ -161,7 +161,7 @@ def _reached(url: str) -> tuple[Any, str]:
             next_step="install the package of that store",
         ) from None
     except Exception as error:
-        raise ConfigError.of(
+        raise ConfigError(
             what="location",
             where=url,
             expected="a folder, or a URL such as s3://bucket/data",

@@ -106,7 +106,7 @@ def _per_vehicle(states: pd.DataFrame, num_vehicles: int, numbers: list[int]) ->
     """The columns with a tuple per frame; missing where a recording lacks a vehicle."""
     is_in_frames = states["frame"].isin(numbers) & (states["vehicle"] < num_vehicles)
     if not is_in_frames.all():
-        raise SchemaError.of(
+        raise SchemaError(
             what="rows",
             where="states",
             expected="those of frames and vehicles in the tables of these names",

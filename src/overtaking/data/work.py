@@ -168,7 +168,7 @@ def visible_location(where: str, fingerprint: str) -> Location:
         found = None
     if found == fingerprint:
         return location
-    raise DatasetError.of(
+    raise DatasetError(
         what="location",
         where=where,
         expected="one that every worker sees",

@@ -20,7 +20,7 @@ from overtaking.core.errors import MissingExtraError
 try:
     import gymnasium
 except ImportError as error:
-    raise MissingExtraError.lacking("gym", what="gymnasium", where="overtaking.gym") from error
+    raise MissingExtraError.for_extra("gym", what="gymnasium", where="overtaking.gym") from error
 
 from overtaking.gym.environments import OvertakingEnv, OvertakingVectorEnv
 from overtaking.gym.rewards import (

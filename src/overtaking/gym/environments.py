@@ -233,7 +233,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 
     def _check_started(self, where: str) -> EpisodeBatch:
         if self._episodes is None:
-            raise ConfigError.of(
+            raise ConfigError(
                 what="episodes",
                 where=where,
                 expected="one in every environment",
@@ -246,7 +246,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         """The episodes, all of which may take a step."""
         episodes = self._check_started("step")
         if self.autoreset_mode == AutoresetMode.DISABLED and self._has_ended.any():
-            raise ConfigError.of(
+            raise ConfigError(
                 what="episodes",
                 where="step",
                 expected="one in every environment",
@@ -453,7 +453,7 @@ def _find_reward(reward: str | RewardFunction | None, *, labels: bool) -> Reward
         check_choice(reward, REWARDS, what="reward", where="gym")
         reward = REWARDS[reward]
     if reward is not None and reward in NEED_LABELS and not labels:
-        raise ConfigError.of(
+        raise ConfigError(
             what="labels",
             where="gym",
             expected=f"True for the reward {reward.__name__}",
@@ -467,7 +467,7 @@ def _check_render_mode(render_mode: str | None) -> None:
     if render_mode is None:
         return
     if render_mode not in RENDER_MODES:
-        raise ConfigError.of(
+        raise ConfigError(
             what="render_mode",
             where="gym",
             expected=f"{' or '.join(RENDER_MODES)}, or None",
@@ -475,7 +475,7 @@ def _check_render_mode(render_mode: str | None) -> None:
             next_step="show the pictures of rgb_array with a tool of your own",
         )
     if find_spec("PIL") is None:
-        raise MissingExtraError.lacking("video", what="Pillow", where="render_mode='rgb_array'")
+        raise MissingExtraError.for_extra("video", what="Pillow", where="render_mode='rgb_array'")
 
 
 def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
@@ -510,6 +510,6 @@ def _check_index(index: Any, num_rows: int) -> NDArray[np.uint64]:
 
 
 def _option_error(option: str, expected: str, value: object) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what=option, where="reset", expected=expected, got=value, next_step="correct the options"
     )

@@ -122,7 +122,7 @@ def _check_judged(outcome: StepOutcome, reward: str) -> None:
     """Refuse simulations that have ended without a label."""
     ended = outcome.terminated | outcome.truncated
     if (ended & ~outcome.judged).any():
-        raise ConfigError.of(
+        raise ConfigError(
             what="labels",
             where=reward,
             expected="environments that label each simulation at its end",

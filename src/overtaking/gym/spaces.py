@@ -151,7 +151,7 @@ def clip_actions(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float
         values = values[:, None]
     if values.shape != (rows, len(parts)) or not np.isfinite(values).all():
         has_shape = values.shape == (rows, len(parts))
-        raise ConfigError.of(
+        raise ConfigError(
             what="actions",
             where="step",
             expected=f"finite numbers of shape ({rows}, {len(parts)})",

@@ -100,7 +100,7 @@ class StableBaselinesVecEnv(VecEnv):
 
 
 def _only_together(name: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what=name,
         where="StableBaselinesVecEnv",
         expected="settings that all environments share",

@@ -70,7 +70,7 @@ class Quantity:
     def number(self) -> float:
         """The value of a scalar quantity; KnowledgeError for a table."""
         if isinstance(self.value, tuple):
-            raise KnowledgeError.of(
+            raise KnowledgeError(
                 what="value",
                 where="quantity",
                 expected="one number",
@@ -126,7 +126,7 @@ class Distribution:
         value = self.parameters.get(name)
         if isinstance(value, float):
             return value
-        raise KnowledgeError.of(
+        raise KnowledgeError(
             what=f"parameter {name}",
             where=f"{self.kind} distribution",
             expected=f"one of {', '.join(self.parameters) or 'none'}",
@@ -344,6 +344,6 @@ def _choice_support(numbers: Mapping[str, Any], where: str) -> tuple[float, floa
 
 
 def _wrong(what: str, where: str, expected: str, got: object) -> KnowledgeError:
-    return KnowledgeError.of(
+    return KnowledgeError(
         what=what, where=where, expected=expected, got=got, next_step="correct the entry"
     )

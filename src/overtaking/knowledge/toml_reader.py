@@ -65,7 +65,7 @@ def load_toml(file: str | Path) -> dict[str, Any]:
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, tomllib.TOMLDecodeError) as error:
-        raise KnowledgeError.of(
+        raise KnowledgeError(
             what="file",
             where=path.name,
             expected="a readable TOML file",
@@ -109,7 +109,7 @@ def read_record(cls: type[Record], file: str | Path, section: str = "") -> Recor
     for part in section.split(".") if section else []:
         table = table.get(part) if isinstance(table, dict) else None
     if not isinstance(table, dict) or is_entry(table):
-        raise KnowledgeError.of(
+        raise KnowledgeError(
             what=f"section [{section}]",
             where=Path(file).name,
             expected="a table",
@@ -216,7 +216,7 @@ def load_quantity(path: str) -> Quantity:
     entry = all_quantities(f"{stem}.toml").get(name)
     if isinstance(entry, Quantity):
         return entry
-    raise KnowledgeError.of(
+    raise KnowledgeError(
         what="entry",
         where=_entry_place(f"{stem}.toml", name),
         expected="a quantity",
@@ -355,7 +355,7 @@ def _check_keys(keys: set[str], *, allowed: set[str], required: set[str], where:
     """KnowledgeError for the first key that is unknown or missing."""
     for fault, names in (("unknown key", keys - allowed), ("missing key", required - keys)):
         if names:
-            raise KnowledgeError.of(
+            raise KnowledgeError(
                 what=f"{fault} {min(names)}",
                 where=where,
                 expected=f"the keys {', '.join(sorted(allowed))}",
@@ -410,6 +410,6 @@ def _bare_value(quantity: Quantity, hint: Any, where: str) -> Any:
 
 
 def _wrong_kind(where: str, expected: str, got: object) -> KnowledgeError:
-    return KnowledgeError.of(
+    return KnowledgeError(
         what="entry", where=where, expected=expected, got=got, next_step="correct the file"
     )

@@ -278,7 +278,7 @@ class Batch(CompactRepr, ContentEquality):
             problem: object = f"{simulations!r}"
         except (IndexError, TypeError, ValueError) as error:
             problem = error
-        raise NoSuchSimulationError.of(
+        raise NoSuchSimulationError(
             what="simulations",
             where=f"{type(self).__name__}.select",
             expected="a slice, a mask or an array of their indices",

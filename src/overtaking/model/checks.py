@@ -215,9 +215,7 @@ class _BatchChecker:
         return self._axis_lengths[high.axis][0] - 1 if isinstance(high, AxisEnd) else high
 
     def _error(self, what: str, expected: str, got: object) -> ConfigError:
-        return ConfigError.of(
-            what=what, where=self._where, expected=expected, got=got, next_step="correct it"
-        )
+        return ConfigError(what=what, where=self._where, expected=expected, got=got)
 
 
 def _fields_of(batch: Any, path: str) -> Iterator[tuple[BatchField, Any, str]]:

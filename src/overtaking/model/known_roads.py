@@ -114,7 +114,7 @@ def known_road(name: str) -> Road:
         ConfigError: There is no such road.
     """
     if name not in ROAD_NAMES:
-        raise ConfigError.of(
+        raise ConfigError(
             what="road",
             where="known_road",
             expected=" or ".join(ROAD_NAMES),

@@ -352,7 +352,7 @@ class Road:
             ConfigError: The road bends or rises.
         """
         if self.course and (self.course.line or self.course.grade):
-            raise ConfigError.of(
+            raise ConfigError(
                 what=f"road {self.name}",
                 where=where,
                 expected="a straight and level one",
@@ -370,7 +370,7 @@ class Road:
             ConfigError: The speed limit changes along the road.
         """
         if self.course and self.course.limits:
-            raise ConfigError.of(
+            raise ConfigError(
                 what=f"road {self.name}",
                 where=where,
                 expected="one limit from end to end",
@@ -408,7 +408,7 @@ class Road:
         return dataclasses.replace(self, length=length)
 
     def _error(self, what: str, expected: str, got: str) -> ConfigError:
-        return ConfigError.of(
+        return ConfigError(
             what=what,
             where=f"road {self.name}",
             expected=expected,

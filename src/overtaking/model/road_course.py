@@ -241,7 +241,7 @@ def _check_line(line: Sequence[CurveSegment]) -> None:
 
 
 def _error(what: str, expected: str, got: object) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what=what,
         where="course of a road",
         expected=expected,

@@ -182,7 +182,7 @@ def to_integers(name: str, steps: NDArray[np.float64], where: str) -> NDArray[An
         return np.clip(steps, -largest, largest).astype(dtype)
     is_in_range = np.abs(steps) <= np.iinfo(dtype).max  # Also false for NaN.
     if not is_in_range.all():
-        raise SchemaError.of(
+        raise SchemaError(
             what=name,
             where=where,
             expected=f"at most {largest_state(name):g} in SI units",

@@ -203,7 +203,7 @@ def _content(path: Path) -> Mapping[str, Any]:
         got, step = error.strerror or "no path", f"choose a file, or {' or '.join(map_names())}"
     except (ValueError, RecursionError) as error:
         got, step = shown(f"{error}", length=150), "correct the file"
-    raise ConfigError.of(
+    raise ConfigError(
         what="map of columns",
         where=shown(str(path), length=120),
         expected="a TOML file",
@@ -334,7 +334,7 @@ class _Reading:
 
     def unknown_key(self, what: str, key: str, known: Iterable[str]) -> ConfigError:
         """The error for a key that maps do not have; it proposes the nearest known key."""
-        return ConfigError.of(
+        return ConfigError(
             what=shown(what),
             where=self.where,
             expected="a known key",
@@ -344,7 +344,7 @@ class _Reading:
 
     def refused(self, what: str, expected: str, got: object) -> ConfigError:
         """The error for a part of the map."""
-        return ConfigError.of(
+        return ConfigError(
             what=shown(what),
             where=self.where,
             expected=expected,
@@ -371,7 +371,7 @@ def files_of(path: Path, columns: ColumnMap) -> dict[str, Path]:
         return {TRACKS: path}
     ending, name = columns.files[TRACKS], uncompressed_name(path)
     if not name.lower().endswith(ending.lower()):
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"{columns.name} recording",
             where="import",
             expected=f"a file whose name ends in {ending}",

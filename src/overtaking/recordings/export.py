@@ -77,7 +77,7 @@ def write_folder(
 def _check(file_format: str, total: int, road: Road) -> None:
     """Refuse what a format cannot hold."""
     if total > MAX_SIMULATIONS:
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"export to {file_format}",
             where="export",
             expected=f"at most {MAX_SIMULATIONS} simulations, as each has files of its own",
@@ -85,7 +85,7 @@ def _check(file_format: str, total: int, road: Road) -> None:
             next_step="export the paper's table, or generate fewer",
         )
     if file_format == "highd" and road.driving_side is not DrivingSide.RIGHT:
-        raise ConfigError.of(
+        raise ConfigError(
             what="export to highd",
             where="export",
             expected="a road with right-hand traffic, as highD's lanes have",

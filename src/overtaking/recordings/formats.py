@@ -93,7 +93,7 @@ def check_options(file_format: str, options: Mapping[str, Any]) -> None:
             allowed = sorted(FORMATS[file_format])
             raise ConfigError.unknown_choice(f"option for {file_format}", "import", allowed, name)
     if file_format == "table" and "columns" not in options:
-        raise ConfigError.of(
+        raise ConfigError(
             what="columns",
             where="import table",
             expected="a map of columns",

@@ -197,7 +197,7 @@ def _widening(road: Road, borders: Sequence[F64]) -> float:
 
 
 def _unknown_direction(got: int | None) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="direction",
         where="read_highd",
         expected="1 (upper lanes) or 2 (lower lanes)",

@@ -123,7 +123,7 @@ def _check_one_limit(trajectories: Trajectories) -> None:
     """Refuse several limits, which `speedLimit` has no place for."""
     road = trajectories.road
     if road.course and road.course.limits and "speed_limit" not in trajectories.unknown:
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"road {road.name}",
             where="export to highD",
             expected="one speed limit",

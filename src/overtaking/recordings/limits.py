@@ -46,7 +46,7 @@ def check_speed_limit(speed_limit: float, where: str) -> None:
         ConfigError: The limit is not positive, or too large.
     """
     if not (0.0 < speed_limit <= NO_LIMIT or speed_limit == math.inf):  # Also true for NaN.
-        raise ConfigError.of(
+        raise ConfigError(
             what="speed_limit",
             where=where,
             expected=f"more than 0 and at most {NO_LIMIT:g} m/s, or infinite",

@@ -14,7 +14,7 @@ def refused(where: str, what: str, expected: str, got: str, next_step: str) -> I
         got: The value found.
         next_step: What the reader can do now, as an imperative.
     """
-    return ImportFormatError.of(
+    return ImportFormatError(
         where=where, what=what, expected=expected, got=got, next_step=next_step
     )
 

@@ -143,7 +143,7 @@ def road_choice(
         if side is not None and side not in OTHER_SIDE:
             raise ConfigError.unknown_choice(name, "read_opendrive", OTHER_SIDE, repr(side))
     if speed_limit is not None and not 0.0 < speed_limit <= MAX_SPEED_LIMIT:
-        raise ConfigError.of(
+        raise ConfigError(
             what="speed_limit",
             where="read_opendrive",
             expected=f"more than 0 and at most {MAX_SPEED_LIMIT:g} m/s",

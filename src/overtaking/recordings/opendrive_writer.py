@@ -253,7 +253,7 @@ def _strips(road: Road, *, along: bool) -> list[_Strip]:
     sign = 1 if lanes[0].lane_id > 0 else -1
     first = abs(lanes[0].lane_id)
     if [lane.lane_id for lane in lanes] != [sign * (first + k) for k in range(len(lanes))]:
-        raise ConfigError.of(
+        raise ConfigError(
             what="lane ids",
             where=f"road {road.name}",
             expected="consecutive ones, growing away from the reference line",

@@ -62,7 +62,7 @@ def to_table(trajectories: Trajectories, numbers: NDArray[np.integer] | None = N
         ConfigError: The recording does not say what the table has to: it is from elsewhere.
     """
     if missing := sorted(_NEEDED & trajectories.unknown):
-        raise ConfigError.of(
+        raise ConfigError(
             what="the paper's table",
             where="export",
             expected="simulations, of which everything in it is known",

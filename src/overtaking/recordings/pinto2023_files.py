@@ -57,7 +57,7 @@ def write_table(tables: Iterable[pa.Table], path: Path | str) -> int:
     """
     target = Path(path)
     if target.suffix not in (".csv", ".parquet") or target.is_dir():
-        raise ConfigError.of(
+        raise ConfigError(
             what="the paper's table",
             where=str(target),
             expected="a file name that ends in .csv or .parquet",

@@ -38,7 +38,7 @@ def load_road(
             name_or_path, road_id, lanes=lanes, speed_limit=speed_limit, driving_side=driving_side
         )
     if any(choice is not None for choice in (road_id, lanes, speed_limit, driving_side)):
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"road {name_or_path}",
             where="load_road",
             expected="its name alone",

@@ -155,7 +155,7 @@ def check_num_slots(num_slots: int) -> None:
     """
     if not 2 <= num_slots <= MAX_SLOTS:
         raise ConfigError.out_of_range(
-            "vehicles of a simulation", "import", 2, MAX_SLOTS, num_slots
+            what="vehicles of a simulation", where="import", low=2, high=MAX_SLOTS, got=num_slots
         )
 
 

@@ -250,7 +250,7 @@ def _stated_borders(given: list[Any]) -> F64:
         borders, is_right = np.zeros(0), False
     if is_right and np.abs(borders).max() < MAX_ORIGIN:
         return borders
-    raise ConfigError.of(
+    raise ConfigError(
         what="road.borders_m",
         where="map of columns",
         expected="two growing numbers or more, from the right to the left",

@@ -91,7 +91,7 @@ def with_driving_side(columns: ColumnMap, side: str | None, road: Road | None) -
     if side not in sides:
         raise ConfigError.unknown_choice("driving side", "import", sides, side)
     if road is not None and road.driving_side.value != side:
-        raise ConfigError.of(
+        raise ConfigError(
             what="driving side",
             where=f"road {road.name}",
             expected=road.driving_side.value,

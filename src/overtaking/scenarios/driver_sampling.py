@@ -149,7 +149,7 @@ def _factor(entry: Distribution | Quantity | None, key: str) -> float:
 
 
 def _wrong(what: str, expected: str, got: object) -> KnowledgeError:
-    return KnowledgeError.of(
+    return KnowledgeError(
         what=what, where=_FILE, expected=expected, got=got, next_step="correct the entry"
     )
 

@@ -78,7 +78,7 @@ def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> Start
     fit = math.floor((high - low - _SLACK) / room) + 1 if high - low > _SLACK else 1
     max_vehicles = traffic.vehicles[1]
     if fit < 2 or fit * road.num_lanes < max_vehicles:
-        raise InfeasibleError.of(
+        raise InfeasibleError(
             what="traffic.vehicles",
             where=f"specification {spec.name}",
             expected=f"at most {fit * road.num_lanes if fit > 1 else 1} on {high - low:g} m of "
@@ -147,7 +147,7 @@ def _start_range(spec: Specification, traffic: PlacedTraffic, road: Road) -> tup
         first = math.ceil(half)
         last = math.floor(min(road.length - half, first + ends[1] - ends[0] + _SLACK))
         ready = f"add --set traffic.spawn_s_m={first}..{last}"
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"traffic.{key}",
             where=f"specification {spec.name} on road {road.name}",
             expected=f"{half:g} to {road.length - half:g} m along the road, so that all are on it",
@@ -163,7 +163,7 @@ def _ego_lanes(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple
     if lanes is None:
         lanes = tuple(range(road.num_lanes - 1))
     if not lanes or max(lanes) > road.num_lanes - 2:
-        raise ConfigError.of(
+        raise ConfigError(
             what="traffic.ego_lanes",
             where=f"specification {spec.name} on road {road.name}",
             expected=f"lanes with one on their faster side, 0 to {road.num_lanes - 2}"
@@ -185,7 +185,7 @@ def _check_speeds(spec: Specification, traffic: PlacedTraffic) -> None:
         for name, weight in weights.items():
             top = float(top_speeds()[VEHICLE_CLASS_NAMES.index(name)])
             if weight > 0.0 and top < mps_from_kmh(low):
-                raise InfeasibleError.of(
+                raise InfeasibleError(
                     what=f"traffic.{key}",
                     where=f"specification {spec.name}",
                     expected=f"a speed that type {name} reaches, {kmh_from_mps(top):g} km/h",

@@ -69,7 +69,7 @@ def _table(source: str | Path | Mapping[str, Any] | Specification) -> tuple[str,
     elif isinstance(source, Path) or source.endswith(".toml") or path_exists(source):
         path = Path(source)
     else:
-        raise ConfigError.of(
+        raise ConfigError(
             what=repr(source),
             where="profile",
             expected="a known profile or the path of a TOML file",
@@ -97,7 +97,7 @@ def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
         return table
     base = table["base"]
     if base not in profile_names():
-        raise ConfigError.of(
+        raise ConfigError(
             what="base",
             where=where,
             expected="a known profile",
@@ -127,7 +127,7 @@ def _read(path: Path) -> dict[str, Any]:
         return read_toml(path, _MAX_BYTES)
     except (OSError, ValueError, RecursionError) as error:
         unreadable = isinstance(error, OSError)
-        raise ConfigError.of(
+        raise ConfigError(
             what="file",
             where=str(path),
             expected="a TOML file",
@@ -145,7 +145,7 @@ def _is_folder(path: Path) -> ConfigError:
             "a data set",
             f"name a profile; this command prints the profile of the data set: {command}",
         )
-    return ConfigError.of(
+    return ConfigError(
         what="profile",
         where=str(path),
         expected="the name of a profile or a TOML file",
@@ -173,7 +173,7 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
     """
     first, *subkeys = key.split(".")
     if not all([first, *subkeys]) or len(subkeys) > _MAX_DEPTH:
-        raise ConfigError.of(
+        raise ConfigError(
             what=repr(key),
             where=where,
             expected="a key such as traffic.vehicles",
@@ -184,7 +184,7 @@ def _with_override(table: dict[str, Any], key: str, value: Any, where: str) -> d
         return table | {first: value}
     section = table.get(first, {})
     if not isinstance(section, Mapping):
-        raise ConfigError.of(
+        raise ConfigError(
             what=first, where=where, expected="a table", got=section, next_step="set the key itself"
         )
     remaining = dict(cast("Mapping[str, Any]", section))

@@ -108,7 +108,7 @@ def _checked_indices(scenario_index: ArrayLike) -> U64:
     indices = np.asarray(scenario_index)
     is_whole = np.issubdtype(indices.dtype, np.integer) or indices.size == 0
     if indices.ndim != 1 or not is_whole or (indices.size and int(indices.min()) < 0):
-        raise ConfigError.of(
+        raise ConfigError(
             what="index",
             where="sample",
             expected="a list of whole numbers from 0 on",
@@ -139,7 +139,7 @@ def _traffic_sampler(specification: Specification, road: Road) -> tuple[TrafficS
 def _check_lanes(specification: Specification, flow: FlowTraffic, road: Road) -> None:
     """ConfigError unless the specification describes the traffic of each lane of the road."""
     if len(flow.lanes) != road.num_lanes:
-        raise ConfigError.of(
+        raise ConfigError(
             what="traffic.lanes",
             where=f"specification {specification.name} on road {road.name}",
             expected=f"{road.num_lanes} lanes, as the road has",
@@ -151,7 +151,7 @@ def _check_lanes(specification: Specification, flow: FlowTraffic, road: Road) ->
 def _check_two_directions(specification: Specification, road: Road) -> None:
     """ConfigError unless the road has one lane in each direction."""
     if not has_two_directions(road):
-        raise ConfigError.of(
+        raise ConfigError(
             what="traffic.mode",
             where=f"specification {specification.name} on road {road.name}",
             expected="a two-way road with one lane in each direction",

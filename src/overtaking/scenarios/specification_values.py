@@ -67,7 +67,7 @@ def config_error(error: ValidationError, where: str, keys: Keys) -> ConfigError:
     expected, got, next_step = _explain(first, path, lambda: keys(tuple(path[:-1]), mode))
     key = first.get("ctx", {}).get("key")
     name = ".".join([*path, key] if key else path)
-    return ConfigError.of(what=name, where=where, expected=expected, got=got, next_step=next_step)
+    return ConfigError(what=name, where=where, expected=expected, got=got, next_step=next_step)
 
 
 def _path(finding: ErrorDetails) -> tuple[list[str], str | None]:

@@ -129,7 +129,7 @@ def _before(source: Scenario | Trajectories) -> BranchOrigin:
     if isinstance(source, Scenario):
         return BranchOrigin(scenario=source, changes=())
     if source.actions is not None:
-        raise ConfigError.of(
+        raise ConfigError(
             what="simulation",
             where="branch",
             expected="one in which the model drives the ego",
@@ -211,9 +211,11 @@ def _check_vehicle(scenario: Scenario, change: Intervention) -> None:
     """Refuse a vehicle that a simulation lacks, and to remove the ego."""
     slot, least = change.vehicle, int(scenario.num_vehicles.min(initial=scenario.num_slots))
     if slot >= least:
-        raise ConfigError.out_of_range("vehicle", "branch", 0, least - 1, slot)
+        raise ConfigError.out_of_range(
+            what="vehicle", where="branch", low=0, high=least - 1, got=slot
+        )
     if change.removed and slot == EGO_SLOT:
-        raise ConfigError.of(
+        raise ConfigError(
             what="vehicle",
             where="branch",
             expected="another one than the ego to be removed",
@@ -258,7 +260,7 @@ def _without_removed(run: Trajectories, changes: Sequence[Intervention]) -> Traj
 
 
 def _no_frame(last: int, got: int) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="frame",
         where="branch",
         expected=f"0 to {last}, the last one before the horizon",

@@ -62,7 +62,7 @@ class Driver:
     def __post_init__(self) -> None:
         """Refuse what no policy can observe or answer."""
         if not callable(self.policy):
-            raise ConfigError.of(
+            raise ConfigError(
                 what="policy",
                 where="drive",
                 expected="a function of an observation",
@@ -250,7 +250,7 @@ def _refused(
     """The error for an answer that is none."""
     first = int(seen.scenario.index[wrong[0]])
     others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
-    return DriverError.of(
+    return DriverError(
         what="answer of the policy",
         where=f"simulation {first}{others} at {seen.time:.2f} s",
         expected=expected,

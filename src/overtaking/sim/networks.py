@@ -60,7 +60,7 @@ class OnnxDriver:
         """Read the file, then load and check it in the child process."""
         if find_spec("onnxruntime") is None:
             what = "onnxruntime, which runs networks"
-            raise MissingExtraError.lacking("onnx", what=what, where=str(path))
+            raise MissingExtraError.for_extra("onnx", what=what, where=str(path))
         self._path = path
         self._content = _read_file(path)
         self.digest = hashlib.sha256(self._content).hexdigest()
@@ -161,7 +161,7 @@ def _read_file(path: Path) -> bytes:
 def _driver_file_error(
     path: Path, expected: str, got: str, error: type[OvertakingError] = ConfigError
 ) -> OvertakingError:
-    return error.of(
+    return error(
         what="policy",
         where=str(path),
         expected=expected,

@@ -60,7 +60,9 @@ class Sensor:
         for name, (most, unit) in _LIMITS.items():
             value = getattr(self, name)
             if not (isinstance(value, int | float) and 0.0 <= value <= most):
-                raise ConfigError.out_of_range(name, "sensor", 0, f"{most:g} {unit}".strip(), value)
+                raise ConfigError.out_of_range(
+                    what=name, where="sensor", low=0, high=f"{most:g} {unit}".strip(), got=value
+                )
 
     @classmethod
     def read(cls, path: str | Path) -> "Sensor":
@@ -73,7 +75,7 @@ class Sensor:
             numbers = read_toml(Path(path), _MAX_FILE_BYTES)
         except (OSError, ValueError, RecursionError) as error:
             reason = error.strerror if isinstance(error, OSError) else None
-            raise ConfigError.of(
+            raise ConfigError(
                 what="sensor",
                 where=str(path),
                 expected="a TOML file",
@@ -83,7 +85,7 @@ class Sensor:
         known = {one.name for one in fields(cls)}
         for name in numbers:
             if name not in known:
-                raise ConfigError.of(
+                raise ConfigError(
                     what=name,
                     where=str(path),
                     expected="a known key",
@@ -91,7 +93,7 @@ class Sensor:
                     next_step=suggestion(name, sorted(known)),
                 )
         if missing := sorted(known - set(numbers)):
-            raise ConfigError.of(
+            raise ConfigError(
                 what=missing[0],
                 where=str(path),
                 expected="a number",

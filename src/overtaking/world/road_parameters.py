@@ -153,7 +153,7 @@ def refuse_oncoming(scenario: Scenario, where: str) -> None:
     """
     road = scenario.road
     if (scenario.vehicles.valid & (scenario.start_lane == road.num_lanes)).any():
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"traffic on road {road.name}",
             where=where,
             expected="vehicles that all drive the same way",

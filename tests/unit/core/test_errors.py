@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import pytest
 
 from overtaking.core import errors
@@ -30,7 +32,7 @@ def example(kind: type[errors.OvertakingError], **changes: object) -> errors.Ove
         "got": "float64",
         "next_step": 'run "overtaking migrate"',
     }
-    return kind.of(**(parts | changes))
+    return kind(**(parts | changes))
 
 
 @pytest.mark.parametrize(("kind", "builtin"), KINDS)
@@ -85,9 +87,26 @@ def test_a_huge_value_does_not_flood_the_message():
     assert "..." in message
 
 
-def test_a_message_lacks_nothing():
-    with pytest.raises(TypeError, match="next_step"):
-        errors.ConfigError.of(what="a", where="b", expected="c", got="d")  # pyright: ignore[reportCallIssue]
+@pytest.mark.parametrize("missing", ["what", "where", "expected", "got"])
+def test_a_message_needs_all_parts_but_the_next_step(missing: str):
+    parts: dict[str, object] = {"what": "a", "where": "b", "expected": "c", "got": "d"}
+    del parts[missing]
+    with pytest.raises(TypeError, match=missing):
+        errors.ConfigError(**parts)
+
+
+def test_the_default_next_step_is_to_correct_the_value():
+    error = errors.ConfigError(what="a", where="b", expected="c", got="d")
+    assert str(error) == "b: a: expected c, got d; correct it"
+
+
+@pytest.mark.parametrize("kind", [errors.OvertakingError, *dict(KINDS)])
+def test_pickling_keeps_the_class_and_the_message(kind: type[errors.OvertakingError]):
+    error = example(kind)
+    restored = pickle.loads(pickle.dumps(error))
+    assert type(restored) is kind
+    assert str(restored) == str(error)
+    assert restored.args == error.args
 
 
 def test_a_name_that_is_unknown_comes_with_those_that_are_known():
@@ -104,5 +123,7 @@ def test_a_name_that_is_unknown_comes_with_those_that_are_known():
     ],
 )
 def test_a_number_out_of_its_range_comes_with_the_range(high, next_step, expected):
-    error = errors.ConfigError.out_of_range("rows", "label", 1, high, 0, next_step)
+    error = errors.ConfigError.out_of_range(
+        what="rows", where="label", low=1, high=high, got=0, next_step=next_step
+    )
     assert str(error) == expected

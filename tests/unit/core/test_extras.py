@@ -83,7 +83,7 @@ def test_the_extra_common_lacks_the_simulators_and_ray(repository: Path):
 
 
 def test_the_error_ends_in_the_command():
-    error = MissingExtraError.lacking("sql", what="DuckDB", where="sql")
+    error = MissingExtraError.for_extra("sql", what="DuckDB", where="sql")
     told = f"sql: DuckDB: expected the extra [sql], got none; run: {install_command('sql')}"
     assert str(error) == told
 

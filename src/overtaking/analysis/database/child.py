@@ -139,6 +139,4 @@ def _no_query(got: str) -> ConfigError:
 
 
 def _wrong(expected: str, got: str, next_step: str) -> ConfigError:
-    return ConfigError.of(
-        what="query", where="sql", expected=expected, got=got, next_step=next_step
-    )
+    return ConfigError(what="query", where="sql", expected=expected, got=got, next_step=next_step)

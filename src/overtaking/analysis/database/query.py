@@ -188,7 +188,7 @@ def _next_message(worker: WorkerProcess, end: float, cancelled: Event) -> Any:
             return worker.receive(max(0.0, min(left, _POLL_S)))
         except TimeoutError:
             if cancelled.is_set():
-                raise ConfigError.of(
+                raise ConfigError(
                     what="query",
                     where="sql",
                     expected="an answer",
@@ -234,7 +234,7 @@ def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
 def _refuse_without_duckdb() -> None:
     """Make sure that DuckDB is installed."""
     if find_spec("duckdb") is None:
-        raise MissingExtraError.lacking("sql", what="DuckDB, which answers SQL", where="sql")
+        raise MissingExtraError.for_extra("sql", what="DuckDB, which answers SQL", where="sql")
 
 
 def too_large(memory_mib: int) -> ConfigError:

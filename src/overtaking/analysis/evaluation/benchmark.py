@@ -124,7 +124,7 @@ def read(source: str | Path) -> Benchmark:
     except ConfigError:
         raise  # It is a ValueError too, and names the key already.
     except OSError as error:
-        raise ConfigError.of(
+        raise ConfigError(
             what="benchmark",
             where=str(path),
             expected="a readable TOML file",
@@ -160,7 +160,7 @@ def _check_keys(path: Path, table: Iterable[str]) -> None:
     """
     for key in table:
         if key not in _KEYS:
-            raise ConfigError.of(
+            raise ConfigError(
                 what=key,
                 where=path.name,
                 expected="a known key",
@@ -170,7 +170,7 @@ def _check_keys(path: Path, table: Iterable[str]) -> None:
 
 
 def _refused(path: Path, expected: str, got: object) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="benchmark",
         where=path.name,
         expected=expected,

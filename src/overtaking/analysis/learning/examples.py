@@ -177,7 +177,7 @@ def refuse_too_few(positive: Mask, groups: I64, *, where: str, what: str, least:
     numbers = int(positive.sum()), int((~positive).sum()), len(np.unique(groups))
     if min(numbers) >= least:
         return
-    raise DatasetError.of(
+    raise DatasetError(
         what=f"examples of {what}",
         where=where,
         expected=f"at least {least} positive and {least} negative ones, from as many scenarios or "

@@ -184,7 +184,7 @@ def _known(factors: Factors, examples: Examples) -> Factors:
     kept = {name: tuple(one for one in names if one in has) for name, names in factors.items()}
     found = {name: names for name, names in kept.items() if names}
     if not found:
-        raise DatasetError.of(
+        raise DatasetError(
             what="factors",
             where="learn factors",
             expected="one that the examples have",

@@ -91,14 +91,14 @@ def _refusal(name: str) -> ConfigError:
     told = name.strip().lower()
     for leak in LEAKS:
         if told in (leak.name.lower(), *(one.lower() for one in leak.others)):
-            return ConfigError.of(
+            return ConfigError(
                 what=f"feature {name}",
                 where="learn factors",
                 expected="what is known when the overtake begins",
                 got=leak.why,
                 next_step="leave it out, or see with --show-leakage what it would fake",
             )
-    return ConfigError.of(
+    return ConfigError(
         what=f"feature {name}",
         where="learn factors",
         expected=f"a factor or attribute, such as {', '.join(list(FACTORS)[:3])}",

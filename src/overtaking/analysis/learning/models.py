@@ -37,7 +37,7 @@ def require_models() -> None:
         MissingExtraError: It is not.
     """
     if find_spec("sklearn") is None:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "learn", what="scikit-learn, which fits models", where="learn"
         )
 

@@ -90,7 +90,7 @@ def _checked(cls: type[Record], file: str, rows: dict[str, Any]) -> dict[str, Re
         return TypeAdapter(dict[str, cls]).validate_json(json.dumps(rows))  # pyright: ignore[reportInvalidTypeForm]
     except ValidationError as error:
         first = error.errors()[0]
-        raise KnowledgeError.of(
+        raise KnowledgeError(
             what="entry",
             where=f"{file} {'.'.join(map(str, first['loc']))}",
             expected=first["msg"].removeprefix("Value error, ").removeprefix("Input should be "),

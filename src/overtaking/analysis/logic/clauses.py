@@ -102,7 +102,7 @@ def reasoner() -> Any:
         clingo = import_module("clingo")
         import_module("clingo.ast")
     except ImportError:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "logic", what="clingo, which reasons", where="logic"
         ) from None
     return clingo

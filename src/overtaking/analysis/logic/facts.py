@@ -160,7 +160,7 @@ def _check_range(
 ) -> None:
     wrong = column[(column < of.low) | (column > of.high)]
     if len(wrong):
-        raise SchemaError.of(
+        raise SchemaError(
             what=f"argument {argument} of {predicate.head}",
             where="facts",
             expected=f"{of.low} to {of.high}, so that no sum leaves {words.INT_BITS} bits",

@@ -99,9 +99,7 @@ _WITHIN = f"numbers up to {LARGEST}, which is all that clingo's integers hold"
 
 def refused(got: str, expected: str, next_step: str = "correct the query") -> ConfigError:
     """The error of a question that is none."""
-    return ConfigError.of(
-        what="query", where="ask", expected=expected, got=got, next_step=next_step
-    )
+    return ConfigError(what="query", where="ask", expected=expected, got=got, next_step=next_step)
 
 
 def _check_text(text: str) -> None:

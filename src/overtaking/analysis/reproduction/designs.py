@@ -27,7 +27,7 @@ def designs(spec: Specification, road: Road) -> dict[str, float]:
     """
     traffic, weather = spec.traffic, spec.weather
     if not isinstance(traffic, PlacedTraffic) or not isinstance(weather, PresetWeather):
-        raise ConfigError.of(
+        raise ConfigError(
             what="profile",
             where="reproduce",
             expected="placed vehicles and weather from presets, as in the paper",

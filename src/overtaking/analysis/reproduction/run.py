@@ -295,7 +295,7 @@ def _check(num_replicates: int, seed: int) -> None:
     check_in_range(num_replicates, 1, MOST_REPLICATES, what="replicates", where="reproduce")
     if seed in calibration().seeds:
         used = ", ".join(f"{one:g}" for one in calibration().seeds)
-        raise ConfigError.of(
+        raise ConfigError(
             what="seed",
             where="reproduce",
             expected=f"none of {used}, with which the drivers were fitted",

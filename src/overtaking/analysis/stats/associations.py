@@ -146,7 +146,7 @@ def needs_scipy() -> None:
     try:
         import scipy.stats  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "stats", what="SciPy, which computes p-values", where="statistics"
         ) from None
 

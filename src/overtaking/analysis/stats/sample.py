@@ -158,7 +158,7 @@ def _weights(frame: pd.DataFrame) -> F64:
 
 
 def _error(what: str, expected: str, got: str) -> SchemaError:
-    return SchemaError.of(
+    return SchemaError(
         what=what,
         where=_WHERE,
         expected=expected,

@@ -324,6 +324,6 @@ def _found(
 
 
 def _refused(expected: str, got: str, next_step: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="simulation", where="enough", expected=expected, got=got, next_step=next_step
     )

@@ -69,7 +69,9 @@ class Scene:
         """
         frame, last = round(time * self.rate), int(self.run.num_frames[0]) - 1
         if not 0 <= frame <= last:
-            raise ConfigError.out_of_range("time", "what if", 0.0, last / self.rate, time)
+            raise ConfigError.out_of_range(
+                what="time", where="what if", low=0.0, high=last / self.rate, got=time
+            )
         return frame
 
     def branch(self, *changes: Intervention) -> Trajectories:
@@ -83,7 +85,7 @@ class Scene:
             ConfigError: It is a branch already.
         """
         if self.run.branch_origin is not None:
-            raise ConfigError.of(
+            raise ConfigError(
                 what="simulation",
                 where="what if from the start",
                 expected="one as it was drawn",
@@ -126,7 +128,7 @@ def scene_of(data: Dataset, number: int) -> Scene:
         return Scene(data=data, number=number, run=branch_again(data, number))
     if identity.policy is not None or identity.simulator not in SIMULATED_BY:
         by = identity.policy.name if identity.policy else identity.simulator
-        raise ConfigError.of(
+        raise ConfigError(
             what="data set",
             where=data.where,
             expected="simulations of this package's drivers",

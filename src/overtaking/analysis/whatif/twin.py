@@ -129,7 +129,7 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
         ConfigError: There is no such weather, driver or time; or no start to delay.
     """
     if from_start and (at or wish.stays or wish.delay is not None or wish.changes):
-        raise ConfigError.of(
+        raise ConfigError(
             what="change",
             where="twin from the start",
             expected="weather or driver, from which other things are drawn",
@@ -189,7 +189,9 @@ def later_start(
         ConfigError: It never pulls out, or cannot that late.
     """
     if not 0.0 <= delay <= MOST_DELAY:
-        raise ConfigError.out_of_range("delay", "what if", 0.0, MOST_DELAY, delay)
+        raise ConfigError.out_of_range(
+            what="delay", where="what if", low=0.0, high=MOST_DELAY, got=delay
+        )
     was = scene.pull_out
     if was is None:
         raise _no_start("one that begins", "none")
@@ -268,7 +270,7 @@ def _words(change: Intervention) -> str:
 
 
 def _no_start(expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="overtake",
         where="delay of a start",
         expected=expected,

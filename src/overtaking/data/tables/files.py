@@ -322,7 +322,7 @@ def _read(where: Path | str, action: Callable[[], T]) -> T:
         if isinstance(error, RuntimeError):
             raise
         got = str(error)
-    raise SchemaError.of(
+    raise SchemaError(
         what="file",
         where=str(where),
         expected="a readable Parquet file",
@@ -336,9 +336,7 @@ _RESTORE = "restore the file from a copy, or generate the data set again"
 
 def _refused(where: Path | str, what: str, expected: str, got: object) -> SchemaError:
     """The error for a file with contents that its table cannot have."""
-    return SchemaError.of(
-        what=what, where=str(where), expected=expected, got=got, next_step=_RESTORE
-    )
+    return SchemaError(what=what, where=str(where), expected=expected, got=got, next_step=_RESTORE)
 
 
 def _open_parquet(source: Path | BufferedIOBase, table: str, where: str = "") -> pq.ParquetFile:
@@ -447,7 +445,7 @@ def _key(rows: pa.Table, table: str, name: str) -> NDArray[Any]:
 def _check_version(where: str, table: str, metadata: dict[bytes, bytes]) -> None:
     name = metadata.get(b"schema", b"none").decode(errors="replace")
     if name != f"{FORMAT}.{table}":
-        raise SchemaError.of(
+        raise SchemaError(
             what="schema",
             where=where,
             expected=f"{FORMAT}.{table}",

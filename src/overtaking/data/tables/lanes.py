@@ -75,7 +75,7 @@ def lane_codes(road: Road, lane_id: pa.Array, d: NDArray[np.integer]) -> NDArray
     given = np.where(missing, ids[0], to_numpy(lane_id))
     is_lane = np.isin(given, ids)
     if not is_lane.all():
-        raise SchemaError.of(
+        raise SchemaError(
             what="column lane_id",
             where="states",
             expected=f"one of {', '.join(map(str, ids))}, or null",

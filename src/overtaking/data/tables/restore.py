@@ -271,7 +271,7 @@ def _check_index(
 
 
 def _refused(table: str, column: str, expected: str, got: object) -> SchemaError:
-    return SchemaError.of(
+    return SchemaError(
         what=f"column {column}",
         where=table,
         expected=expected,
@@ -295,7 +295,7 @@ def _shared(table: pa.Table, column: str) -> Any:
     """The value that all simulations of a batch have in common."""
     values = table[column].unique().to_pylist()
     if len(values) != 1:
-        raise SchemaError.of(
+        raise SchemaError(
             what=f"column {column}",
             where="simulations",
             expected="one value for all simulations of a batch",

@@ -167,7 +167,7 @@ def legality(
     """
     missing = [code for code in policy.required if code not in findings.rules]
     if missing:
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"policy {policy.name}",
             where="findings",
             expected=f"the rules {', '.join(policy.required)}",

@@ -5,4 +5,4 @@ from importlib.util import find_spec
 from overtaking.core.errors import MissingExtraError
 
 if find_spec("matplotlib") is None:
-    raise MissingExtraError.lacking("plots", what="Matplotlib, which draws", where="figures")
+    raise MissingExtraError.for_extra("plots", what="Matplotlib, which draws", where="figures")

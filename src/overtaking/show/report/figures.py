@@ -49,7 +49,7 @@ def draw(
     from overtaking.show.plots.style import WIDTHS, Axes, drawn_for
 
     if axes is not None and not isinstance(axes, Axes):
-        raise ConfigError.of(
+        raise ConfigError(
             what="ax",
             where="plot",
             expected="axes of Matplotlib",
@@ -61,7 +61,7 @@ def draw(
     name = _choose_figure(figure, figures)
     if axes is not None and name not in SINGLE_AXES:
         single = ", ".join(name for name in figures if name in SINGLE_AXES)
-        raise ConfigError.of(
+        raise ConfigError(
             what="ax",
             where="plot",
             expected=f"None, as {name} has several axes",
@@ -103,7 +103,7 @@ def figures_of(source: Any, policy: str | None) -> dict[str, Draw]:
             return _SOURCES[base.__name__](source, policy)
     if isinstance(source, (list, tuple)) and _are_roads(source):
         return {"map": partial(_draw_map, source)}
-    raise ConfigError.of(
+    raise ConfigError(
         what="source",
         where="plot",
         expected=f"a data set, roads, or what {', '.join(_FUNCTIONS)} returned",
@@ -179,7 +179,7 @@ def _picture(pictures: Iterable[gallery.Picture], name: str) -> gallery.Picture:
 
 
 def _missing_data(name: str, requirement: str) -> DatasetError:
-    return DatasetError.of(
+    return DatasetError(
         what=f"figure {name}",
         where="plot",
         expected=f"a data set with {requirement}",

@@ -140,7 +140,7 @@ def check_figure_file(path: Path) -> None:
     from overtaking.show.plots.style import FORMATS
 
     if path.suffix not in FORMATS:
-        raise ConfigError.of(
+        raise ConfigError(
             what="file",
             where=path.name,
             expected=f"a name that ends in {' or '.join(FORMATS)}",

@@ -149,7 +149,9 @@ class Library:
     def _checked(self, number: int) -> int:
         if not 0 <= number < len(self._data):
             last = len(self._data) - 1
-            raise NoSuchSimulationError.out_of_range("simulation", self._data.name, 0, last, number)
+            raise NoSuchSimulationError.out_of_range(
+                what="simulation", where=self._data.name, low=0, high=last, got=number
+            )
         return number
 
     def _prepared(self, number: int) -> tuple[LabelledTrajectories, dict[str, Any]]:
@@ -194,4 +196,4 @@ def _mask(columns: list[str], rows: list[list[Any]], total: int) -> NDArray[np.b
 
 def _refused(what: str, expected: str, got: str) -> ConfigError:
     step = "open a simulation of this package's model"
-    return ConfigError.of(what=what, where="view", expected=expected, got=got, next_step=step)
+    return ConfigError(what=what, where="view", expected=expected, got=got, next_step=step)

@@ -131,7 +131,7 @@ class ViewServer:
         finally:
             connection.close()
         if status != http.HTTPStatus.OK:
-            raise OvertakingError.of(
+            raise OvertakingError(
                 what="first request",
                 where="view",
                 expected="status 200",
@@ -169,7 +169,7 @@ def _listening(port: int) -> socket.socket:
     try:
         return socket.create_server((_HOST, port))
     except OSError as error:
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"port {port}",
             where="view",
             expected="one that is free",

@@ -103,7 +103,7 @@ def asked(kind: type[Asked], body: bytes) -> Asked:
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise ConfigError.of(
+        raise ConfigError(
             what=place or "request",
             where="view",
             expected=f"what the page sends: {first['msg']}",

@@ -164,6 +164,6 @@ def _parting(run: Trajectories, other: Trajectories) -> int | None:
 
 
 def _refused(what: str, expected: str, got: object) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what=what, where="view", expected=expected, got=got, next_step="choose another"
     )

@@ -100,7 +100,7 @@ def require() -> ModuleType:
         import av
         import PIL
     except ImportError:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "video", what="PyAV or Pillow, which encode films and write in them", where="video"
         ) from None
     del PIL
@@ -154,7 +154,7 @@ def _options() -> dict[str, str]:
 
 
 def _failed(path: Path, error: Exception) -> DatasetError:
-    return DatasetError.of(
+    return DatasetError(
         what="film",
         where=str(path),
         expected="an encoder that writes it",

@@ -177,7 +177,7 @@ def checked(numbers: Iterable[int], num_simulations: int) -> list[int]:
 
 
 def _refused(expected: str, got: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="simulations",
         where="choice",
         expected=expected,

@@ -92,7 +92,7 @@ def scene(run: Trajectories, events: OvertakeEvents | None = None) -> FilmScene:
         ConfigError: The batch holds another number of simulations than one.
     """
     if run.scenario.num_simulations != 1:
-        raise ConfigError.of(
+        raise ConfigError(
             what="simulations",
             where="video",
             expected="a batch of one",

@@ -115,7 +115,7 @@ def _title(source: Source) -> str:
 
 def _too_large(count: int, total: int | None) -> ConfigError:
     """The error of a page that no browser would open well."""
-    return ConfigError.of(
+    return ConfigError(
         what="page",
         where="view",
         expected=f"{MOST_BYTES // 1_000_000} MB at most",

@@ -48,7 +48,7 @@ def library() -> Any:
 
 
 def _missing(got: str) -> MissingExtraError:
-    return MissingExtraError.lacking(
+    return MissingExtraError.for_extra(
         "carla",
         what=f"carla=={VERSION}, for Python 3.10 to 3.12 on Linux and Windows",
         where="the simulator CARLA",
@@ -69,7 +69,7 @@ def parse_address(text: str) -> Address:
     """
     host, _, port = text.rpartition(":") if ":" in text else (text, "", "2000")
     if not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ConfigError.of(
+        raise ConfigError(
             what="server",
             where="--server",
             expected="HOST:PORT, or headless",
@@ -100,7 +100,7 @@ def connect(carla: Any, address: Address, *, patience: float = 5.0) -> Any:
             break
         except RuntimeError as error:
             if time.monotonic() - begin > patience:
-                raise ConfigError.of(
+                raise ConfigError(
                     what="CARLA server",
                     where=where,
                     expected=f"a server of CARLA {VERSION}",
@@ -109,7 +109,7 @@ def connect(carla: Any, address: Address, *, patience: float = 5.0) -> Any:
                 ) from None
             time.sleep(0.2)
     if found != VERSION:
-        raise ConfigError.of(
+        raise ConfigError(
             what="version of the CARLA server",
             where=where,
             expected=VERSION,

@@ -182,7 +182,7 @@ def _steering(actor: Any) -> Steering:
 def check_interval(scenario: Scenario) -> None:
     """Refuse frames that do not fall on ticks."""
     if scenario.frame_interval_ms % TICK_MS:
-        raise ConfigError.of(
+        raise ConfigError(
             what="frame_interval_ms",
             where="the simulator CARLA",
             expected=f"a multiple of {TICK_MS}, the length of its tick",

@@ -68,7 +68,7 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
             missing.append((int(scenario.index[row]), str(error)))
     if missing:
         numbers = ", ".join(str(number) for number, _ in missing)
-        raise SimulationLostError.of(
+        raise SimulationLostError(
             what=f"simulations {numbers}",
             where=f"CARLA server {chosen_server()}",
             expected=f"a result within {ATTEMPTS} attempts each",
@@ -162,7 +162,7 @@ def free_port() -> int:
             _HANDED_OUT.append(port)
             del _HANDED_OUT[: -len(_PORTS) // 2]
             return port
-    raise SimulationLostError.of(
+    raise SimulationLostError(
         what="port for a Traffic Manager",
         where="this machine",
         expected=f"a free one from {_PORTS.start} to {_PORTS.stop - 1}",
@@ -232,7 +232,7 @@ def _start_headless() -> Address:
     if isinstance(port, int):
         return Address("127.0.0.1", port)
     _close(_SERVERS)
-    raise SimulationLostError.of(
+    raise SimulationLostError(
         what="headless server",
         where="this machine",
         expected=f"to be ready within {_START_TIME:g} s",

@@ -82,7 +82,7 @@ def check_size(size: tuple[int, int]) -> None:
     """Refuse pictures that no encoder takes, or no memory."""
     width, height = size
     if width % 2 or height % 2 or not (16 <= width <= 1920 and 16 <= height <= 1080):
-        raise ConfigError.of(
+        raise ConfigError(
             what="size",
             where="carla replay",
             expected="even numbers from 16x16 to 1920x1080",
@@ -100,7 +100,7 @@ def encoder() -> ModuleType:
     try:
         import av
     except ImportError:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "video", what="PyAV, which encodes films", where="carla replay"
         ) from None
     return av

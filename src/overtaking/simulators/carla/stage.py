@@ -287,7 +287,7 @@ def _lane_there(carla: Any, place: Any, road: Road, lane: Lane, s: float, d: flo
     """Width, id and marks of a lane as waypoints tell them."""
     found = _waypoint(carla, place, road, s, d)
     if found is None:
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"lane {lane.lane_id} of road {road.name}",
             where=f"map {place.name}",
             expected=f"a lane at s = {s:.0f} m, d = {d:.2f} m",

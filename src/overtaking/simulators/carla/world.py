@@ -53,7 +53,7 @@ class SimulationLostError(OvertakingError, RuntimeError):
     @classmethod
     def because(cls, where: str, what: str, expected: str, got: str) -> "SimulationLostError":
         """The error for one thing that went wrong."""
-        return cls.of(what=what, where=where, expected=expected, got=got, next_step="try again")
+        return cls(what=what, where=where, expected=expected, got=got, next_step="try again")
 
 
 def fresh_world(client: Any, road: Road, *, delta: float = TICK) -> Any:
@@ -74,7 +74,7 @@ def _loaded_world(client: Any, road: Road) -> Any:
         return client.reload_world()
     every = [one.rsplit("/", 1)[-1] for one in client.get_available_maps()]
     if name not in every:
-        raise ConfigError.of(
+        raise ConfigError(
             what=f"map {name}",
             where="the CARLA server",
             expected="to be there",

@@ -225,7 +225,7 @@ def known_map(name: str) -> Map:
 
 
 def _no_map(name: str, names: Iterable[str], otherwise: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="map",
         where="the headless server",
         expected=" or ".join(names),

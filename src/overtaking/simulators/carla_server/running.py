@@ -43,7 +43,9 @@ def run_server(
         MissingExtraError: A map is a file, and CARLA's wheel is not there to read it.
     """
     if not 0 <= seed < 2**64:
-        raise ConfigError.out_of_range("seed", "run_server", 0, "2**64 - 1", seed)
+        raise ConfigError.out_of_range(
+            what="seed", where="run_server", low=0, high="2**64 - 1", got=seed
+        )
     atlas = Atlas(_maps(maps), survey)
 
     async def until_told() -> None:
@@ -94,7 +96,7 @@ def _map(name: str | Path) -> Map:
 def _refused(
     what: str, expected: str, got: object, next_step: str, *, where: str = "run_server"
 ) -> ConfigError:
-    return ConfigError.of(what=what, where=where, expected=expected, got=got, next_step=next_step)
+    return ConfigError(what=what, where=where, expected=expected, got=got, next_step=next_step)
 
 
 def main(parent: ParentConnection) -> None:

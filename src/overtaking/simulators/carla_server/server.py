@@ -299,7 +299,7 @@ async def _listen(
     try:
         return await asyncio.start_server(until_ended, host, port)
     except (OSError, OverflowError) as error:
-        raise ConfigError.of(
+        raise ConfigError(
             what="address",
             where=f"{host}:{port}",
             expected="a free port of this machine",

@@ -53,7 +53,7 @@ def survey(name: str, opendrive: str) -> Map:
         ConfigError: The reader finds no lanes in it, fails, or takes too long.
     """
     if find_spec("carla") is None:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "carla",
             what="the wheel of CARLA 0.9.16",
             where="an OpenDRIVE file as a map",
@@ -92,7 +92,7 @@ def _in_own_process(name: str, opendrive: str) -> NDArray[np.float64]:
 
 
 def _unusable(name: str, got: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="OpenDRIVE file",
         where=f"map {name}",
         expected="lanes that CARLA's own reader understands",

@@ -35,7 +35,7 @@ def library() -> Any:
         with contextlib.redirect_stdout(io.StringIO()):
             return importlib.import_module(DISTRIBUTION)
     except ImportError as error:
-        raise MissingExtraError.lacking(
+        raise MissingExtraError.for_extra(
             "sumo", what=DISTRIBUTION, where="sumo", got=str(error)
         ) from None
     finally:
@@ -88,7 +88,7 @@ def running(options: Sequence[str]) -> Generator[Any]:
 
 
 def _busy(by: str) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what=DISTRIBUTION,
         where="sumo",
         expected="one simulation at a time: SUMO has one world in each process",
@@ -98,7 +98,7 @@ def _busy(by: str) -> ConfigError:
 
 
 def _refused(error: Exception) -> ConfigError:
-    return ConfigError.of(
+    return ConfigError(
         what="simulation",
         where=f"SUMO {library_version()}",
         expected="a scenario that SUMO can run",

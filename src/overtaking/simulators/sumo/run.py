@@ -287,7 +287,7 @@ class _Simulation:
 
     def _lost(self) -> ConfigError:
         there = set(self.sumo.vehicle.getIDList())
-        return ConfigError.of(
+        return ConfigError(
             what=f"simulation {int(self.scenario.index[self.row])}",
             where=f"SUMO {library_version()}",
             expected=f"{len(self.names)} vehicles",
