@@ -37,6 +37,7 @@ from overtaking.model.road_course import (
     MarkChange,
     RoadCourse,
     RoadMark,
+    StationTable,
     marks_along,
 )
 
@@ -242,11 +243,10 @@ class Road:
         Args:
             s: Station, any shape [m].
         """
-        table = self.course.grade if self.course else ()
-        station = np.asarray(s, np.float64)
-        if not table:
-            return np.zeros(station.shape)
-        return np.interp(station, *np.array(table, np.float64).T)
+        pairs = self.course.grade if self.course else ()
+        if not pairs:
+            return np.zeros(np.shape(s))
+        return StationTable.from_pairs(pairs).value_at(s)
 
     def speed_limit_at(self, s: ArrayLike, direction: int = 1) -> F64:
         """The posted limit [m/s].

@@ -31,6 +31,39 @@ _STATION = FieldSpec(unit="m", low=0.0, high=MAX_LENGTH)
 MAX_SPEED_LIMIT = 100.0
 
 
+class StationTable(NamedTuple):
+    """A quantity by station: linear between the stations, constant before and behind them.
+
+    Attributes:
+        station: Stations in ascending order, shape (station,), at least one [m].
+        value: The quantity at each of them, shape (station,).
+    """
+
+    station: F64
+    value: F64
+
+    @classmethod
+    def from_pairs(cls, pairs: Sequence[tuple[float, float]]) -> Self:
+        """The table of at least one pair (station, value)."""
+        return cls._make(np.array(pairs, np.float64).T)
+
+    @property
+    def change_per_metre(self) -> F64:
+        """Change of the quantity behind each station, shape (station,); 0 behind the last."""
+        return np.append(np.diff(self.value) / np.diff(self.station), 0.0)
+
+    def value_at(self, s: ArrayLike) -> F64:
+        """The quantity at stations.
+
+        Args:
+            s: Stations, any shape [m].
+
+        Returns:
+            Values of the same shape.
+        """
+        return np.interp(np.asarray(s, np.float64), self.station, self.value)
+
+
 class RoadMark(enum.Enum):
     """The line painted between two lanes, spelled as `carla.LaneMarkingType` spells it.
 
@@ -189,11 +222,10 @@ class RoadCourse:
         Returns:
             Distances of the same shape, infinite where the road does not limit sight [m].
         """
-        table = self.sight if direction > 0 else self.sight_against
-        station = np.asarray(s, np.float64)
-        if not table:
-            return np.full(station.shape, np.inf)
-        return np.interp(station, *np.array(table, np.float64).T)
+        pairs = self.sight if direction > 0 else self.sight_against
+        if not pairs:
+            return np.full(np.shape(s), np.inf)
+        return StationTable.from_pairs(pairs).value_at(s)
 
     def speed_limits_for(self, direction: int) -> tuple[SpeedLimitSpan, ...]:
         """The stretches with a limit of their own for a direction of travel, +1 or -1."""

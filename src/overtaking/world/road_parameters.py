@@ -13,7 +13,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.float32_math import HALF, ONE, ZERO, as_f32, clamp, minimum, sincos
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
-from overtaking.model.road_course import RoadCourse
+from overtaking.model.road_course import RoadCourse, StationTable
 from overtaking.model.scenario import Scenario
 from overtaking.world import road_surface
 from overtaking.world.constants import ModelConstants
@@ -237,15 +237,13 @@ def _sight_table(road: Road) -> F32:
     """The table `RoadParameters.sight`, along the road and against it."""
     course = road.course or RoadCourse()
     tables = []
-    for stated in (course.sight, course.sight_against):
-        stations = np.array([s for s, _ in stated] or [0.0], np.float64)
-        distances = np.array([distance for _, distance in stated] or [_FAR], np.float64)
-        change = np.append(np.diff(distances) / np.diff(stations), 0.0)
+    for pairs in (course.sight, course.sight_against):
+        sight = StationTable.from_pairs(pairs or ((0.0, _FAR),))
         # Before the first station the sight distance is as at that station.
         rows = [
-            np.append(-_FAR, stations),
-            np.append(distances[0], distances),
-            np.append(0.0, change),
+            np.append(-_FAR, sight.station),
+            np.append(sight.value[0], sight.value),
+            np.append(0.0, sight.change_per_metre),
         ]
         tables.append(_pad_stations(rows))
     return np.stack(tables)
