@@ -39,11 +39,11 @@ _MAX_PAIRS_IN_MEMORY = 1_000_000  # Distances that are held in memory at a time.
 
 
 class Points(NamedTuple):
-    """Points in the plane.
+    """Points, or displacements, in the plane.
 
     Attributes:
-        x: Shape (point,) [m].
-        y: Shape (point,) [m].
+        x: World x, any shape [m].
+        y: World y, to the left of x, the same shape [m].
     """
 
     x: F64
@@ -155,12 +155,12 @@ class ReferenceLine(ContentEquality):
         """
         segment, t, overrun = self._locate(s)
         k, c = self.curvature[segment], self.curvature_rate[segment]
-        east, north = segment_displacement(self.heading[segment], k, c, t)
+        displacement = segment_displacement(self.heading[segment], k, c, t)
         heading = self.heading_at(s)
         cosine, sine = cos_sin(heading)
         return Pose(
-            x=self.x[segment] + east + overrun * cosine,
-            y=self.y[segment] + north + overrun * sine,
+            x=self.x[segment] + displacement.x + overrun * cosine,
+            y=self.y[segment] + displacement.y + overrun * sine,
             heading=heading,
             curvature=np.where(overrun == 0.0, k + c * t, 0.0),
         )
@@ -183,20 +183,17 @@ class ReferenceLine(ContentEquality):
         segment = np.searchsorted(self.segment_start, on_line, side="right") - 1
         return segment, on_line - self.segment_start[segment], station - on_line
 
-    def to_world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
+    def to_world(self, s: ArrayLike, d: ArrayLike) -> Points:
         """World coordinates of points beside the line.
 
         Args:
             s: Distance along the line, any shape [m].
             d: Offset to its left, a shape that broadcasts with it [m].
-
-        Returns:
-            x and y [m].
         """
         pose = self.pose_at(s)
         cosine, sine = cos_sin(pose.heading)
         left = np.asarray(d, dtype=np.float64)
-        return pose.x - left * sine, pose.y + left * cosine
+        return Points(pose.x - left * sine, pose.y + left * cosine)
 
     def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Distance along the line and offset from it; the inverse of `to_world`.
@@ -242,27 +239,30 @@ class ReferenceLine(ContentEquality):
         return np.where(is_outside, s + ahead, s)
 
 
-def _split_by_turn(piece: CurveSegment) -> list[CurveSegment]:
-    """The same piece as parts that each turn by at most one radian."""
-    growth = (piece.end_curvature - piece.curvature) / piece.length
-    turn = piece.length * max(abs(piece.curvature), abs(piece.end_curvature))
-    count = max(1, math.ceil(turn / _MAX_TURN))
-    length = piece.length / count
-    x, y, heading, curvature = piece.x, piece.y, piece.heading, piece.curvature
+def _split_by_turn(segment: CurveSegment) -> list[CurveSegment]:
+    """The same segment as parts that each turn by at most one radian."""
+    rate = (segment.end_curvature - segment.curvature) / segment.length
+    max_turn = segment.length * max(abs(segment.curvature), abs(segment.end_curvature))
+    num_parts = max(1, math.ceil(max_turn / _MAX_TURN))
+    length = segment.length / num_parts
+    x, y, heading, curvature = segment.x, segment.y, segment.heading, segment.curvature
     parts = []
-    for number in range(1, count + 1):
-        end = piece.curvature + growth * (length * number)
-        parts.append(CurveSegment(x, y, heading, length, curvature, end))
-        if number == count:  # No part starts at the end of the last one; most have one part.
-            break
-        east, north = segment_displacement(*map(np.asarray, (heading, curvature, growth, length)))
-        x, y = x + float(east), y + float(north)
-        heading, curvature = heading + length * (curvature + 0.5 * growth * length), end
+    for number in range(1, num_parts + 1):
+        end_curvature = segment.curvature + rate * (length * number)
+        parts.append(CurveSegment(x, y, heading, length, curvature, end_curvature))
+        # Nothing starts at the end of the last part. Most segments have one part, so that this
+        # saves most of the quadratures.
+        if number < num_parts:
+            start = map(np.asarray, (heading, curvature, rate, length))
+            displacement = segment_displacement(*start)
+            x, y = x + float(displacement.x), y + float(displacement.y)
+            heading += length * (curvature + 0.5 * rate * length)
+            curvature = end_curvature
     return parts
 
 
-def segment_displacement(heading: F64, k: F64, c: F64, t: F64) -> tuple[F64, F64]:
-    """Displacement from the start of a segment to the point after `t` metres, east and north [m].
+def segment_displacement(heading: F64, k: F64, c: F64, t: F64) -> Points:
+    """Displacement from the start of a segment to the point after `t` metres.
 
     Args:
         heading: Direction at the start, any shape [rad].
@@ -275,7 +275,7 @@ def segment_displacement(heading: F64, k: F64, c: F64, t: F64) -> tuple[F64, F64
         u = node * t
         cosine, sine = cos_sin(heading + u * (k + 0.5 * c * u))
         east, north = east + weight * cosine, north + weight * sine
-    return t * east, t * north
+    return Points(t * east, t * north)
 
 
 def cos_sin(heading: ArrayLike) -> tuple[F64, F64]:

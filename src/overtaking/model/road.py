@@ -30,7 +30,7 @@ from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_batch
-from overtaking.model.reference_line import CurveSegment, ReferenceLine, cos_sin
+from overtaking.model.reference_line import CurveSegment, Points, ReferenceLine, cos_sin
 from overtaking.model.road_course import (
     MAX_LENGTH,
     MAX_SPEED_LIMIT,
@@ -280,7 +280,7 @@ class Road:
         rise = 0.5 * (slopes[last] + self.grade_at(station)) * (station - knots[last])
         return heights[last] + rise
 
-    def to_world(self, s: ArrayLike, d: ArrayLike) -> tuple[F64, F64]:
+    def to_world(self, s: ArrayLike, d: ArrayLike) -> Points:
         """World coordinates of points on the road.
 
         Args:
@@ -294,7 +294,7 @@ class Road:
             return _reference_line(self.pieces).to_world(s, d)
         along, left = np.asarray(s, dtype=np.float64), np.asarray(d, dtype=np.float64)
         cosine, sine = cos_sin(self.heading)
-        return (
+        return Points(
             self.x0 + (along * cosine - left * sine),
             self.y0 + (along * sine + left * cosine),
         )

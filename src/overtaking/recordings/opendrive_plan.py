@@ -353,10 +353,8 @@ def _followed(curve: Callable[[F64], Curve], end: float, element: Element) -> li
         first, last = at.curvature[:-1], at.curvature[1:]
         turns = lengths * np.maximum(np.abs(first), np.abs(last))
         if turns.max() <= 1.0:  # Of longer pieces the chord is not known, and they fit nothing.
-            east, north = segment_displacement(
-                at.heading[:-1], first, (last - first) / lengths, lengths
-            )
-            misfit = np.hypot(at.x[:-1] + east - at.x[1:], at.y[:-1] + north - at.y[1:])
+            chord = segment_displacement(at.heading[:-1], first, (last - first) / lengths, lengths)
+            misfit = np.hypot(at.x[:-1] + chord.x - at.x[1:], at.y[:-1] + chord.y - at.y[1:])
             if misfit.max() <= MAX_MISFIT:
                 return chain
         parts *= 2

@@ -207,9 +207,8 @@ def _sight_round_bends(road: Road, direction: int, clearance: float) -> F64:
     cosine, sine = cos_sin(road.heading_at(stations))
     distances = []
     for side, d in zip((1.0, -1.0), _outer_centres(road), strict=True):
-        points = Points(*road.to_world(stations, d))
-        wall = Points(*road.to_world(stations, d + side * clearance))
-        path = Path(points, direction * cosine, direction * sine)
+        path = Path(road.to_world(stations, d), direction * cosine, direction * sine)
+        wall = road.to_world(stations, d + side * clearance)
         # For a driver against the direction of the road, its left side is to the right.
         distances.append(_sight_past_wall(path, wall, side * direction, num_ahead))
     return _in_order_of_road(np.minimum(*distances), direction)
