@@ -16,6 +16,7 @@ Modules:
     safety_measures: surrogate measures of safety, also against oncoming vehicles
     scenario: scenarios, and the interventions of branches
     trajectories: recorded states, contacts and percepts
+    vehicle_tracks: `VehicleTracks`, one simulation in SI units and road coordinates
     vehicles: vehicles and the traits of their drivers
     verdicts: verdicts of rules and classes of simulations
     weather: weather, and weather without some of its factors

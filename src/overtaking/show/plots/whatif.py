@@ -14,13 +14,7 @@ from overtaking.core.arrays import F64
 from overtaking.core.units import kmh_from_mps
 from overtaking.labels.label import label
 from overtaking.labels.law import choose_policy
-from overtaking.model.trajectories import (
-    NO_VEHICLE,
-    POSITION_RESOLUTION,
-    SPEED_RESOLUTION,
-    Trajectories,
-)
-from overtaking.model.vehicles import EGO_SLOT
+from overtaking.model.vehicle_tracks import EGO_ROW, VehicleTracks
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.show import palette
 from overtaking.show.futures import fan_title
@@ -49,15 +43,14 @@ def draw_twin(twin: Twin, policy: str | None = None) -> Figure:
     figure = new_figure(5.0)
     across, speed, gap = figure.subplots(3, 1, sharex=True)
     for simulation, labelled, look in zip(twin.told, twin.labelled, _LOOKS, strict=True):
-        run, frames = simulation.run, int(simulation.run.num_frames[0])
-        time = run.time_ms[:frames] / 1000.0
+        tracks = VehicleTracks.from_trajectories(simulation.run, events=twin.labelled[0].events)
+        sign = int(simulation.run.road.side)
         name = f"{simulation.title}: {words(class_of(labelled, policy))}"
-        across.plot(time, _across(run, frames), label=name, **look)
-        metres = run.states.speed[0, EGO_SLOT, :frames] * SPEED_RESOLUTION
-        speed.plot(time, kmh_from_mps(metres), **look)
-        target = int(twin.labelled[0].events.target[0])
-        if target != NO_VEHICLE:
-            gap.plot(time, _gap(run, target, frames), **look)
+        ego_d = tracks.d[EGO_ROW]
+        across.plot(tracks.time, (ego_d - ego_d[0]) * sign, label=name, **look)
+        speed.plot(tracks.time, kmh_from_mps(tracks.speed[EGO_ROW]), **look)
+        if tracks.target is not None:
+            gap.plot(tracks.time, _target_lead(tracks, tracks.target), **look)
     across.set_ylabel("ego from its\nstart across [m]")
     speed.set_ylabel("speed of\nthe ego [km/h]")
     gap.set_ylabel("target ahead,\ncentre to centre [m]")
@@ -75,16 +68,10 @@ def _heading(one: Twin) -> str:
     return f"Simulation {one.number} and its twin, {one.effect} effect, {since}"
 
 
-def _across(run: Trajectories, frames: int) -> F64:
-    """How far the ego is from where it starts, towards the fast side [m]."""
-    d = run.states.d[0, EGO_SLOT, :frames] * POSITION_RESOLUTION
-    return (d - d[0]) * int(run.road.side)
-
-
-def _gap(run: Trajectories, target: int, frames: int) -> F64:
-    """How far a vehicle is ahead of the ego, centre to centre; NaN where it is not there [m]."""
-    s = run.states.s[0, :, :frames] * POSITION_RESOLUTION
-    return np.where(run.state_mask[0, target, :frames], s[target] - s[EGO_SLOT], np.nan)
+def _target_lead(tracks: VehicleTracks, target: int) -> F64:
+    """Station of the target minus that of the ego, NaN where the target is not recorded [m]."""
+    lead = tracks.s[target] - tracks.s[EGO_ROW]
+    return np.where(tracks.is_recorded[target], lead, np.nan)
 
 
 def _mark_parting(one: Twin, panels: tuple[Axes, ...]) -> None:

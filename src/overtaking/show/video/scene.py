@@ -9,14 +9,8 @@ from overtaking.core.arrays import F64
 from overtaking.core.errors import ConfigError
 from overtaking.model.overtake_events import OvertakeEvents
 from overtaking.model.road import Road
-from overtaking.model.trajectories import (
-    ANGLE_RESOLUTION,
-    NO_VEHICLE,
-    POSITION_RESOLUTION,
-    SPEED_RESOLUTION,
-    ManoeuvreKind,
-    Trajectories,
-)
+from overtaking.model.trajectories import NO_VEHICLE, Trajectories
+from overtaking.model.vehicle_tracks import VehicleTracks
 from overtaking.model.vehicles import EGO_SLOT, Colour, VehicleKind
 from overtaking.show.video.vehicles import Body
 
@@ -99,27 +93,23 @@ def scene(run: Trajectories, events: OvertakeEvents | None = None) -> FilmScene:
             got=run.scenario.num_simulations,
             next_step="select one, such as run.select(slice(0, 1))",
         )
-    slots = tuple(int(slot) for slot in np.flatnonzero(run.scenario.vehicles.valid[0]))
     recorded = _film_frames(int(run.num_frames[0]), run.scenario.frame_interval_ms)
-    kept = (np.array(slots)[:, None], recorded)
-    states = run.states
-    target = _target(run, events)
-    headings, direction = run.headings_and_origin
+    tracks = VehicleTracks.from_trajectories(run, events=events).at_frames(recorded)
     return FilmScene(
         road=run.road,
-        slots=slots,
-        bodies=tuple(_body(run, slot) for slot in slots),
-        target=slots.index(target) if target in slots[1:] else None,
+        slots=tracks.slots,
+        bodies=tuple(_body(run, slot) for slot in tracks.slots),
+        target=tracks.target,
         recorded=recorded,
-        is_there=run.state_mask[0][kept],
+        is_there=tracks.is_recorded,
         time=recorded.astype(np.float64) * (run.scenario.frame_interval_ms / _MS_PER_S),
-        s=states.s[0][kept] * POSITION_RESOLUTION,
-        d=states.d[0][kept] * POSITION_RESOLUTION,
-        angle=headings[0][kept] * ANGLE_RESOLUTION - direction,
-        speed=states.speed[0][kept] * SPEED_RESOLUTION,
-        lights=_lights(run)[kept],
+        s=tracks.s,
+        d=tracks.d,
+        angle=tracks.road_angle,
+        speed=tracks.speed,
+        lights=_lights(run, tracks),
         stage=None if "stage" in run.unknown else run.stage[0, recorded],
-        contact=_contact(run, slots),
+        contact=_contact(run, tracks.slots),
     )
 
 
@@ -131,10 +121,10 @@ def _film_frames(num_frames: int, interval_ms: int) -> NDArray[np.int64]:
     return np.minimum(np.rint(instants / interval_ms), num_frames - 1).astype(np.int64)
 
 
-def _lights(run: Trajectories) -> NDArray[np.uint8]:
-    """Lights of all vehicles; off where the source did not tell."""
+def _lights(run: Trajectories, tracks: VehicleTracks) -> NDArray[np.uint8]:
+    """Lights of all vehicles; all are off in a recording that leaves out some kind of lamp."""
     is_known = {"indicators", "lamps"}.isdisjoint(run.unknown)
-    return run.states.lights[0] if is_known else np.zeros_like(run.states.lights[0])
+    return tracks.lights if is_known else np.zeros_like(tracks.lights)
 
 
 def _body(run: Trajectories, slot: int) -> Body:
@@ -156,17 +146,3 @@ def _contact(run: Trajectories, slots: tuple[int, ...]) -> tuple[float, int | No
     first_ms = int(collided[0]) * run.scenario.frame_interval_ms
     time_ms = int(run.contacts.time[0, EGO_SLOT]) if is_timed else first_ms
     return time_ms / _MS_PER_S, slots.index(partner) if partner in slots else None
-
-
-def _target(run: Trajectories, events: OvertakeEvents | None) -> int:
-    """Slot of the vehicle to overtake, `NO_VEHICLE` if there is none."""
-    if events is not None:
-        return int(events.target[0])
-    percepts = run.percepts
-    decided = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT))
-    if "percepts" not in run.unknown and len(decided):
-        return int(percepts.vehicle[0, decided[-1], 0])
-    lane, s = run.states.lane[0, :, 0], run.states.s[0, :, 0]
-    ahead = run.scenario.vehicles.valid[0] & (lane == lane[EGO_SLOT]) & (s > s[EGO_SLOT])
-    distance = np.where(ahead, s - s[EGO_SLOT], np.iinfo(s.dtype).max)
-    return int(np.argmin(distance)) if ahead.any() else int(NO_VEHICLE)
