@@ -73,7 +73,7 @@ demo: build  ## Generate the paper's 276 simulations twice, as it tells them and
 	$(BIN)/overtaking stats $(DEMO)
 	@# A report is drawn on one core; the other one does the rest meanwhile.
 	$(BIN)/overtaking report --quiet $(DEMO) & report=$$!; \
-	  $(BIN)/overtaking reproduce pinto2023 --replicates 10 --seed $(SEED) --out $(DEMO)-study/reproduction && \
+	  $(BIN)/overtaking reproduce pinto2023 --num-replicates 10 --seed $(SEED) --out $(DEMO)-study/reproduction && \
 	  $(BIN)/overtaking video $(DEMO) && wait $$report
 	$(BIN)/overtaking show $(DEMO) 3
 	@echo "The study's experiment is in $(abspath $(DEMO))-study, the same scenes with physical weather in $(abspath $(DEMO)):"

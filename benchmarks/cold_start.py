@@ -75,7 +75,9 @@ def rate(folder: Path) -> Measure:
 
     count = 32_768
     begin = time.perf_counter()
-    data = api.generate_dataset("pinto2023-physical", count, 2, folder / "rate", keep="features")
+    data = api.generate_dataset(
+        "pinto2023-physical", num_simulations=count, seed=2, out=folder / "rate", keep="features"
+    )
     taken = time.perf_counter() - begin
     frames = data.simulations()["num_frames"].mean()
     note = f"{count:,} simulations of {frames:.0f} frames on average"

@@ -77,9 +77,9 @@ def highway() -> Rates | None:
 
 def measures(simulations: int, turns: int) -> list[Measure]:
     """Every row, all of them in turns."""
-    study = ot.sample("pinto2023-physical", simulations, seed=3)
+    study = ot.sample("pinto2023-physical", num_simulations=simulations, seed=3)
     short: dict[str, Any] = dict.fromkeys(("time.horizon_s", "time.attempt_deadline_s"), 20.0)
-    busy = ot.sample("motorway", simulations // 8, seed=3, overrides=short)
+    busy = ot.sample("motorway", num_simulations=simulations // 8, seed=3, overrides=short)
     work: dict[str, Callable[[], Rates | None]] = {
         f"pinto2023-physical, {simulations} at a time": partial(timed, partial(steps, study, 1)),
         f"pinto2023-physical, {simulations}, held for 4": partial(timed, partial(steps, study, 4)),

@@ -36,7 +36,7 @@ EXTENSIONS: dict[str, dict[str, Any]] = tomllib.loads(
 def _data() -> Any:
     import overtaking as ot
 
-    return ot.generate_dataset("motorway", simulations=40, seed=1, out="data", keep="features")
+    return ot.generate_dataset("motorway", num_simulations=40, seed=1, out="data", keep="features")
 
 
 def rule() -> None:
@@ -76,7 +76,7 @@ def trait() -> None:
     hashes: list[Any] = []
     for value in (0.0, 1.0):
         given = {"drivers.fixed": {"coolness": value}}
-        scenarios = ot.sample("pinto2023-physical", 16, seed=1, overrides=given)
+        scenarios = ot.sample("pinto2023-physical", num_simulations=16, seed=1, overrides=given)
         runs, twin = (ot.simulate(scenarios, simulator=one) for one in ("engine", "reference"))
         assert (runs.trace_hash == twin.trace_hash).all()
         hashes.append(runs.trace_hash)

@@ -49,10 +49,17 @@ HOSTILE = (
 
 def corpus(folder: Path) -> Sequence[Call]:
     """Sound calls."""
-    placed = ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)
-    flow = ot.sample("motorway", 2, 1, overrides=SHORT | {"time.attempt_deadline_s": 2.0})
+    placed = ot.sample("pinto2023-physical", num_simulations=3, seed=1, overrides=SHORT)
+    flow = ot.sample(
+        "motorway", num_simulations=2, seed=1, overrides=SHORT | {"time.attempt_deadline_s": 2.0}
+    )
     ot.generate_dataset(
-        "pinto2023-physical", 4, 1, folder / "data", overrides=SHORT, keep="features"
+        "pinto2023-physical",
+        num_simulations=4,
+        seed=1,
+        out=folder / "data",
+        overrides=SHORT,
+        keep="features",
     )
     data = ot.load_dataset(folder / "data")
     batches: list[Call] = []
@@ -64,10 +71,15 @@ def corpus(folder: Path) -> Sequence[Call]:
             ("label", {"runs": ot.simulate(scenario)}),
             ("branch", {"source": scenario, **changed}),
         ]
-    given = {"profile": "pinto2023-physical", "simulations": 2, "seed": 1, "overrides": dict(SHORT)}
+    given = {
+        "profile": "pinto2023-physical",
+        "num_simulations": 2,
+        "seed": 1,
+        "overrides": dict(SHORT),
+    }
     one = {"simulation": 1}
     plain: list[Call] = [
-        ("sample", {**given, "first": 5, "road": "town06"}),
+        ("sample", {**given, "first_scenario": 5, "road": "town06"}),
         # One simulator alone is refused: the readable one would take minutes.
         ("compare_simulators", {**given, "simulators": ("engine",), "progress": None}),
         ("generate_dataset", {**given, "out": folder / "other", "resume": True, "shard_size": 2}),

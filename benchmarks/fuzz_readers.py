@@ -147,7 +147,9 @@ def _tables(folder: Path) -> list[Named]:
         "time.attempt_deadline_s": "1",
         "traffic.vehicles": "2..3",
     }
-    api.generate_dataset("pinto2023-physical", 2, 1, folder / "data", overrides=short)
+    api.generate_dataset(
+        "pinto2023-physical", num_simulations=2, seed=1, out=folder / "data", overrides=short
+    )
     paths = [folder / "table.csv", folder / "table.parquet"]
     for path in paths:
         api.export_dataset(folder / "data", path)

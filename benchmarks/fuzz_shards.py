@@ -46,7 +46,14 @@ def corpus(folder: Path) -> Sequence[Shard]:
     """Every file of a data set with frames, and of one without."""
     shards: list[Shard] = []
     for name, keep in (("frames", "frames"), ("features", "features")):
-        ot.generate_dataset("pinto2023-physical", 3, 1, folder / name, overrides=SHORT, keep=keep)
+        ot.generate_dataset(
+            "pinto2023-physical",
+            num_simulations=3,
+            seed=1,
+            out=folder / name,
+            overrides=SHORT,
+            keep=keep,
+        )
         paths = sorted((folder / name).glob("*/part-00000.parquet"))
         shards += [Shard(name, path.parent.name, path.read_bytes()) for path in paths]
     return shards

@@ -41,8 +41,15 @@ def _data_set(folder: Path) -> list[str]:
 
     elsewhere = folder / "balanced"
     balance = ClassBalance(candidates=20, allows_missing=True)
-    api.generate_dataset("pinto2023-physical", 6, 1, elsewhere, keep="features", balance=balance)
-    api.generate_dataset("motorway", 6, 1, folder / "data", shard_size=4)
+    api.generate_dataset(
+        "pinto2023-physical",
+        num_simulations=6,
+        seed=1,
+        out=elsewhere,
+        keep="features",
+        balance=balance,
+    )
+    api.generate_dataset("motorway", num_simulations=6, seed=1, out=folder / "data", shard_size=4)
     return [(path / MANIFEST).read_text(encoding="utf-8") for path in (elsewhere, folder / "data")]
 
 
@@ -67,7 +74,7 @@ def _simulate(text: bytes, folder: Path) -> None:
 
     path = folder / "specification.toml"
     path.write_bytes(text)
-    runs = api.simulate(api.sample(path, 3, 1))
+    runs = api.simulate(api.sample(path, num_simulations=3, seed=1))
     api.label(runs)
 
 

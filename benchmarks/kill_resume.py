@@ -58,9 +58,9 @@ class Job:
         overrides = {"time.horizon_s": self.horizon, "time.attempt_deadline_s": self.horizon}
         api.generate_dataset(
             "pinto2023-physical",
-            self.simulations,
-            1,
-            out,
+            num_simulations=self.simulations,
+            seed=1,
+            out=out,
             resume=True,
             overrides=overrides,
             simulator=self.simulator,

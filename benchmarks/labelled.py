@@ -56,7 +56,9 @@ def rate(folder: Path, simulations: int) -> tuple[list[Measure], Dataset]:
     """Time by the clock and memory of generating labels, findings and features."""
     begin = time.perf_counter()
     with Watch(os.getpid()) as watch:
-        data = api.generate_dataset("pinto2023-physical", simulations, 5, folder, keep="features")
+        data = api.generate_dataset(
+            "pinto2023-physical", num_simulations=simulations, seed=5, out=folder, keep="features"
+        )
     seconds = (time.perf_counter() - begin) * MILLION / simulations
     frames = data.table("simulations")["num_frames"].to_numpy().mean()
     size = f"{simulations:,} simulations of {frames:.0f} frames in the mean"
@@ -88,7 +90,7 @@ def against_the_reference(data: Dataset, count: int) -> Measure:
 
 def from_memory_and_from_files(folder: Path, count: int) -> Measure:
     """How many tables differ between labels from memory and labels from stored frames."""
-    data = api.generate_dataset("pinto2023-physical", count, 6, folder)
+    data = api.generate_dataset("pinto2023-physical", num_simulations=count, seed=6, out=folder)
     before = {name: data.table(name) for name in LABEL_TABLES}
     again = api.relabel_dataset(folder)
     different = sum(not again.table(name).equals(before[name]) for name in LABEL_TABLES)

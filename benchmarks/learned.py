@@ -69,7 +69,9 @@ def driven(profile: str, scenes: int, models: list[Path]) -> dict[str, Columns]:
     parts: dict[str, list[Columns]] = {}
     policies = {f"seed {k + 1}": Learned(path) for k, path in enumerate(models)}
     for first in range(0, scenes, PIECE):
-        batch = ot.sample(profile, min(PIECE, scenes - first), seed=SEED, first=first)
+        batch = ot.sample(
+            profile, num_simulations=min(PIECE, scenes - first), seed=SEED, first_scenario=first
+        )
         stay = ot.branch(batch, 0, decision=ot.ForcedDecision.STAY)
         runs = {"human": ot.simulate(batch), "stay": stay}
         for name, policy in policies.items():

@@ -35,7 +35,9 @@ def data_set(folder: Path, profile: str, simulations: int) -> Path:
     """The folder of a data set, made if it is not there."""
     path = folder / f"{profile}-{simulations}"
     if not path.exists():
-        overtaking.generate_dataset(profile, simulations, 1, path, keep="features")
+        overtaking.generate_dataset(
+            profile, num_simulations=simulations, seed=1, out=path, keep="features"
+        )
     return path
 
 

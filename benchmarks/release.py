@@ -54,9 +54,9 @@ def made(folder: Path, profile: str, simulations: int) -> Dataset:
     """The data set of a profile, made or completed, with every file verified."""
     data = overtaking.generate_dataset(
         profile,
-        simulations,
-        SEED,
-        folder,
+        num_simulations=simulations,
+        seed=SEED,
+        out=folder,
         keep="features",
         engine="auto",
         resume=(folder / FILE_NAME).exists(),

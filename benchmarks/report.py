@@ -66,11 +66,17 @@ def main() -> int:
     given = command_line.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="overtaking-"))
     try:
-        api.generate_dataset("pinto2023-physical", STUDY, 1, folder / "study")
+        api.generate_dataset(
+            "pinto2023-physical", num_simulations=STUDY, seed=1, out=folder / "study"
+        )
         asked = [folder / "study", *([given.data] if given.data else [])]
         if given.simulations:
             api.generate_dataset(
-                "pinto2023-physical", given.simulations, 1, folder / "large", keep="features"
+                "pinto2023-physical",
+                num_simulations=given.simulations,
+                seed=1,
+                out=folder / "large",
+                keep="features",
             )
             asked.append(folder / "large")
         measures = [reporting(data, folder / "report") for data in asked]

@@ -24,7 +24,7 @@ LIMIT = 60.0
 
 def case() -> Case:
     """A batch of the study's profile with everything that rules look at."""
-    return case_of(api.simulate(api.sample("pinto2023-physical", BATCH, 1)))
+    return case_of(api.simulate(api.sample("pinto2023-physical", num_simulations=BATCH, seed=1)))
 
 
 def cost(action: Callable[[], object]) -> float:

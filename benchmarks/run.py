@@ -34,7 +34,11 @@ def to_disk() -> list[Measure]:
     """All states of some simulations into a file that is safe on the disk, and read back."""
     size = writer.PIECE
     pieces = [
-        api.simulate(api.sample("pinto2023-physical", size, 1, first=number * size))
+        api.simulate(
+            api.sample(
+                "pinto2023-physical", num_simulations=size, seed=1, first_scenario=number * size
+            )
+        )
         for number in range(PIECES)
     ]
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:

@@ -98,7 +98,9 @@ def measures(count: int) -> list[Measure]:
     """Everything that is measured."""
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
         folder = Path(name)
-        data = api.generate_dataset("pinto2023-physical", count, 1, folder / "data")
+        data = api.generate_dataset(
+            "pinto2023-physical", num_simulations=count, seed=1, out=folder / "data"
+        )
         wanted = list(jobs.jobs(data, jobs.ALL))
         films = [produce.film_of(job) for job in wanted]
         frames = sum(film.num_frames for film in films)

@@ -88,7 +88,11 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     given = parser.parse_args()
     pieces = [
-        api.simulate(api.sample("pinto2023-physical", PIECE, 1, first=number * PIECE))
+        api.simulate(
+            api.sample(
+                "pinto2023-physical", num_simulations=PIECE, seed=1, first_scenario=number * PIECE
+            )
+        )
         for number in range(given.pieces)
     ]
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:

@@ -25,7 +25,11 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / "data"
             data = overtaking.generate_dataset(
-                profile, given.simulations, given.seed, out, keep="features"
+                profile,
+                num_simulations=given.simulations,
+                seed=given.seed,
+                out=out,
+                keep="features",
             )
             events, waited = data.events(), data.features(reading="matched")["WT"]
         attempts = waited[events["simulation"][events["event"] == "attempt"]].dropna()

@@ -35,7 +35,7 @@ def pull_outs(runs: ot.Trajectories) -> pd.DataFrame:
 
 def main() -> None:
     """Print how well gaps were judged in each weather."""
-    runs = ot.simulate(ot.sample("pinto2023-physical", 1000, seed=1))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=1000, seed=1))
     decisions = pull_outs(runs)
     decisions["error_m"] = (decisions.believed_gap_m - decisions.gap_m).abs()
     groups = decisions.groupby("weather")

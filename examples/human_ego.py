@@ -139,7 +139,7 @@ class HumanEgo:
 
 def main() -> None:
     """Compare it with the built-in ego."""
-    scenes = ot.sample("pinto2023-physical", 100, seed=1)
+    scenes = ot.sample("pinto2023-physical", num_simulations=100, seed=1)
     ours = ot.simulate(scenes)
     runs = ot.drive(scenes, HumanEgo(), observe="human", action="decision")
     same = (runs.trace_hash == ours.trace_hash).all(axis=1)

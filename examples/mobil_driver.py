@@ -61,7 +61,7 @@ class MobilDriver:
 
 def main() -> None:
     """Say how it fares beside the built-in ego in the same scenes."""
-    scenes = ot.sample("motorway", 40, seed=1)
+    scenes = ot.sample("motorway", num_simulations=40, seed=1)
     runs = ot.drive(scenes, MobilDriver(), observe="human")
     print("40 scenes of motorway     like the others  built-in")
     labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]

@@ -29,7 +29,7 @@ def patient(seen: ot.Observation) -> NDArray[np.float64]:
 
 def main() -> None:
     """Say how it fares beside the built-in ego in the same scenes."""
-    scenes = ot.sample("pinto2023-physical", 200, seed=1)
+    scenes = ot.sample("pinto2023-physical", num_simulations=200, seed=1)
     runs = ot.drive(scenes, patient, observe="human", action="speed_lane")
     print("200 scenes of pinto2023-physical   patient  built-in")
     labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]

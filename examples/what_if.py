@@ -37,7 +37,10 @@ def main() -> None:
     """Print what happened, and what would have."""
     # Who stays is watched for as long as who pulls out.
     scenarios = ot.sample(
-        "pinto2023-physical", 1000, seed=1, overrides={"time.attempt_deadline_s": 20.0}
+        "pinto2023-physical",
+        num_simulations=1000,
+        seed=1,
+        overrides={"time.attempt_deadline_s": 20.0},
     )
     runs = ot.simulate(scenarios)
     found = crashes(runs)

@@ -162,7 +162,7 @@ def shortened(words: list[str]) -> list[str]:
         return words
     previous = ["", *words]
     return [
-        str(min(int(word), QUICK_COUNT)) if option in ("-n", "--replicates") else word
+        str(min(int(word), QUICK_COUNT)) if option in ("-n", "--num-replicates") else word
         for option, word in zip(previous, words, strict=False)
     ]
 

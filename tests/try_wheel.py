@@ -14,7 +14,7 @@ from pathlib import Path
 
 TRIAL = """
 import overtaking as ot
-scenarios = ot.sample("pinto2023-physical", 4, seed=1)
+scenarios = ot.sample("pinto2023-physical", num_simulations=4, seed=1)
 runs = ot.simulate(scenarios)
 twin = ot.simulate(scenarios, simulator="reference")
 assert (runs.trace_hash == twin.trace_hash).all(), "engine and reference differ"

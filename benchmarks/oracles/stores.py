@@ -48,9 +48,9 @@ def generate(out: str | Path, simulations: int, stop_after: int = 0) -> api.Data
 
     return api.generate_dataset(
         "pinto2023-physical",
-        simulations,
-        1,
-        out,
+        num_simulations=simulations,
+        seed=1,
+        out=out,
         shard_size=SHARD_SIZE,
         resume=True,
         progress=progress,

@@ -98,7 +98,9 @@ def _is_in_view(scene: Scene, slot: int, frames: list[int]) -> bool:
 def chosen() -> Scene:
     """The first telling simulation."""
     for first in range(0, POOL, PIECE):
-        runs = ot.simulate(ot.sample(PROFILE, PIECE, SEED, first=first))
+        runs = ot.simulate(
+            ot.sample(PROFILE, num_simulations=PIECE, seed=SEED, first_scenario=first)
+        )
         for row in np.flatnonzero((runs.stage == Stage.DONE).any(axis=1)):
             scene = Scene(runs.select(slice(row, row + 1)), first + int(row))
             if is_telling(scene):

@@ -176,7 +176,7 @@ def main() -> None:
     """Write all pictures."""
     with tempfile.TemporaryDirectory() as folder:
         data = overtaking.generate_dataset(
-            "pinto2023-physical", SIMULATIONS, SEED, Path(folder) / "data"
+            "pinto2023-physical", num_simulations=SIMULATIONS, seed=SEED, out=Path(folder) / "data"
         )
         made = [("film.webp", film(data)), ("report.png", report(data))]
         for name, content in [*made, *views(data, Path(folder))]:

@@ -206,10 +206,10 @@ def clock(top: float, last: float) -> list[str]:
 
 def first(profile: str) -> tuple[ot.Scenario, str]:
     """The first scenes of a profile, on two-way roads those with an attempt; and what they are."""
-    scenes = ot.sample(profile, NUMBER, seed=SEED)
+    scenes = ot.sample(profile, num_simulations=NUMBER, seed=SEED)
     if not scenes.road.is_two_way:
         return scenes, f"simulations 0 to {NUMBER - 1}"
-    scenes = ot.sample(profile, ENOUGH, seed=SEED)
+    scenes = ot.sample(profile, num_simulations=ENOUGH, seed=SEED)
     tried = [
         (ot.simulate(scenes.select(slice(at, at + PIECE))).stage == Stage.PULL_OUT).any(axis=1)
         for at in range(0, ENOUGH, PIECE)

@@ -24,7 +24,9 @@ NUMBER, SECOND, FUTURES = 138, 8.5, 100
 def main() -> None:
     """Write them."""
     with tempfile.TemporaryDirectory() as folder:
-        data = ot.generate_dataset("pinto2023-physical", NUMBER + 1, 1, Path(folder) / "pinto")
+        data = ot.generate_dataset(
+            "pinto2023-physical", num_simulations=NUMBER + 1, seed=1, out=Path(folder) / "pinto"
+        )
         film = TwinFilm(ot.whatif.counterfactual(data, NUMBER, without=["rain"]))
         picture = Image.fromarray(film.draw(round(SECOND * RATE)).rgb())
         picture.save(HERE / "twins.webp", quality=60)

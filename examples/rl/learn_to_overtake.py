@@ -206,7 +206,7 @@ def main() -> None:
     options.add_argument("--out", type=Path, default=Path("learned.zip"))
     given = options.parse_args()
     train(given.steps, given.seed, given.profiles).save(given.out)
-    scenes = ot.sample(given.profiles[0], 100, seed=1)
+    scenes = ot.sample(given.profiles[0], num_simulations=100, seed=1)
     runs = ot.drive(scenes, Learned(given.out), observe="truth", action="decision", hold=HOLD)
     labels = ot.label(runs)
     print(f"100 scenes: {labels.events.has_attempt.sum()} overtakes begun", end=", ")

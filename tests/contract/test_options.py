@@ -48,15 +48,3 @@ def test_no_summary_is_cut_off_in_the_list_of_commands(
     listed = capsys.readouterr().out.partition("Commands:")[2]
     assert listed
     assert "..." not in listed
-
-
-def test_an_option_of_an_older_name_still_works_and_says_its_new_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    out = str(tmp_path / "data")
-    assert main(["generate", "--simulations", "2", "--out", out, "--json"]) == 0
-    written = capsys.readouterr()
-    assert '"simulations": 2,' in written.out
-    assert "--simulations is called --count" in written.err
-    assert main(["literature", "datasets", "--with", out, "--json"]) == 0
-    assert "--with is called --own" in capsys.readouterr().err

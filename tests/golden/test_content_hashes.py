@@ -24,7 +24,9 @@ COUNTS = {
 
 
 def content_hash(profile: str, folder: Path) -> str:
-    found = api.generate_dataset(profile, COUNTS[profile], 7, folder).manifest.content_hash
+    found = api.generate_dataset(
+        profile, num_simulations=COUNTS[profile], seed=7, out=folder
+    ).manifest.content_hash
     assert found is not None
     return found
 

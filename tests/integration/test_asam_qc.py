@@ -35,7 +35,7 @@ def issues(folder: Path) -> subprocess.CompletedProcess[str]:
     "profile", ["pinto2023-physical", "pinto2023", "motorway", "motorway-risk"]
 )
 def test_scenarios_have_no_issue(profile: str, tmp_path: Path):
-    runs = ot.simulate(ot.sample(profile, 3, seed=2))
+    runs = ot.simulate(ot.sample(profile, num_simulations=3, seed=2))
     write_openscenario(runs, np.arange(3), tmp_path, events={1: {"attempt": 2.0}})
     said = issues(tmp_path)
     assert said.returncode == 0, said.stdout + said.stderr
@@ -43,7 +43,7 @@ def test_scenarios_have_no_issue(profile: str, tmp_path: Path):
 
 
 def test_a_scenario_with_vehicles_that_come_and_go_has_no_issue(tmp_path: Path):
-    run = ot.simulate(ot.sample("pinto2023-physical", 1, seed=2))
+    run = ot.simulate(ot.sample("pinto2023-physical", num_simulations=1, seed=2))
     present = run.state_mask.copy()
     present[0, 1:, ::7] = False
     unknown = frozenset(["weather", "kinds", "bodies", "indicators"])
@@ -105,7 +105,9 @@ def test_roads_and_scenarios_with_two_directions_bends_and_slopes_have_no_issue(
 
 
 def test_an_issue_is_found(tmp_path: Path):
-    write_openscenario(ot.simulate(ot.sample("pinto2023", 1, seed=2)), np.array([0]), tmp_path)
+    write_openscenario(
+        ot.simulate(ot.sample("pinto2023", num_simulations=1, seed=2)), np.array([0]), tmp_path
+    )
     file = tmp_path / "simulation-000000.xosc"
     text = file.read_text(encoding="utf-8")
     wrong = text.replace(

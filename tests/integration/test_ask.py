@@ -28,7 +28,13 @@ SIMULATIONS = 24
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / '"). #script(python). x'
-    api.generate_dataset("pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // 2)
+    api.generate_dataset(
+        "pinto2023-physical",
+        num_simulations=SIMULATIONS,
+        seed=5,
+        out=path,
+        shard_size=SIMULATIONS // 2,
+    )
     return path
 
 

@@ -47,8 +47,8 @@ def teller(phase):
         if phase == held and done > after:
             sys.stdin.read()
     return tell
-api.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1],
-             balance=ClassBalance(), progress=teller("simulations"),
+api.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed={SEED},
+             out=sys.argv[1], balance=ClassBalance(), progress=teller("simulations"),
              on_candidates=teller("candidates"), **{SETTINGS!r})
 """
 
@@ -56,7 +56,12 @@ api.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, {SEED}, sys.argv[1
 def generate(out: Path, balance: ClassBalance = BALANCE, **changes) -> api.Dataset:
     settings = {**SETTINGS, **changes}
     return api.generate_dataset(
-        "pinto2023-physical", NUM_SIMULATIONS, SEED, out, balance=balance, **settings
+        "pinto2023-physical",
+        num_simulations=NUM_SIMULATIONS,
+        seed=SEED,
+        out=out,
+        balance=balance,
+        **settings,
     )
 
 
@@ -76,7 +81,9 @@ def candidates(data, tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
     """The candidates of that data set, all of them, as an ordinary one."""
     found = record_of(data)
     out = tmp_path_factory.mktemp("candidates") / "data"
-    return api.generate_dataset("pinto2023-physical", found.candidates, SEED, out, keep="features")
+    return api.generate_dataset(
+        "pinto2023-physical", num_simulations=found.candidates, seed=SEED, out=out, keep="features"
+    )
 
 
 @pytest.fixture

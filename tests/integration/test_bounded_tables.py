@@ -26,7 +26,7 @@ pytestmark = pytest.mark.ci
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sound") / "data"
-    ot.generate_dataset("pinto2023-physical", 2, 1, folder)
+    ot.generate_dataset("pinto2023-physical", num_simulations=2, seed=1, out=folder)
     return folder
 
 
@@ -219,7 +219,9 @@ def test_a_value_that_no_simulation_has_is_refused_in_one_line(
 def test_times_that_the_specification_does_not_give_are_not_simulated(
     tmp_path, column, value, message
 ):
-    ot.generate_dataset("pinto2023-physical", 1, 1, tmp_path / "data", keep="features")
+    ot.generate_dataset(
+        "pinto2023-physical", num_simulations=1, seed=1, out=tmp_path / "data", keep="features"
+    )
     rewrite(tmp_path / "data", "simulations", with_cell(column, 0, value))
     with pytest.raises(ot.OvertakingError, match=message):
         ot.load_dataset(tmp_path / "data").trajectory(0)

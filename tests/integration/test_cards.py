@@ -38,7 +38,13 @@ CARDS = ("README.md", "croissant.json")
 
 def generate(out: Path, **settings: Any) -> api.Dataset:
     return api.generate_dataset(
-        "pinto2023-physical", SIZE, 3, out, overrides=HORIZON, shard_size=4, **settings
+        "pinto2023-physical",
+        num_simulations=SIZE,
+        seed=3,
+        out=out,
+        overrides=HORIZON,
+        shard_size=4,
+        **settings,
     )
 
 

@@ -96,7 +96,9 @@ def test_bodies_and_lanes_are_those_that_carla_reports(overtaken: Trajectories):
 
 
 def test_the_same_simulation_has_the_same_hash_in_any_batch():
-    given = api.sample("pinto2023-physical", 2, 5).replace(horizon=np.full(2, 3.0, np.float32))
+    given = api.sample("pinto2023-physical", num_simulations=2, seed=5).replace(
+        horizon=np.full(2, 3.0, np.float32)
+    )
     both = carla.simulate(given)
     alone = carla.simulate(given.select(slice(1, 2)))
     assert (both.trace_hash[1] == alone.trace_hash[0]).all()
@@ -144,7 +146,9 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
     import av
 
     short = {"time.horizon_s": 0.6, "time.attempt_deadline_s": 0.6}
-    data = api.generate_dataset("pinto2023-physical", 1, 3, tmp_path / "data", overrides=short)
+    data = api.generate_dataset(
+        "pinto2023-physical", num_simulations=1, seed=3, out=tmp_path / "data", overrides=short
+    )
     words = [
         "carla",
         "replay",

@@ -66,7 +66,7 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
     assert set(classes["class"]) <= {one.title for one in OvertakeClass}
 
     # The second time a few of them, in a batch and on a server of their own.
-    given = api.sample("pinto2023-physical", COUNT, SEED, overrides=SHORT)
+    given = api.sample("pinto2023-physical", num_simulations=COUNT, seed=SEED, overrides=SHORT)
     again = api.simulate(given.select(slice(COUNT - AGAIN, COUNT)), simulator=SIMULATORS[driver])
     hashes = [data.trajectory(number).trace_hash[0].tolist() for number in range(COUNT)]
     assert again.trace_hash.tolist() == hashes[-AGAIN:]

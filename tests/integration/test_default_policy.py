@@ -35,10 +35,10 @@ def read(
     """A data set and the policy under which it is read."""
     name, folder = request.param, tmp_path_factory.mktemp("data")
     if name != "recording":
-        data = ot.generate_dataset(name, simulations=12, seed=3, out=folder / "data")
+        data = ot.generate_dataset(name, num_simulations=12, seed=3, out=folder / "data")
         return data, POLICY_OF[name]
     # The recording is of the study's profile: the format of a recording decides, not its origin.
-    data = ot.generate_dataset("pinto2023-physical", simulations=2, seed=3, out=folder / "data")
+    data = ot.generate_dataset("pinto2023-physical", num_simulations=2, seed=3, out=folder / "data")
     api.export_dataset(data, folder / "highd", file_format="highd")
     tracks = next((folder / "highd").rglob("*_tracks.csv"))
     return api.import_recording("highd", tracks, folder / "recording"), POLICY_OF[name]
@@ -134,7 +134,7 @@ def test_other_functions_use_the_default_policy(
 def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str, tmp_path: Path):
     balance = ClassBalance(candidates=60, allows_missing=True)
     data = ot.generate_dataset(
-        profile, simulations=5, seed=1, out=tmp_path / "data", balance=balance
+        profile, num_simulations=5, seed=1, out=tmp_path / "data", balance=balance
     )
     recorded = data.manifest.identity.balance
     assert recorded is not None
@@ -143,5 +143,7 @@ def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str,
 
 @pytest.mark.parametrize(("profile", "policy"), [("motorway", "default"), ("pinto2023", "paper")])
 def test_comparisons_of_simulators_have_the_default_policy(profile: str, policy: str):
-    comparison = api.compare_simulators(profile, 2, 1, simulators=("engine", "reference"))
+    comparison = api.compare_simulators(
+        profile, num_simulations=2, seed=1, simulators=("engine", "reference")
+    )
     assert comparison.policy == policy

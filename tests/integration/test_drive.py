@@ -39,9 +39,9 @@ def driver(**changes: object) -> ot.Driver:
 def made(out: Path, keep: str, **given: object) -> ot.Dataset:
     return ot.generate_dataset(
         "pinto2023-physical",
-        20,
-        3,
-        out,
+        num_simulations=20,
+        seed=3,
+        out=out,
         keep=keep,
         overrides=SHORT,
         driver=driver(),
@@ -54,7 +54,7 @@ def made(out: Path, keep: str, **given: object) -> ot.Dataset:
 def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
     data = made(tmp_path / "frames", "frames")
     few = made(tmp_path / "features", "features")
-    scenario = ot.sample("pinto2023-physical", 20, seed=3, overrides=SHORT)
+    scenario = ot.sample("pinto2023-physical", num_simulations=20, seed=3, overrides=SHORT)
     run = ot.drive(scenario, wants_to_pass, observe="human")
     for one in (0, 7, 19):
         for kept in (data[one], few[one]):  # Of the second only what was done is kept.
@@ -86,9 +86,15 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
 
     one = ot.Driver(policy=draws, observe="truth", action=action, hold=5)
     data = ot.generate_dataset(
-        "pinto2023-physical", 3, 3, tmp_path / "data", keep="features", overrides=SHORT, driver=one
+        "pinto2023-physical",
+        num_simulations=3,
+        seed=3,
+        out=tmp_path / "data",
+        keep="features",
+        overrides=SHORT,
+        driver=one,
     )
-    scenario = ot.sample("pinto2023-physical", 3, seed=3, overrides=SHORT)
+    scenario = ot.sample("pinto2023-physical", num_simulations=3, seed=3, overrides=SHORT)
     run = ot.drive(scenario, draws, observe="truth", action=action, hold=5)
     assert run.actions
     for number in range(3):
@@ -113,10 +119,19 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
     one = ot.Driver(policy=brutal, observe="truth", hold=10)
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8, "driver": one}
     with pytest.raises(DriverError):
-        ot.generate_dataset("pinto2023-physical", 20, 3, tmp_path / "data", **given)
+        ot.generate_dataset(
+            "pinto2023-physical", num_simulations=20, seed=3, out=tmp_path / "data", **given
+        )
     calls["left"] = 9
-    data = ot.generate_dataset("pinto2023-physical", 20, 3, tmp_path / "data", resume=True, **given)
-    scenario = ot.sample("pinto2023-physical", 20, seed=3, overrides=SHORT)
+    data = ot.generate_dataset(
+        "pinto2023-physical",
+        num_simulations=20,
+        seed=3,
+        out=tmp_path / "data",
+        resume=True,
+        **given,
+    )
+    scenario = ot.sample("pinto2023-physical", num_simulations=20, seed=3, overrides=SHORT)
     run = ot.drive(scenario, brutal, observe="truth", hold=10)
     assert run.actions
     assert run.actions.num_clipped is not None
@@ -127,7 +142,9 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
 
 
 def test_data_sets_without_a_policy_have_no_actions(tmp_path):
-    data = ot.generate_dataset("pinto2023-physical", 3, 3, tmp_path / "own", overrides=SHORT)
+    data = ot.generate_dataset(
+        "pinto2023-physical", num_simulations=3, seed=3, out=tmp_path / "own", overrides=SHORT
+    )
     assert data[1].actions is None
     assert "actions" not in data.kept_tables
     assert not (tmp_path / "own" / "actions").exists()
@@ -148,12 +165,25 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
     tiring = ot.Driver(policy=tired, observe="human")
     with pytest.raises(DriverError, match=r"simulation 16 .*at 0.00 s.*RuntimeError in .*: tired"):
-        ot.generate_dataset("pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, **given)
+        ot.generate_dataset(
+            "pinto2023-physical",
+            num_simulations=20,
+            seed=3,
+            out=tmp_path / "data",
+            driver=tiring,
+            **given,
+        )
     written = sorted(path.name for path in (tmp_path / "data" / "simulations").iterdir())
     assert len(written) == 2
     failing["left"] = 9
     data = ot.generate_dataset(
-        "pinto2023-physical", 20, 3, tmp_path / "data", driver=tiring, resume=True, **given
+        "pinto2023-physical",
+        num_simulations=20,
+        seed=3,
+        out=tmp_path / "data",
+        driver=tiring,
+        resume=True,
+        **given,
     )
     assert failing["left"] == 8  # Two of the three files were there already.
     assert data.content_hash == made(tmp_path / "again", "features").content_hash
@@ -165,9 +195,9 @@ def test_another_policy_does_not_complete_it(tmp_path):
     with pytest.raises(DatasetError, match="policy"):
         ot.generate_dataset(
             "pinto2023-physical",
-            20,
-            3,
-            tmp_path / "data",
+            num_simulations=20,
+            seed=3,
+            out=tmp_path / "data",
             keep="features",
             overrides=SHORT,
             shard_size=8,

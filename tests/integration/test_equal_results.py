@@ -32,26 +32,28 @@ INPUTS = {
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     folder = tmp_path_factory.mktemp("results") / "data"
-    return ot.generate_dataset("pinto2023-physical", simulations=300, seed=1, out=folder)
+    return ot.generate_dataset("pinto2023-physical", num_simulations=300, seed=1, out=folder)
 
 
 CALLS: dict[str, Callable[[ot.Dataset], Any]] = {
     "ask": lambda data: ot.logic.ask(data, "overtakes(S,ego,P,F)"),
     "compare": lambda _: ot.compare_simulators(
-        "pinto2023", 2, 1, simulators=("engine", "reference")
+        "pinto2023", num_simulations=2, seed=1, simulators=("engine", "reference")
     ),
     "enough": lambda data: ot.whatif.sufficient_changes(data, _first(data, "Success_I")),
-    "evaluate": lambda _: ot.evaluate("rules", "pinto2023-physical", 4, against=["stay"]),
+    "evaluate": lambda _: ot.evaluate(
+        "rules", "pinto2023-physical", num_simulations=4, against=["stay"]
+    ),
     "fan": lambda data: ot.whatif.outcome_fan(data, 0),
     "law_curve": lambda data: api.tolerance_curve(data.path),
     "learn_factors": lambda data: ot.learning.learn_factors(data, features=["speed of the ego"]),
     "learn_rules": lambda data: ot.learning.learn_rules(data, "start"),
     "prove": lambda data: ot.logic.prove(data, _first(data, "Success_I")),
     "query": lambda data: ot.sql(data, "SELECT * FROM simulations"),
-    "reproduce": lambda _: ot.reproduce_study("pinto2023", 1),
+    "reproduce": lambda _: ot.reproduce_study("pinto2023", num_replicates=1),
     "statistics": ot.dataset_statistics,
     "twin": lambda data: ot.whatif.counterfactual(data, 0, stay=True),
-    "validate": lambda _: ot.validate_profile("pinto2023-physical", 4),
+    "validate": lambda _: ot.validate_profile("pinto2023-physical", num_simulations=4),
     "verdict": lambda data: data.verdict(0),
 }
 
@@ -113,7 +115,11 @@ def parts_of(value: Any) -> Iterator[Any]:
 def test_recordings_compare_by_identity_and_have_equals():
     short = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
     batch, equal_batch, different = (
-        ot.label(ot.simulate(ot.sample("pinto2023-physical", 3, seed, overrides=short)))
+        ot.label(
+            ot.simulate(
+                ot.sample("pinto2023-physical", num_simulations=3, seed=seed, overrides=short)
+            )
+        )
         for seed in (1, 1, 2)
     )
     check_equals(batch, equal_batch, different)
@@ -133,7 +139,7 @@ def check_equals(batch: Any, equal_batch: Any, different: Any) -> None:
 
 
 def test_one_different_value_makes_recordings_unequal():
-    runs = ot.simulate(ot.sample("pinto2023-physical", 2, 1))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=2, seed=1))
     speed = runs.states.speed.copy()
     changed = runs.replace(states=runs.states.replace(speed=speed))
     assert runs.equals(changed)

@@ -32,7 +32,9 @@ ARGUMENTS = ["--set", "time.horizon_s=12.0", "--set", "time.attempt_deadline_s=1
 def test_the_built_in_ego_as_a_policy_does_not_differ_from_it():
     name = f"{EXAMPLES / 'human_ego.py'}:HumanEgo"
     ego = api.policy_of(name, "human", action="decision", hold=1)
-    found = ot.evaluate(ego, "pinto2023-physical", 24, 3, against=["human"], overrides=SHORT)
+    found = ot.evaluate(
+        ego, "pinto2023-physical", num_simulations=24, seed=3, against=["human"], overrides=SHORT
+    )
     assert found.drivers == ("HumanEgo", "human")
     assert {one.pairs for one in found.contrasts} == {0}
     assert {one.verdict for one in found.contrasts} == {"too few"}
@@ -42,8 +44,8 @@ def test_the_built_in_ego_as_a_policy_does_not_differ_from_it():
 
 
 def test_rates_are_those_of_the_labels():
-    found = ot.evaluate("rules", "pinto2023-physical", 40, 3, overrides=SHORT)
-    scenes = ot.sample("pinto2023-physical", 40, 3, overrides=SHORT)
+    found = ot.evaluate("rules", "pinto2023-physical", num_simulations=40, seed=3, overrides=SHORT)
+    scenes = ot.sample("pinto2023-physical", num_simulations=40, seed=3, overrides=SHORT)
     labelled = ot.label(ot.simulate(scenes))
     assert found.counts["human"]["collision"] == (labelled.events.collision >= 0).sum()
     assert found.counts["human"]["attempted"] == labelled.events.has_attempt.sum()
@@ -57,8 +59,18 @@ def test_rates_are_those_of_the_labels():
 
 def test_a_profile_of_the_package_stands_for_its_risky_one():
     road = {**SHORT, "traffic.vehicles": [2, 4]}
-    risky = ot.evaluate("stay", "motorway", 4, 1, against=["human"], overrides=road)
-    met = ot.evaluate("stay", "motorway", 4, 1, against=["human"], overrides=road, as_met=True)
+    risky = ot.evaluate(
+        "stay", "motorway", num_simulations=4, seed=1, against=["human"], overrides=road
+    )
+    met = ot.evaluate(
+        "stay",
+        "motorway",
+        num_simulations=4,
+        seed=1,
+        against=["human"],
+        overrides=road,
+        as_met=True,
+    )
     assert (risky.profile, met.profile) == ("motorway-risk", "motorway")
     assert met.effective == pytest.approx(4.0)
 
@@ -76,8 +88,8 @@ def test_weighted_rates_are_those_that_brute_force_finds():
     short = {"time.horizon_s": 40.0, "time.attempt_deadline_s": 30.0}
     options = {"against": ["human"], "as_met": True}
     risky = {**short, "proposal": bent}
-    some = ot.evaluate("stay", "motorway", 250, 11, overrides=risky, **options)
-    many = ot.evaluate("stay", "motorway", 250, 12, overrides=short, **options)
+    some = ot.evaluate("stay", "motorway", num_simulations=250, seed=11, overrides=risky, **options)
+    many = ot.evaluate("stay", "motorway", num_simulations=250, seed=12, overrides=short, **options)
     assert many.effective == pytest.approx(250.0)
     assert some.effective < 230.0
     for name in ("attempted_per_scenes", "lateral", "legal"):
@@ -91,7 +103,9 @@ def test_clipped_answers_are_counted_and_told():
         return np.tile([300.0, 0.0], (len(seen.active), 1))
 
     driver = ot.Driver(policy=hasty, observe="truth", action="speed_lane", hold=20)
-    found = ot.evaluate(driver, "pinto2023-physical", 6, 1, against=["stay"], overrides=SHORT)
+    found = ot.evaluate(
+        driver, "pinto2023-physical", num_simulations=6, seed=1, against=["stay"], overrides=SHORT
+    )
     counts = found.values()["counts"]
     assert counts[found.policy]["clipped"] > 6
     assert counts["stay"]["clipped"] == 0
@@ -150,7 +164,12 @@ def test_a_policy_that_fails_is_told_with_scene_and_time():
         raise RuntimeError("no idea" * (seen.decision > 10))
 
     with pytest.raises(DriverError, match="simulation 0"):
-        ot.evaluate(ot.Driver(policy=breaks, observe="human"), "pinto2023-physical", 4, 1)
+        ot.evaluate(
+            ot.Driver(policy=breaks, observe="human"),
+            "pinto2023-physical",
+            num_simulations=4,
+            seed=1,
+        )
 
 
 def network(path: Path, width: int = OBSERVATION_SIZE) -> Callable[[ot.Observation], np.ndarray]:
@@ -184,7 +203,7 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
     same = network(path, width)
     driver = api.driver_of(str(path), "truth", action="accel_lane", hold=4)
     assert driver.digest
-    scenes = ot.sample("pinto2023-physical", 8, 1, overrides=SHORT)
+    scenes = ot.sample("pinto2023-physical", num_simulations=8, seed=1, overrides=SHORT)
     options = {"observe": "truth", "hold": 4}
     runs = [ot.drive(scenes, one, **options) for one in (driver.policy, same)]
     first, second = (one.actions for one in runs)
@@ -192,7 +211,9 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
     assert second is not None
     difference = first.values.astype(int) - second.values
     assert np.abs(difference).max() <= 1  # A step of rounding.
-    found = ot.evaluate(driver, "pinto2023-physical", 8, 1, against=["stay"], overrides=SHORT)
+    found = ot.evaluate(
+        driver, "pinto2023-physical", num_simulations=8, seed=1, against=["stay"], overrides=SHORT
+    )
     assert found.policy == "linear.onnx"
     assert found.digest == driver.digest
 
@@ -202,7 +223,7 @@ def test_the_network_of_the_examples_overtakes_and_signals_before(repository: Pa
     path = repository / "examples" / "rl" / "learned.onnx"
     assert path.stat().st_size < 100_000
     driver = api.driver_of(str(path), "truth", action="decision", hold=20)
-    scenes = ot.sample("pinto2023-physical", 60, 11)
+    scenes = ot.sample("pinto2023-physical", num_simulations=60, seed=11)
     runs = ot.drive(scenes, driver.policy, observe="truth", action="decision", hold=20)
     events = ot.label(runs).events
     assert events.has_attempt.sum() > 30
@@ -236,7 +257,7 @@ def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
 
 def test_an_unknown_reference_in_python_names_the_argument():
     with pytest.raises(ConfigError, match=r"against: expected human or .*, got humn"):
-        ot.evaluate("rules", "pinto2023-physical", 4, against=["humn"])
+        ot.evaluate("rules", "pinto2023-physical", num_simulations=4, against=["humn"])
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ FORMATS = [one for one in api.EXPORTS if one != "popper"]
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     out = tmp_path_factory.mktemp("data") / "pinto"
     return api.generate_dataset(
-        "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=out, keep="features"
+        "pinto2023-physical", num_simulations=SIMULATIONS, seed=5, out=out, keep="features"
     )
 
 

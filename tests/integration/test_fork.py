@@ -33,13 +33,13 @@ def call_in_forked_child(function: Any, *arguments: Any) -> Any:
 
 
 def trace_hashes(seed: int) -> list[list[int]]:
-    runs = ot.simulate(ot.sample("pinto2023-physical", 16, seed=seed))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=16, seed=seed))
     assert ot.label(runs).labels.outcome.shape == (16,)
     return runs.trace_hash.tolist()
 
 
 def driven_hashes(seed: int) -> list[list[int]]:
-    scenarios = ot.sample("pinto2023-physical", 4, seed=seed)
+    scenarios = ot.sample("pinto2023-physical", num_simulations=4, seed=seed)
 
     def stay(observation: ot.Observation) -> np.ndarray:
         return np.zeros((len(observation.own), 2))
@@ -49,7 +49,7 @@ def driven_hashes(seed: int) -> list[list[int]]:
 
 def write_data_set(folder: Path) -> str:
     return ot.generate_dataset(
-        "pinto2023-physical", 8, 1, folder, engine="threads", shard_size=4
+        "pinto2023-physical", num_simulations=8, seed=1, out=folder, engine="threads", shard_size=4
     ).content_hash
 
 
@@ -88,7 +88,7 @@ def test_a_child_writes_a_data_set(tmp_path):
 
 
 def test_a_child_is_refused_simulations_that_its_parent_began():
-    scenarios = ot.sample("pinto2023-physical", 2, seed=1)
+    scenarios = ot.sample("pinto2023-physical", num_simulations=2, seed=1)
     simulations = stepper(parameters(scenarios), None, is_true=True)
     simulations.begin()
     orders = np.zeros((2, MAX_ACTION_PARTS), np.int32)

@@ -121,7 +121,7 @@ def test_all_three_formats_are_commands(tmp_path, capsys):
     assert set(source_of(ot.load_dataset(tmp_path / "h")).files) == {
         *("01_tracks.csv", "01_tracksMeta.csv", "01_recordingMeta.csv"),
     }
-    ot.generate_dataset("pinto2023-physical", 3, 1, tmp_path / "g")
+    ot.generate_dataset("pinto2023-physical", num_simulations=3, seed=1, out=tmp_path / "g")
     table = str(tmp_path / "t.csv")
     assert main(["export", str(tmp_path / "g"), "--out", table]) == 0
     assert main(["import", "pinto2023", table, "--out", str(tmp_path / "p")]) == 0

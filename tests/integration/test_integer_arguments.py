@@ -21,11 +21,13 @@ SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
-    return ot.generate_dataset(PROFILE, 4, 7, tmp_path_factory.mktemp("integers") / "data")
+    return ot.generate_dataset(
+        PROFILE, num_simulations=4, seed=7, out=tmp_path_factory.mktemp("integers") / "data"
+    )
 
 
 def draw_scenarios(seed: Any = 7, simulations: Any = 2) -> ot.Scenario:
-    return ot.sample(PROFILE, simulations, seed=seed, overrides=SHORT)
+    return ot.sample(PROFILE, num_simulations=simulations, seed=seed, overrides=SHORT)
 
 
 @pytest.mark.parametrize("kind", INTEGER_TYPES)
@@ -56,8 +58,8 @@ def test_another_value_is_no_seed(value: Any, tmp_path: Path):
     for call in (
         lambda: draw_scenarios(value),
         lambda: ot.simulate(draw_scenarios().replace(seed=value)),
-        lambda: ot.validate_profile(PROFILE, 1, value),
-        lambda: ot.generate_dataset(PROFILE, 1, value, tmp_path / "data"),
+        lambda: ot.validate_profile(PROFILE, num_simulations=1, seed=value),
+        lambda: ot.generate_dataset(PROFILE, num_simulations=1, seed=value, out=tmp_path / "data"),
     ):
         with pytest.raises(ot.OvertakingError, match="seed"):
             call()
@@ -68,10 +70,18 @@ def test_a_data_set_takes_and_records_integers_of_any_library(
     kind: str, data: ot.Dataset, tmp_path: Path
 ):
     convert = INTEGER_TYPES[kind]
-    dataset = ot.generate_dataset(PROFILE, convert(4), convert(7), tmp_path / "data")
+    dataset = ot.generate_dataset(
+        PROFILE, num_simulations=convert(4), seed=convert(7), out=tmp_path / "data"
+    )
     assert dataset.content_hash == data.content_hash
     balance = ot.ClassBalance(candidates=convert(20), allows_missing=True)
-    ot.generate_dataset(PROFILE, convert(5), convert(7), tmp_path / "balanced", balance=balance)
+    ot.generate_dataset(
+        PROFILE,
+        num_simulations=convert(5),
+        seed=convert(7),
+        out=tmp_path / "balanced",
+        balance=balance,
+    )
     manifest = json.loads((tmp_path / "balanced" / "dataset.json").read_text(encoding="utf-8"))
     assert manifest["identity"]["balance"]["candidates"] == 20
 

@@ -18,7 +18,10 @@ SIZE = 12
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     return api.generate_dataset(
-        "pinto2023-physical", SIZE, 5, tmp_path_factory.mktemp("label") / "data"
+        "pinto2023-physical",
+        num_simulations=SIZE,
+        seed=5,
+        out=tmp_path_factory.mktemp("label") / "data",
     )
 
 
@@ -52,7 +55,7 @@ def test_labelling_a_recording_again_changes_nothing(tmp_path, file_format: str,
 
 
 def test_labels_agree_with_those_of_a_run_in_memory(data):
-    runs = api.simulate(api.sample("pinto2023-physical", SIZE, 5))
+    runs = api.simulate(api.sample("pinto2023-physical", num_simulations=SIZE, seed=5))
     found = api.label(runs)
     rows = data.labels()
     paper = rows[rows["policy"] == "paper"]

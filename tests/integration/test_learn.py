@@ -24,7 +24,7 @@ SIMULATIONS = 400
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
     overtaking.generate_dataset(
-        "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=path, keep="features"
+        "pinto2023-physical", num_simulations=SIMULATIONS, seed=5, out=path, keep="features"
     )
     return path
 
@@ -102,7 +102,7 @@ def test_a_mistake_costs_one_line(
 ):
     few = tmp_path / "few"
     overtaking.generate_dataset(
-        "pinto2023-physical", simulations=20, seed=5, out=few, keep="features"
+        "pinto2023-physical", num_simulations=20, seed=5, out=few, keep="features"
     )
     assert main(["learn", arguments[0], str(few), *arguments[1:]]) == 2
     said = capsys.readouterr().err

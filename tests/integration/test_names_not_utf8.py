@@ -47,7 +47,7 @@ COLUMNS = {
 def dataset(tmp_path_factory) -> Path:
     """A data set in a folder whose name is not UTF-8."""
     folder = tmp_path_factory.mktemp("names")
-    ot.generate_dataset("pinto2023-physical", simulations=4, seed=1, out=folder / "data")
+    ot.generate_dataset("pinto2023-physical", num_simulations=4, seed=1, out=folder / "data")
     return (folder / "data").rename(folder / NAME)
 
 
@@ -117,7 +117,7 @@ def test_a_recording_is_read(tmp_path, suffix, write):
 def test_a_profile_and_a_map_are_read(dataset, tmp_path):
     profile = tmp_path / f"{NAME}.toml"
     profile.write_text('base = "motorway"\n')
-    assert ot.sample(profile, 2, seed=1).num_simulations == 2
+    assert ot.sample(profile, num_simulations=2, seed=1).num_simulations == 2
     api.export_dataset(
         ot.load_dataset(dataset), tmp_path / "out", file_format="openscenario", simulations=[0]
     )
@@ -130,7 +130,7 @@ def test_a_profile_and_a_map_are_read(dataset, tmp_path):
 @pytest.mark.parametrize(
     "write",
     [
-        lambda _, out: ot.generate_dataset("motorway", simulations=2, seed=1, out=out),
+        lambda _, out: ot.generate_dataset("motorway", num_simulations=2, seed=1, out=out),
         lambda data, out: api.export_dataset(data, out, file_format="commonroad"),
         lambda data, out: ot.write_report(data, out),
         lambda data, out: ot.write_viewer_page(data, out),

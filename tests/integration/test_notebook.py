@@ -25,7 +25,8 @@ from overtaking import api
 
 notebook.DELAY_S = {delay_s}
 with TemporaryDirectory() as folder:
-    api.generate_dataset("pinto2023", 8, 1, Path(folder) / "data"{arguments});
+    out = Path(folder) / "data"
+    api.generate_dataset("pinto2023", num_simulations=8, seed=1, out=out{arguments});
 """
 
 
@@ -35,7 +36,7 @@ import os
 import signal
 import overtaking as ot
 
-data = ot.generate_dataset("pinto2023", 2, 1, "data")
+data = ot.generate_dataset("pinto2023", num_simulations=2, seed=1, out="data")
 server = ot.serve_viewer(data)
 line = http.client.HTTPConnection(server.url.split("/")[2], timeout=60)
 line.request("GET", "/")

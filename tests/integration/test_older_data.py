@@ -18,7 +18,9 @@ NEW = ("decisions", "safety")
 @pytest.fixture
 def older(tmp_path):
     """A data set without the new tables, as it would have been written."""
-    made = api.generate_dataset("pinto2023-physical", SIZE, 5, tmp_path / "data")
+    made = api.generate_dataset(
+        "pinto2023-physical", num_simulations=SIZE, seed=5, out=tmp_path / "data"
+    )
     file = made.path / "dataset.json"
     manifest = json.loads(file.read_text(encoding="utf-8"))
     for name in NEW:

@@ -140,7 +140,7 @@ def load_error(path: Path) -> str:
 def drive_error(path: Path) -> str:
     """The message with which a drive ends."""
     driver = api.driver_of(str(path), "truth", action="accel_lane", hold=1)
-    scenes = ot.sample("pinto2023-physical", 2, 1, overrides=SHORT)
+    scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     with pytest.raises(DriverError) as caught:
         ot.drive(scenes, driver.policy, observe="truth")
     message = str(caught.value)
@@ -184,7 +184,7 @@ def test_a_network_that_ends_for_zeros_only_is_stopped_in_the_drive(
     path = looping(tmp_path / "loop.onnx", if_nonzero=True)
     driver = api.driver_of(str(path), "truth", action="accel_lane", hold=1)
     monkeypatch.setattr(networks, "TIMEOUT_S", 1.0)
-    scenes = ot.sample("pinto2023-physical", 2, 1, overrides=SHORT)
+    scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     with pytest.raises(DriverError, match=r"loop\.onnx.*within 1 s"):
         ot.drive(scenes, driver.policy, observe="truth")
 
@@ -249,7 +249,7 @@ def test_weights_in_another_file_are_not_read(tmp_path: Path, monkeypatch: pytes
 def test_a_process_that_is_killed_ends_one_drive_and_starts_again_for_the_next(tmp_path: Path):
     path = linear(tmp_path / "linear.onnx")
     driver = networks.OnnxDriver(path)
-    scenes = ot.sample("pinto2023-physical", 2, 1, overrides=SHORT)
+    scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     actions = ot.drive(scenes, driver, observe="truth").actions
     os.kill(process_id(driver), signal.SIGKILL)
     with pytest.raises(DriverError, match=r"linear\.onnx.*SIGKILL"):

@@ -48,14 +48,16 @@ def test_the_pack_of_the_page_is_short_and_passes_its_own_test(page):
 
 @pytest.mark.ci
 def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, tmp_path, capsys):
-    data = ot.generate_dataset("pinto2023", 30, 1, tmp_path / "data")
+    data = ot.generate_dataset("pinto2023", num_simulations=30, seed=1, out=tmp_path / "data")
     before = data.content_hash
     line = ["label", str(data.path), "--law", "two_rules:PACK", "--json"]
     assert main(line) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["rule_set"] == "two-1"
     assert told["simulations"] == 30
-    said = ot.label(ot.simulate(ot.sample("pinto2023", 30, seed=1)), law="two_rules:PACK")
+    said = ot.label(
+        ot.simulate(ot.sample("pinto2023", num_simulations=30, seed=1)), law="two_rules:PACK"
+    )
     assert said.findings.rules == ("G1", "G2")
     for place, rule in enumerate(said.findings.rules):
         for verdict in (Verdict.LEGAL, Verdict.ILLEGAL, Verdict.UNDECIDABLE):
@@ -70,7 +72,7 @@ def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, 
 
 
 def test_a_pack_has_errors_of_its_own(page):
-    run = ot.simulate(ot.sample("pinto2023", 30, seed=1))
+    run = ot.simulate(ot.sample("pinto2023", num_simulations=30, seed=1))
     exact = ot.label(run, law="two_rules:PACK").findings
     doubtful = ot.label(run, law="two_rules:PACK", speed_error=1.0).findings
     near = (np.abs(exact.margin[:, 1]) < 2.0) & (exact.verdict[:, 1] != Verdict.NOT_APPLICABLE)
@@ -80,7 +82,7 @@ def test_a_pack_has_errors_of_its_own(page):
 
 
 def test_the_portuguese_pack_is_the_one_without_a_law():
-    run = ot.simulate(ot.sample("pinto2023", 5, seed=1))
+    run = ot.simulate(ot.sample("pinto2023", num_simulations=5, seed=1))
     one, two = ot.label(run), ot.label(run, law="pt")
     assert one.findings.version == two.findings.version == PORTUGAL.version
     assert np.array_equal(one.labels.classes, two.labels.classes)

@@ -25,7 +25,10 @@ pytestmark = pytest.mark.ci
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     return ot.generate_dataset(
-        "pinto2023-physical", 60, 1, tmp_path_factory.mktemp("plot") / "pinto"
+        "pinto2023-physical",
+        num_simulations=60,
+        seed=1,
+        out=tmp_path_factory.mktemp("plot") / "pinto",
     )
 
 

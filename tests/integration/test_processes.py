@@ -49,8 +49,8 @@ def progress(done, total):
     if done > {2 * SHARD_SIZE}:
         sys.stdin.read()
 try:
-    overtaking.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1],
-                        engine="processes",
+    overtaking.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed=1,
+                        out=sys.argv[1], engine="processes",
                         workers=2, resume=True, progress=progress, **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     sys.exit(f"{{type(error).__name__}} {{error}}")
@@ -59,7 +59,11 @@ except (Exception, KeyboardInterrupt) as error:
 
 def generate(out: str | Path, **changes) -> api.Dataset:
     return api.generate_dataset(
-        "pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes}
+        "pinto2023-physical",
+        num_simulations=NUM_SIMULATIONS,
+        seed=1,
+        out=out,
+        **{**SETTINGS, **changes},
     )
 
 
@@ -225,7 +229,9 @@ def test_every_process_has_a_sumo_of_its_own(tmp_path):
     made = [
         api.generate_dataset(
             "pinto2023-physical",
-            *(4, 2, tmp_path / engine),
+            num_simulations=4,
+            seed=2,
+            out=tmp_path / engine,
             **(SETTINGS | {"shard_size": 2, "simulator": "sumo", "engine": engine}),
         )
         for engine in ("threads", "processes")

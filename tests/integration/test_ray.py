@@ -35,7 +35,11 @@ SETTINGS = {
 
 def generate(out: str | Path, **changes) -> api.Dataset:
     return api.generate_dataset(
-        "pinto2023-physical", NUM_SIMULATIONS, 1, out, **{**SETTINGS, **changes}
+        "pinto2023-physical",
+        num_simulations=NUM_SIMULATIONS,
+        seed=1,
+        out=out,
+        **{**SETTINGS, **changes},
     )
 
 
@@ -202,7 +206,7 @@ def test_an_address_at_which_no_cluster_answers_is_refused(tmp_path):
     assert tries == 1  # Ray by itself would try twenty times.
     assert "expected that of a Ray cluster that runs, got 127.0.0.1:" in line
     api.generate_dataset(
-        "pinto2023-physical", 1, 1, tmp_path / "data"
+        "pinto2023-physical", num_simulations=1, seed=1, out=tmp_path / "data"
     )  # The right call is not kept out.
 
 

@@ -86,7 +86,9 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
-    overtaking.generate_dataset("pinto2023-physical", 100, 1, path, keep="features")
+    overtaking.generate_dataset(
+        "pinto2023-physical", num_simulations=100, seed=1, out=path, keep="features"
+    )
     return path
 
 

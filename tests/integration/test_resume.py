@@ -34,8 +34,8 @@ def progress(done, total):
     if done == int(sys.argv[2]):
         sys.stdin.read()
 try:
-    api.generate_dataset("pinto2023-physical", {NUM_SIMULATIONS}, 1, sys.argv[1], progress=progress,
-                 **{SETTINGS!r})
+    api.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed=1,
+                 out=sys.argv[1], progress=progress, **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     print(type(error).__name__, error, file=sys.stderr)
     sys.exit(2)
@@ -44,7 +44,12 @@ except (Exception, KeyboardInterrupt) as error:
 
 def generate(out: Path, *, seed: int = 1, resume: bool = False) -> api.Dataset:
     return api.generate_dataset(
-        "pinto2023-physical", NUM_SIMULATIONS, seed, out, resume=resume, **SETTINGS
+        "pinto2023-physical",
+        num_simulations=NUM_SIMULATIONS,
+        seed=seed,
+        out=out,
+        resume=resume,
+        **SETTINGS,
     )
 
 

@@ -36,7 +36,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / "it's; DROP TABLE labels --"
     api.generate_dataset(
-        "pinto2023-physical", SIMULATIONS, 5, path, shard_size=SIMULATIONS // SHARDS
+        "pinto2023-physical",
+        num_simulations=SIMULATIONS,
+        seed=5,
+        out=path,
+        shard_size=SIMULATIONS // SHARDS,
     )
     return path
 
@@ -352,7 +356,7 @@ def test_a_mistake_is_one_line(data: Dataset, sql: str):
 
 def test_a_damaged_file_is_noticed_by_a_question_about_it(tmp_path: Path):
     path = tmp_path / "small"
-    api.generate_dataset("pinto2023-physical", 3, 1, path, keep="features")
+    api.generate_dataset("pinto2023-physical", num_simulations=3, seed=1, out=path, keep="features")
     file = next((path / "labels").glob("*.parquet"))
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1

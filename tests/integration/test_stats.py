@@ -22,7 +22,7 @@ SIMULATIONS = 40
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("data") / "pinto"
     overtaking.generate_dataset(
-        "pinto2023-physical", simulations=SIMULATIONS, seed=5, out=path, keep="features"
+        "pinto2023-physical", num_simulations=SIMULATIONS, seed=5, out=path, keep="features"
     )
     return path
 

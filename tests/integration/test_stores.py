@@ -28,7 +28,11 @@ SETTINGS = {
 
 def generate(out: str | Path, seed: int = 1, **changes) -> api.Dataset:
     return api.generate_dataset(
-        "pinto2023-physical", NUM_SIMULATIONS, seed, out, **{**SETTINGS, **changes}
+        "pinto2023-physical",
+        num_simulations=NUM_SIMULATIONS,
+        seed=seed,
+        out=out,
+        **{**SETTINGS, **changes},
     )
 
 

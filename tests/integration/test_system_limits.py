@@ -41,12 +41,12 @@ THREADS = (
 import sys
 import overtaking as ot
 folder, out = sys.argv[1:]
-scenarios = ot.sample("pinto2023-physical", 8, seed=1)
+scenarios = ot.sample("pinto2023-physical", num_simulations=8, seed=1)
 report(lambda: ot.simulate(scenarios))
 report(lambda: ot.load_dataset(folder).features())
 report(lambda: ot.load_dataset(folder).states(3))
 report(lambda: ot.sql(folder, "SELECT count(*) FROM simulations"))
-report(lambda: ot.generate_dataset("pinto2023-physical", simulations=8, seed=1, out=out))
+report(lambda: ot.generate_dataset("pinto2023-physical", num_simulations=8, seed=1, out=out))
 """
 )
 
@@ -59,7 +59,7 @@ except Exception:
     print("no import")
     sys.exit()
 try:
-    ot.generate_dataset("pinto2023-physical", simulations=16, seed=1, out=out)
+    ot.generate_dataset("pinto2023-physical", num_simulations=16, seed=1, out=out)
     recorded = ot.load_dataset(out)[3]
     ot.label(recorded)
     ot.load_dataset(out).features()
@@ -78,7 +78,7 @@ FEWEST_THREADS = {"RAYON_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("limits") / "data"
-    ot.generate_dataset("pinto2023-physical", simulations=8, seed=1, out=folder)
+    ot.generate_dataset("pinto2023-physical", num_simulations=8, seed=1, out=folder)
     return folder
 
 
@@ -161,8 +161,8 @@ def test_a_run_larger_than_the_limit_of_a_container_is_refused_before_it_begins(
     mib = 1 << 20
     monkeypatch.setattr(process_limits, "_cgroup_memory", lambda: iter([(600 * mib, 500 * mib)]))
     with pytest.raises(SystemLimitError, match=r"generate: memory: expected at most the 105 MB"):
-        ot.generate_dataset("motorway", simulations=100, seed=1, out=tmp_path / "data")
+        ot.generate_dataset("motorway", num_simulations=100, seed=1, out=tmp_path / "data")
     assert not (tmp_path / "data").exists()
     with pytest.raises(SystemLimitError, match=r"simulate: memory: expected at most the 105 MB"):
-        ot.simulate(ot.sample("motorway", 100, seed=1))
-    ot.generate_dataset("motorway", simulations=2, seed=1, out=tmp_path / "data")
+        ot.simulate(ot.sample("motorway", num_simulations=100, seed=1))
+    ot.generate_dataset("motorway", num_simulations=2, seed=1, out=tmp_path / "data")

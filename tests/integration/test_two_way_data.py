@@ -23,12 +23,14 @@ PASSES = SHORT | {
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     out = tmp_path_factory.mktemp("rural") / "data"
-    return ot.generate_dataset(PROFILE, 8, seed=3, out=out, keep="features", overrides=SHORT)
+    return ot.generate_dataset(
+        PROFILE, num_simulations=8, seed=3, out=out, keep="features", overrides=SHORT
+    )
 
 
 def test_frames_that_were_not_kept_are_simulated_again(data):
     again = data.trajectory(5)
-    sampled = ot.simulate(ot.sample(PROFILE, 8, 3, overrides=SHORT))
+    sampled = ot.simulate(ot.sample(PROFILE, num_simulations=8, seed=3, overrides=SHORT))
     np.testing.assert_array_equal(again.trace_hash[0], sampled.trace_hash[5])
 
 
@@ -47,7 +49,7 @@ def test_the_law_of_the_other_side_is_asked(data):
 @pytest.fixture(scope="module")
 def passes(tmp_path_factory):
     out = tmp_path_factory.mktemp("passes") / "data"
-    return ot.generate_dataset(PROFILE, 64, seed=5, out=out, overrides=PASSES)
+    return ot.generate_dataset(PROFILE, num_simulations=64, seed=5, out=out, overrides=PASSES)
 
 
 def by_hand(data, number):
@@ -115,7 +117,7 @@ def test_the_learner_knows_oncoming_traffic(passes):
 
 def test_a_road_of_one_direction_has_no_oncoming_traffic(tmp_path):
     data = ot.generate_dataset(
-        "pinto2023-physical", 8, seed=3, out=tmp_path / "data", keep="features"
+        "pinto2023-physical", num_simulations=8, seed=3, out=tmp_path / "data", keep="features"
     )
     for table in (data.safety(), data.decisions()):
         columns = [name for name in table.columns if str(name).startswith("oncoming_")]
@@ -126,4 +128,6 @@ def test_a_road_of_one_direction_has_no_oncoming_traffic(tmp_path):
 
 def test_a_road_of_one_direction_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="two"):
-        ot.generate_dataset(PROFILE, 8, seed=3, out=tmp_path / "data", road="motorway")
+        ot.generate_dataset(
+            PROFILE, num_simulations=8, seed=3, out=tmp_path / "data", road="motorway"
+        )

@@ -23,7 +23,7 @@ US101 = sorted((Path(__file__).parents[3] / "shared/data/commonroad").glob("USA_
 
 @pytest.fixture(scope="module")
 def found():
-    return ot.validate_profile("motorway", 8, seed=3)
+    return ot.validate_profile("motorway", num_simulations=8, seed=3)
 
 
 def test_every_figure_has_a_value_an_interval_and_most_a_verdict(found):
@@ -72,7 +72,7 @@ def test_a_page_for_people_has_every_figure(found):
 
 
 def test_what_was_not_measured_is_neither_met_nor_missed(tmp_path):
-    found = ot.validate_profile("rural", 3, seed=3)  # Nobody overtakes.
+    found = ot.validate_profile("rural", num_simulations=3, seed=3)  # Nobody overtakes.
     figure = next(one for one in found.figures if one.name == "time_in_other_lane")
     assert (np.isnan(figure.value), figure.has_target, figure.met) == (True, True, None)
     page = printed(found.values()).splitlines()
@@ -83,7 +83,7 @@ def test_what_was_not_measured_is_neither_met_nor_missed(tmp_path):
 
 
 def test_a_profile_without_a_flow_is_judged_on_its_open_road():
-    found = ot.validate_profile("pinto2023-physical", 8)
+    found = ot.validate_profile("pinto2023-physical", num_simulations=8)
     names = [figure.name for figure in found.figures]
     assert "own_lane_changes_per_km" not in names
     assert names[0] == "lane_changes_per_km"
@@ -98,7 +98,7 @@ def test_the_picture_is_written_whole(found, tmp_path, name):
 
 
 def test_an_enriched_profile_is_held_against_the_one_that_it_enriches():
-    enriched = ot.validate_profile("motorway-risk", 96, seed=5)
+    enriched = ot.validate_profile("motorway-risk", num_simulations=96, seed=5)
     rates = {rate.title: rate for rate in enriched.comparison}
     assert {"median time gap of followers", "simulations with an attempt"} <= set(rates)
     assert all(rate.agrees for rate in enriched.comparison)
@@ -117,7 +117,7 @@ def test_a_profile_without_a_proposal_is_compared_with_nothing(found):
 
 @pytest.mark.skipif(not US101, reason="the recordings of US-101 are not here")
 def test_recordings_are_shown_beside_rings_as_dense():
-    found = ot.validate_profile("motorway", 8, seed=3, recordings=US101[0])
+    found = ot.validate_profile("motorway", num_simulations=8, seed=3, recordings=US101[0])
     compared = found.recordings
     assert compared is not None
     assert compared.files == (US101[0].name,)
@@ -132,7 +132,7 @@ def test_recordings_are_shown_beside_rings_as_dense():
 
 def test_a_recording_that_cannot_be_used_is_named(tmp_path):
     (tmp_path / "broken.xml").write_text("<commonRoad/>", encoding="utf-8")
-    compared = ot.validate_profile("motorway", 2, recordings=tmp_path).recordings
+    compared = ot.validate_profile("motorway", num_simulations=2, recordings=tmp_path).recordings
     assert compared is not None
     assert compared.files == compared.densities == ()
     assert "broken.xml" in compared.unused[0]

@@ -33,7 +33,7 @@ FRAME = "Number(document.getElementById('frame').value)"
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Forty simulations; among them is every ending."""
     folder = tmp_path_factory.mktemp("view") / "data"
-    ot.generate_dataset("pinto2023-physical", 40, 1, folder)
+    ot.generate_dataset("pinto2023-physical", num_simulations=40, seed=1, out=folder)
     return folder
 
 
@@ -241,7 +241,7 @@ def test_the_road_is_drawn_and_changes_with_time(browser: Browser, path: Path):
 
 
 def test_who_wants_no_motion_sees_rain_that_stands_still(browser: Browser, tmp_path: Path):
-    runs = ot.simulate(ot.sample("pinto2023-physical", 40, 1))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=40, seed=1))
     rainy = int(np.argmax(runs.scenario.weather.rain))
     made = ot.write_viewer_page(runs, tmp_path / "page.html", simulations=[rainy])
     picture = "document.getElementById('road').toDataURL()"
@@ -305,7 +305,7 @@ def test_a_report_runs_its_examples_in_a_frame(browser: Browser, path: Path, tmp
 
 def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
     name = "</script><b id=evil>&amp;<!--"
-    runs = ot.simulate(ot.sample("pinto2023-physical", 2, 1))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=2, seed=1))
     runs = runs.replace(scenario=runs.scenario.replace(profile=name))
     made = ot.write_viewer_page(runs, tmp_path / "page.html", simulations="all")
     with opened(browser, made.path) as page:
@@ -314,7 +314,7 @@ def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
 
 
 def test_a_recording_that_knows_little_is_shown_too(browser: Browser, tmp_path: Path):
-    runs = ot.simulate(ot.sample("pinto2023-physical", 1, 1))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=1, seed=1))
     unknown = {"stage", "percepts", "weather", "drivers", "bodies", "indicators", "lamps", "marks"}
     present = runs.state_mask.copy()
     present[0, 1:, : runs.num_frames[0] // 2] = False

@@ -39,7 +39,9 @@ SHORT_S = 0.3
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("connections") / "data"
-    return ot.generate_dataset("pinto2023-physical", 10, 1, folder, keep="features")
+    return ot.generate_dataset(
+        "pinto2023-physical", num_simulations=10, seed=1, out=folder, keep="features"
+    )
 
 
 @pytest.fixture

@@ -77,7 +77,7 @@ def test_the_page_of_a_server_shows_the_report_beside_all_simulations(
 
 
 def test_a_page_of_simulations_has_no_report(browser: Browser, tmp_path: Path):
-    runs = ot.simulate(ot.sample("motorway", 2, seed=1))
+    runs = ot.simulate(ot.sample("motorway", num_simulations=2, seed=1))
     ot.write_viewer_page(runs, tmp_path / "page.html", simulations=[0])
     with opened(browser, tmp_path / "page.html") as page:
         expect(page.locator("details.report")).to_have_count(0)

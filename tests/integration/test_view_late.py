@@ -27,7 +27,9 @@ ALL = "120 of 120 simulations"
 def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("late") / "data"
     with serving(
-        ot.generate_dataset("pinto2023-physical", 120, 1, folder, keep="features")
+        ot.generate_dataset(
+            "pinto2023-physical", num_simulations=120, seed=1, out=folder, keep="features"
+        )
     ) as found:
         yield found
 

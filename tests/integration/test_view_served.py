@@ -35,7 +35,9 @@ EVERYTHING = "#sim=3&t=3&against=strict&if=STAY@1,STAY@1~PULL_OUT@3&vs=8&fan=tru
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """More than one part of the list, without frames."""
     folder = tmp_path_factory.mktemp("served") / "data"
-    return ot.generate_dataset("pinto2023-physical", 120, 1, folder, keep="features")
+    return ot.generate_dataset(
+        "pinto2023-physical", num_simulations=120, seed=1, out=folder, keep="features"
+    )
 
 
 @pytest.fixture(scope="module")

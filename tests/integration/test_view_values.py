@@ -57,7 +57,7 @@ SCROLLED_TABLES = """() => [...document.querySelectorAll(".wide")]
 @pytest.fixture(scope="module", params=PROFILES)
 def dataset(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("values") / "data"
-    return ot.generate_dataset(request.param, NUM_SIMULATIONS, 1, folder)
+    return ot.generate_dataset(request.param, num_simulations=NUM_SIMULATIONS, seed=1, out=folder)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,9 @@ def key(browser: Browser, url: str) -> Any:
 @pytest.fixture(scope="module")
 def collisions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of simulations that end in a collision."""
-    batch = ot.simulate(ot.sample("pinto2023-physical", max(COLLISIONS) + 1, 1))
+    batch = ot.simulate(
+        ot.sample("pinto2023-physical", num_simulations=max(COLLISIONS) + 1, seed=1)
+    )
     page_file = tmp_path_factory.mktemp("collisions") / "page.html"
     return ot.write_viewer_page(batch, page_file, simulations=COLLISIONS).path
 
@@ -300,7 +302,9 @@ def test_the_law_at_a_collision_names_what_was_broken_before(browser: Browser, c
             page.evaluate(f"location.hash = 'sim={number}'")
             expect(page).to_have_title(re.compile(f"^Simulation {number},"))
             settle(page)
-            trajectories = ot.simulate(ot.sample("pinto2023-physical", number + 1, 1))
+            trajectories = ot.simulate(
+                ot.sample("pinto2023-physical", num_simulations=number + 1, seed=1)
+            )
             labelled = ot.label(trajectories).select(np.array([number]))
             findings, frame = labelled.findings, int(labelled.events.collision[0])
             seconds = trajectories.scenario.frame_interval_ms / 1000
@@ -314,7 +318,7 @@ def test_the_law_at_a_collision_names_what_was_broken_before(browser: Browser, c
 
 
 def test_a_simulation_without_breaches_says_so(browser: Browser, tmp_path: Path):
-    labelled = ot.label(ot.simulate(ot.sample("pinto2023-physical", 200, 1)))
+    labelled = ot.label(ot.simulate(ot.sample("pinto2023-physical", num_simulations=200, seed=1)))
     is_broken = (labelled.findings.verdict == Verdict.ILLEGAL).any(axis=1)
     number = int(np.flatnonzero(~is_broken)[0])
     page_file = ot.write_viewer_page(labelled, tmp_path / "page.html", simulations=[number]).path
@@ -368,7 +372,7 @@ def test_a_recording_opens_on_a_long_simulation_and_marks_short_ones(
 
 
 def test_a_page_opens_on_the_first_attempt(browser: Browser, tmp_path: Path):
-    labelled = ot.label(ot.simulate(ot.sample("pinto2023-physical", 8, 1)))
+    labelled = ot.label(ot.simulate(ot.sample("pinto2023-physical", num_simulations=8, seed=1)))
     classes = labelled.labels.classes[:, 0]
     numbers = [*np.flatnonzero(classes == OvertakeClass.NO_ATTEMPT)[:1].tolist(), 7]
     assert classes[7] != OvertakeClass.NO_ATTEMPT

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ci
 def data(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A few simulations."""
     place = tmp_path_factory.mktemp("what-if") / "data"
-    return ot.generate_dataset("pinto2023-physical", 6, 1, place).where
+    return ot.generate_dataset("pinto2023-physical", num_simulations=6, seed=1, out=place).where
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ class Speeds(torch.utils.data.Dataset):
         return 8
 
     def __getitem__(self, index: int) -> object:  # A tensor; torch is not in .venv.
-        runs = ot.simulate(ot.sample("pinto2023-physical", 1, seed=index))
+        runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=1, seed=index))
         return torch.as_tensor(runs.states.speed[0, 0, :100].astype("float32"))
 
 

@@ -71,7 +71,7 @@ def test_a_driver_learns_to_avoid_accidents(tmp_path: Path):
     last = np.mean([episode["r"] for episode in model.ep_info_buffer])
     assert last > -30.0, "half of the drivers who do anything have accidents: about -50"
     model.save(tmp_path / "learned.zip")
-    scenes = ot.sample(PROFILE, 20, seed=1)
+    scenes = ot.sample(PROFILE, num_simulations=20, seed=1)
     runs = [
         ot.drive(scenes, Learned(path), observe="truth", action="decision", hold=HOLD)
         for path in [tmp_path / "learned.zip"] * 2
@@ -90,7 +90,7 @@ def test_a_network_in_onnx_drives_as_the_trained_one(tmp_path: Path):
     model.save(tmp_path / "learned.zip")
     export(model, tmp_path / "learned.onnx")
     driver = api.driver_of(str(tmp_path / "learned.onnx"), "truth", action="decision", hold=HOLD)
-    scenes = ot.sample(PROFILE, 40, seed=1)
+    scenes = ot.sample(PROFILE, num_simulations=40, seed=1)
     runs = [
         ot.drive(scenes, policy, observe="truth", action="decision", hold=HOLD)
         for policy in (Learned(tmp_path / "learned.zip"), driver.policy)

@@ -21,7 +21,11 @@ SETTINGS = {"overrides": HORIZON, "shard_size": 8}
 
 def generate(out: Path, simulations: int = NUM_SIMULATIONS, seed: int = 1, **changes):
     return api.generate_dataset(
-        "pinto2023-physical", simulations, seed, out, **{**SETTINGS, **changes}
+        "pinto2023-physical",
+        num_simulations=simulations,
+        seed=seed,
+        out=out,
+        **{**SETTINGS, **changes},
     )
 
 

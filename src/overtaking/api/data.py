@@ -35,10 +35,10 @@ from overtaking.sim.driving import Driver
 @check_arguments
 def generate_dataset(
     profile: Profile,
-    simulations: int,
+    *,
+    num_simulations: int,
     seed: int,
     out: str | Path,
-    *,
     keep: str = Keep.FRAMES,
     resume: bool = False,
     overrides: Mapping[str, Any] | None = None,
@@ -57,8 +57,8 @@ def generate_dataset(
     """Make a data set.
 
     Args:
-        profile: What to sample.
-        simulations: How many simulations.
+        profile: Name of a profile of the package, path of a TOML file, or a specification.
+        num_simulations: Number of simulations.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         out: Folder for the data set, made if missing, or its URL in a store, such as
             `s3://bucket/data`.
@@ -103,7 +103,7 @@ def generate_dataset(
         spec=spec,
         road=sampler.extend_road(spec, road_of(road or spec.road)),
         seed=seed,
-        num_simulations=simulations,
+        num_simulations=num_simulations,
         keep=_keep(keep),
         shard_size=chosen.shard_size if shard_size is None else shard_size,
         balance=balance,
@@ -176,9 +176,9 @@ def resume_dataset(
         )
     return generate_dataset(
         begun.spec,
-        begun.simulations,
-        begun.seed,
-        out,
+        num_simulations=begun.simulations,
+        seed=begun.seed,
+        out=out,
         keep=begun.keep,
         resume=True,
         road=begun.road,

@@ -44,9 +44,9 @@ RISK = "-risk"
 def evaluate(
     policy: str | Driver,
     profile: Profile = "motorway-risk",
-    simulations: Count = 1000,
-    seed: Seed = 1,
     *,
+    num_simulations: Count = 1000,
+    seed: Seed = 1,
     against: Sequence[str | Driver] = AGAINST,
     as_met: bool = False,
     overrides: Mapping[str, Any] | None = None,
@@ -59,7 +59,7 @@ def evaluate(
     Args:
         policy: The driver: a `Driver`, or the name of one of `SHIPPED`.
         profile: What scenes to draw; of a profile of the package its `-risk` one, if there is one.
-        simulations: How many scenes.
+        num_simulations: Number of scenes, 1 to 1,000,000.
         seed: Seed of their random numbers, 0 <= seed < 2**64.
         against: Drivers to compare it with, each with another name.
         as_met: Whether to draw scenes of the profile that is named, as they are met.
@@ -88,7 +88,7 @@ def evaluate(
     evaluation = run(
         spec,
         road_of(road or spec.road),
-        simulations,
+        num_simulations,
         seed,
         policy=here,
         references=others,

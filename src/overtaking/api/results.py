@@ -230,9 +230,9 @@ def serve_viewer(
 @check_arguments
 def validate_profile(
     profile: Profile,
-    simulations: Count = 1000,
-    seed: Seed = 1,
     *,
+    num_simulations: Count = 1000,
+    seed: Seed = 1,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
     progress: ProgressCallback | None = None,
@@ -241,8 +241,8 @@ def validate_profile(
     """Compare the traffic of a profile with published measurements.
 
     Args:
-        profile: What to sample.
-        simulations: How many.
+        profile: As in `sample`.
+        num_simulations: Number of simulations, 1 to 1,000,000.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
@@ -263,7 +263,7 @@ def validate_profile(
 
     spec = profiles.load_specification(profile, overrides)
     where = None if recordings is None else Path(recordings)
-    validation = run(spec, road_of(road or spec.road), simulations, seed, progress, where)
+    validation = run(spec, road_of(road or spec.road), num_simulations, seed, progress, where)
     if validation.recordings is not None:
         warn_about(validation.recordings.import_findings)
     return validation
@@ -272,9 +272,9 @@ def validate_profile(
 @check_arguments
 def reproduce_study(
     study: str,
-    replicates: Count = 1000,
-    seed: Seed = 2023,
     *,
+    num_replicates: Count = 1000,
+    seed: Seed = 2023,
     overrides: Mapping[str, Any] | None = None,
     progress: ProgressCallback | None = None,
 ) -> "Reproduction":
@@ -282,7 +282,7 @@ def reproduce_study(
 
     Args:
         study: `pinto2023`.
-        replicates: How many sets of 276 simulations.
+        num_replicates: Number of sets of 276 simulations, 1 to 1,000,000.
         seed: Seed of all random numbers, none that the drivers were fitted with.
         overrides: Dotted keys of the specification with other values; the parameters are then not
             the frozen ones, and it says so.
@@ -301,7 +301,7 @@ def reproduce_study(
     if study not in STUDIES:
         raise ConfigError.unknown_choice("study", "reproduce", STUDIES, study)
     spec = profiles.load_specification(study, overrides)
-    return run(spec, road_of(spec.road), replicates, seed, simulator_of("engine"), progress)
+    return run(spec, road_of(spec.road), num_replicates, seed, simulator_of("engine"), progress)
 
 
 def write_reproduction(found: "Reproduction", out: str | Path) -> "Written":

@@ -42,27 +42,28 @@ MOST_ERROR = 100.0
 BYTES_PER_LABELLED_FRAME = 64
 """Memory of the signals of a frame, measured with 400 simulations of `motorway` [bytes]."""
 
-MAX_SAMPLED = 100_000_000
-"""Most scenarios of a batch; data sets may be larger."""
+MAX_SCENARIOS = 100_000_000
+"""Largest number of scenarios in a batch; data sets may be larger."""
 
 
 @check_arguments
 def sample(
     profile: Profile,
-    simulations: Annotated[int, FieldSpec(low=0, high=MAX_SAMPLED)],
-    seed: Seed,
     *,
-    first: Annotated[int, FieldSpec(low=0, high=2**63)] = 0,
+    num_simulations: Annotated[int, FieldSpec(low=0, high=MAX_SCENARIOS)],
+    seed: Seed,
+    first_scenario: Annotated[int, FieldSpec(low=0, high=2**63)] = 0,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
 ) -> Scenario:
     """Draw scenarios.
 
     Args:
-        profile: What to sample.
-        simulations: How many, at most `MAX_SAMPLED`.
+        profile: Name of a profile of the package, path of a TOML file, or a specification.
+        num_simulations: Number of scenarios, at most `MAX_SCENARIOS`.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
-        first: Number of the first one, 0 <= first < 2**63; each is the same in any batch.
+        first_scenario: Scenario index of the first row, 0 <= first_scenario < 2**63. A scenario
+            index gives the same scenario in every batch.
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
 
@@ -73,12 +74,12 @@ def sample(
     """
     spec = profiles.load_specification(profile, overrides)
     place = road_of(road or spec.road)
-    index = np.uint64(first) + np.arange(simulations, dtype=np.uint64)
+    index = np.uint64(first_scenario) + np.arange(num_simulations, dtype=np.uint64)
     one = sampler.ScenarioSource(spec, place, seed).sample(index[:1])
     check_batch(one, "sample", "scenario")
     # Twice, as parts are joined in the end.
-    next_step = "draw fewer at a time, or call generate"
-    check_memory(2 * one.nbytes * simulations, "sample", next_step)
+    next_step = "draw fewer at a time, or call generate_dataset"
+    check_memory(2 * one.nbytes * num_simulations, "sample", next_step)
     return sampler.ScenarioSource(spec, place, seed).sample(index)
 
 
@@ -198,9 +199,9 @@ def undecidable_rules(unknown: Iterable[str]) -> dict[str, list[str]]:
 @check_arguments
 def compare_simulators(
     profile: Profile,
-    simulations: Count,
-    seed: Seed,
     *,
+    num_simulations: Count,
+    seed: Seed,
     simulators: Sequence[str] = ("engine", "sumo"),
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
@@ -209,8 +210,8 @@ def compare_simulators(
     """Simulate the same scenarios on several simulators: how they end, and where they differ.
 
     Args:
-        profile: What to sample.
-        simulations: How many.
+        profile: As in `sample`.
+        num_simulations: Number of scenarios, 1 to 1,000,000.
         seed: Seed of all random numbers, 0 <= seed < 2**64.
         simulators: Two or more of `SIMULATORS`; the others are held against the first.
         overrides: Dotted keys of the specification with other values.
@@ -227,15 +228,15 @@ def compare_simulators(
     chosen = [simulator_of(name) for name in several(simulators)]
     step = min(one.chunk_size for one in chosen)
     parts: list[Comparison] = []
-    for first in range(0, simulations, step):
-        count = min(step, simulations - first)
-        batch = sample(spec, count, seed, first=first, road=place)
+    for first in range(0, num_simulations, step):
+        count = min(step, num_simulations - first)
+        batch = sample(spec, num_simulations=count, seed=seed, first_scenario=first, road=place)
         runs = [by.simulate(batch) for by in chosen]
         recordings = [(run, labelled(run).labels) for run in runs]
         policy = default_policy(batch.profile)
         parts.append(Comparison.of(simulators, recordings, policy=policy))
         if progress is not None:
-            progress(first + count, simulations)
+            progress(first + count, num_simulations)
     return concatenate(parts)
 
 
@@ -257,4 +258,4 @@ def check_runnable(scenario: Scenario, where: str) -> None:
     longest = float(scenario.horizon.max(initial=0.0))
     frames = int(longest * 1000.0) // interval + 1
     size = scenario.num_simulations * slots * frames * BYTES_PER_STATE
-    check_memory(size, where, "simulate fewer at a time, or call generate")
+    check_memory(size, where, "simulate fewer at a time, or call generate_dataset")

@@ -160,7 +160,7 @@ def compare(
     output: Output,
     road: options.RoadChoice,
     profile: options.ProfileWord = None,
-    count: options.Count = None,
+    num_simulations: options.NumSimulations = None,
     seed: options.Seed = None,
     others: options.Others = "sumo",
     threads: options.Threads = None,
@@ -177,7 +177,7 @@ def compare(
     chosen = ("engine", *(name.strip() for name in others.split(",")))
     recipe = arguments.DEFAULTS | arguments.given(
         profile=profile,
-        simulations=count,
+        num_simulations=num_simulations,
         seed=seed,
         road=arguments.road(road),
         overrides=arguments.overrides(changes or [], None),
@@ -224,7 +224,7 @@ COMMANDS: dict[options.Body, str] = {
     whatif.fan: "overtaking fan data/pinto 3 --given belief --plot fan.png",
     whatif.enough: "overtaking enough data/pinto 3 --goal lawful",
     validate.validate: "overtaking validate motorway -n 1000 --seed 1 --plot motorway.png",
-    reproducing.reproduce: "overtaking reproduce pinto2023 --replicates 100 --out reproduction",
+    reproducing.reproduce: "overtaking reproduce pinto2023 --num-replicates 100 --out reproduction",
     compare: "overtaking compare pinto2023-physical -n 100 --seed 1 --with sumo,carla",
     roads.roads: "overtaking roads town.xodr --plot town.png",
     glossary.glossary: "overtaking glossary Success_I",

@@ -26,7 +26,7 @@ _LIKE = {"--set": "traffic.vehicles=2..6", "--only": "Location=us-101"}
 
 DEFAULTS: dict[str, Any] = {
     "profile": "pinto2023-physical",
-    "simulations": 276,  # As many as the paper has.
+    "num_simulations": 276,  # As many as the paper has.
     "seed": 1,
 }
 """Defaults of `generate`."""

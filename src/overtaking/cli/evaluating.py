@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.stats.table import Table
 
-COUNT, FILMS = 1000, 10
+NUM_SIMULATIONS, FILMS = 1000, 10
 
 Profile = Annotated[
     str | None,
@@ -42,8 +42,11 @@ Observe = Annotated[
         "What it observes: what a human driver believes, the truth, or a sensor in a TOML file.",
     ),
 ]
-Count = Annotated[
-    int | None, options.option("--count -n N", f"{options.COUNT}  [default: {COUNT}]")
+NumSimulations = Annotated[
+    int | None,
+    options.option(
+        "--num-simulations -n N", f"{options.NUM_SIMULATIONS}  [default: {NUM_SIMULATIONS}]"
+    ),
 ]
 Benchmark = Annotated[
     str | None,
@@ -68,7 +71,7 @@ def evaluate(
     observe: Observe = None,
     action: driving.Action = "accel_lane",
     hold: driving.Hold = 1,
-    count: Count = None,
+    num_simulations: NumSimulations = None,
     seed: options.Seed = None,
     as_met: AsMet = False,
     benchmark: Benchmark = None,
@@ -95,7 +98,7 @@ def evaluate(
     )
     scenes: dict[str, Any] = arguments.given(
         profile=profile,
-        simulations=count,
+        num_simulations=num_simulations,
         seed=seed,
         as_met=as_met or None,
         overrides=arguments.overrides(changes or [], None) or None,
@@ -106,7 +109,7 @@ def evaluate(
             _refuse(scenes)
             found = api.run_benchmark(here, benchmark, against=others, progress=meter)
         else:
-            scenes = {"profile": "motorway", "simulations": COUNT} | scenes
+            scenes = {"profile": "motorway", "num_simulations": NUM_SIMULATIONS} | scenes
             found = api.evaluate(here, against=others, progress=meter, say=output.say, **scenes)
     values = found.values() | _written(output, found, out, films)
     output.page(values | output.duration, page_parts(found))

@@ -32,7 +32,7 @@ def recipe(made: Making, profile: str | None, road: RoadChoice) -> dict[str, Any
     """
     return arguments.given(
         profile=profile,
-        simulations=made.count,
+        num_simulations=made.num_simulations,
         seed=made.seed,
         keep=made.keep,
         road=arguments.road(road),

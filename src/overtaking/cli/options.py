@@ -100,8 +100,10 @@ Others = Annotated[
         "--with NAME[,NAME]", "Simulators to compare with ours, separated by commas: sumo, carla."
     ),
 ]
-COUNT = "How many simulations."
-Count = Annotated[int | None, option("--count -n N", f"{COUNT}  [default: 276]")]
+NUM_SIMULATIONS = "Number of simulations."
+NumSimulations = Annotated[
+    int | None, option("--num-simulations -n N", f"{NUM_SIMULATIONS}  [default: 276]")
+]
 SEED = "Seed of the random numbers."
 Seed = Annotated[int | None, option("--seed N", f"{SEED}  [default: 1]")]
 MAP = "OpenDRIVE file, or the name of a road of the package."
@@ -195,7 +197,7 @@ FrameInterval = Annotated[
 class Making:
     """The options of every command that makes a data set of simulations."""
 
-    count: Count = None
+    num_simulations: NumSimulations = None
     seed: Seed = None
     keep: Keep = None
     resume: Resume = False
@@ -332,13 +334,6 @@ ROWS = "Rows to return at most."
 TIMEOUT = "Time for the query [s]."
 MEMORY = "Memory for the query [MiB]."
 
-RENAMED = {
-    "count": ("--simulations", "--count", int),
-    "own": ("--with", "--own", str),
-    "with_law": ("--law", "--with-law", bool),
-}
-"""Options that had another name: parameter, old and new name, and type. For one release."""
-
 
 def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None:
     """Add a command to an application.
@@ -356,8 +351,7 @@ def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None
         one.name: one.annotation for one in taken if is_dataclass(one.annotation)
     }
     own = [each for one in taken for each in _fields(groups.get(one.name)) or (one,)]
-    old = [_old(one.name) for one in own if one.name in RENAMED]
-    parameters = [one.replace(kind=one.KEYWORD_ONLY) for one in [*own, *old, *_fields(_Common)]]
+    parameters = [one.replace(kind=one.KEYWORD_ONLY) for one in [*own, *_fields(_Common)]]
     name = body.__name__
 
     @functools.wraps(body)
@@ -367,12 +361,11 @@ def command(app: typer.Typer, body: Body, example: str, group: str = "") -> None
             check_address_space(title)
             with Output(title, quiet=quiet, json=json, log=log) as output, catch_warnings():
                 simplefilter("ignore", RecordingWarning)  # Commands print the report instead.
-                given = _renamed(output, arguments)
                 for place, kind in groups.items():
-                    given[place] = kind(
-                        **{each.name: given.pop(each.name) for each in fields(kind)}
+                    arguments[place] = kind(
+                        **{each.name: arguments.pop(each.name) for each in fields(kind)}
                     )
-                return body(output, **given)
+                return body(output, **arguments)
         except (Exception, KeyboardInterrupt) as error:
             return tell(error)  # Before typer sees it, which has its own idea of Ctrl-C.
 
@@ -389,19 +382,3 @@ def _fields(group: Any) -> list[inspect.Parameter]:
 def _option(name: str, default: Any, annotation: Any) -> inspect.Parameter:
     kind = inspect.Parameter.KEYWORD_ONLY
     return inspect.Parameter(name, kind, default=default, annotation=annotation)
-
-
-def _old(name: str) -> inspect.Parameter:
-    """The hidden option that a parameter had before."""
-    old, _, kind = RENAMED[name]
-    return _option(f"old_{name}", None, Annotated[kind | None, typer.Option(old, hidden=True)])
-
-
-def _renamed(output: Output, arguments: dict[str, Any]) -> dict[str, Any]:
-    """The arguments with those of old options under their new names."""
-    for name, (old, new, _) in RENAMED.items():
-        value = arguments.pop(f"old_{name}", None)
-        if value is not None:
-            output.say(f"warning: {old} is called {new} here; the old name will be removed")
-            arguments[name] = value
-    return arguments

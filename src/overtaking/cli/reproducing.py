@@ -12,10 +12,12 @@ if TYPE_CHECKING:
     from overtaking.analysis.reproduction.run import Reproduction
     from overtaking.analysis.stats.table import Table
 
-REPLICATES, SEED = 1000, 2023
+NUM_REPLICATES, SEED = 1000, 2023
 
 Study = Annotated[str, typer.Argument(metavar="STUDY", help="Study to reproduce: pinto2023.")]
-Replicates = Annotated[int, options.option("--replicates N", "How many sets of 276 simulations.")]
+NumReplicates = Annotated[
+    int, options.option("--num-replicates N", "Number of sets of 276 simulations.")
+]
 Seed = Annotated[
     int,
     options.option(
@@ -33,7 +35,7 @@ Page = Annotated[
 def reproduce(
     output: Output,
     study: Study,
-    replicates: Replicates = REPLICATES,
+    num_replicates: NumReplicates = NUM_REPLICATES,
     seed: Seed = SEED,
     out: Page = None,
     threads: options.Threads = None,
@@ -47,8 +49,8 @@ def reproduce(
     with output.progress("simulations") as meter:
         found = api.reproduce_study(
             study,
-            replicates,
-            seed,
+            num_replicates=num_replicates,
+            seed=seed,
             overrides=arguments.overrides(changes or [], None),
             progress=meter,
         )

@@ -8,10 +8,10 @@ import typer
 from overtaking.cli import options
 from overtaking.cli.output import Output
 
-COUNT = 1000
+NUM_SIMULATIONS = 1000
 
 Profile = Annotated[str, typer.Argument(metavar="PROFILE", help=options.PROFILE)]
-Count = Annotated[int, options.option("--count -n N", options.COUNT)]
+NumSimulations = Annotated[int, options.option("--num-simulations -n N", options.NUM_SIMULATIONS)]
 Recordings = Annotated[
     Path | None,
     options.option(
@@ -24,7 +24,7 @@ def validate(
     output: Output,
     profile: Profile,
     road: options.RoadChoice,
-    count: Count = COUNT,
+    num_simulations: NumSimulations = NUM_SIMULATIONS,
     seed: options.Seed = None,
     plot: options.Plot = None,
     recordings: Recordings = None,
@@ -44,8 +44,8 @@ def validate(
     with output.progress("simulations") as meter:
         found = api.validate_profile(
             profile,
-            count,
-            1 if seed is None else seed,
+            num_simulations=num_simulations,
+            seed=1 if seed is None else seed,
             overrides=arguments.overrides(changes or [], None),
             road=arguments.road(road),
             progress=meter,

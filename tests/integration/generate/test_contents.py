@@ -31,7 +31,9 @@ pytestmark = pytest.mark.ci
 @pytest.fixture(scope="module")
 def runs() -> Trajectories:
     """The same simulations without any file."""
-    scenarios = api.sample("pinto2023-physical", NUM_SIMULATIONS, 1, overrides=HORIZON)
+    scenarios = api.sample(
+        "pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1, overrides=HORIZON
+    )
     return api.simulate(scenarios)
 
 
@@ -176,7 +178,12 @@ def test_tables_come_as_pandas_in_si(data):
 def test_anyone_can_group_tables_of_many_shards_by_any_of_their_names(tmp_path: Path):
     # Arrow refuses to where the parts of a column list other names.
     data = api.generate_dataset(
-        "pinto2023-physical", 40, 5, tmp_path / "data", shard_size=4, keep="features"
+        "pinto2023-physical",
+        num_simulations=40,
+        seed=5,
+        out=tmp_path / "data",
+        shard_size=4,
+        keep="features",
     )
     grouped = 0
     for name in data.kept_tables:
@@ -231,9 +238,9 @@ def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
     assert identity["spec"]["time"]["horizon_s"] == 1.0
     again = api.generate_dataset(
         identity["spec"],
-        identity["simulations"],
-        identity["seed"],
-        tmp_path / "again",
+        num_simulations=identity["simulations"],
+        seed=identity["seed"],
+        out=tmp_path / "again",
         simulator=identity["simulator"],
         shard_size=identity["shard_size"],
     )

@@ -23,7 +23,7 @@ disk, room = Path(sys.argv[1]), int(sys.argv[2])
 ballast = disk / "ballast"
 ballast.write_bytes(bytes(shutil.disk_usage(disk).free - room))
 def generate(resume):
-    return api.generate_dataset("pinto2023-physical", 20, 1, disk / "data",
+    return api.generate_dataset("pinto2023-physical", num_simulations=20, seed=1, out=disk / "data",
                         shard_size=8, resume=resume,
                         overrides={"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0})
 try:
@@ -70,8 +70,8 @@ from overtaking import api
 from overtaking.core.errors import DatasetError
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 try:
-    api.generate_dataset("pinto2023-physical", 20, 1, sys.argv[1], shard_size=8,
-                 overrides={"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0})
+    api.generate_dataset("pinto2023-physical", num_simulations=20, seed=1, out=sys.argv[1],
+                 shard_size=8, overrides={"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0})
 except DatasetError as error:
     print(error, file=sys.stderr)
     sys.exit(2)
@@ -100,7 +100,8 @@ def test_a_file_that_may_not_grow_ends_in_one_line(missing: int, data, tmp_path:
 MEASURED = """
 import resource, sys
 from overtaking import api
-api.generate_dataset("pinto2023-physical", int(sys.argv[2]), 1, sys.argv[1], shard_size=2048,
+api.generate_dataset("pinto2023-physical", num_simulations=int(sys.argv[2]), seed=1,
+             out=sys.argv[1], shard_size=2048,
              overrides={"time.horizon_s": 2.0, "time.attempt_deadline_s": 2.0})
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """

@@ -77,7 +77,7 @@ def test_one_simulation_can_be_shown(folder, capsys):
 
 
 def test_a_branch_of_a_sumo_simulation_is_refused():
-    scenarios = api.sample("pinto2023-physical", 1, 1)
+    scenarios = api.sample("pinto2023-physical", num_simulations=1, seed=1)
     with pytest.raises(ValueError, match="expected engine or reference, got sumo"):
         api.branch(scenarios, 3, simulator="sumo")
 

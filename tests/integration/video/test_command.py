@@ -18,7 +18,11 @@ pytestmark = pytest.mark.usefixtures("parent")
 def data(tmp_path_factory):
     spec = {"time.horizon_s": 3, "time.attempt_deadline_s": 3}
     return api.generate_dataset(
-        "pinto2023-physical", 6, 1, tmp_path_factory.mktemp("data") / "six", overrides=spec
+        "pinto2023-physical",
+        num_simulations=6,
+        seed=1,
+        out=tmp_path_factory.mktemp("data") / "six",
+        overrides=spec,
     )
 
 

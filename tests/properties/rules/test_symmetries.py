@@ -25,7 +25,7 @@ TURNED = ("y", "d", "heading", "wheel_angle", "accel_lat", "yaw_rate")
 @cache
 def simulated() -> Case:
     """Real overtakes in all weathers, with breaches of most rules."""
-    return seen_case(ot.simulate(ot.sample("pinto2023-physical", 96, seed=11)))
+    return seen_case(ot.simulate(ot.sample("pinto2023-physical", num_simulations=96, seed=11)))
 
 
 @cache

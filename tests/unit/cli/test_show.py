@@ -33,7 +33,9 @@ NUM_SIMULATIONS = 48
 @pytest.fixture(scope="module")
 def labelled() -> LabelledTrajectories:
     """Enough simulations for every kind of ending to be among them."""
-    return api.label(api.simulate(api.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
+    return api.label(
+        api.simulate(api.sample("pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1))
+    )
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,9 @@ SAMPLED = "profile='pinto2023-physical', road='town06', seed=1, simulations=3, v
 
 @pytest.fixture(scope="module")
 def labelled() -> ot.LabelledTrajectories:
-    return ot.label(ot.simulate(ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)))
+    return ot.label(
+        ot.simulate(ot.sample("pinto2023-physical", num_simulations=3, seed=1, overrides=SHORT))
+    )
 
 
 def test_batches_say_what_they_are_in_a_line(labelled):

@@ -83,7 +83,7 @@ def test_trajectories_have_a_report_with_the_findings(contradictory):
 
 
 def test_a_report_without_findings_has_the_columns():
-    for runs in (read(table()), ot.simulate(ot.sample("motorway", 2, seed=1))):
+    for runs in (read(table()), ot.simulate(ot.sample("motorway", num_simulations=2, seed=1))):
         assert list(runs.import_report.columns) == COLUMNS
         assert len(runs.import_report) == 0
 

@@ -30,7 +30,9 @@ CAUSES = [
 
 @pytest.fixture
 def dataset(tmp_path: Path) -> ot.Dataset:
-    return ot.generate_dataset("pinto2023-physical", simulations=2, seed=1, out=tmp_path / "data")
+    return ot.generate_dataset(
+        "pinto2023-physical", num_simulations=2, seed=1, out=tmp_path / "data"
+    )
 
 
 def failing(error: Exception) -> Callable[..., object]:

@@ -87,7 +87,7 @@ def test_an_episode_is_the_simulation_of_drive():
     assert len({one["index"] for one in ended}) == len(ended) >= 8
     assert all(one["index"] % 6 == one["row"] for one in ended)
     most = max(one["index"] for one in ended)
-    scenes = ot.sample(PROFILE, most + 1, seed=5, overrides=SHORT)
+    scenes = ot.sample(PROFILE, num_simulations=most + 1, seed=5, overrides=SHORT)
     run = ot.drive(
         scenes, lambda seen: wish(envs.flatten_observation(seen)), observe="human", hold=4
     )
@@ -117,7 +117,7 @@ def test_what_is_seen_is_what_drive_shows():
         waiting = terminated | truncated
     late = [number for number, rows in shown.items() if number >= 8 and len(rows) > 10]
     assert late
-    scenes = ot.sample(PROFILE, max(late) + 1, seed=5, overrides=SHORT)
+    scenes = ot.sample(PROFILE, num_simulations=max(late) + 1, seed=5, overrides=SHORT)
     told = list[np.ndarray]()
 
     def policy(one: ot.Observation) -> np.ndarray:
@@ -502,7 +502,7 @@ def test_a_picture_shows_the_present_state():
 @pytest.mark.ci
 def test_a_picture_is_that_of_the_film():
     """The road is drawn as `overtaking video` draws it at the same time."""
-    scenes = ot.sample(PROFILE, 1, seed=5, overrides=SHORT)
+    scenes = ot.sample(PROFILE, num_simulations=1, seed=5, overrides=SHORT)
     trajectories = ot.drive(scenes, lambda _: np.zeros((1, 1)), observe="human", action="decision")
     film = Film(trajectories, title="Simulation 0")
     env = single_env(render_mode="rgb_array", action="decision", hold=20)

@@ -31,7 +31,7 @@ SHORT = {"time.horizon_s": 2.0, "time.attempt_deadline_s": 1.0}
 
 @pytest.fixture(scope="module")
 def scenario() -> ot.Scenario:
-    return ot.sample("pinto2023-physical", 3, 1, overrides=SHORT)
+    return ot.sample("pinto2023-physical", num_simulations=3, seed=1, overrides=SHORT)
 
 
 @pytest.fixture(scope="module")
@@ -112,8 +112,8 @@ def test_a_recording_that_is_none_is_refused(runs, path: str, value: object, say
 
 @pytest.mark.parametrize("profile", profile_names())
 def test_what_profiles_and_simulators_make_passes(profile: str):
-    check_batch(ot.sample(profile, 500, 3), "test")
-    short = ot.sample(profile, 5, 3, overrides=SHORT)
+    check_batch(ot.sample(profile, num_simulations=500, seed=3), "test")
+    short = ot.sample(profile, num_simulations=5, seed=3, overrides=SHORT)
     for simulator in ("engine", "reference"):
         check_batch(ot.simulate(short, simulator=simulator), "test")
 
@@ -140,7 +140,7 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
     with pytest.raises(
         SystemLimitError, match=r"^sample: memory: expected at most the 0 MB of this"
     ):
-        ot.sample("pinto2023-physical", 10**8, 1)
+        ot.sample("pinto2023-physical", num_simulations=10**8, seed=1)
     with pytest.raises(
         SystemLimitError, match=r"^simulate: memory: expected at most the 0 MB of this"
     ):
@@ -153,20 +153,20 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
         (lambda _: ot.simulate(5), "simulate: scenario: expected a Scenario, got 5"),
         (lambda s: ot.label(s), "label: runs: expected a Trajectories, got a Scenario"),
         (
-            lambda _: ot.sample("pinto2023-physical", -1, 1),
-            "sample: simulations: expected 0 to 100000000",
+            lambda _: ot.sample("pinto2023-physical", num_simulations=-1, seed=1),
+            "sample: num_simulations: expected 0 to 100000000",
         ),
         (
-            lambda _: ot.sample("pinto2023-physical", "a", 1),
-            "sample: simulations: expected a whole number",
+            lambda _: ot.sample("pinto2023-physical", num_simulations="a", seed=1),
+            "sample: num_simulations: expected a whole number",
         ),
         (
-            lambda _: ot.sample("pinto2023-physical", 1, 2**64),
+            lambda _: ot.sample("pinto2023-physical", num_simulations=1, seed=2**64),
             "sample: seed: expected 0 to 184467440737095",
         ),
         (
-            lambda _: ot.sample("pinto2023-physical", True, 1),
-            "sample: simulations: expected a whole number",
+            lambda _: ot.sample("pinto2023-physical", num_simulations=True, seed=1),
+            "sample: num_simulations: expected a whole number",
         ),
         (lambda s: ot.branch(s, 10**6), "branch: frame: expected 0 to 40, "),
         (
@@ -186,7 +186,9 @@ def test_more_than_memory_holds_is_refused(scenario, monkeypatch: pytest.MonkeyP
             "load_dataset: path: expected a text, a path or a Dataset, got '\\x00'",
         ),
         (
-            lambda _: ot.compare_simulators("pinto2023-physical", 1, 1, simulators="engine"),
+            lambda _: ot.compare_simulators(
+                "pinto2023-physical", num_simulations=1, seed=1, simulators="engine"
+            ),
             "compare_simulators: simulators: expected several values, each of them a text, "
             "got 'engine'",
         ),
@@ -212,7 +214,9 @@ def test_arguments_of_another_type_or_range_are_refused_in_a_line(scenario, call
 
 
 def test_methods_of_a_data_set_check_their_arguments(tmp_path: Path):
-    data = ot.generate_dataset("pinto2023-physical", 2, 1, tmp_path / "data", overrides=SHORT)
+    data = ot.generate_dataset(
+        "pinto2023-physical", num_simulations=2, seed=1, out=tmp_path / "data", overrides=SHORT
+    )
     for call in (data.states, data.trajectory, data.verdict, data.__getitem__):
         with pytest.raises(ConfigError, match="simulation: expected a whole number, got 'a'"):
             call("a")  # type: ignore[arg-type]

@@ -59,7 +59,7 @@ COLUMNS = column_map(
 @cache
 def simulations(profile: str, count: int, seed: int = SEED) -> Trajectories:
     """Simulations, some of which end with a collision or beside the road."""
-    return ot.simulate(ot.sample(profile, count, seed))
+    return ot.simulate(ot.sample(profile, num_simulations=count, seed=seed))
 
 
 def table_of(run: Trajectories, simulations: range) -> pd.DataFrame:

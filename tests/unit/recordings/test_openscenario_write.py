@@ -28,7 +28,7 @@ COUNT = 3
 
 @pytest.fixture(scope="module")
 def runs() -> Trajectories:
-    return ot.simulate(ot.sample("pinto2023-physical", COUNT, seed=5))
+    return ot.simulate(ot.sample("pinto2023-physical", num_simulations=COUNT, seed=5))
 
 
 def written(run: Trajectories, folder: Path, number: int = 7, **given: Any) -> ET.Element:
@@ -194,7 +194,9 @@ def test_a_name_may_hold_what_xml_does_not_know(runs, tmp_path):
 
 
 def test_a_data_set_becomes_the_same_bytes_again(tmp_path):
-    data = api.generate_dataset("pinto2023-physical", 3, 1, tmp_path / "data")
+    data = api.generate_dataset(
+        "pinto2023-physical", num_simulations=3, seed=1, out=tmp_path / "data"
+    )
     for name in ("a", "b"):
         rows = api.export_dataset(data, tmp_path / name, file_format="openscenario")
         assert rows == data.table("states").num_rows

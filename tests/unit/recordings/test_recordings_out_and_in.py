@@ -32,7 +32,10 @@ COUNT = 4
 def runs():
     """At highD's rate, so that nothing is interpolated."""
     scenario = ot.sample(
-        "pinto2023-physical", COUNT, seed=5, overrides={"profile.frame_interval_ms": 40}
+        "pinto2023-physical",
+        num_simulations=COUNT,
+        seed=5,
+        overrides={"profile.frame_interval_ms": 40},
     )
     return ot.simulate(scenario)
 
@@ -101,7 +104,7 @@ def test_a_highd_recording_comes_back_within_its_decimals(runs, tmp_path, place)
 
 
 def test_twenty_frames_a_second_become_twenty_five_between_the_recorded_ones(tmp_path):
-    run = ot.simulate(ot.sample("pinto2023-physical", 1, seed=5))
+    run = ot.simulate(ot.sample("pinto2023-physical", num_simulations=1, seed=5))
     assert run.scenario.frame_interval_ms == 50
     write_highd(run, np.array([0]), tmp_path)
     tracks = read_highd(tmp_path / "01_tracks.csv").tracks
@@ -189,7 +192,7 @@ def test_a_folder_appears_whole_or_not_at_all(runs, tmp_path):
 
 @pytest.fixture(scope="module")
 def table_runs():
-    return ot.simulate(ot.sample("pinto2023-physical", 12, seed=9))
+    return ot.simulate(ot.sample("pinto2023-physical", num_simulations=12, seed=9))
 
 
 @pytest.fixture(scope="module")

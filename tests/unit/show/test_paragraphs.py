@@ -20,7 +20,7 @@ PACKS = {"pt": PORTUGAL, "de": GERMANY}
 
 @pytest.fixture(scope="module")
 def runs():
-    return api.simulate(api.sample("motorway", 40, 1))
+    return api.simulate(api.sample("motorway", num_simulations=40, seed=1))
 
 
 @pytest.mark.parametrize("law", PACKS)

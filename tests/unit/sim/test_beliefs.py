@@ -15,7 +15,7 @@ _POSITION, _SPEED = list(EGO_COLUMNS).index("position"), list(EGO_COLUMNS).index
 
 @pytest.fixture(scope="module")
 def scenario() -> ot.Scenario:
-    return ot.sample("pinto2023-physical", 6, 1)
+    return ot.sample("pinto2023-physical", num_simulations=6, seed=1)
 
 
 def test_the_ego_is_where_it_was_recorded(scenario: ot.Scenario):

@@ -35,7 +35,7 @@ RADAR = Sensor(
 
 @pytest.fixture(scope="module")
 def scenes() -> ot.Scenario:
-    return ot.sample("pinto2023-physical", 6, seed=2, overrides=SHORT)
+    return ot.sample("pinto2023-physical", num_simulations=6, seed=2, overrides=SHORT)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from overtaking.data.tables.schemas import SCHEMAS
 
 
 def empty_scenarios(profile: str) -> ot.Scenario:
-    return ot.sample(profile, 2, seed=1).select(np.zeros(2, bool))
+    return ot.sample(profile, num_simulations=2, seed=1).select(np.zeros(2, bool))
 
 
 def stay(observation: ot.Observation) -> np.ndarray:

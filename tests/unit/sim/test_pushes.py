@@ -25,7 +25,10 @@ NO_PUSH = {"weather.pushes.accel_mps2": 0.0}
 
 def drawn(preset: str, count: int = COUNT, **changes: Any) -> ot.Scenario:
     return ot.sample(
-        "pinto2023", count, SEED, overrides={"weather.presets": {preset: 1}, **changes}
+        "pinto2023",
+        num_simulations=count,
+        seed=SEED,
+        overrides={"weather.presets": {preset: 1}, **changes},
     )
 
 
@@ -36,7 +39,7 @@ def test_without_a_push_storm_and_rain_are_a_clear_night(preset: str):
 
 
 def test_physics_is_as_it_was_for_a_profile_without_pushes():
-    scenario = ot.sample("motorway", 8, SEED)
+    scenario = ot.sample("motorway", num_simulations=8, seed=SEED)
     assert with_effective_weather(scenario) is scenario
     assert not parameters(scenario).of_simulations.push_accel.any()
 
@@ -117,7 +120,7 @@ def test_egos_that_are_told_look_at_nobody_beside_them():
 
 
 def test_egos_that_are_told_give_nothing_up():
-    runs = ot.simulate(ot.sample("pinto2023", 1024, SEED))
+    runs = ot.simulate(ot.sample("pinto2023", num_simulations=1024, seed=SEED))
     assert not ((runs.stage == Stage.ABORT) & runs.frame_mask).any()
     assert ((runs.stage == Stage.DONE) & runs.frame_mask).any()
 
@@ -131,7 +134,10 @@ def _pulls_out(runs: ot.Trajectories) -> Any:
 @pytest.mark.ci
 def test_any_profile_may_have_pushes():
     changes = {f"weather.pushes.{name}": value for name, value in PUSHES.items()}
-    plain, pushed = (ot.sample("motorway", 4, 1, overrides=one) for one in (SHORT, SHORT | changes))
+    plain, pushed = (
+        ot.sample("motorway", num_simulations=4, seed=1, overrides=one)
+        for one in (SHORT, SHORT | changes)
+    )
     assert plain.pushes is None
     assert pushed.pushes is not None
     assert pushed.pushes.accel == 2.0
@@ -143,10 +149,12 @@ def test_any_profile_may_have_pushes():
 def test_a_data_set_remembers_its_pushes(tmp_path: Any):
     short = {"time.horizon_s": 4.0, "time.attempt_deadline_s": 4.0}
     for keep in ("frames", "features"):
-        data = ot.generate_dataset("pinto2023", 6, 1, tmp_path / keep, keep=keep, overrides=short)
+        data = ot.generate_dataset(
+            "pinto2023", num_simulations=6, seed=1, out=tmp_path / keep, keep=keep, overrides=short
+        )
         before = data.labels()
         again = ot.load_dataset(tmp_path / keep)
-        assert again.scenario(2).pushes == ot.sample("pinto2023", 3, 1).pushes
+        assert again.scenario(2).pushes == ot.sample("pinto2023", num_simulations=3, seed=1).pushes
         assert len(again.states(2)) > 0
         ot.relabel_dataset(tmp_path / keep)
         assert ot.load_dataset(tmp_path / keep).labels().equals(before)
@@ -162,5 +170,5 @@ def test_a_data_set_remembers_its_pushes(tmp_path: Any):
 )
 def test_what_cannot_be_is_refused_in_a_line(change: dict[str, float], says: str):
     with pytest.raises(ConfigError, match=says) as caught:
-        ot.sample("pinto2023", 1, 1, overrides=change)
+        ot.sample("pinto2023", num_simulations=1, seed=1, overrides=change)
     assert "\n" not in str(caught.value)

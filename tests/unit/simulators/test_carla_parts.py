@@ -34,7 +34,7 @@ def test_every_class_is_played_by_a_vehicle_of_its_own(kind: str):
 
 
 def test_a_preset_goes_to_carla_as_it_is_there():
-    given = api.sample("pinto2023-physical", 8, 1)
+    given = api.sample("pinto2023-physical", num_simulations=8, seed=1)
     for row in range(8):
         one = given.select(slice(row, row + 1))
         base = list(weather_presets().values())[int(one.weather.preset[0])].carla_fields()

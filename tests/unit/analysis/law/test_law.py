@@ -27,7 +27,7 @@ POLICY = {one.name: one for one in policies_for("pt")}
 
 @pytest.fixture(scope="module")
 def run():
-    return api.simulate(api.sample("motorway", COUNT, 1))
+    return api.simulate(api.sample("motorway", num_simulations=COUNT, seed=1))
 
 
 def said_by(run, pack, chosen):
@@ -98,7 +98,7 @@ def test_two_laws_part_where_their_classes_do(run):
 
 
 def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
-    data = api.generate_dataset("motorway", 40, 1, tmp_path / "data")
+    data = api.generate_dataset("motorway", num_simulations=40, seed=1, out=tmp_path / "data")
     before, picture = data.content_hash, tmp_path / "law.png"
     line = ["law", "curve", str(data.path), "--law", "de", "--plot", str(picture), "--json"]
     assert main(line) == 0
@@ -112,7 +112,10 @@ def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
 
 
 def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsys):
-    data, out = api.generate_dataset("motorway", 30, 1, tmp_path / "data"), tmp_path / "de.parquet"
+    data, out = (
+        api.generate_dataset("motorway", num_simulations=30, seed=1, out=tmp_path / "data"),
+        tmp_path / "de.parquet",
+    )
     before = data.content_hash
     line = ["label", str(data.path), "--law", "de", "--policies", "serious,enforced"]
     assert main([*line, "--out", str(out), "--json"]) == 0
@@ -128,6 +131,6 @@ def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsy
 
 
 def test_a_policy_that_a_law_lacks_is_refused(tmp_path):
-    data = api.generate_dataset("motorway", 2, 1, tmp_path / "data")
+    data = api.generate_dataset("motorway", num_simulations=2, seed=1, out=tmp_path / "data")
     with pytest.raises(ConfigError, match="expected paper or default or strict"):
         api.tolerance_curve(data.path, policy="lenient")

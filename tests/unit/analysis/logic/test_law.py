@@ -140,7 +140,7 @@ def test_a_german_condition_that_is_changed_is_noticed(code: str, old: str, new:
 
 @pytest.mark.parametrize(("profile", "number"), [("pinto2023-physical", 120), ("motorway", 30)])
 def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: int):
-    case = case_of(simulate(sample(profile, number, seed=23)))
+    case = case_of(simulate(sample(profile, num_simulations=number, seed=23)))
     with lawyer("de") as reasoner:
         said = judged(reasoner, group_of(case), "de")
     findings = check(GERMANY, case)
@@ -155,7 +155,7 @@ def test_both_say_the_same_of_simulations_by_german_law(profile: str, number: in
     ("profile", "number"), [("pinto2023-physical", 176), ("motorway-risk", 24)]
 )
 def test_both_say_the_same_of_simulations(profile: str, number: int):
-    case = case_of(simulate(sample(profile, number, seed=23)))
+    case = case_of(simulate(sample(profile, num_simulations=number, seed=23)))
     with lawyer() as reasoner:
         said = judged(reasoner, group_of(case))
     findings = check(PORTUGAL, case)

@@ -36,7 +36,7 @@ SEED = 5
 
 @pytest.fixture(scope="module")
 def found() -> Reproduction:
-    return ot.reproduce_study("pinto2023", 2, SEED)
+    return ot.reproduce_study("pinto2023", num_replicates=2, seed=SEED)
 
 
 def named(found: Reproduction, name: str) -> Comparison:
@@ -57,7 +57,9 @@ def test_every_number_of_the_paper_is_there(found: Reproduction):
 
 def test_replicates_are_the_simulations_of_the_profile_in_order(found: Reproduction):
     for number in range(2):
-        batch = ot.sample("pinto2023", SIZE, SEED, first=number * SIZE)
+        batch = ot.sample(
+            "pinto2023", num_simulations=SIZE, seed=SEED, first_scenario=number * SIZE
+        )
         classes = ot.label(ot.simulate(batch)).labels.classes[:, 0]
         for kind in OvertakeClass:
             name = f"count_{kind.title.lower()}"
@@ -66,13 +68,13 @@ def test_replicates_are_the_simulations_of_the_profile_in_order(found: Reproduct
 
 
 def test_a_replicate_is_the_same_whatever_follows(found: Reproduction):
-    alone = ot.reproduce_study("pinto2023", 1, SEED)
+    alone = ot.reproduce_study("pinto2023", num_replicates=1, seed=SEED)
     for one, other in zip(alone.comparisons, found.comparisons, strict=True):
         assert one.replicates[0] == pytest.approx(other.replicates[0], nan_ok=True)
 
 
 def test_speeds_stand_in_the_unit_of_the_paper(found: Reproduction):
-    batch = ot.sample("pinto2023", SIZE, SEED)
+    batch = ot.sample("pinto2023", num_simulations=SIZE, seed=SEED)
     said = ot.label(ot.simulate(batch))
     illegal = said.labels.classes[:, 0] == OvertakeClass.SUCCESS_I
     mean = 3.6 * said.paper.ego_speed[illegal].astype(np.float64).mean()
@@ -116,20 +118,20 @@ def test_presets_give_the_correlations_that_they_must(found: Reproduction):
     ("arguments", "what"),
     [
         ({"study": "another"}, "study"),
-        ({"replicates": 0}, "replicates"),
-        ({"replicates": 10**9}, "replicates"),
+        ({"num_replicates": 0}, "num_replicates"),
+        ({"num_replicates": 10**9}, "num_replicates"),
         ({"seed": int(calibration().seeds[0])}, "seed"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(arguments: dict[str, object], what: str):
-    given = {"study": "pinto2023", "replicates": 1, **arguments}
+    given = {"study": "pinto2023", "num_replicates": 1, **arguments}
     with pytest.raises(ConfigError, match=what) as caught:
         ot.reproduce_study(**given)  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
 
 
 def test_other_parameters_than_the_frozen_ones_are_said_to_be_other():
-    changed = ot.reproduce_study("pinto2023", 1, overrides={"time.horizon_s": 9.0})
+    changed = ot.reproduce_study("pinto2023", num_replicates=1, overrides={"time.horizon_s": 9.0})
     assert not changed.is_frozen
     assert any("not those that were fitted" in text for text in words.warnings(changed))
 
@@ -217,7 +219,15 @@ def test_the_text_says_what_the_label_hides(found: Reproduction):
 
 def test_the_command_prints_the_same_as_json(found: Reproduction, tmp_path: Path):
     command = [sys.executable, "-m", "overtaking", "reproduce", "pinto2023", "--json"]
-    more = ["--replicates", "2", "--seed", str(SEED), "--out", str(tmp_path / "page"), "--quiet"]
+    more = [
+        "--num-replicates",
+        "2",
+        "--seed",
+        str(SEED),
+        "--out",
+        str(tmp_path / "page"),
+        "--quiet",
+    ]
     done = subprocess.run([*command, *more], capture_output=True, text=True, check=True)
     values = json.loads(done.stdout)
     assert done.stderr == ""
@@ -233,7 +243,7 @@ from pathlib import Path
 found = util.find_spec
 util.find_spec = lambda name, *rest: None if name == "matplotlib" else found(name, *rest)
 import overtaking as ot
-made = ot.write_reproduction(ot.reproduce_study("pinto2023", 1), Path(sys.argv[1]))
+made = ot.write_reproduction(ot.reproduce_study("pinto2023", num_replicates=1), Path(sys.argv[1]))
 print(len(made.figures), *made.remarks, sep="|")
 """
 

@@ -38,7 +38,9 @@ STARTS = (
 def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     """A few simulations in hard rain."""
     place = tmp_path_factory.mktemp("whatif") / "data"
-    return ot.generate_dataset("pinto2023-physical", 16, 7, place, overrides=WET)
+    return ot.generate_dataset(
+        "pinto2023-physical", num_simulations=16, seed=7, out=place, overrides=WET
+    )
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +66,9 @@ def test_direct_and_total_effects_differ_in_the_start(data: ot.Dataset, begun: i
     assert (direct.effect, total.effect) == ("direct", "total")
     was = data[begun].states.s[0, :, 0]
     np.testing.assert_array_equal(direct.told[1].run.states.s[0, : len(was), 0], was)
-    whole = ot.sample("pinto2023-physical", 1, 7, first=begun, overrides=WET)
+    whole = ot.sample(
+        "pinto2023-physical", num_simulations=1, seed=7, first_scenario=begun, overrides=WET
+    )
     drawn = total.told[1].run.scenario
     slots = whole.num_slots
     # The same people and bodies were drawn; where they start may differ.
@@ -106,7 +110,9 @@ def test_a_careful_driver_has_the_traits_of_a_careful_temper(data: ot.Dataset, b
     assert branched is not None
     (change,) = branched.changes
     careful = WET | {"drivers.temper": [0.0, 0.0]}
-    drivers = ot.sample("pinto2023-physical", 1, 7, first=begun, overrides=careful).drivers
+    drivers = ot.sample(
+        "pinto2023-physical", num_simulations=1, seed=7, first_scenario=begun, overrides=careful
+    ).drivers
     assert set(change.traits) == set(drivers.__slots__)
     for name, value in change.traits.items():
         assert value == getattr(drivers, name)[0, 0]
@@ -289,7 +295,13 @@ def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
 def test_who_knows_what_a_pass_takes_would_not_have_collided(data: ot.Dataset):
     scenes = json.loads((GOLDEN / "trace_hashes.json").read_text(encoding="utf-8"))
     one = next(scene for scene in scenes if scene["name"] == "rural-head-on-collision")
-    drawn = ot.sample("rural", 1, one["seed"], first=one["index"], overrides=one["overrides"])
+    drawn = ot.sample(
+        "rural",
+        num_simulations=1,
+        seed=one["seed"],
+        first_scenario=one["index"],
+        overrides=one["overrides"],
+    )
     scene = Scene(data=data, number=0, run=ot.simulate(drawn))
     found = {each.name: each for each in enough_of(scene, goal="safe").found}
     least = found["ego: time believed for a pass, over what it takes"].least
@@ -313,7 +325,9 @@ def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
         return np.zeros((len(seen.active), 2))
 
     driver = ot.Driver(policy=patient, observe="truth")
-    data = ot.generate_dataset("pinto2023-physical", 1, 1, tmp_path / "driven", driver=driver)
+    data = ot.generate_dataset(
+        "pinto2023-physical", num_simulations=1, seed=1, out=tmp_path / "driven", driver=driver
+    )
     with pytest.raises(ConfigError, match="expected simulations of this package's drivers"):
         ot.whatif.counterfactual(data, 0, stay=True)
 

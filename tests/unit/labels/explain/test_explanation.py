@@ -25,7 +25,9 @@ FAR, NEAR = 60.0, 10.0
 @pytest.fixture(scope="module")
 def labelled() -> LabelledTrajectories:
     """Enough simulations for most rules to be broken in some."""
-    return api.label(api.simulate(api.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
+    return api.label(
+        api.simulate(api.sample("pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1))
+    )
 
 
 def test_each_rule_is_broken_or_doubtful_or_kept_or_inapplicable_as_found(labelled):

@@ -24,7 +24,7 @@ from overtaking.model.verdicts import Verdict
     ],
 )
 def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
-    runs = ot.simulate(ot.sample("pinto2023-physical", 64, seed=5))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=64, seed=5))
     labelled = label(runs, pack=pack, policies=policies_for(pack.name))
     num_checked = dict.fromkeys(codes, 0)
     for number in range(64):

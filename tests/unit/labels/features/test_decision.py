@@ -71,7 +71,7 @@ def known_until(one: Case, frame: np.ndarray) -> Case:
 
 @pytest.fixture(scope="module")
 def simulated() -> Case:
-    return case_of(api.simulate(api.sample("pinto2023-physical", 96, 3)))
+    return case_of(api.simulate(api.sample("pinto2023-physical", num_simulations=96, seed=3)))
 
 
 def test_nothing_in_them_is_later_than_the_decision(simulated):

@@ -115,7 +115,7 @@ def test_the_stand_in_for_an_attempt_lies_within_the_time_of_following():
     [("pinto2023", 7.5), pytest.param("motorway", 45.0, marks=pytest.mark.ci)],
 )
 def test_the_stand_in_comes_as_late_as_the_attempts_of_the_profile(profile: str, seconds: float):
-    found = label(simulate(sample(profile, 400, seed=3)))
+    found = label(simulate(sample(profile, num_simulations=400, seed=3)))
     attempted, waited = found.events.has_attempt, found.matched.waiting_time
     early, late = np.quantile(waited[attempted], [0.25, 0.75])
     followed = found.events.last - found.events.follow >= seconds / 0.05

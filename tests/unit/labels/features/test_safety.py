@@ -143,7 +143,7 @@ def test_looming_is_the_growth_of_the_angle():
 
 @pytest.fixture(scope="module")
 def simulated():
-    return label(api.simulate(api.sample("pinto2023-physical", 64, 11)))
+    return label(api.simulate(api.sample("pinto2023-physical", num_simulations=64, seed=11)))
 
 
 def test_the_worst_is_the_worst_of_every_frame(simulated):

@@ -153,14 +153,14 @@ def test_larger_errors_never_decide_more():
 
 @pytest.mark.ci
 def test_the_public_functions_take_errors_and_the_version_names_them(tmp_path, capsys):
-    run = ot.simulate(ot.sample("pinto2023", 20, seed=3))
+    run = ot.simulate(ot.sample("pinto2023", num_simulations=20, seed=3))
     exact, doubtful = ot.label(run), ot.label(run, position_error=0.5, speed_error=0.2)
     assert doubtful.findings.version == f"{exact.findings.version}+-0.5m+-0.2mps"
     undecidable = [(one.findings.verdict == Verdict.UNDECIDABLE).sum() for one in (exact, doubtful)]
     assert undecidable[1] > undecidable[0]
     with pytest.raises(ConfigError, match="position_error"):
         ot.label(run, position_error=-1.0)
-    data = ot.generate_dataset("pinto2023", 20, 3, tmp_path / "data")
+    data = ot.generate_dataset("pinto2023", num_simulations=20, seed=3, out=tmp_path / "data")
     again = ot.relabel_dataset(data.path, position_error=0.5, speed_error=0.2)
     assert set(again.labels()["rule_set"].astype(str)) == {doubtful.findings.version}
     found = again.findings().query("verdict == 'undecidable'")

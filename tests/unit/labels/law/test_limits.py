@@ -153,13 +153,15 @@ def test_logic_and_python_say_the_same_of_simulations_on_roads_with_lower_limits
     np.testing.assert_array_equal(said.verdict, findings.verdict[:, place])
     is_illegal = said.verdict == Verdict.ILLEGAL
     np.testing.assert_array_equal(said.first[is_illegal], findings.first[:, place][is_illegal])
-    legal_elsewhere = judge(L12, case_of(simulate(sample(profile, 40, seed=23)))).verdict
+    legal_elsewhere = judge(
+        L12, case_of(simulate(sample(profile, num_simulations=40, seed=23)))
+    ).verdict
     differs = said.verdict[:, CODES.index("L12")] != legal_elsewhere
     assert 0 < differs.sum() < len(differs)
 
 
 def simulate_on(profile: str, road):
     """Simulations of a profile as if they had been recorded on another road of the same shape."""
-    runs = simulate(sample(profile, 40, seed=23))
+    runs = simulate(sample(profile, num_simulations=40, seed=23))
     scenario = runs.scenario.replace(road=road)
     return case_of(runs.replace(scenario=scenario))

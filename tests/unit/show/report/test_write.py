@@ -139,7 +139,7 @@ def test_a_simulation_that_cannot_be_had_is_named(undrawn: None, tmp_path: Path)
 
 
 def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path: Path):
-    labelled = label(simulate(sample("motorway", 12, 1)))
+    labelled = label(simulate(sample("motorway", num_simulations=12, seed=1)))
     illegal = int(np.flatnonzero(labelled.findings.verdict[:, 2] == Verdict.ILLEGAL)[0])
     one = labelled.select(np.array([illegal]))
     report = write_report(
@@ -156,7 +156,7 @@ def test_an_example_is_told_by_the_rules_that_it_breaks(undrawn: None, tmp_path:
 
 
 def test_examples_run_in_a_page_beside_the_report(undrawn: None, tmp_path: Path):
-    one = label(simulate(sample("pinto2023-physical", 1, 1)))
+    one = label(simulate(sample("pinto2023-physical", num_simulations=1, seed=1)))
     frame = synthetic_features(12)
     text = write_report(
         frame, tmp_path, title="x", example=lambda _: one, policy="paper"

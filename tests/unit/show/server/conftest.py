@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Without frames: what is shown is simulated again."""
     folder = tmp_path_factory.mktemp("server") / "data"
-    return ot.generate_dataset("pinto2023-physical", 60, 1, folder, keep="features")
+    return ot.generate_dataset(
+        "pinto2023-physical", num_simulations=60, seed=1, out=folder, keep="features"
+    )
 
 
 @pytest.fixture(scope="module")

@@ -226,7 +226,9 @@ def test_nothing_is_written_into_the_data_set(client: Client, data: Dataset):
 
 @pytest.mark.ci
 def test_a_damaged_data_set_says_so_in_the_list(tmp_path: Path):
-    data = ot.generate_dataset("pinto2023-physical", 4, 1, tmp_path / "data", keep="features")
+    data = ot.generate_dataset(
+        "pinto2023-physical", num_simulations=4, seed=1, out=tmp_path / "data", keep="features"
+    )
     file = next((tmp_path / "data" / "findings").iterdir())
     file.write_bytes(file.read_bytes()[:-40])
     with serving(ot.load_dataset(data.where)) as url:

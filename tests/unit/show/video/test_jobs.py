@@ -22,7 +22,9 @@ from overtaking.show.video.produce import produce
 def data(request, tmp_path_factory):
     """Data sets with and without what has a row per frame."""
     folder = tmp_path_factory.mktemp("data") / request.param
-    return api.generate_dataset("pinto2023-physical", 24, 1, folder, keep=request.param)
+    return api.generate_dataset(
+        "pinto2023-physical", num_simulations=24, seed=1, out=folder, keep=request.param
+    )
 
 
 def test_one_film_for_each_class_the_first_of_it(data):
@@ -34,7 +36,7 @@ def test_one_film_for_each_class_the_first_of_it(data):
 
 
 def test_a_class_is_shown_by_its_first_simulation_that_lasts_long_enough():
-    batch = api.label(api.simulate(api.sample("pinto2023-physical", 24, 1)))
+    batch = api.label(api.simulate(api.sample("pinto2023-physical", num_simulations=24, seed=1)))
     classes = batch.labels.classes[:, 0]
     numbers = np.flatnonzero(classes == OvertakeClass.SUCCESS_I)
     trajectories = batch.trajectories
@@ -138,7 +140,9 @@ SHORT = {"time.horizon_s": 2, "time.attempt_deadline_s": 2}
 
 @pytest.fixture(scope="module")
 def runs():
-    return api.simulate(api.sample("pinto2023-physical", 3, 1, overrides=SHORT))
+    return api.simulate(
+        api.sample("pinto2023-physical", num_simulations=3, seed=1, overrides=SHORT)
+    )
 
 
 def test_trajectories_are_labelled_and_filmed(runs, tmp_path):

@@ -44,7 +44,9 @@ NUM_SIMULATIONS = 24
 
 @pytest.fixture(scope="module")
 def labelled() -> LabelledTrajectories:
-    return ot.label(ot.simulate(ot.sample("pinto2023-physical", NUM_SIMULATIONS, 1)))
+    return ot.label(
+        ot.simulate(ot.sample("pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1))
+    )
 
 
 @pytest.fixture(scope="module")
