@@ -26,7 +26,8 @@ def counted(paths: list[Path], *, smooth: bool, position: float, speed: float) -
         found = read_recording("commonroad", path, options).scenes
         run = found.trajectories(range(len(found)))
         dry = run.replace(unknown=run.unknown - {"weather"})
-        said = ot.label(dry, position_error=position, speed_error=speed).findings
+        errors = ot.MeasurementErrors(position_std=position, speed_std=speed)
+        said = ot.label(dry, errors=errors).findings
         for place, rule in enumerate(said.rules):
             counts.update(f"{rule} {Verdict(one).name}" for one in said.verdict[:, place])
     return counts

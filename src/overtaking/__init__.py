@@ -50,6 +50,7 @@ Objects:
     Observation             what a driver observes
     Sensor                  the numbers of a sensor, for a driver that does not see like a human
     Move                    a decision that a driver may answer
+    MeasurementErrors       standard deviations of recorded positions and speeds, for label
     OvertakingError         the base of all errors
     RecordingWarning        a warning about a recording that was read
 
@@ -76,6 +77,7 @@ _HOMES = {
     "DriverTraits": "overtaking.model.vehicles",
     "LabelledTrajectories": "overtaking.labels.label",
     "Lane": "overtaking.model.road",
+    "MeasurementErrors": "overtaking.labels.law.measurement_errors",
     "Move": "overtaking.model.driver_interface",
     "Observation": "overtaking.sim.observation",
     "OvertakingError": "overtaking.core.errors",

@@ -34,6 +34,7 @@ from overtaking.core.errors import RecordingWarning as RecordingWarning
 from overtaking.data.balance import ClassBalance as ClassBalance
 from overtaking.data.load import Dataset as Dataset
 from overtaking.labels.label import LabelledTrajectories as LabelledTrajectories
+from overtaking.labels.law.measurement_errors import MeasurementErrors as MeasurementErrors
 from overtaking.model.driver_interface import Move as Move
 from overtaking.model.road import Lane as Lane
 from overtaking.model.road import Road as Road

@@ -74,7 +74,9 @@ def test_a_pack_judges_simulations_and_data_sets_alike_and_writes_nothing(page, 
 def test_a_pack_has_errors_of_its_own(page):
     run = ot.simulate(ot.sample("pinto2023", num_simulations=30, seed=1))
     exact = ot.label(run, law="two_rules:PACK").findings
-    doubtful = ot.label(run, law="two_rules:PACK", speed_error=1.0).findings
+    doubtful = ot.label(
+        run, law="two_rules:PACK", errors=ot.MeasurementErrors(speed_std=1.0)
+    ).findings
     near = (np.abs(exact.margin[:, 1]) < 2.0) & (exact.verdict[:, 1] != Verdict.NOT_APPLICABLE)
     assert near.any()
     assert np.array_equal(doubtful.verdict[:, 1] == Verdict.UNDECIDABLE, near)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
 from overtaking.api.driving import driven_by, record_of
 from overtaking.api.rules import load_pack
-from overtaking.api.simulating import MOST_ERROR, errors_of, label
+from overtaking.api.simulating import label
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data import generate as writing
@@ -24,8 +24,7 @@ from overtaking.data.manifest import read_manifest
 from overtaking.data.recipe import Keep, Recipe
 from overtaking.data.verdicts import written
 from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.law import Pack
-from overtaking.model.batch import FieldSpec
+from overtaking.labels.law import MeasurementErrors, Pack
 from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road
 from overtaking.scenarios import profiles, sampler
@@ -218,17 +217,14 @@ def load_dataset(path: str | Path | Dataset) -> Dataset:
 def relabel_dataset(
     data: str | Path,
     *,
-    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> Dataset:
     """Write the labels of a data set again, by the rules of this version.
 
     Args:
         data: Folder of the data set.
-        position_error: Standard deviation of recorded positions, as in `label` [m]. The column
-            `rule_set` names it.
-        speed_error: Of recorded speeds [m/s].
+        errors: As in `label`. The column `rule_set` names the standard deviations.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
@@ -237,7 +233,6 @@ def relabel_dataset(
     """
     from overtaking.data.relabel import relabel as written_anew
 
-    errors = errors_of(position_error, speed_error)
     return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress, errors)
 
 
@@ -248,8 +243,7 @@ def judged(
     *,
     policies: Sequence[str] | None = None,
     out: str | Path | None = None,
-    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
     """Judge a data set by another law or other policies; nothing in it changes.
@@ -259,8 +253,7 @@ def judged(
         law: A pack of rules, or the text that `rules.load_pack` takes.
         policies: As in `label`.
         out: A Parquet file of the verdicts, written as the batches are taken; None for none.
-        position_error: As in `label` [m].
-        speed_error: As in `label` [m/s].
+        errors: As in `label`.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
@@ -271,12 +264,11 @@ def judged(
         DatasetError: The data set is not complete, or damaged.
     """
     source, pack = load_dataset(data), load_pack(law)
-    errors = {"position_error": position_error, "speed_error": speed_error}
 
     def batches() -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
         done = 0
         for numbers, run in source.batches():
-            yield numbers, label(run, law=pack, policies=policies, **errors)
+            yield numbers, label(run, law=pack, policies=policies, errors=errors)
             done += len(numbers)
             if progress is not None:
                 progress(done, len(source))

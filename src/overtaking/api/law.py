@@ -2,18 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from overtaking.api.data import load_dataset
 from overtaking.api.rules import load_pack, policies_for
-from overtaking.api.simulating import MOST_ERROR, errors_of
 from overtaking.core.errors import check_choice
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.labels.explain.explanation import case_of
 from overtaking.labels.label import label
 from overtaking.labels.law import MeasurementErrors, Pack, Policy, choose_policy
-from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments
 
 if TYPE_CHECKING:
@@ -30,8 +28,7 @@ def tolerance_curve(
     *,
     law: str = LAWS[0],
     policy: str | None = None,
-    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> "Curve":
     """Count the completed overtakes that are legal as tolerances grow; nothing is written.
@@ -40,8 +37,7 @@ def tolerance_curve(
         data: Folder of a data set, or its URL.
         law: What `rules.load_pack` takes.
         policy: Name of a policy of the law; None for the default of the profile.
-        position_error: As in `label` [m].
-        speed_error: As in `label` [m/s].
+        errors: As in `label`.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
@@ -52,7 +48,6 @@ def tolerance_curve(
 
     pack, source = load_pack(law), load_dataset(data)
     (law_policy,) = policies_for(pack, [choose_policy(policy, source.profile)])
-    errors = errors_of(position_error, speed_error)
     judged = _judged(source, [pack], [[law_policy]], errors, progress)
     return curve(((verdicts[0], case) for _, case, verdicts in judged), pack, law_policy)
 
@@ -63,8 +58,7 @@ def compare(
     laws: Sequence[str] = LAWS,
     *,
     policies: Sequence[str] = ("paper", "default", "strict", "serious", "enforced"),
-    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
 ) -> dict[str, Any]:
     """Judge the same overtakes by several laws and find where they differ; nothing is written.
@@ -73,8 +67,7 @@ def compare(
         data: Folder of a data set, or its URL.
         laws: What `rules.load_pack` takes, for each law.
         policies: Names of policies that every law has.
-        position_error: As in `label` [m].
-        speed_error: As in `label` [m/s].
+        errors: As in `label`.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
@@ -85,7 +78,6 @@ def compare(
 
     packs = [load_pack(one) for one in laws]
     chosen = [policies_for(pack, policies) for pack in packs]
-    errors = errors_of(position_error, speed_error)
     return compared(_judged(load_dataset(data), packs, chosen, errors, progress), packs, chosen)
 
 
@@ -117,8 +109,7 @@ def explain(
     law: str = LAWS[0],
     policies: Sequence[str] | None = None,
     rules: Sequence[str] | None = None,
-    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    errors: MeasurementErrors | None = None,
 ) -> list[dict[str, Any]]:
     """Explain each verdict on one simulation in a paragraph.
 
@@ -128,8 +119,7 @@ def explain(
         law: What `rules.load_pack` takes.
         policies: As in `label`.
         rules: Codes of the rules to tell of; None for all.
-        position_error: As in `label` [m].
-        speed_error: As in `label` [m/s].
+        errors: As in `label`.
 
     Returns:
         What `show.paragraphs.paragraphs` returns.
@@ -144,7 +134,6 @@ def explain(
     for code in rules or ():
         check_choice(code, pack.codes, what="rule", where=pack.name)
     chosen = policies_for(pack, policies)
-    errors = errors_of(position_error, speed_error)
     run = load_dataset(data).trajectory(simulation)
     labelled = label(run, pack=pack, policies=chosen, errors=errors)
     told = paragraphs(labelled, simulation, pack, chosen)

@@ -36,9 +36,6 @@ from overtaking.sim.branch import changed
 from overtaking.simulators.comparison import Comparison
 from overtaking.world.constants import STEP_MS
 
-MOST_ERROR = 100.0
-"""Largest standard deviation of what was measured [m] and [m/s]."""
-
 BYTES_PER_LABELLED_FRAME = 64
 """Memory of the signals of a frame, measured with 400 simulations of `motorway` [bytes]."""
 
@@ -148,8 +145,7 @@ def branch(
 def label(
     runs: Trajectories,
     *,
-    position_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
-    speed_error: Annotated[float, FieldSpec(low=0.0, high=MOST_ERROR)] = 0.0,
+    errors: MeasurementErrors | None = None,
     law: str | Pack = PORTUGAL,
     policies: Sequence[str] | None = None,
 ) -> LabelledTrajectories:
@@ -157,9 +153,8 @@ def label(
 
     Args:
         runs: A batch from `simulate`, `branch` or any other source.
-        position_error: Standard deviation of recorded positions, 0 to `MOST_ERROR` [m]. A rule is
-            undecidable where its margin is less than two standard errors.
-        speed_error: Of recorded speeds, 0 to `MOST_ERROR` [m/s].
+        errors: Standard deviations of recorded positions and speeds; None for a recording without
+            errors. A rule is undecidable where its margin is less than two standard errors.
         law: A pack of rules, or the text that `rules.load_pack` takes.
         policies: Names of its policies; None for those that data sets store.
 
@@ -173,15 +168,7 @@ def label(
     """
     check_memory(BYTES_PER_LABELLED_FRAME * runs.stage.size, "label", "label fewer at a time")
     pack = load_pack(law)
-    errors = errors_of(position_error, speed_error)
     return labelled(runs, pack=pack, policies=policies_for(pack, policies), errors=errors)
-
-
-def errors_of(position_error: float, speed_error: float) -> MeasurementErrors | None:
-    """Errors of measurement, None if both are 0."""
-    if not (position_error or speed_error):
-        return None
-    return MeasurementErrors(position_std=position_error, speed_std=speed_error)
 
 
 def undecidable_rules(unknown: Iterable[str]) -> dict[str, list[str]]:

@@ -107,8 +107,7 @@ def show(
     output: Output,
     data: options.Data,
     simulation: options.Number,
-    position_error: options.PositionError = None,
-    speed_error: options.SpeedError = None,
+    error_options: options.MeasurementErrorOptions,
 ) -> None:
     """Show one simulation in the terminal: events, beliefs, law.
 
@@ -118,8 +117,8 @@ def show(
     from overtaking.cli import arguments, show
     from overtaking.show import description
 
-    errors = arguments.given(position_error=position_error, speed_error=speed_error)
-    labelled = api.label(api.load_dataset(data).trajectory(simulation), **errors)
+    errors = arguments.measurement_errors(error_options)
+    labelled = api.label(api.load_dataset(data).trajectory(simulation), errors=errors)
     values = description.describe(labelled, simulation)
     output.result(values, lambda console: show.render(labelled.trajectories, values, console))
 
@@ -210,7 +209,7 @@ COMMANDS: dict[options.Body, str] = {
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",
-    labelling.label: "overtaking label data/scene --position-error 0.5",
+    labelling.label: "overtaking label data/scene --position-std 0.5",
     export: "overtaking export data/pinto --format pinto2023 --out table.csv",
     stats.stats: "overtaking stats data/pinto --format latex",
     stats.report: "overtaking report data/pinto",

@@ -15,7 +15,8 @@ from overtaking.core.units import kmh_from_mps, mps_from_kmh
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking.cli.options import Chosen, RoadChoice
+    from overtaking.cli.options import Chosen, MeasurementErrorOptions, RoadChoice
+    from overtaking.labels.law import MeasurementErrors
     from overtaking.model.road import Road
     from overtaking.recordings.opendrive_lanes import Side
 
@@ -41,6 +42,20 @@ def limit_threads(threads: int | None) -> None:
 def given(**arguments: Any) -> dict[str, Any]:
     """The arguments that the user gave, without those that were left out."""
     return {name: value for name, value in arguments.items() if value not in (None, {})}
+
+
+def measurement_errors(choice: MeasurementErrorOptions) -> MeasurementErrors | None:
+    """The errors of measurement that the user gave, None without any.
+
+    Raises:
+        ConfigError: A standard deviation is out of its range.
+    """
+    deviations = given(position_std=choice.position_std, speed_std=choice.speed_std)
+    if not deviations:
+        return None
+    from overtaking.labels.law import MeasurementErrors
+
+    return MeasurementErrors(**deviations)
 
 
 def overrides(

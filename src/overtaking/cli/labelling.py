@@ -29,8 +29,7 @@ Out = Annotated[
 def label(
     output: Output,
     data: options.Data,
-    position_error: options.PositionError = None,
-    speed_error: options.SpeedError = None,
+    error_options: options.MeasurementErrorOptions,
     law: options.OpenLaw = None,
     policies: options.OpenPolicies = None,
     out: Out = None,
@@ -42,16 +41,16 @@ def label(
     from overtaking import api
     from overtaking.cli import arguments
 
-    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    errors = arguments.measurement_errors(error_options)
     if law is not None or policies is not None or out is not None:
         named = None if policies is None else [one.strip() for one in policies.split(",")]
-        chosen = arguments.given(policies=named, out=out) | given
+        chosen = arguments.given(policies=named, out=out, errors=errors)
         with output.progress("simulations") as meter:
             batches = api.judged(data, law or "pt", progress=meter, **chosen)
             judged = of_batches(data, batches) | output.duration
         return output.result(judged, lambda _: render(judged))
     with output.progress("simulations") as meter:
-        labelled = api.relabel_dataset(data, progress=meter, **given)
+        labelled = api.relabel_dataset(data, errors=errors, progress=meter)
     values = of_labels(labelled) | output.duration
     output.wrote(values, lambda _: render(values))
 

@@ -17,11 +17,10 @@ Rules = Annotated[
 def curve(
     output: Output,
     data: options.Data,
+    error_options: options.MeasurementErrorOptions,
     law: options.Law = "pt",
     policy: options.Policy = None,
     plot: options.Plot = None,
-    position_error: options.PositionError = None,
-    speed_error: options.SpeedError = None,
 ) -> None:
     """Count legal overtakes as tolerances are relaxed.
 
@@ -31,9 +30,9 @@ def curve(
     from overtaking.cli import arguments
 
     figure = arguments.figure_file(plot)
-    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    errors = arguments.measurement_errors(error_options)
     with output.progress("simulations") as meter:
-        found = api.tolerance_curve(data, law=law, policy=policy, progress=meter, **given)
+        found = api.tolerance_curve(data, law=law, policy=policy, progress=meter, errors=errors)
     if figure is not None:
         api.plot(found, out=figure)
     values = found.values()
@@ -43,10 +42,9 @@ def curve(
 def compare(
     output: Output,
     data: options.Data,
+    error_options: options.MeasurementErrorOptions,
     law: options.Law = "pt,de",
     policies: options.Policies = "paper,default,strict,serious,enforced",
-    position_error: options.PositionError = None,
-    speed_error: options.SpeedError = None,
 ) -> None:
     """Judge a data set by several laws and show where they differ.
 
@@ -55,10 +53,10 @@ def compare(
     from overtaking import api
     from overtaking.cli import arguments
 
-    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    errors = arguments.measurement_errors(error_options)
     laws, chosen = ([one.strip() for one in text.split(",")] for text in (law, policies))
     with output.progress("simulations") as meter:
-        values = api.compare(data, laws, policies=chosen, progress=meter, **given)
+        values = api.compare(data, laws, policies=chosen, progress=meter, errors=errors)
     output.result(values, lambda _: render_comparison(values))
 
 
@@ -66,10 +64,9 @@ def explain(
     output: Output,
     data: options.Data,
     simulation: options.Number,
+    error_options: options.MeasurementErrorOptions,
     law: options.Law = "pt",
     rules: Rules = None,
-    position_error: options.PositionError = None,
-    speed_error: options.SpeedError = None,
 ) -> None:
     """Explain each verdict on a simulation in a paragraph.
 
@@ -79,9 +76,9 @@ def explain(
     from overtaking import api
     from overtaking.cli import arguments
 
-    given = arguments.given(position_error=position_error, speed_error=speed_error)
+    errors = arguments.measurement_errors(error_options)
     codes = None if rules is None else [one.strip() for one in rules.split(",")]
-    told = api.explain(data, simulation, law=law, rules=codes, **given)
+    told = api.explain(data, simulation, law=law, rules=codes, errors=errors)
     output.result({"verdicts": told}, lambda _: render_paragraphs(told))
 
 

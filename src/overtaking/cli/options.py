@@ -62,18 +62,27 @@ Data = Annotated[
 ]
 Number = Annotated[int, typer.Argument(metavar="N", help="Number of the simulation, from 0.")]
 
-PositionError = Annotated[
+PositionStd = Annotated[
     float | None,
     option(
-        "--position-error M",
+        "--position-std M",
         "Standard deviation of recorded positions [m]. A margin of less than two standard errors "
         "is undecidable.  [default: 0]",
     ),
 ]
-SpeedError = Annotated[
+SpeedStd = Annotated[
     float | None,
-    option("--speed-error MPS", "Standard deviation of recorded speeds [m/s].  [default: 0]"),
+    option("--speed-std MPS", "Standard deviation of recorded speeds [m/s].  [default: 0]"),
 ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasurementErrorOptions:
+    """The options for errors of measurement."""
+
+    position_std: PositionStd = None
+    speed_std: SpeedStd = None
+
 
 OUT = "Where to write."
 PORT = "Port to listen on."

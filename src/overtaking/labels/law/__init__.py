@@ -1,6 +1,7 @@
 """Rules of law: what each says of each simulation, and which of them a policy requires."""
 
 from overtaking.labels.law.germany import GERMANY
+from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.policies import (
     POLICIES,
     Legality,
@@ -16,7 +17,6 @@ from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import (
     Finding,
     Grade,
-    MeasurementErrors,
     Pack,
     Rule,
     Text,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, U8, Mask
 from overtaking.knowledge import toml_reader
+from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.vehicles import VehicleKind, may_be_kind
 from overtaking.model.verdicts import Belief, Case, Finding, Findings, Severity, Verdict
@@ -39,26 +40,6 @@ class Grade(Enum):
     LIGHT = "light"
     SERIOUS = "serious"
     BY_BREACH = "as the breach is, see the rule"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasurementErrors:
-    """Standard deviations of what was measured.
-
-    The errors of a vehicle are the same in all frames of a simulation, and independent of those of
-    other vehicles. Those along the road, across it and of the speed are independent, too.
-
-    Attributes:
-        position: Of a position, along the road and across it [m].
-        speed: [m/s].
-    """
-
-    position_std: float = 0.0
-    speed_std: float = 0.0
-
-    def __str__(self) -> str:
-        """As part of the version of findings."""
-        return f"+-{self.position_std:g}m+-{self.speed_std:g}mps"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

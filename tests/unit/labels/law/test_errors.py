@@ -154,21 +154,32 @@ def test_larger_errors_never_decide_more():
 @pytest.mark.ci
 def test_the_public_functions_take_errors_and_the_version_names_them(tmp_path, capsys):
     run = ot.simulate(ot.sample("pinto2023", num_simulations=20, seed=3))
-    exact, doubtful = ot.label(run), ot.label(run, position_error=0.5, speed_error=0.2)
+    errors = ot.MeasurementErrors(position_std=0.5, speed_std=0.2)
+    exact, doubtful = ot.label(run), ot.label(run, errors=errors)
     assert doubtful.findings.version == f"{exact.findings.version}+-0.5m+-0.2mps"
     undecidable = [(one.findings.verdict == Verdict.UNDECIDABLE).sum() for one in (exact, doubtful)]
     assert undecidable[1] > undecidable[0]
-    with pytest.raises(ConfigError, match="position_error"):
-        ot.label(run, position_error=-1.0)
+    without_errors = ot.label(run, errors=ot.MeasurementErrors()).findings
+    assert without_errors.version == exact.findings.version
+    assert np.array_equal(without_errors.verdict, exact.findings.verdict)
     data = ot.generate_dataset("pinto2023", num_simulations=20, seed=3, out=tmp_path / "data")
-    again = ot.relabel_dataset(data.path, position_error=0.5, speed_error=0.2)
+    again = ot.relabel_dataset(data.path, errors=errors)
     assert set(again.labels()["rule_set"].astype(str)) == {doubtful.findings.version}
     found = again.findings().query("verdict == 'undecidable'")
     assert len(found) == undecidable[1]
     number = int(found["simulation"].iloc[0])
-    assert main(["show", str(data.path), str(number), "--position-error", "0.5"]) == 0
+    assert main(["show", str(data.path), str(number), "--position-std", "0.5"]) == 0
     assert "(its margin is within its error)" in " ".join(capsys.readouterr().out.split())
     assert (
         len(ot.relabel_dataset(data.path).findings().query("verdict == 'undecidable'"))
         == undecidable[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("position_std", -1.0), ("position_std", math.nan), ("speed_std", 100.1), ("speed_std", "1")],
+)
+def test_a_standard_deviation_out_of_its_range_is_refused(name: str, value: Any):
+    with pytest.raises(ConfigError, match=f"MeasurementErrors: {name}: expected"):
+        ot.MeasurementErrors(**{name: value})
