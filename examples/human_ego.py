@@ -14,7 +14,6 @@ import overtaking as ot
 from overtaking.core.arrays import Mask
 from overtaking.core.float32_math import exp, maximum, minimum
 from overtaking.model.driver_interface import NEIGHBOUR_ROLES
-from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.gaps import (
     View,
@@ -85,7 +84,7 @@ class HumanEgo:
 
     def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to signal to pull out: decided at looks into the mirrors, held between them."""
-        free = (seen.of("stage") == Stage.FOLLOW) & (seen.of("can_go_out") > 0)
+        free = (seen.of("stage") == ot.Stage.FOLLOW) & (seen.of("can_go_out") > 0)
         rested = seen.of("since_change") >= self.given.constants.abort_cooldown
         wants = wants_to_pass(self.given, view) & may_pull_out(self.given, view)
         if self.given.road.two_way:
@@ -115,7 +114,7 @@ class HumanEgo:
     def returns(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
         """Whether to signal to return: past the other, or stuck beside it for too long."""
         c = self.given.constants
-        passes = (seen.of("stage") == Stage.PASS) & (seen.of("can_go_back") > 0)
+        passes = (seen.of("stage") == ot.Stage.PASS) & (seen.of("can_go_back") > 0)
         stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
         rested = seen.of("since_change") >= c.abort_cooldown
         passed = seen.of("passed") > 0
@@ -133,7 +132,7 @@ class HumanEgo:
         out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
         home &= not self.given.road.two_way  # The lane of others is no place to stay.
-        danger = np.where(seen.of("stage") == Stage.PULL_OUT, out, home)
+        danger = np.where(seen.of("stage") == ot.Stage.PULL_OUT, out, home)
         return falls_in | (looks & ~view.told & danger & (seen.of("can_abort") > 0))
 
 
@@ -145,7 +144,7 @@ def main() -> None:
     same = (runs.trace_hash == ours.trace_hash).all(axis=1)
     print("100 scenes of pinto2023-physical, percepts to decisions")
     print(f"  same trace as the built-in ego: {same.sum()}")
-    print(f"  overtakes begun: {(runs.stage == Stage.PULL_OUT).any(axis=1).sum()}")
+    print(f"  overtakes begun: {(runs.stage == ot.Stage.PULL_OUT).any(axis=1).sum()}")
     assert runs.actions is not None
     print(f"  changes of what it does: {runs.actions.is_change.sum()}")
 

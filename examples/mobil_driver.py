@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 import overtaking as ot
 from overtaking.core.arrays import F32
-from overtaking.model.overtake_events import Outcome
 from overtaking.sim.reference.following import follow
 from overtaking.sim.reference.mobil import incentives, is_safe
 from overtaking.sim.reference.perception import Beliefs
@@ -65,7 +64,7 @@ def main() -> None:
     runs = ot.drive(scenes, MobilDriver(), observe="human")
     print("40 scenes of motorway     like the others  built-in")
     labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]
-    for outcome in Outcome:
+    for outcome in ot.Outcome:
         counts = [int((each.outcome == outcome).sum()) for each in labels]
         print(f"  {outcome.name.lower():<22} {counts[0]:>16} {counts[1]:>9}")
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import overtaking as ot
-from overtaking.model.overtake_events import Outcome
 
 CRUISE = 33.0  # [m/s]
 
@@ -33,7 +32,7 @@ def main() -> None:
     runs = ot.drive(scenes, patient, observe="human", action="speed_lane")
     print("200 scenes of pinto2023-physical   patient  built-in")
     labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]
-    for outcome in Outcome:
+    for outcome in ot.Outcome:
         counts = [int((each.outcome == outcome).sum()) for each in labels]
         print(f"  {outcome.name.lower():<22} {counts[0]:>8} {counts[1]:>9}")
 

@@ -10,7 +10,7 @@ it was, to the last bit.
 import numpy as np
 
 import overtaking as ot
-from overtaking.model.trajectories import NO_VEHICLE, Stage
+from overtaking.model.trajectories import NO_VEHICLE
 
 FOG_LEAD = 40  # Frames between the fog and the decision, 2 s.
 
@@ -27,7 +27,7 @@ def told(run: ot.Trajectories) -> str:
     last = int(run.num_frames[0]) - 1
     partner = run.contacts.partner[0, 0]
     if partner == NO_VEHICLE:
-        stage = Stage(int(run.stage[0, last])).name.lower().replace("_", " ")
+        stage = ot.Stage(int(run.stage[0, last])).name.lower().replace("_", " ")
         return f"no collision; {stage} at {run.time_ms[last] / 1000:.1f} s"
     speed = run.contacts.closing_speed[0, 0] * 3.6e-3
     return f"vehicle {partner} at {run.contacts.time[0, 0] / 1000:.1f} s, {speed:.0f} km/h"
@@ -50,7 +50,7 @@ def main() -> None:
     for number in found:
         only = slice(number, number + 1)
         scene, run = scenarios.select(only), runs.select(only)
-        pull_out = int(np.flatnonzero(run.stage[0] == Stage.PULL_OUT)[0])
+        pull_out = int(np.flatnonzero(run.stage[0] == ot.Stage.PULL_OUT)[0])
         stayed = ot.branch(scene, pull_out, decision=ot.ForcedDecision.STAY)
         assert (stayed.states.s[:, :, :pull_out] == run.states.s[:, :, :pull_out]).all()
 

@@ -29,7 +29,6 @@ import overtaking as ot
 from overtaking.core.arrays import F32
 from overtaking.gym import OBSERVATION_COLUMNS, StepOutcome, flatten_observation, progress
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
-from overtaking.model.trajectories import Stage
 from overtaking.sim.observation import Seen
 
 HOLD = 20  # Decisions for which an answer holds, 1 s.
@@ -60,7 +59,7 @@ def guarded(move: Any, seen: Any, where: Callable[..., Any] = np.where) -> Any:
         where: `torch.where` for tensors.
     """
     shown = (number(seen, "signalled") >= SIGNAL) & (number(seen, "contested") == 0)
-    follows = number(seen, "stage") == float(Stage.FOLLOW)
+    follows = number(seen, "stage") == float(ot.Stage.FOLLOW)
     out = follows & shown & has_gap(seen, "fast") & (time_to(seen, "lead") > NEAR)
     move = where((move == PULL_OUT) & ~out, SHOW_OUT, move)
     move = where((move == SHOW_OUT) & ~follows, KEEP, move)
@@ -149,7 +148,7 @@ def soon_back(
         outcome: Outcome of the step.
     """
     stage = next_observation.of("stage")
-    is_tardy = (next_observation.of("passed") > 0) & (stage == Stage.PASS)
+    is_tardy = (next_observation.of("passed") > 0) & (stage == ot.Stage.PASS)
     reward = progress(observation, action, next_observation, outcome)
     return reward - TARDY * outcome.seconds * is_tardy
 

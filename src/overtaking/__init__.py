@@ -54,6 +54,14 @@ Objects:
     OvertakingError         the base of all errors
     RecordingWarning        a warning about a recording that was read
 
+Codes in arrays, such as those of `labelled.labels.classes`:
+
+    OvertakeClass           class of an overtake under a policy of the law
+    Outcome                 end of an overtake, whatever the law says
+    Verdict                 what a rule says of a simulation
+    Stage                   stage of the ego in a frame
+    VehicleKind             car, van, truck and the other kinds of vehicles
+
 Modules:
 
     whatif                  counterfactuals, sufficient changes, branches as data sets
@@ -80,13 +88,18 @@ _HOMES = {
     "MeasurementErrors": "overtaking.labels.law.measurement_errors",
     "Move": "overtaking.model.driver_interface",
     "Observation": "overtaking.sim.observation",
+    "Outcome": "overtaking.model.overtake_events",
+    "OvertakeClass": "overtaking.model.verdicts",
     "OvertakingError": "overtaking.core.errors",
     "RecordingWarning": "overtaking.core.errors",
     "Road": "overtaking.model.road",
     "Scenario": "overtaking.model.scenario",
     "Sensor": "overtaking.sim.sensor",
+    "Stage": "overtaking.model.trajectories",
     "Trajectories": "overtaking.model.trajectories",
+    "VehicleKind": "overtaking.model.vehicles",
     "VehicleSpecs": "overtaking.model.vehicles",
+    "Verdict": "overtaking.model.verdicts",
     "Weather": "overtaking.model.weather",
     "branch": "overtaking.api.simulating",
     "compare_simulators": "overtaking.api.simulating",
