@@ -80,7 +80,9 @@ def replay(scenario: Scenario, actions: Actions, *, simulator: str = "engine") -
 def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
     """The module of a simulator."""
     if name not in among:
-        raise ConfigError.unknown_choice("simulator", "simulate", among, name)
+        raise ConfigError.unknown_choice(
+            what="simulator", where="simulate", choices=among, got=name
+        )
     return importlib.import_module(_HOMES[name])
 
 

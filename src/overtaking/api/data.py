@@ -280,4 +280,6 @@ def _keep(name: str) -> Keep:
     try:
         return Keep(name)
     except ValueError:
-        raise ConfigError.unknown_choice("keep", "generate", Keep, name) from None
+        raise ConfigError.unknown_choice(
+            what="keep", where="generate", choices=Keep, got=name
+        ) from None

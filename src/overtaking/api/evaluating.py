@@ -235,7 +235,9 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
         name = driver
         if name not in SHIPPED:
             names = nearest_first(name, SHIPPED)
-            raise ConfigError.unknown_choice(argument_name, "evaluate", names, name)
+            raise ConfigError.unknown_choice(
+                what=argument_name, where="evaluate", choices=names, got=name
+            )
         shipped = SHIPPED[name]
         if shipped is None:  # The driver of the engine itself.
             return Contestant(name=name, simulate=engine.simulate)

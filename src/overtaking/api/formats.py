@@ -148,7 +148,9 @@ def _chosen(
 def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
     """Refuse an unknown format, and an option that the format does not have."""
     if file_format not in EXPORTS:
-        raise ConfigError.unknown_choice("format", "export", EXPORTS, file_format)
+        raise ConfigError.unknown_choice(
+            what="format", where="export", choices=EXPORTS, got=file_format
+        )
     known = _EXPORT_OPTIONS.get(file_format, ())
     for name in sorted(set(options) - set(known)):
         raise ConfigError(

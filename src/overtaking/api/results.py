@@ -1,13 +1,12 @@
 """Results from a data set or a profile: statistics, reports, films, queries."""
 
 from collections.abc import Callable, Iterable, Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load_dataset
-from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.errors import ConfigError, check_extra
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.labels.label import LabelledTrajectories
@@ -218,10 +217,14 @@ def serve_viewer(
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `view` is not installed.
     """
-    if any(find_spec(name) is None for name in ("starlette", "uvicorn")):
-        lacks = "Starlette and uvicorn, which serve the page"
-        instead = "write a page with --export"
-        raise MissingExtraError.for_extra("view", what=lacks, where="view", otherwise=instead)
+    check_extra(
+        "view",
+        "starlette",
+        "uvicorn",
+        what="Starlette and uvicorn, which serve the page",
+        where="view",
+        otherwise="write a page with --export",
+    )
     from overtaking.show.server.running import serve
 
     return serve(load_dataset(data), policy=policy, port=port, ready=ready)
@@ -299,7 +302,9 @@ def reproduce_study(
     from overtaking.analysis.reproduction.run import reproduce as run
 
     if study not in STUDIES:
-        raise ConfigError.unknown_choice("study", "reproduce", STUDIES, study)
+        raise ConfigError.unknown_choice(
+            what="study", where="reproduce", choices=STUDIES, got=study
+        )
     spec = profiles.load_specification(study, overrides)
     return run(spec, road_of(spec.road), num_replicates, seed, simulator_of("engine"), progress)
 

@@ -127,7 +127,7 @@ def carla_simulator(driver: str) -> str:
     """
     names = {"own": "carla", "traffic-manager": "carla-traffic-manager"}
     if driver not in names:
-        raise ConfigError.unknown_choice("driver", "--driver", names, driver)
+        raise ConfigError.unknown_choice(what="driver", where="--driver", choices=names, got=driver)
     return names[driver]
 
 

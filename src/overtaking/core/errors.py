@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import cache
-from importlib import metadata
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -23,17 +22,21 @@ if TYPE_CHECKING:
 
 
 MAX_MESSAGE_PART = 160
+"""Largest number of characters of one part of a message."""
 
 
-def printable(part: object) -> str:
-    """A part of a message on one line, without what a terminal would obey, and not too long."""
+def printable(part: object, length: int = MAX_MESSAGE_PART) -> str:
+    """A part of a message on one line, without control characters, which a terminal would obey.
+
+    Args:
+        part: A text, or another value, of which the message shows the `repr`.
+        length: Largest number of characters; dots replace the end of a longer text.
+    """
     text = as_utf8(part) if isinstance(part, str) else repr(part)
-    text = " ".join(text.split())
-    text = text[: MAX_MESSAGE_PART + 1]
-    text = "".join(one if one.isprintable() else "�" for one in text)
-    if len(text) <= MAX_MESSAGE_PART:
-        return text
-    return text[: MAX_MESSAGE_PART - 3] + "..."
+    # Cut first: `got` may be an array or a whole file.
+    text = " ".join(text.split())[: length + 1]
+    text = "".join(character if character.isprintable() else "�" for character in text)
+    return text if len(text) <= length else text[: length - 3] + "..."
 
 
 def _format_message(
@@ -77,17 +80,17 @@ class OvertakingError(Exception):
         super().__init__(_format_message(**parts) if message is None else message)
 
     @classmethod
-    def unknown_choice(cls, what: str, where: str, known: Iterable[str], got: object) -> Self:
-        """An error for a name that is none of those that are known.
+    def unknown_choice(cls, *, what: str, where: str, choices: Iterable[str], got: object) -> Self:
+        """The error for a name that is not one of the valid names.
 
         Args:
-            what: What is named, such as `policy`.
-            where: The call or option that was given the name.
-            known: The names to choose from.
-            got: The name that was given.
+            what: The kind of name, such as `policy`.
+            where: The call or option that received the name.
+            choices: The valid names.
+            got: The invalid name.
         """
         step = "choose one of them"
-        return cls(what=what, where=where, expected=" or ".join(known), got=got, next_step=step)
+        return cls(what=what, where=where, expected=" or ".join(choices), got=got, next_step=step)
 
     @classmethod
     def out_of_range(
@@ -100,15 +103,15 @@ class OvertakingError(Exception):
         got: object,
         next_step: str = "",
     ) -> Self:
-        """An error for a number that is not in a range.
+        """The error for a number outside its range.
 
         Args:
-            what: What the number is of.
-            where: The call or option that was given the number.
-            low: Smallest number.
-            high: Largest number; None if there is none.
-            got: The number that was given.
-            next_step: What the reader can do; to choose a number in that range if left out.
+            what: Name of the number.
+            where: The call or option that received it.
+            low: Smallest valid number.
+            high: Largest valid number; None for a range without an upper limit.
+            got: The invalid number.
+            next_step: Advice for the user; if empty, to choose a number in that range.
         """
         expected = f"{low} or more" if high is None else f"{low} to {high}"
         step = next_step or "choose a number in that range"
@@ -116,51 +119,54 @@ class OvertakingError(Exception):
 
 
 class ConfigError(OvertakingError, ValueError):
-    """A profile, specification, option or argument that cannot be used."""
+    """An invalid profile, specification, option or argument."""
 
 
 class NoSuchSimulationError(ConfigError, IndexError):
-    """The number of a simulation that a data set does not have; ends a loop over its numbers."""
+    """A simulation number outside the data set.
+
+    It is also an `IndexError`, so that `for simulation in dataset` ends after the last one.
+    """
 
 
 class SchemaError(OvertakingError, ValueError):
-    """A table or array whose columns, types, units or version are not those agreed on."""
+    """A table or an array with invalid columns, types or units, or of an unknown version."""
 
     @classmethod
-    def newer_version(cls, what: str, where: str, known: int, got: int) -> Self:
-        """The error for a version that is newer than this package knows.
+    def newer_version(cls, *, what: str, where: str, newest: int, got: int) -> Self:
+        """The error for a file that a later version of this package has written.
 
         Args:
-            what: The version of what.
+            what: The format with a version, such as `version of the manifest`.
             where: The file.
-            known: The newest that is known.
-            got: The value found.
+            newest: Newest version that this package reads.
+            got: Version of the file.
         """
         step = "use the version of overtaking that wrote it, or a newer one"
-        return cls(what=what, where=where, expected=f"at most {known}", got=got, next_step=step)
+        return cls(what=what, where=where, expected=f"at most {newest}", got=got, next_step=step)
 
 
 class DriverError(OvertakingError, RuntimeError):
-    """A policy that raises, or answers what is no action."""
+    """A driver of the user that raises an exception, or returns something other than an action."""
 
 
 class ImportFormatError(OvertakingError, ValueError):
-    """A file of another program that does not say what its format requires."""
+    """A file of another program that violates its format."""
 
 
 class RecordingWarning(UserWarning):
-    """A recording that was read, and in whose examination something was found.
+    """The examination of a recording has found implausible or missing values.
 
-    `import_report` has each finding, and what the reader did about it.
+    The recording is imported. `import_report` lists each finding and the reaction of the reader.
     """
 
 
 class DatasetError(OvertakingError, RuntimeError):
-    """A data set folder that is incomplete, damaged or in the wrong state."""
+    """A data set folder that is incomplete, damaged or in another state than required."""
 
 
 class LockedError(DatasetError):
-    """A data set folder that another process is writing."""
+    """A data set folder into which another process writes."""
 
 
 class SystemLimitError(OvertakingError, RuntimeError):
@@ -168,20 +174,20 @@ class SystemLimitError(OvertakingError, RuntimeError):
 
 
 class MissingExtraError(OvertakingError, ImportError):
-    """An optional dependency that a command needs and that is not installed."""
+    """A missing optional dependency."""
 
     @classmethod
     def for_extra(
         cls, extra: str, *, what: str, where: str, got: str = "none", otherwise: str = ""
     ) -> Self:
-        """The error for an extra that is not installed; its last part is the command to run.
+        """The error for an extra that is not installed; its next step is the command to run.
 
         Args:
-            extra: Its name.
-            what: The package, and what it does.
-            where: What needs it.
-            got: The value found.
-            otherwise: What else the reader can do, as an imperative.
+            extra: Name of the extra, such as `sql`.
+            what: The package, and its purpose.
+            where: The function or command that needs the package.
+            got: Installed version, or the reason why the import failed.
+            otherwise: An alternative without the extra, as an imperative.
         """
         head = f"{where}: {what}: expected the extra [{extra}], got {printable(got)}"
         instead = f"; or {otherwise}" if otherwise else ""
@@ -189,32 +195,51 @@ class MissingExtraError(OvertakingError, ImportError):
 
 
 class KnowledgeError(OvertakingError, ValueError):
-    """A knowledge file with an unknown, missing, unitless or unsourced entry."""
+    """A knowledge file with an unknown or missing entry, or with one without a unit or a source."""
 
 
 class InfeasibleError(OvertakingError, ValueError):
-    """A scenario or request that no vehicle on no road could meet."""
+    """A scenario or a request that no vehicle can satisfy."""
 
 
-def check_choice(got: str, known: Iterable[str], *, what: str, where: str) -> None:
-    """Refuse a name that is not one of those that are known.
+def check_extra(extra: str, *modules: str, what: str, where: str, otherwise: str = "") -> None:
+    """Refuse a call whose extra is not installed.
 
     Args:
-        got: The name.
-        known: All names that can be used.
+        extra: Name of the extra, such as `sql`.
+        modules: Modules of the extra that the call imports.
+        what: The package, and its purpose.
+        where: The function or command that needs the package.
+        otherwise: An alternative without the extra, as an imperative.
+
+    Raises:
+        MissingExtraError: One of the modules is missing.
+    """
+    from importlib.util import find_spec
+
+    if any(find_spec(module) is None for module in modules):
+        raise MissingExtraError.for_extra(extra, what=what, where=where, otherwise=otherwise)
+
+
+def check_choice(choice: str, choices: Iterable[str], *, what: str, where: str) -> None:
+    """Refuse a name that is not one of the valid names.
+
+    Args:
+        choice: The name.
+        choices: The valid names.
         what: The option or argument.
         where: The command or function.
 
     Raises:
-        ConfigError: It is none of them.
+        ConfigError: The name is not valid.
     """
-    names = list(known)
-    if got not in names:
-        raise ConfigError.unknown_choice(what, where, names, got)
+    names = list(choices)
+    if choice not in names:
+        raise ConfigError.unknown_choice(what=what, where=where, choices=names, got=choice)
 
 
 def nearest_first(name: str, names: Iterable[str]) -> list[str]:
-    """Names in order of their similarity to a name, the most similar one first."""
+    """Sort names by their similarity to a name, the most similar one first."""
 
     def similarity(candidate: str) -> float:
         return SequenceMatcher(a=name.lower(), b=candidate.lower()).ratio()
@@ -223,62 +248,65 @@ def nearest_first(name: str, names: Iterable[str]) -> list[str]:
 
 
 def check_in_range(
-    got: float, low: float, high: float = inf, *, what: str, where: str, unit: str = ""
+    value: float, low: float, high: float = inf, *, what: str, where: str, unit: str = ""
 ) -> None:
-    """Refuse a number that is too small, or too large.
+    """Refuse a number outside its range.
 
     Args:
-        got: The number.
-        low: The smallest that can be used.
-        high: The largest.
+        value: The number.
+        low: Smallest valid number.
+        high: Largest valid number.
         what: The option or argument.
         where: The command or function.
-        unit: What it counts, for the message.
+        unit: Unit of the number, for the message.
 
     Raises:
-        ConfigError: It is smaller or larger, or NaN.
+        ConfigError: The number is smaller or larger, or NaN.
     """
-    if not low <= got <= high:
-        bounds = f"{low:g} {unit}".strip() + " or more"
+    if not low <= value <= high:
+        at_least = f"{low:g} {unit}".strip() + " or more"
         raise ConfigError(
             what=what,
             where=where,
-            expected=bounds if high == inf else f"{low:,} to {high:,} {unit}".strip(),
-            got=got,
+            expected=at_least if high == inf else f"{low:,} to {high:,} {unit}".strip(),
+            got=value,
             next_step="choose a number in that range",
         )
 
 
 def whole_number(value: Any) -> int | None:
-    """The integer that a value stands for, as for `operator.index`; None for any other value.
+    """Convert an integer of any library to Python's type.
 
-    Integers of NumPy overflow where Python's do not, and JSON cannot write them.
+    NumPy's integers overflow where Python's do not, and JSON cannot write them.
 
     Args:
-        value: An integer of Python, NumPy or another library; flags are no integers.
+        value: An integer of Python, NumPy or another library. Booleans do not count as integers.
+
+    Returns:
+        The integer; None for any other value.
     """
-    is_flag = isinstance(value, bool) or str(getattr(value, "dtype", "")).endswith("bool")
+    is_boolean = isinstance(value, bool) or str(getattr(value, "dtype", "")).endswith("bool")
     try:
-        return None if is_flag else operator.index(value)
+        return None if is_boolean else operator.index(value)
     except TypeError:
         return None
 
 
 def check_whole_number(value: Any, low: int, high: int, *, what: str, where: str) -> int:
-    """Refuse a value that is no integer of a range.
+    """Refuse a value that is not an integer, or is outside its range.
 
     Args:
         value: The value.
-        low: The smallest integer.
-        high: The largest one.
+        low: Smallest valid integer.
+        high: Largest valid integer.
         what: The option or argument.
         where: The command or function.
 
     Returns:
-        The integer.
+        The integer, of Python's type.
 
     Raises:
-        ConfigError: The value is something else.
+        ConfigError: The value is not an integer from low to high.
     """
     number = whole_number(value)
     if number is None or not low <= number <= high:
@@ -291,7 +319,7 @@ def convert_integers(record: Any, *names: str) -> None:
 
     Args:
         record: The dataclass, in its `__post_init__`.
-        names: The fields; those that hold something else stay as they are.
+        names: Names of the fields. A field without an integer keeps its value.
     """
     for name in names:
         if (number := whole_number(getattr(record, name))) is not None:
@@ -299,6 +327,7 @@ def convert_integers(record: Any, *names: str) -> None:
 
 
 DISTRIBUTION = "overtaking"
+"""Name of this package in the metadata of installed packages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +345,7 @@ class Requirement:
     extra: str
 
     def is_newer_than(self, version: str) -> bool:
-        """Whether the lowest supported version is newer than a version, such as the installed."""
+        """Whether the lowest supported version is newer than an installed version."""
         bound = re.search(r"[>=]=\s*([\w.]+)", self.specifier)
         return bound is not None and _release(version) < _release(bound[1])
 
@@ -333,6 +362,8 @@ def _release(version: str) -> tuple[int, ...]:
 @cache
 def requirements() -> tuple[Requirement, ...]:
     """The requirements in the metadata of the installed package."""
+    from importlib import metadata
+
     packages: list[Requirement] = []
     for line in metadata.requires(DISTRIBUTION) or []:
         specifier, _, marker = line.partition(";")
@@ -357,6 +388,8 @@ def extra_requirements() -> dict[str, tuple[str, ...]]:
 @cache
 def extra_groups() -> dict[str, tuple[str, ...]]:
     """The extras in each group, such as `all` or `common`, in alphabetical order."""
+    from importlib import metadata
+
     groups: dict[str, tuple[str, ...]] = {}
     for line in metadata.requires(DISTRIBUTION) or []:
         match = re.match(rf"{DISTRIBUTION}\[([\w,\s-]+)\].*\bextra\s*==\s*['\"]([\w-]+)['\"]", line)
@@ -368,7 +401,11 @@ def extra_groups() -> dict[str, tuple[str, ...]]:
 def install_command(extra: str) -> str:
     """The command that installs an extra, or a group of extras, for the running interpreter.
 
-    It names the packages of the extra, not `overtaking[extra]`: an index does not know a clone.
+    It names the packages of the extra, not `overtaking[extra]`: a package index does not have this
+    package if it was installed from a clone.
+
+    Args:
+        extra: Name of an extra or a group.
     """
     names = extra_groups().get(extra, (extra,))
     return pip_command(*(specifier for name in names for specifier in extra_requirements()[name]))
@@ -376,7 +413,8 @@ def install_command(extra: str) -> str:
 
 def pip_command(*specifiers: str) -> str:
     """The command that installs packages for the running interpreter."""
-    here, running = Path.cwd(), Path(sys.executable)
-    is_below = here in running.parent.parents  # A shell looks for a bare name elsewhere.
-    interpreter = running.relative_to(here) if is_below else running
+    working_folder, interpreter = Path.cwd(), Path(sys.executable)
+    # A relative path is shorter, but needs a slash: a shell searches a bare name in PATH.
+    if working_folder in interpreter.parent.parents:
+        interpreter = interpreter.relative_to(working_folder)
     return shlex.join([str(interpreter), "-m", "pip", "install", *specifiers])

@@ -67,7 +67,9 @@ class ClassBalance:
             known_policy(self.policy)
         if self.by not in BY:
             choices = [",".join(names) for names in BY]
-            raise ConfigError.unknown_choice("cells", "balance", choices, ",".join(self.by))
+            raise ConfigError.unknown_choice(
+                what="cells", where="balance", choices=choices, got=",".join(self.by)
+            )
 
     def __str__(self) -> str:
         """The settings in one line."""

@@ -58,7 +58,7 @@ def chosen(
         return found
     names = {name.lower(): name for name in CLASSES}
     if label.lower() not in names:
-        raise ConfigError.unknown_choice("class", _WHERE, CLASSES, label)
+        raise ConfigError.unknown_choice(what="class", where=_WHERE, choices=CLASSES, got=label)
     members = _members(data, names[label.lower()], policy)
     return members if found is None else np.intersect1d(found, members)
 

@@ -383,7 +383,9 @@ def _refuse_any_finding(
 def _list_recordings(file_format: str, folder: Path) -> list[str]:
     """File names of the recordings of a folder, in alphabetical order."""
     if file_format not in ENDINGS:
-        raise ConfigError.unknown_choice("format", "import", ENDINGS, file_format)
+        raise ConfigError.unknown_choice(
+            what="format", where="import", choices=ENDINGS, got=file_format
+        )
     endings = ENDINGS[file_format]
     may_be_compressed = file_format != "commonroad"  # XML is read uncompressed only.
     names = sorted(

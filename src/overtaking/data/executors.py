@@ -47,8 +47,13 @@ def executor_of(
     if engine == "auto" and workers is None and not _pays(recipe, simulator, location):
         return in_this_process
     if simulator.shares_world:
-        next_step = f"leave it out: all processes share the world of {simulator.name}"
-        raise _refused("engine", "threads", "processes", next_step)
+        raise ConfigError(
+            what="engine",
+            where="generate",
+            expected="threads",
+            got="processes",
+            next_step=f"leave it out: all processes share the world of {simulator.name}",
+        )
     return ProcessExecutor(
         workers=process_limits.processors_to_use() if workers is None else workers
     )
@@ -113,9 +118,10 @@ def _pays(recipe: Recipe, simulator: Simulator, location: Location) -> bool:
 def _refuse_beside(engine: str, what: str, value: object, others: str) -> None:
     """Refuse an option that only other engines have."""
     if value is not None:
-        got, next_step = f"{value} with {engine}", f"add --engine {others}, or leave it out"
-        raise _refused(what, f"the engine {others} beside it", got, next_step)
-
-
-def _refused(what: str, expected: str, got: object, next_step: str) -> ConfigError:
-    return ConfigError(what=what, where="generate", expected=expected, got=got, next_step=next_step)
+        raise ConfigError(
+            what=what,
+            where="generate",
+            expected=f"the engine {others} beside it",
+            got=f"{value} with {engine}",
+            next_step=f"add --engine {others}, or leave it out",
+        )

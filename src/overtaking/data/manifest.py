@@ -489,7 +489,9 @@ def _check_version(path: str, head: _Head) -> None:
     if head.format != FORMAT or not isinstance(version, int) or isinstance(version, bool):
         raise _unreadable(path, "another kind of file", "check the path of the data set")
     if version > VERSION:
-        raise SchemaError.newer_version("version of the manifest", path, VERSION, version)
+        raise SchemaError.newer_version(
+            what="version of the manifest", where=path, newest=VERSION, got=version
+        )
 
 
 def _unreadable(path: str, got: str, next_step: str) -> DatasetError:

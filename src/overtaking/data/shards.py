@@ -421,7 +421,9 @@ class ShardFiles:
 
     def _fetched(self, table: str, shard: Shard) -> Path:
         if table not in SCHEMAS:  # Its name would be a part of a path.
-            raise DatasetError.unknown_choice("table", str(self._location), SCHEMAS, table)
+            raise DatasetError.unknown_choice(
+                what="table", where=str(self._location), choices=SCHEMAS, got=table
+            )
         if table not in self._manifest.shards[shard.number].tables:
             raise self._older(table)
         name = name_of(table, shard)

@@ -5,7 +5,6 @@ All environments of an `OvertakingVectorEnv` run in one batch of the compiled en
 """
 
 from collections.abc import Iterable, Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,8 @@ from overtaking.api.choices import Profile, road_of
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import (
     ConfigError,
-    MissingExtraError,
     check_choice,
+    check_extra,
     check_whole_number,
     whole_number,
 )
@@ -474,8 +473,7 @@ def _check_render_mode(render_mode: str | None) -> None:
             got=render_mode,
             next_step="show the pictures of rgb_array with a tool of your own",
         )
-    if find_spec("PIL") is None:
-        raise MissingExtraError.for_extra("video", what="Pillow", where="render_mode='rgb_array'")
+    check_extra("video", "PIL", what="Pillow", where="render_mode='rgb_array'")
 
 
 def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
@@ -484,7 +482,7 @@ def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
         if mode in (member, member.name, member.value):
             return member
     names = [member.name for member in AutoresetMode]
-    raise ConfigError.unknown_choice("autoreset_mode", "gym", names, mode)
+    raise ConfigError.unknown_choice(what="autoreset_mode", where="gym", choices=names, got=mode)
 
 
 def _frames_per_second(hold: int) -> int:

@@ -308,7 +308,9 @@ class Batch(CompactRepr, ContentEquality):
         for name in changes:
             if name not in field_names:
                 where = f"{type(self).__name__}.replace"
-                raise ConfigError.unknown_choice("field", where, field_names, name)
+                raise ConfigError.unknown_choice(
+                    what="field", where=where, choices=field_names, got=name
+                )
         return dataclasses.replace(self, **changes)  # type: ignore[type-var]
 
 

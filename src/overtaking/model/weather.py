@@ -89,7 +89,9 @@ class Weather(Batch):
             ConfigError: A name is not in `REMOVABLE_FACTORS`.
         """
         for name in sorted(set(factors) - set(REMOVABLE_FACTORS)):
-            raise ConfigError.unknown_choice("without", "weather", REMOVABLE_FACTORS, name)
+            raise ConfigError.unknown_choice(
+                what="without", where="weather", choices=REMOVABLE_FACTORS, got=name
+            )
         weather = self
         # In a fixed order, because night and glare both move the sun.
         for name, remove in _REMOVERS.items():

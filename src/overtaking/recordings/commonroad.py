@@ -96,7 +96,7 @@ def read_commonroad(
     if driving_side is not None and driving_side not in ("right", "left"):
         sides = ("right", "left")
         raise ConfigError.unknown_choice(
-            "driving_side", "read_commonroad", sides, repr(driving_side)
+            what="driving_side", where="read_commonroad", choices=sides, got=repr(driving_side)
         )
     source = Path(path)
     document = _Document()

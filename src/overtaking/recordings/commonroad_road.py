@@ -334,7 +334,9 @@ def _asked_for(network: Network, wanted: int, options: list[_Option]) -> Stretch
     """The road of one lanelet."""
     if wanted not in network.lanelets:
         known = f"one of {', '.join(map(str, sorted(network.lanelets)))}"
-        raise ConfigError.unknown_choice(f"lanelet {wanted}", "read_commonroad", [known], wanted)
+        raise ConfigError.unknown_choice(
+            what=f"lanelet {wanted}", where="read_commonroad", choices=[known], got=wanted
+        )
     try:
         return network.stretch(network.lanelets[wanted], is_part=True)
     except ImportFormatError as error:

@@ -87,11 +87,15 @@ def check_options(file_format: str, options: Mapping[str, Any]) -> None:
         ConfigError: There is no such format, or an option is not for it or out of its range.
     """
     if file_format not in FORMATS:
-        raise ConfigError.unknown_choice("format", "import", FORMATS, file_format)
+        raise ConfigError.unknown_choice(
+            what="format", where="import", choices=FORMATS, got=file_format
+        )
     for name in options:
         if name not in FORMATS[file_format]:
             allowed = sorted(FORMATS[file_format])
-            raise ConfigError.unknown_choice(f"option for {file_format}", "import", allowed, name)
+            raise ConfigError.unknown_choice(
+                what=f"option for {file_format}", where="import", choices=allowed, got=name
+            )
     if file_format == "table" and "columns" not in options:
         raise ConfigError(
             what="columns",
@@ -118,7 +122,9 @@ def _check_values(file_format: str, options: Mapping[str, Any]) -> None:
         with_driving_side(columns, side, options.get("road"))
         check_stated_road(columns)
     elif side not in (None, "right", "left"):
-        raise ConfigError.unknown_choice("driving side", "import", ("right", "left"), side)
+        raise ConfigError.unknown_choice(
+            what="driving side", where="import", choices=("right", "left"), got=side
+        )
     check_direction(options.get("direction"))
     check_num_slots(options.get("vehicles", NUM_SLOTS))
     if (limit := options.get("speed_limit")) is not None:

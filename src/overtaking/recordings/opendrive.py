@@ -141,7 +141,9 @@ def road_choice(
     """
     for name, side in (("lanes", lanes), ("driving_side", driving_side)):
         if side is not None and side not in OTHER_SIDE:
-            raise ConfigError.unknown_choice(name, "read_opendrive", OTHER_SIDE, repr(side))
+            raise ConfigError.unknown_choice(
+                what=name, where="read_opendrive", choices=OTHER_SIDE, got=repr(side)
+            )
     if speed_limit is not None and not 0.0 < speed_limit <= MAX_SPEED_LIMIT:
         raise ConfigError(
             what="speed_limit",

@@ -33,7 +33,9 @@ def load_road(
     if name_or_path not in ROAD_NAMES:
         if not Path(name_or_path).suffix and not path_exists(str(name_or_path)):
             known = [*ROAD_NAMES, "an OpenDRIVE file"]
-            raise ConfigError.unknown_choice("road", "load_road", known, repr(str(name_or_path)))
+            raise ConfigError.unknown_choice(
+                what="road", where="load_road", choices=known, got=repr(str(name_or_path))
+            )
         return read_opendrive(
             name_or_path, road_id, lanes=lanes, speed_limit=speed_limit, driving_side=driving_side
         )

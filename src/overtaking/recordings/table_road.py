@@ -301,7 +301,7 @@ def _road(
     side = columns.road.get("driving_side", "right")
     if side not in ("right", "left"):
         raise ConfigError.unknown_choice(
-            "road.driving_side", "map of columns", ("right", "left"), side
+            what="road.driving_side", where="map of columns", choices=("right", "left"), got=side
         )
     widths = np.abs(np.diff(borders))
     is_right = side == "right"

@@ -89,7 +89,9 @@ def with_driving_side(columns: ColumnMap, side: str | None, road: Road | None) -
         return columns
     sides = [driving_side.value for driving_side in DrivingSide]
     if side not in sides:
-        raise ConfigError.unknown_choice("driving side", "import", sides, side)
+        raise ConfigError.unknown_choice(
+            what="driving side", where="import", choices=sides, got=side
+        )
     if road is not None and road.driving_side.value != side:
         raise ConfigError(
             what="driving side",

@@ -186,7 +186,9 @@ def _drivers(drivers: DriverTraits, change: Intervention) -> DriverTraits:
     found = {}
     for name, value in change.traits.items():
         if name not in fields_of_drivers:
-            raise ConfigError.unknown_choice("trait", "branch", fields_of_drivers, name)
+            raise ConfigError.unknown_choice(
+                what="trait", where="branch", choices=fields_of_drivers, got=name
+            )
         array = getattr(drivers, name).copy()
         array[:, change.vehicle] = value
         found[name] = array

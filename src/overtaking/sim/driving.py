@@ -71,7 +71,9 @@ class Driver:
             )
         if not isinstance(self.observe, Sensor) and self.observe not in OBSERVED:
             known = (*OBSERVED, "a sensor, on the command line its .toml file")
-            raise ConfigError.unknown_choice("observe", "drive", known, self.observe)
+            raise ConfigError.unknown_choice(
+                what="observe", where="drive", choices=known, got=self.observe
+            )
         check_choice(self.action, CONTROLS, what="action", where="drive")
         hold = check_whole_number(self.hold, 1, MOST_HELD, what="hold", where="drive")
         object.__setattr__(self, "hold", hold)

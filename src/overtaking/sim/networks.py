@@ -3,7 +3,6 @@
 import hashlib
 import time
 import weakref
-from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError, DriverError, MissingExtraError, OvertakingError
+from overtaking.core.errors import ConfigError, DriverError, OvertakingError, check_extra
 from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
 from overtaking.model.driver_interface import OBSERVATION_SIZE, PASSING_COLUMNS
 from overtaking.sim.observation import Observation
@@ -58,9 +57,8 @@ class OnnxDriver:
 
     def __init__(self, path: Path) -> None:
         """Read the file, then load and check it in the child process."""
-        if find_spec("onnxruntime") is None:
-            what = "onnxruntime, which runs networks"
-            raise MissingExtraError.for_extra("onnx", what=what, where=str(path))
+        what = "onnxruntime, which runs networks"
+        check_extra("onnx", "onnxruntime", what=what, where=str(path))
         self._path = path
         self._content = _read_file(path)
         self.digest = hashlib.sha256(self._content).hexdigest()

@@ -110,7 +110,9 @@ def test_pickling_keeps_the_class_and_the_message(kind: type[errors.OvertakingEr
 
 
 def test_a_name_that_is_unknown_comes_with_those_that_are_known():
-    error = errors.ConfigError.unknown_choice("policy", "stats", ("paper", "strict"), "papr")
+    error = errors.ConfigError.unknown_choice(
+        what="policy", where="stats", choices=("paper", "strict"), got="papr"
+    )
     expected = "stats: policy: expected paper or strict, got papr; choose one of them"
     assert str(error) == expected
 

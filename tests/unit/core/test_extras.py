@@ -13,6 +13,7 @@ import pytest
 
 from overtaking.core.errors import (
     MissingExtraError,
+    check_extra,
     extra_groups,
     extra_requirements,
     install_command,
@@ -57,7 +58,7 @@ def test_groups_of_extras_are_read_from_the_metadata(monkeypatch: pytest.MonkeyP
         "scipy>=1.13 ; extra == 'stats'",
         "overtaking[stats,sql] ; extra == 'common'",
     ]
-    monkeypatch.setattr("overtaking.core.errors.metadata.requires", lambda _: lines)
+    monkeypatch.setattr("importlib.metadata.requires", lambda _: lines)
     for function in (requirements_of_package, extra_requirements, extra_groups):
         function.cache_clear()
     try:
@@ -86,6 +87,14 @@ def test_the_error_ends_in_the_command():
     error = MissingExtraError.for_extra("sql", what="DuckDB", where="sql")
     told = f"sql: DuckDB: expected the extra [sql], got none; run: {install_command('sql')}"
     assert str(error) == told
+
+
+def test_a_call_without_its_extra_is_refused(monkeypatch: pytest.MonkeyPatch):
+    check_extra("sql", "json", what="DuckDB", where="sql")
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(MissingExtraError) as caught:
+        check_extra("sql", "json", "duckdb", what="DuckDB", where="sql", otherwise="use pandas")
+    assert str(caught.value).endswith(f"; run: {install_command('sql')}; or use pandas")
 
 
 def sources(repository: Path) -> Iterator[Path]:

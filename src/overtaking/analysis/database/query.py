@@ -12,14 +12,13 @@ import io
 import re
 import time
 from dataclasses import dataclass
-from importlib.util import find_spec
 from threading import Event
 from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.database.views import VIEWS
 from overtaking.core.equality import ContentEquality
-from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.errors import ConfigError, check_extra
 from overtaking.core.process_limits import check_query_limits, query_limit_error
 from overtaking.core.representation import ShownAsTable, json_values
 from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
@@ -108,7 +107,7 @@ def query(
         DatasetError: A file of the data set is damaged.
         MissingExtraError: DuckDB is not installed.
     """
-    _refuse_without_duckdb()
+    check_extra("sql", "duckdb", what="DuckDB, which answers SQL", where="sql")
     check_query_limits("sql", max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
     request = {
         "sql": sql,
@@ -229,12 +228,6 @@ def _named(sql: str, tables: tuple[str, ...]) -> set[str]:
     words = {word.lower() for word in re.findall(r"\w+", sql)}
     needed = {table for view in VIEWS if view.name.lower() in words for table in view.tables}
     return {table for table in tables if table in words or table in needed}
-
-
-def _refuse_without_duckdb() -> None:
-    """Make sure that DuckDB is installed."""
-    if find_spec("duckdb") is None:
-        raise MissingExtraError.for_extra("sql", what="DuckDB, which answers SQL", where="sql")
 
 
 def too_large(memory_mib: int) -> ConfigError:

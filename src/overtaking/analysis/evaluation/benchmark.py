@@ -110,7 +110,9 @@ def read(source: str | Path) -> Benchmark:
     """
     path = FOLDER / f"{source}.toml" if source in names() else Path(source)
     if path.suffix != ".toml":
-        raise ConfigError.unknown_choice("benchmark", "evaluate", names(), str(source))
+        raise ConfigError.unknown_choice(
+            what="benchmark", where="evaluate", choices=names(), got=str(source)
+        )
     try:
         table = read_toml(path, _MOST_BYTES)
         _check_keys(path, table)

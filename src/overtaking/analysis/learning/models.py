@@ -3,7 +3,6 @@
 import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from overtaking.analysis.learning.attributes import Attribute
 from overtaking.core.arrays import F64, I64, Mask
-from overtaking.core.errors import MissingExtraError, check_choice
+from overtaking.core.errors import check_choice, check_extra
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -36,10 +35,7 @@ def require_models() -> None:
     Raises:
         MissingExtraError: It is not.
     """
-    if find_spec("sklearn") is None:
-        raise MissingExtraError.for_extra(
-            "learn", what="scikit-learn, which fits models", where="learn"
-        )
+    check_extra("learn", "sklearn", what="scikit-learn, which fits models", where="learn")
 
 
 @contextmanager

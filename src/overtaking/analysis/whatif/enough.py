@@ -123,9 +123,21 @@ def enough_of(
     policy_named(policy)
     was = class_of(label(scene.run), policy)
     if scene.run.branch_origin is not None:
-        raise _refused("one as it was drawn", "a branch", "take what it branches from")
+        raise ConfigError(
+            what="simulation",
+            where="enough",
+            expected="one as it was drawn",
+            got="a branch",
+            next_step="take what it branches from",
+        )
     if was in [one.title for one in GOALS[goal]]:
-        raise _refused(f"one that was not {goal}", was, "choose another simulation or --goal")
+        raise ConfigError(
+            what="simulation",
+            where="enough",
+            expected=f"one that was not {goal}",
+            got=was,
+            next_step="choose another simulation or --goal",
+        )
     listed = list(quantities(scene))
     found: list[Sufficient] = []
     for done, one in enumerate(listed):
@@ -320,10 +332,4 @@ def _found(
         becomes=OvertakeClass(int(codes[best])).title,
         tried=tried,
         larger=float(reached[beyond].mean()) if beyond.any() else float("nan"),
-    )
-
-
-def _refused(expected: str, got: str, next_step: str) -> ConfigError:
-    return ConfigError(
-        what="simulation", where="enough", expected=expected, got=got, next_step=next_step
     )

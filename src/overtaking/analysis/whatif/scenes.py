@@ -104,7 +104,9 @@ class Scene:
             ConfigError: There is no such name.
         """
         if name not in DRIVERS:
-            raise ConfigError.unknown_choice("driver", "what if", DRIVERS, name)
+            raise ConfigError.unknown_choice(
+                what="driver", where="what if", choices=DRIVERS, got=name
+            )
         tempers = {"drivers.temper": [DRIVERS[name]] * 2}
         theirs = drawn(self.data, int(self.scenario.index[0]), overrides=tempers).drivers
         rows = {field: getattr(theirs, field)[0, EGO_SLOT] for field in theirs.__slots__}

@@ -456,7 +456,9 @@ def _check_version(where: str, table: str, metadata: dict[bytes, bytes]) -> None
         raise _refused(where, f"version of schema {name}", "a number", metadata[b"version"])
     version = _version(metadata)
     if version > VERSION:
-        raise SchemaError.newer_version(f"version of schema {name}", where, VERSION, version)
+        raise SchemaError.newer_version(
+            what=f"version of schema {name}", where=where, newest=VERSION, got=version
+        )
 
 
 def _version(metadata: dict[bytes, bytes]) -> int:

@@ -83,7 +83,7 @@ def _choose_figure(figure: str | None, figures: Mapping[str, Draw]) -> str:
         return next(iter(figures))
     if figure is None or figure not in figures:
         names = list(figures) if figure is None else nearest_first(figure, figures)
-        raise ConfigError.unknown_choice("figure", "plot", names, figure)
+        raise ConfigError.unknown_choice(what="figure", where="plot", choices=names, got=figure)
     return figure
 
 

@@ -125,7 +125,9 @@ def _decision(asked: Otherwise) -> ForcedDecision | None:
     if asked.decision is None:
         return None
     if asked.decision not in DECISIONS:
-        raise ConfigError.unknown_choice("decision", "view", DECISIONS, asked.decision)
+        raise ConfigError.unknown_choice(
+            what="decision", where="view", choices=DECISIONS, got=asked.decision
+        )
     return ForcedDecision[asked.decision]
 
 
@@ -134,7 +136,9 @@ def _weather(scenario: Scenario, asked: Otherwise) -> Weather | None:
     if asked.weather is None:
         return None
     if asked.weather not in weather_presets():
-        raise ConfigError.unknown_choice("weather", "view", weather_presets(), asked.weather)
+        raise ConfigError.unknown_choice(
+            what="weather", where="view", choices=weather_presets(), got=asked.weather
+        )
     spec = PresetWeather(mode="presets", presets={asked.weather: 1.0})
     return draw_weather(spec, RandomStream(scenario.seed, scenario.index, Stream.WEATHER))
 

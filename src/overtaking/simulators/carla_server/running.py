@@ -71,9 +71,13 @@ def _maps(maps: Sequence[str | Path]) -> list[Map]:
     found = [_map(one) for one in maps]
     names = [one.name for one in found]
     if not names or len(set(names)) < len(names):
-        expected = "one or more, each with a name of its own"
-        next_step = "name each map once; rename a file that has the name of another map"
-        raise _refused("maps", expected, ", ".join(names) or "none", next_step)
+        raise ConfigError(
+            what="maps",
+            where="run_server",
+            expected="one or more, each with a name of its own",
+            got=", ".join(names) or "none",
+            next_step="name each map once; rename a file that has the name of another map",
+        )
     return found
 
 
@@ -83,20 +87,24 @@ def _map(name: str | Path) -> Map:
     if not path.suffix and not path.is_file():
         return known_map(str(name))
     if (size := path.stat().st_size) > _MAX_FILE_BYTES:
-        most, got = f"at most {_MAX_FILE_BYTES >> 20} MB", f"{size >> 20} MB"
-        raise _refused("map", most, got, "cut the map to what is needed", where=str(path))
+        raise ConfigError(
+            what="map",
+            where=str(path),
+            expected=f"at most {_MAX_FILE_BYTES >> 20} MB",
+            got=f"{size >> 20} MB",
+            next_step="cut the map to what is needed",
+        )
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        expected, next_step = "an OpenDRIVE file in UTF-8", "choose an OpenDRIVE file"
-        raise _refused("map", expected, "other bytes", next_step, where=str(path)) from None
+        raise ConfigError(
+            what="map",
+            where=str(path),
+            expected="an OpenDRIVE file in UTF-8",
+            got="other bytes",
+            next_step="choose an OpenDRIVE file",
+        ) from None
     return survey(path.stem, text)
-
-
-def _refused(
-    what: str, expected: str, got: object, next_step: str, *, where: str = "run_server"
-) -> ConfigError:
-    return ConfigError(what=what, where=where, expected=expected, got=got, next_step=next_step)
 
 
 def main(parent: ParentConnection) -> None:

@@ -11,13 +11,12 @@ import os
 import signal
 import subprocess
 import sys
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from overtaking.core.errors import ConfigError, MissingExtraError
+from overtaking.core.errors import ConfigError, check_extra
 from overtaking.core.process_limits import limit_process
 from overtaking.core.units import mps_from_kmh
 from overtaking.model.road import DrivingSide, Lane, Road, RoadMark
@@ -52,13 +51,13 @@ def survey(name: str, opendrive: str) -> Map:
         MissingExtraError: CARLA's wheel, which reads it, is not installed.
         ConfigError: The reader finds no lanes in it, fails, or takes too long.
     """
-    if find_spec("carla") is None:
-        raise MissingExtraError.for_extra(
-            "carla",
-            what="the wheel of CARLA 0.9.16",
-            where="an OpenDRIVE file as a map",
-            otherwise="use a road of the package",
-        )
+    check_extra(
+        "carla",
+        "carla",
+        what="the wheel of CARLA 0.9.16",
+        where="an OpenDRIVE file as a map",
+        otherwise="use a road of the package",
+    )
     rows = _in_own_process(name, opendrive)
     lanes = _lanes(rows)
     ground = Ground(_open_ground(name), shelters=False)
