@@ -15,9 +15,12 @@ import numpy as np
 from overtaking.core.arrays import F32, F32Like
 
 ZERO = np.float32(0.0)
-ONE = np.float32(1.0)
 HALF = np.float32(0.5)
+ONE = np.float32(1.0)
 TWO = np.float32(2.0)
+HALF_PI = np.float32(1.570_796_4)
+PI = np.float32(3.141_592_7)
+TAU = np.float32(6.283_185_5)
 
 _LOG2_E = np.float32(1.442_695_04)
 _LN2_HIGH = np.float32(0.693_359_375)
@@ -27,11 +30,9 @@ _TWO_OVER_PI = np.float32(0.636_619_77)
 _HALF_PI_HIGH = np.float32(1.570_312_5)
 _HALF_PI_MIDDLE = np.float32(4.837_512_969_970_703e-4)
 _HALF_PI_LOW = np.float32(7.549_789_95e-8)
-HALF_PI = np.float32(1.570_796_4)
 _PI_OVER_4 = np.float32(0.785_398_2)
 _TAN_3PI_8 = np.float32(2.414_213_7)
 _TAN_PI_8 = np.float32(0.414_213_57)
-PI = np.float32(3.141_592_7)
 
 
 def as_f32(value: Any) -> F32:
@@ -63,8 +64,8 @@ def exp(x: F32Like) -> F32:
     p = p * r + np.float32(8.333_452e-3)
     p = p * r + np.float32(4.166_579_6e-2)
     p = p * r + np.float32(1.666_666_5e-1)
-    p = p * r + np.float32(0.5)
-    value = p * (r * r) + r + np.float32(1.0)
+    p = p * r + HALF
+    value = p * (r * r) + r + ONE
     return value * ((k.astype(np.int32) + 127) << 23).view(np.float32)
 
 
@@ -75,8 +76,8 @@ def log(x: F32Like) -> F32:
     exponent = ((bits >> 23) - 126).astype(np.float32)
     m = ((bits & 0x007F_FFFF) | 0x3F00_0000).view(np.float32)
     low = m < _SQRT_HALF
-    e = np.where(low, exponent - np.float32(1.0), exponent)
-    m = np.where(low, m + m, m) - np.float32(1.0)
+    e = np.where(low, exponent - ONE, exponent)
+    m = np.where(low, m + m, m) - ONE
     z = m * m
     p = np.float32(7.037_683_6e-2) * m + np.float32(-1.151_461e-1)
     p = p * m + np.float32(1.167_699_9e-1)
@@ -86,7 +87,7 @@ def log(x: F32Like) -> F32:
     p = p * m + np.float32(2.000_071_5e-1)
     p = p * m + np.float32(-2.499_999_4e-1)
     p = p * m + np.float32(3.333_333_1e-1)
-    y = p * m * z + e * _LN2_LOW - np.float32(0.5) * z
+    y = p * m * z + e * _LN2_LOW - HALF * z
     return m + y + e * _LN2_HIGH
 
 
@@ -107,7 +108,7 @@ def sincos(x: F32Like) -> tuple[F32, F32]:
     s = s * z * r + r
     c = np.float32(2.443_315_7e-5) * z + np.float32(-1.388_731_6e-3)
     c = c * z + np.float32(4.166_664_6e-2)
-    c = c * (z * z) - np.float32(0.5) * z + np.float32(1.0)
+    c = c * (z * z) - HALF * z + ONE
     odd = (quadrant & 1) == 1
     sine = np.where(odd, c, s)
     cosine = np.where(odd, s, c)
@@ -122,12 +123,10 @@ def atan(x: F32Like) -> F32:
     magnitude = np.abs(x)
     far = magnitude > _TAN_3PI_8
     middle = (magnitude > _TAN_PI_8) & ~far
-    divisor = np.where(far, magnitude, magnitude + np.float32(1.0))
-    numerator = np.where(far, np.float32(-1.0), magnitude - np.float32(1.0))
-    r = np.where(
-        far | middle, numerator / np.where(divisor == 0, np.float32(1.0), divisor), magnitude
-    )
-    base = np.where(far, HALF_PI, np.where(middle, _PI_OVER_4, np.float32(0.0)))
+    divisor = np.where(far, magnitude, magnitude + ONE)
+    numerator = np.where(far, np.float32(-1.0), magnitude - ONE)
+    r = np.where(far | middle, numerator / np.where(divisor == 0, ONE, divisor), magnitude)
+    base = np.where(far, HALF_PI, np.where(middle, _PI_OVER_4, ZERO))
     z = r * r
     p = np.float32(8.053_744_5e-2) * z + np.float32(-1.387_768_6e-1)
     p = p * z + np.float32(1.997_771_1e-1)

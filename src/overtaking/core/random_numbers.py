@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, U32, U64
-from overtaking.core.float32_math import exp, log, sincos
+from overtaking.core.float32_math import HALF, TAU, log, sincos
 
 _M0 = np.uint64(0xD251_1F53)
 _M1 = np.uint64(0xCD9E_8D57)
@@ -89,13 +89,13 @@ def philox_words(
 
 def uniform_from_word(word: U32) -> F32:
     """A 32-bit word as a number in the open interval (0, 1): 23 bits, exactly representable."""
-    return ((word >> np.uint32(9)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-23)
+    return ((word >> np.uint32(9)).astype(np.float32) + HALF) * np.float32(2.0**-23)
 
 
 def box_muller(u: F32, v: F32) -> tuple[F32, F32]:
     """Two independent standard normal numbers from two uniform ones (Box and Muller 1958)."""
     radius = np.sqrt(np.float32(-2.0) * log(u))
-    sine, cosine = sincos(np.float32(6.283_185_5) * v)
+    sine, cosine = sincos(TAU * v)
     return radius * cosine, radius * sine
 
 
@@ -133,16 +133,6 @@ class PhiloxStream:
         return box_muller(uniform_from_word(self.next_word()), uniform_from_word(self.next_word()))[
             0
         ]
-
-    def truncated_normal(self, limit: float = 2.0) -> F32:
-        """The next standard normal number, clamped to [-limit, limit]."""
-        z = self.normal()
-        bound = np.float32(limit)
-        return np.where(z < -bound, -bound, np.where(z > bound, bound, z))
-
-    def lognormal(self, log_median: F32 | float, sigma: F32 | float) -> F32:
-        """The next exp(log_median + sigma z), z truncated at 2.5."""
-        return exp(np.float32(log_median) + np.float32(sigma) * self.truncated_normal(2.5))
 
     def integer(self, count: int) -> NDArray[np.int32]:
         """The next integer in [0, count), count <= 65536; bias below 2**-16."""

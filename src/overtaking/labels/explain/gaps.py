@@ -3,7 +3,7 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray
-from overtaking.core.float32_math import as_f32
+from overtaking.core.float32_math import TWO, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.explain.breach import BreachFacts, Change, Quantity, Remedy, sole
 from overtaking.labels.law.beliefs import Margin
@@ -18,7 +18,6 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.world.road_surface import stoppable_speed
 from overtaking.world.surrogate_safety import drac
 
-_TWO = np.float32(2.0)
 _NONE = np.float32(-1.0)
 """Where no speed is lawful [m/s]."""
 
@@ -75,7 +74,7 @@ def no_obstruction(facts: BreachFacts) -> tuple[Remedy, ...]:
     frames = facts.beside(neighbour)
     gap, closing = _gaps(facts, neighbour, frames)
     forced = np.minimum(drac(gap, closing), constant("law.obstruction.most"))
-    needed = closing * closing / (_TWO * limit)
+    needed = closing * closing / (TWO * limit)
     # Where the margin is cut off, several frames have it; the one that lacks most tells.
     lacking = np.where(np.isclose(limit - forced, facts.margin), needed - gap, -np.inf)
     worst = int(lacking.argmax())
@@ -125,15 +124,15 @@ def _followable(facts: BreachFacts, frames: IndexArray) -> F32:
 
 def _lawful_speed(gap: F32, ahead: F32, decel: F32) -> F32:
     """Highest speed that a gap to a vehicle of speed `ahead` allows, as `lawful_gap` [m/s]."""
-    way = np.maximum(gap, np.float32(0.0)) + ahead * ahead / (_TWO * decel)
+    way = np.maximum(gap, np.float32(0.0)) + ahead * ahead / (TWO * decel)
     return stoppable_speed(way, as_f32(constant("law.safe_distance.reaction_time")), decel)
 
 
 def _speed_before(gap: F32, rear: F32, decel: F32) -> F32:
     """Lowest speed at a gap before a vehicle of speed `rear`, as `margin_behind` [m/s]."""
     reaction = constant("law.safe_distance.reaction_time")
-    square = rear * rear + _TWO * decel * (rear * reaction - gap)
-    calm = rear - np.sqrt(_TWO * constant("law.entry.braking") * gap)
+    square = rear * rear + TWO * decel * (rear * reaction - gap)
+    calm = rear - np.sqrt(TWO * constant("law.entry.braking") * gap)
     return np.maximum(np.sqrt(np.maximum(square, np.float32(0.0))), calm)
 
 

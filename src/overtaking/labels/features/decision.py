@@ -7,7 +7,7 @@ number comes from one frame, that of the instant, or from a decision before it.
 import numpy as np
 
 from overtaking.core.arrays import F32, I32, IndexArray, Mask
-from overtaking.core.float32_math import as_f32
+from overtaking.core.float32_math import ZERO, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.features.oncoming import next_oncomer
 from overtaking.labels.features.safety import stop_margins
@@ -57,7 +57,6 @@ _PERCEIVED = 3
 _LEAST_SPEED = np.float32(0.1)
 """Below this a power would mean an endless force [m/s]."""
 _PERCENT = np.float32(0.01)
-_ZERO = np.float32(0.0)
 
 
 def decision_features(case: Case) -> AttemptFeatures:
@@ -283,7 +282,7 @@ def _other_side(case: Case, frame: I32) -> OncomingState:
         kind=case.trajectories.scenario.vehicles.kind[np.arange(count), slot],
         gap=gap,
         closing_speed=both,
-        time=np.maximum(gap, _ZERO) / both,
+        time=np.maximum(gap, ZERO) / both,
         sight=shown_sight(case, frame),
         crossable=~is_closed_at(road, at(case.signals.s, frame)),
     )
@@ -309,7 +308,7 @@ def _next_ahead(case: Case, slot: IndexArray, frames: IndexArray) -> tuple[Mask,
     there = in_lane(case.trajectories, lane, frames) & (way > 0)
     gap = np.where(there, gap, np.float32(np.inf)).min(axis=1)
     has_next = np.asarray(there.any(axis=1))
-    return has_next, np.where(has_next, gap, _ZERO)
+    return has_next, np.where(has_next, gap, ZERO)
 
 
 def _near(case: Case, frames: IndexArray) -> Mask:
@@ -322,7 +321,7 @@ def _sum(values: F32, counted: Mask) -> F32:
     """Sum over the vehicles that count, one after the other, shape (simulation,)."""
     total = np.zeros(len(values), np.float32)
     for j in range(values.shape[1]):
-        total = total + np.where(counted[:, j], values[:, j], _ZERO)
+        total = total + np.where(counted[:, j], values[:, j], ZERO)
     return total
 
 

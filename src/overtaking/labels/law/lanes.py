@@ -3,7 +3,7 @@
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray, Mask
-from overtaking.core.float32_math import as_f32
+from overtaking.core.float32_math import HALF, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.alongside import lane_index
 from overtaking.labels.law.errors import OF_PLACE, SLOW_LANES
@@ -24,7 +24,6 @@ from overtaking.model.road import DrivingSide, Road, RoadMark
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case, Severity, Verdict
 
-_HALF = np.float32(0.5)
 _CLOSED = frozenset(
     [RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN, RoadMark.CURB, RoadMark.GRASS]
 )
@@ -189,7 +188,7 @@ def _in_slow_lanes(case: Case) -> Finding:
     rows = np.flatnonzero(applies)
     # What is beyond the slow edge counts as below lane 0.
     lane, margin = lane_index(seen.lane[rows]), np.zeros(len(applies), np.float32)
-    margin[rows] = lanes - _HALF - as_f32(reduced(np.maximum, lane, span.at_rows(rows)))
+    margin[rows] = lanes - HALF - as_f32(reduced(np.maximum, lane, span.at_rows(rows)))
     over = np.flatnonzero(margin[rows] < 0)
     first, last, longest = ends_in(span, rows[over], lane[over] >= lanes)
     return decided(applies, margin, first, last, longest=longest)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from overtaking.core.arrays import F32, IndexArray, Mask
-from overtaking.core.float32_math import as_f32
+from overtaking.core.float32_math import HALF, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import METRES, across_at, at, borders_of, seconds_of, slot_of
 from overtaking.labels.law.distances import lawful_gap, sure_decel
@@ -31,7 +31,6 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case
 
-_HALF = np.float32(0.5)
 _SLOW = np.float32(0.1)  # Who moves across more slowly is not back at a sure time [m/s].
 
 
@@ -178,7 +177,7 @@ def over_its_edge(case: Case, rows: IndexArray, frames: IndexArray, slot: IndexA
     """How far oncoming vehicles reach beyond the outer edge of their lane, (instant,) [m]."""
     run = case.trajectories
     reach = across_at(run, case.signals, rows, slot, frames)[0]
-    reach = reach + run.scenario.vehicles.width[rows, slot] * _HALF
+    reach = reach + run.scenario.vehicles.width[rows, slot] * HALF
     return reach - borders_of(run.road)[-1]
 
 
@@ -228,7 +227,7 @@ def gap_to_return(case: Case) -> tuple[Mask, F32, F32, F32, F32]:
     ahead = same & (others.lead < others.lead[row, slot][:, None])
     following = np.where(ahead, others.lead, -np.inf).argmax(axis=1)
     halves = run.scenario.vehicles.length[row, slot] + run.scenario.vehicles.length[row, following]
-    gap = others.lead[row, slot] - others.lead[row, following] - halves * _HALF
+    gap = others.lead[row, slot] - others.lead[row, following] - halves * HALF
     there = out.exists & (slot != EGO_SLOT) & ahead.any(axis=1)
     speeds = others.speed[row, slot], others.speed[row, following]
     near = there & (gap <= constant("law.return.reach"))

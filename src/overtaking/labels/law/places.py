@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
-from overtaking.core.float32_math import as_f32
+from overtaking.core.float32_math import HALF, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import METRES, at, slot_of
 from overtaking.labels.law.frames import ENDLESS, Span, ends_in, manoeuvre
@@ -32,7 +32,6 @@ from overtaking.world.sight_distance import all_zones_for
 Along = tuple[float, float]
 """Beginning and end of a stretch of road [m]."""
 
-_HALF = np.float32(0.5)
 _LATE = np.iinfo(np.int32).max  # Later than any frame.
 _SAME = np.float32(1e-3)  # Margins that differ by less are one [m].
 _BEFORE = (ZoneKind.JUNCTION, ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.LEVEL_CROSSING)
@@ -64,7 +63,7 @@ def distance_from(case: Case, along: Iterable[Along]) -> F32:
     """
     run = case.trajectories
     front = as_f32(run.states.s[:, EGO_SLOT]) * METRES
-    front = front + run.scenario.vehicles.length[:, [EGO_SLOT]] * _HALF
+    front = front + run.scenario.vehicles.length[:, [EGO_SLOT]] * HALF
     least = np.full(front.shape, ENDLESS)
     for one in along:
         start, stop = np.float32(one[0]), np.float32(one[1])
@@ -156,7 +155,7 @@ def target_reach(case: Case) -> F32:
     run, row = case.trajectories, np.arange(case.signals.num_simulations)
     slot, frame = slot_of(case.target.slot), np.maximum(case.events.attempt, 0)
     across = np.float32(run.road.side) * as_f32(run.states.d[row, slot, frame]) * METRES
-    return across + run.scenario.vehicles.width[row, slot] * _HALF
+    return across + run.scenario.vehicles.width[row, slot] * HALF
 
 
 def together(found: list[Finding]) -> Finding:

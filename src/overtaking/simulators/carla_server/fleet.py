@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from overtaking.core.arrays import F32
+from overtaking.core.float32_math import ZERO
 from overtaking.core.units import kmh_from_mps
 from overtaking.sim.driven import Mover, mover
 from overtaking.sim.reference import collisions
@@ -55,7 +56,6 @@ CLEARANCE = 0.2
 _NEAR = 0.5  # Closer than this plus what they approach in a tick, two vehicles may touch [m].
 _HARDEST = 20.0  # How fast their approach may grow meanwhile [m/s^2].
 _FOREVER = np.float32(1e9)
-_ZERO = np.float32(0.0)
 _NO_CONTROL = Control()
 _USUAL = Steering()
 _SLIDING_DECEL = 5.0  # Deceleration of a sliding prop, friction 0.5 [m/s^2].
@@ -292,7 +292,7 @@ class Fleet:
         self._given: Parameters = given
         self._fields = given.of_vehicles
         if not self._ground.shelters:
-            self._fields.shelters[:] = _ZERO
+            self._fields.shelters[:] = ZERO
         self._movers.clear()
         state = initial_state(given)
         state.end_step[:] = _FOREVER

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32
+from overtaking.core.float32_math import ZERO
 from overtaking.knowledge.toml_reader import constant
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
@@ -21,13 +22,11 @@ from overtaking.world.constants import model_constants
 from overtaking.world.road_parameters import has_two_directions
 from overtaking.world.weather_parameters import with_effective_weather
 
-_ZERO = np.float32(0.0)
-
 
 def is_wet(scenario: Scenario) -> NDArray[np.bool_]:
     """Whether the road is wet, shape (simulation,); on a dry one SUMO's friction is left alone."""
     weather = with_effective_weather(scenario).weather
-    rain = road_surface.rain_rate(weather.rain) > _ZERO
+    rain = road_surface.rain_rate(weather.rain) > ZERO
     return rain | (weather.puddles >= constant("weather.film.wet_deposits_percent"))
 
 
@@ -43,7 +42,7 @@ def lane_friction(scenario: Scenario) -> F32:
     rain = road_surface.film_rain_factor(
         road_surface.rain_rate(with_effective_weather(scenario).weather.rain)
     )[:, None]
-    least = np.where(is_wet(scenario), constant("weather.film.wet_film_mm"), _ZERO)[:, None]
+    least = np.where(is_wet(scenario), constant("weather.film.wet_film_mm"), ZERO)[:, None]
     texture = np.full_like(rain, constant("weather.film.texture_depth_mm"))
     depth = road_surface.lane_film(least, rain, path, texture)
     speed = np.full_like(depth, model_constants().friction_speeds[0])
@@ -129,7 +128,7 @@ class Traffic:
 def _under(scenario: Scenario, limit: np.float32) -> F32:
     """Speed that drivers want under a limit, (simulation, vehicle) [m/s]."""
     p = scenario.drivers
-    return p.desired_speed - p.limit_respect * np.maximum(p.desired_speed - limit, _ZERO)
+    return p.desired_speed - p.limit_respect * np.maximum(p.desired_speed - limit, ZERO)
 
 
 def routes(traffic: Traffic, row: int, ahead: float = 0.0, before: float = BEHIND) -> str:

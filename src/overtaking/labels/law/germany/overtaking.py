@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from overtaking.core.arrays import F32
+from overtaking.core.float32_math import HALF
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.instants import at, vehicle_at
 from overtaking.labels.law.alongside import (
@@ -34,14 +35,12 @@ from overtaking.model.trajectories import NO_VEHICLE
 from overtaking.model.vehicles import VehicleKind
 from overtaking.model.verdicts import Case
 
-_HALF = np.float32(0.5)
-
 
 def _on_the_left(case: Case) -> Finding:
     """While alongside the target the ego is left of it, unless both are in queues."""
     found = alongside(case)
     own = lane_index(case.signals.lane)[found.rows, found.frames]
-    margin = (own - lane_index(found.lane) - _HALF).astype(np.float32)
+    margin = (own - lane_index(found.lane) - HALF).astype(np.float32)
     wrong = np.flatnonzero(margin < 0)
     margin[wrong[in_queue(case, found.rows[wrong], found.frames[wrong])]] = ENDLESS
     return found.check(case, margin)
