@@ -6,7 +6,7 @@ import mmap
 import weakref
 from collections.abc import Hashable
 from itertools import accumulate
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,119 +28,146 @@ F32Like = F32 | np.floating[Any]
 """A float32 array or number."""
 
 MIN_POOLED_BYTES = 1 << 20
-"""Arrays below this are NumPy's own."""
+"""Arrays of fewer bytes come from NumPy, which reuses small blocks itself."""
 
 MAX_POOLED_BYTES = 256 << 20
-"""Most unused memory that is kept: that of a large batch and of its results."""
-_PAGE_BYTES = 2 << 20  # What Linux calls a huge page, on x86 and on ARM.
+"""Unused memory in the pool, at most: a large batch and its results."""
 
-_LINE_BYTES = 64
-"""Arrays begin where a line of the CPU's cache does."""
+_PAGE_BYTES = 2 << 20  # Size of a huge page of Linux, on x86 and on ARM.
+_LINE_BYTES = 64  # Size of a cache line; each array of a group begins at one.
 
-ArrayLayout = tuple[tuple[str, tuple[int, ...], type[np.generic] | np.dtype[Any]], ...]
-"""Names, shapes and types of some arrays."""
 
-_PoolKey = tuple[Hashable, int]
-"""The use that memory is reserved for (None for any), and its size."""
+class ArrayLayout(NamedTuple):
+    """One of several arrays in a common block of memory."""
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: type[np.generic] | np.dtype[Any]
+
+
+class _PoolKey(NamedTuple):
+    """Memory is reused for the same purpose and size; the purpose None stands for any content."""
+
+    purpose: Hashable
+    num_bytes: int
+
 
 _pool: dict[_PoolKey, list[mmap.mmap]] = {}
-"""Unused memory. Only `append` and `pop` touch the lists, so that neither threads nor a
-finaliser in the midst of either need a lock."""
+"""Unused memory. Only `append` and `pop` change the lists: both are atomic, so that threads and
+finalisers need no lock."""
 
 
 def empty_array(size: int, dtype: Any) -> NDArray[Any]:
-    """An array with arbitrary content, as from `numpy.empty`.
+    """Allocate an array with arbitrary content, as `numpy.empty` does.
 
-    Its memory returns when the array and all views of it are gone, and not before.
+    Its memory returns to the pool with the last reference to the array or to a view of it.
 
     Args:
         size: Number of elements.
-        dtype: Their type.
+        dtype: Type of the elements.
+
+    Returns:
+        The array, shape (size,).
     """
-    kind = np.dtype(dtype)
-    length = size * kind.itemsize
-    if length < MIN_POOLED_BYTES:
-        return np.empty(size, kind)
-    return _pooled_bytes(length, None).view(kind)
+    num_bytes = size * np.dtype(dtype).itemsize
+    if num_bytes < MIN_POOLED_BYTES:
+        return np.empty(size, dtype)
+    return _pooled_bytes(num_bytes, None).view(dtype)
 
 
 def reused_bytes(purpose: Hashable, size: int) -> NDArray[np.uint8]:
-    """Bytes that are zero, or what the last array for the same use and size left in them.
+    """Allocate bytes that are zero, or hold the values of an earlier array.
 
-    A caller that keeps in them how far they were filled need not clear the rest.
+    A caller that stores in the array how much of it is filled need not clear the rest.
 
     Args:
-        purpose: Name of a purpose; memory is reused only for the same purpose.
-        size: Their number.
+        purpose: The memory of an earlier array is reused for the same purpose and size only.
+        size: Number of bytes.
+
+    Returns:
+        The bytes, shape (size,).
     """
     return np.zeros(size, np.uint8) if size < MIN_POOLED_BYTES else _pooled_bytes(size, purpose)
 
 
-def _pooled_bytes(length: int, purpose: Hashable) -> NDArray[np.uint8]:
-    """Memory of a huge page or more, which is given back with the last reference to it."""
-    room = -(-length // _PAGE_BYTES) * _PAGE_BYTES
-    memory = _take_from_pool((purpose, room))
-    whole = np.frombuffer(memory, np.uint8)
-    begin = -whole.ctypes.data % _PAGE_BYTES
-    weakref.finalize(whole, _return_to_pool, memory, (purpose, room)).atexit = False
-    return whole[begin : begin + length]
+def _pooled_bytes(size: int, purpose: Hashable) -> NDArray[np.uint8]:
+    """Bytes at the beginning of a huge page, which return to the pool after the last reference."""
+    num_pages = -(-size // _PAGE_BYTES)
+    key = _PoolKey(purpose, num_pages * _PAGE_BYTES)
+    memory = _take_from_pool(key)
+    block = np.frombuffer(memory, np.uint8)
+    begin = -block.ctypes.data % _PAGE_BYTES
+    weakref.finalize(block, _return_to_pool, memory, key).atexit = False
+    return block[begin : begin + size]
 
 
-def _take_from_pool(purpose: _PoolKey) -> mmap.mmap:
-    """Memory in which as many bytes begin at a huge page."""
+def _take_from_pool(key: _PoolKey) -> mmap.mmap:
+    """Memory from the pool or from the system, with one page more for the alignment."""
     with contextlib.suppress(KeyError, IndexError):
-        return _pool[purpose].pop()
+        return _pool[key].pop()
     flags = {} if not hasattr(mmap, "MAP_PRIVATE") else {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANON}
-    memory = mmap.mmap(-1, purpose[1] + _PAGE_BYTES, **flags)
+    memory = mmap.mmap(-1, key.num_bytes + _PAGE_BYTES, **flags)
     if hasattr(mmap, "MADV_HUGEPAGE"):
-        with contextlib.suppress(OSError):  # A kernel without them serves small ones.
+        with contextlib.suppress(OSError):  # A kernel without huge pages uses small ones.
             memory.madvise(mmap.MADV_HUGEPAGE)
     return memory
 
 
-def _return_to_pool(memory: mmap.mmap, purpose: _PoolKey) -> None:
-    """Keep memory for the next one, unless there is plenty."""
-    kept = sum(room * len(free) for (_, room), free in tuple(_pool.items()))
-    if kept + purpose[1] <= MAX_POOLED_BYTES:
-        _pool.setdefault(purpose, []).append(memory)
+def _return_to_pool(memory: mmap.mmap, key: _PoolKey) -> None:
+    pooled = tuple(_pool.items())  # A copy: another thread may add a key.
+    pooled_bytes = sum(pooled_key.num_bytes * len(blocks) for pooled_key, blocks in pooled)
+    if pooled_bytes + key.num_bytes <= MAX_POOLED_BYTES:
+        _pool.setdefault(key, []).append(memory)
 
 
 class Buffers:
-    """Output arrays that are used again as long as they are large enough.
+    """Output arrays of a caller that no longer needs the results of its last call.
 
-    Without one, memory is reused too, but only when no reference to the last batch is left.
+    Functions without a `Buffers` object reuse memory as well, but only after the last reference to
+    the earlier arrays.
     """
 
     def __init__(self) -> None:
         """Start without memory."""
         self._memory: dict[str, NDArray[Any]] = {}
-        self._layouts: dict[str, ArrayLayout] = {}
+        self._layouts: dict[str, tuple[ArrayLayout, ...]] = {}
 
     def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-        """An array of this shape with arbitrary content; valid until the next call for it."""
+        """An array with arbitrary content, valid until the next call with the same name.
+
+        Args:
+            name: Name of the array; all calls with one name need the same dtype.
+            shape: Its shape.
+            dtype: Type of its elements.
+        """
         size = int(np.prod(shape, dtype=np.int64))
         memory = self._memory.get(name)
         if memory is None or memory.size < size:
             memory = self._memory[name] = empty_array(size, dtype)
         return memory[:size].reshape(shape)
 
-    def arrays(self, name: str, layout: ArrayLayout) -> dict[str, NDArray[Any]]:
-        """Arrays of zeros, or with the values of an earlier array of this layout; valid as above.
+    def arrays(self, name: str, layouts: tuple[ArrayLayout, ...]) -> dict[str, NDArray[Any]]:
+        """Arrays of zeros or, after a call with equal layouts, with the values from then.
+
+        They are valid until the next call with the same name.
 
         Args:
-            name: Of all of them together.
-            layout: Name, shape and type of each.
+            name: Name of the group of arrays.
+            layouts: The arrays.
+
+        Returns:
+            The arrays by their names.
         """
-        sizes = [math.prod(shape) * np.dtype(kind).itemsize for _, shape, kind in layout]
+        sizes = [math.prod(layout.shape) * np.dtype(layout.dtype).itemsize for layout in layouts]
         ends = list(accumulate(-(-size // _LINE_BYTES) * _LINE_BYTES for size in sizes))
-        if self._layouts.get(name) != layout:
-            self._layouts[name], self._memory[name] = layout, reused_bytes(layout, ends[-1])
+        if self._layouts.get(name) != layouts:
+            self._layouts[name], self._memory[name] = layouts, reused_bytes(layouts, ends[-1])
         memory, begins = self._memory[name], [0, *ends]
         return {
             # Empty slices can share an address with another array, and the engine refuses to write
             # to two arrays at one address.
-            field: memory[begin : begin + size].view(kind).reshape(shape)
+            layout.name: memory[begin : begin + size].view(layout.dtype).reshape(layout.shape)
             if size
-            else np.empty(shape, kind)
-            for (field, shape, kind), begin, size in zip(layout, begins, sizes, strict=False)
+            else np.empty(layout.shape, layout.dtype)
+            for layout, begin, size in zip(layouts, begins, sizes, strict=False)
         }

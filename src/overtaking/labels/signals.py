@@ -63,10 +63,10 @@ def watch(trajectories: Trajectories, limits: dict[str, Any]) -> tuple[EgoSignal
     """
     names, recorded = _core.event_fields(), pack(trajectories)
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
-    layout = _layout(trajectories, EgoSignals, (*SEEN, "accel"))
-    filled = ("filled", trajectories.num_frames.shape, np.int32)
+    layouts = _layouts(trajectories, EgoSignals, (*SEEN, "accel"))
+    filled = ArrayLayout("filled", trajectories.num_frames.shape, np.int32)
     # Most simulations end early: what is zero behind their ends need not be cleared again.
-    outputs = Buffers().arrays("signals", (*layout, filled))
+    outputs = Buffers().arrays("signals", (*layouts, filled))
     _core.watch(
         recorded=recorded,
         conditions=conditions(trajectories),
@@ -300,18 +300,21 @@ def _target_names() -> list[str]:
 def _room(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> Arrays:
     """Arrays for some fields of a batch, of their types, whose content means nothing yet."""
     return {
-        name: empty_array(math.prod(shape), kind).reshape(shape)
-        for name, shape, kind in _layout(trajectories, cls, names)
+        name: empty_array(math.prod(shape), dtype).reshape(shape)
+        for name, shape, dtype in _layouts(trajectories, cls, names)
     }
 
 
-def _layout(trajectories: Trajectories, cls: type[Batch], names: Iterable[str]) -> ArrayLayout:
-    """Names, shapes and types of some fields of a batch."""
+def _layouts(
+    trajectories: Trajectories, cls: type[Batch], names: Iterable[str]
+) -> tuple[ArrayLayout, ...]:
+    """Layouts of some fields of a batch."""
     simulations, frames = trajectories.stage.shape
     whole, narrow = (simulations, len(NeighbourRole), frames), (simulations, frames)
     kinds, wide = batch_fields(cls), _OF_NEIGHBOURS if cls is EgoSignals else ()
     return tuple(
-        (name, whole if name in wide else narrow, np.dtype(kinds[name].dtype)) for name in names
+        ArrayLayout(name, whole if name in wide else narrow, np.dtype(kinds[name].dtype))
+        for name in names
     )
 
 

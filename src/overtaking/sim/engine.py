@@ -122,9 +122,10 @@ def road_values(given: Parameters) -> dict[str, Any]:
 def _outputs(batch: int, slots: int, frames: int, buffers: Buffers) -> dict[str, NDArray[Any]]:
     array = buffers.array
     shape = (batch, slots, frames)
-    states: ArrayLayout = tuple((name, shape, kind) for name, kind in STATE_DTYPES.items())
+    states = tuple(ArrayLayout(name, shape, dtype) for name, dtype in STATE_DTYPES.items())
     # With how far each row is written: so the engine clears no more than was ever there.
-    outputs = buffers.arrays("states", (*states, ("written", shape[:2], _WIDE)))
+    written = ArrayLayout("written", shape[:2], _WIDE)
+    outputs = buffers.arrays("states", (*states, written))
     outputs |= {name: array(name, (batch, frames), _BYTE) for name in ("stage", "collided_with")}
     outputs["num_frames"] = array("num_frames", (batch,), _WIDE)
     outputs["contact_partner"] = array("contact_partner", (batch, slots), _BYTE)

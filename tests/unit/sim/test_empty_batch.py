@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.core.arrays import Buffers
+from overtaking.core.arrays import ArrayLayout, Buffers
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.schemas import SCHEMAS
 
@@ -48,6 +48,6 @@ def test_a_negative_frame_is_refused_for_an_empty_batch():
 
 
 def test_empty_arrays_of_one_layout_have_different_addresses():
-    layout = (("first", (0, 3), np.int32), ("second", (0, 3), np.int32))
-    arrays = Buffers().arrays("both", layout)
+    layouts = tuple(ArrayLayout(name, (0, 3), np.int32) for name in ("first", "second"))
+    arrays = Buffers().arrays("both", layouts)
     assert arrays["first"].ctypes.data != arrays["second"].ctypes.data
