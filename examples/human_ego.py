@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import overtaking as ot
 from overtaking.core.arrays import Mask
 from overtaking.core.float32_math import exp, maximum, minimum
-from overtaking.model.driver_interface import NEIGHBOUR_ROLES
+from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.gaps import (
     View,
@@ -42,98 +42,104 @@ class HumanEgo:
         """Take the constants of the model for a new batch."""
         self.given = parameters(scenario)
 
-    def __call__(self, seen: ot.Observation) -> NDArray[np.int64]:
+    def __call__(self, observation: ot.Observation) -> NDArray[np.int64]:
         """A move for each simulation."""
-        view, looks = self.view(seen), seen.of("looks") > 0
-        start, back = self.starts(seen, view, looks), self.returns(seen, view, looks)
-        signalled = seen.of("signalled") + self.given.constants.decision
-        sure = (looks & (seen.of("contested") == 0)) | view.told
-        shown = signalled > seen.driver.signal_time
-        now = (shown | ((seen.of("hurries") > 0) & back)) & sure
+        ego = observation.ego
+        view, looks = self.view(observation), ego.checks_mirrors > 0
+        start, back = self.starts(observation, view, looks), self.returns(observation, view, looks)
+        time_indicating = ego.time_indicating + self.given.constants.decision
+        sure = (looks & (ego.gives_way == 0)) | view.told
+        shown = time_indicating > observation.vehicle.signal_time
+        now = (shown | ((observation.passing.return_urgency > 0) & back)) & sure
         out = np.where(now, ot.Move.PULL_OUT, ot.Move.SHOW_OUT)
         home = np.where(now, ot.Move.RETURN, ot.Move.SHOW_BACK)
         move = np.where(start, out, np.where(back, home, ot.Move.KEEP))
-        return np.where(self.aborts(seen, view, looks), ot.Move.ABORT, move)
+        return np.where(self.aborts(observation, view, looks), ot.Move.ABORT, move)
 
-    def view(self, seen: ot.Observation) -> View:
-        """What the decisions are made from; who has waited for long demands less."""
-        c, driver = self.given.constants, seen.driver
-        impatience = maximum(exp(-(seen.of("waited") * driver.inverse_patience)), c.patience_floor)
+    def view(self, observation: ot.Observation) -> View:
+        """The beliefs behind all decisions. A driver who has waited long demands smaller gaps."""
+        c, driver = self.given.constants, observation.vehicle
+        ego, leader = observation.ego, observation.leader
+        impatience = maximum(exp(-(ego.time_waiting * driver.inverse_patience)), c.patience_floor)
         demand = driver.gap_acceptance * impatience
-        around = np.moveaxis(seen.around, 0, -1)[: len(NEIGHBOUR_ROLES) - 2]
-        told = driver.gap_acceptance <= 0  # Told to change lanes, as in the study: looks at no gap.
+        six_neighbours = slice(len(NeighbourRole))  # Without oncoming vehicles.
+        # In pinto2023 the ego is told to change lanes, as in the study, and looks at no gap.
+        told = driver.gap_acceptance <= 0
+        two_way = self.given.road.two_way
         return View(
             who=EGO_SLOT,
             own=driver,
-            speed=seen.of("speed"),
-            gap=around[:, 1],
-            closing=around[:, 2],
-            detected=around[:, 0] > 0,
-            leader_speed=seen.of("speed") - around[LEAD, 2],
+            speed=ego.speed,
+            gap=observation.neighbours.gap[six_neighbours],
+            closing=observation.neighbours.closing_speed[six_neighbours],
+            detected=observation.neighbours.is_detected[six_neighbours] > 0,
+            leader_speed=ego.speed - leader.closing_speed,
             demand=demand,
             imposes=minimum(
                 minimum(driver.safe_decel / maximum(demand, LEAST_DEMAND), c.most_imposed),
                 driver.hardest_decel,
             ),
             impatience=impatience,
-            room_left=seen.of("room_left") if self.given.road.two_way else np.float32(1.0),
+            room_left=observation.passing.tall_vehicle_gap_factor if two_way else np.float32(1.0),
             told=told,
-            ordered=told & (around[LEAD, 0] > 0) & (around[LEAD, 2] > driver.passing_gain),
+            ordered=told & (leader.is_detected > 0) & (leader.closing_speed > driver.passing_gain),
             command=np.zeros_like(demand),
         )
 
-    def starts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
-        """Whether to signal to pull out: decided at looks into the mirrors, held between them."""
-        free = (seen.of("stage") == ot.Stage.FOLLOW) & (seen.of("can_go_out") > 0)
-        rested = seen.of("since_change") >= self.given.constants.abort_cooldown
+    def starts(self, observation: ot.Observation, view: View, looks: Mask) -> Mask:
+        """Whether to indicate a pull-out: decided at checks of the mirrors, kept in between."""
+        ego = observation.ego
+        free = (ego.stage == ot.Stage.FOLLOW) & (ego.can_pull_out > 0)
+        rested = ego.time_since_lane_change >= self.given.constants.abort_cooldown
         wants = wants_to_pass(self.given, view) & may_pull_out(self.given, view)
         if self.given.road.two_way:
-            wants &= self.may_meet(seen, view)
+            wants &= self.may_meet(observation, view)
         wants = np.where(view.told, view.ordered, wants)
-        return free & rested & np.where(looks | view.told, wants, seen.of("wanted") > 0)
+        return free & rested & np.where(looks | view.told, wants, ego.wanted_side > 0)
 
-    def may_meet(self, seen: ot.Observation, view: View) -> Mask:
-        """Whether the lane of oncoming traffic is believed to be free for long enough."""
-        comes = seen.of("detected", "oncoming") > 0
-        c = self.given.constants
-        gap = np.where(comes, seen.of("gap", "oncoming"), c.oncoming_range)
+    def may_meet(self, observation: ot.Observation, view: View) -> Mask:
+        """Whether the opposing lane is believed to be free for long enough."""
+        leader, oncoming, passing = observation.leader, observation.oncoming, observation.passing
+        is_seen = oncoming.is_detected > 0
+        gap = np.where(is_seen, oncoming.gap, self.given.constants.oncoming_range)
         ahead = Outlook(
             gap=view.gap[LEAD],
             leader=view.leader_speed,
-            length=seen.of("length", "lead"),
-            room=seen.of("room"),
-            seen=seen_ahead(view.own, gap, seen.of("sight")),
-            closing=np.where(comes, seen.of("closing", "oncoming"), seen.of("expected")),
-            sure=seen.of("sure") > 0,
-            solid=seen.of("solid") > 0,
-            room_left=seen.of("room_left"),
+            length=leader.length,
+            room=passing.gap_ahead_of_leader,
+            seen=seen_ahead(view.own, gap, passing.sight_distance),
+            closing=np.where(is_seen, oncoming.closing_speed, passing.expected_closing_speed),
+            sure=passing.is_certain > 0,
+            solid=passing.line_is_solid > 0,
+            room_left=passing.tall_vehicle_gap_factor,
         )
         may = may_meet(self.given, view.own, view.speed, view.impatience, ahead)
-        return may & ~(seen.of("indicator", "lead") > 0)  # One overtakes at a time.
+        return may & ~(leader.indicator > 0)  # The leader may be about to overtake itself.
 
-    def returns(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
-        """Whether to signal to return: past the other, or stuck beside it for too long."""
-        c = self.given.constants
-        passes = (seen.of("stage") == ot.Stage.PASS) & (seen.of("can_go_back") > 0)
-        stuck = (seen.of("stage_time") > c.give_up_after) & (seen.of("behind_target") > 0)
-        rested = seen.of("since_change") >= c.abort_cooldown
-        passed = seen.of("passed") > 0
+    def returns(self, observation: ot.Observation, view: View, looks: Mask) -> Mask:
+        """Whether to indicate the return: past the target, or stuck beside it for too long."""
+        c, ego = self.given.constants, observation.ego
+        passes = (ego.stage == ot.Stage.PASS) & (ego.can_return > 0)
+        stuck = (ego.time_in_stage > c.give_up_after) & (ego.is_behind_target > 0)
+        rested = ego.time_since_lane_change >= c.abort_cooldown
+        passed = ego.has_passed_target > 0
         may = may_return(self.given, view, view.room_left) & (passed | stuck)
         if self.given.road.two_way:
             room = may_squeeze(self.given, self.given.of_simulations, view)
-            squeezes = (seen.of("hurries") > PRESSED) & room & passed
+            squeezes = (observation.passing.return_urgency > PRESSED) & room & passed
             may, rested = may | squeezes, rested | squeezes
         wants = np.where(view.told, passed, may)
-        return passes & np.where(looks | view.told, wants & rested, seen.of("wanted") < 0)
+        return passes & np.where(looks | view.told, wants & rested, ego.wanted_side < 0)
 
-    def aborts(self, seen: ot.Observation, view: View, looks: Mask) -> Mask:
-        """Whether to give up: the lane being entered has turned dangerous, or somebody comes."""
-        falls_in = (seen.of("yields") > FITTING) & has_room_behind(self.given, view)
+    def aborts(self, observation: ot.Observation, view: View, looks: Mask) -> Mask:
+        """Whether to abort, because the new lane has become dangerous or a vehicle is oncoming."""
+        ego, abort_state = observation.ego, observation.passing.abort_state
+        falls_back = (abort_state > FITTING) & has_room_behind(self.given, view)
         out = must_abort(self.given, view, SLOW_LEAD, SLOW_REAR)
         home = must_abort(self.given, view, FAST_LEAD, FAST_REAR)
-        home &= not self.given.road.two_way  # The lane of others is no place to stay.
-        danger = np.where(seen.of("stage") == ot.Stage.PULL_OUT, out, home)
-        return falls_in | (looks & ~view.told & danger & (seen.of("can_abort") > 0))
+        home &= not self.given.road.two_way  # A driver must not stay in the opposing lane.
+        danger = np.where(ego.stage == ot.Stage.PULL_OUT, out, home)
+        return falls_back | (looks & ~view.told & danger & (ego.can_cancel_lane_change > 0))
 
 
 def main() -> None:

@@ -28,31 +28,36 @@ class MobilDriver:
         """Take the constants of the model for a new batch."""
         self.given = parameters(scenario)
 
-    def __call__(self, seen: ot.Observation) -> NDArray[np.float32]:
+    def __call__(self, observation: ot.Observation) -> NDArray[np.float32]:
         """Acceleration [m/s^2] and side of the lane to change to, for each simulation."""
-        around = np.moveaxis(seen.around, 0, -1)
+        neighbours = observation.neighbours
         believed = Beliefs(
-            detected=around[:, 0] > 0, gap=around[:, 1], closing=around[:, 2], accel=around[:, 3]
+            detected=neighbours.is_detected > 0,
+            gap=neighbours.gap,
+            closing=neighbours.closing_speed,
+            accel=neighbours.accel,
         )
-        accel = self.behind_leader(seen, believed)
-        # It decides when it looks into the mirrors, and goes on signalling in between.
-        side = np.where(seen.of("looks") > 0, self.side(seen, believed, accel), seen.of("wanted"))
+        accel = self.behind_leader(observation, believed)
+        # It decides when it checks the mirrors, and keeps indicating in between.
+        ego, side = observation.ego, self.side(observation, believed, accel)
+        side = np.where(ego.checks_mirrors > 0, side, ego.wanted_side)
         return np.stack([accel, side], axis=1)
 
-    def behind_leader(self, seen: ot.Observation, believed: Beliefs) -> F32:
+    def behind_leader(self, observation: ot.Observation, believed: Beliefs) -> F32:
         """Acceleration behind the leader [m/s^2]."""
-        p, near = seen.driver, (believed.gap[LEAD], believed.closing[LEAD])
-        c, speed = self.given.constants, seen.of("speed")
+        p, near = observation.vehicle, (believed.gap[LEAD], believed.closing[LEAD])
+        c, speed = self.given.constants, observation.ego.speed
         return follow(c, p, speed, p.desired_speed, *near, p.time_gap, believed.accel[LEAD])
 
-    def side(self, seen: ot.Observation, believed: Beliefs, accel: F32) -> F32:
+    def side(self, observation: ot.Observation, believed: Beliefs, accel: F32) -> F32:
         """1 towards the fast side, -1 towards the slow side, where it pays and is safe; else 0."""
-        given, p, speed = self.given, seen.driver, seen.of("speed")
+        given, p, ego = self.given, observation.vehicle, observation.ego
+        speed = ego.speed
         to_fast, to_slow = incentives(given, p, speed, believed, accel)
-        rested = seen.of("since_change") >= given.constants.cooldown
-        fast = rested & (seen.of("can_go_out") > 0) & (to_fast > p.threshold)
+        rested = ego.time_since_lane_change >= given.constants.cooldown
+        fast = rested & (ego.can_pull_out > 0) & (to_fast > p.threshold)
         fast &= is_safe(given, p, speed, believed, FAST_LEAD, FAST_REAR)
-        slow = rested & (seen.of("can_go_back") > 0) & (to_slow > p.threshold) & ~fast
+        slow = rested & (ego.can_return > 0) & (to_slow > p.threshold) & ~fast
         slow &= is_safe(given, p, speed, believed, SLOW_LEAD, SLOW_REAR)
         slow &= believed.gap[SLOW_LEAD] > given.constants.free_ahead_time * speed
         return np.where(fast, np.float32(1.0), np.where(slow, np.float32(-1.0), np.float32(0.0)))

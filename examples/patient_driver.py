@@ -14,15 +14,18 @@ import overtaking as ot
 CRUISE = 33.0  # [m/s]
 
 
-def patient(seen: ot.Observation) -> NDArray[np.float64]:
+def patient(observation: ot.Observation) -> NDArray[np.float64]:
     """Speed [m/s] and side of the lane to change to, for each simulation."""
-    own, gap = seen.of("speed"), seen.of("gap", "lead")
-    follows = np.maximum(own - seen.of("closing", "lead") + (gap - 2.0 * own) / 4.0, 0.0)
-    speed = np.where(seen.of("detected", "lead") > 0, np.minimum(CRUISE, follows), CRUISE)
-    behind = seen.of("gap", "fast_rear") - 5.0 * np.maximum(seen.of("closing", "fast_rear"), 0.0)
-    out = (speed < CRUISE - 3.0) & (behind > 50.0) & (seen.of("gap", "fast_lead") > gap)
-    clear = (seen.of("gap", "slow_lead") > 3.0 * own) & (seen.of("gap", "slow_rear") > own)
-    side = np.where(out, 1.0, np.where(clear & (seen.of("lane") > 0), -1.0, 0.0))
+    ego, leader, right_leader = observation.ego, observation.leader, observation.right_leader
+    left_leader, left_follower = observation.left_leader, observation.left_follower
+    leader_speed = ego.speed - leader.closing_speed
+    follow = np.maximum(leader_speed + (leader.gap - 2.0 * ego.speed) / 4.0, 0.0)
+    speed = np.where(leader.is_detected > 0, np.minimum(CRUISE, follow), CRUISE)
+    gap_in_5_s = left_follower.gap - 5.0 * np.maximum(left_follower.closing_speed, 0.0)
+    pulls_out = (speed < CRUISE - 3.0) & (gap_in_5_s > 50.0) & (left_leader.gap > leader.gap)
+    is_clear = right_leader.gap > 3.0 * ego.speed
+    is_clear &= observation.right_follower.gap > ego.speed
+    side = np.where(pulls_out, 1.0, np.where(is_clear & (ego.lane > 0), -1.0, 0.0))
     return np.stack([speed, side], axis=1)
 
 

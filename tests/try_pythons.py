@@ -38,8 +38,8 @@ DRIVER = """
 import numpy as np
 
 
-def keep_gap(seen):
-    accel = 0.2 * (seen.of("gap", "lead") - 2.0 * seen.of("speed"))
+def keep_gap(observation):
+    accel = 0.2 * (observation.leader.gap - 2.0 * observation.ego.speed)
     return np.stack([accel.clip(-4.0, 1.0), np.zeros(len(accel))], axis=1)
 """
 

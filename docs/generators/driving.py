@@ -1,4 +1,4 @@
-"""The reference of what policies observe and answer."""
+"""The reference of what drivers observe and answer."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from overtaking.model.driver_interface import (
     NEIGHBOUR_ROLES,
     PASSING_COLUMNS,
     Move,
+    ObservedValue,
 )
 from overtaking.model.trajectories import Stage
 from overtaking.sim.controls import CONTROLS
@@ -20,18 +21,24 @@ if TYPE_CHECKING:
     from enum import IntEnum
 
 INTRODUCTION = """\
-What a [driver of your own](../how-to/drive-it-yourself.md) is given and answers. `seen.of(name)` is
-a number of the ego, `seen.of(name, role)` one of a neighbour, each of shape (simulation,) and
-float32. A flag is 1 or 0. Networks in ONNX files get all of them in this order: the numbers of the
-ego, for each role those of the neighbour, and those of a pass against oncoming traffic.
+What a [driver of your own](../how-to/drive-it-yourself.md) observes and answers. Each column of an
+`observation` has shape (simulation,) and is float32. A flag is 1 or 0. Networks in ONNX files get
+`observation.table`, which has all columns in this order: those of the ego, those of each neighbour,
+and those of a pass against oncoming traffic.
 """
-AROUND_NOTE = """\
-Roles: {roles}. A role is a place: ahead (`lead`) and behind (`rear`) in the ego's lane, and in the
-next faster and slower one; the last two are on the other side of the road.
+EGO_NOTE = """\
+Read them as `observation.ego.speed`. Sides are 1 for the overtaking side and -1 for the kerb side;
+positions across the road, headings and yaw rates grow towards the overtaking side.
 """
-MEETING_NOTE = """\
-`seen.of(name)` gives these as well. They are the model driver's own, whatever is observed of
-others; a sensor measures no room. On roads of one direction they are zero.
+NEIGHBOUR_NOTE = """\
+Read them as `observation.leader.gap`. The neighbours are {roles}. Left is the overtaking side, also
+in left-hand traffic. The last two approach on the other side of a two-way road. Without a vehicle
+all columns are zero except the gap, which is large.
+"""
+PASSING_NOTE = """\
+Read them as `observation.passing.sight_distance`. They are beliefs of the model's driver, also if
+the neighbours are observed by a sensor; with a sensor the gap ahead of the leader is zero. On
+one-way roads all are zero.
 """
 ANSWER = """\
 `action`, its numbers, and the limits within which they are clipped. A number acts in whole steps.
@@ -56,13 +63,9 @@ def content() -> str:
     return page(
         "What a driver observes and answers",
         INTRODUCTION,
-        section("Numbers of the ego", _numbers(EGO_COLUMNS), _codes(Stage)),
-        section(
-            "Numbers of a neighbour", AROUND_NOTE.format(roles=roles), _numbers(NEIGHBOUR_COLUMNS)
-        ),
-        section(
-            "Numbers of a pass against oncoming traffic", MEETING_NOTE, _numbers(PASSING_COLUMNS)
-        ),
+        section("The ego", EGO_NOTE, _numbers(EGO_COLUMNS), _codes(Stage)),
+        section("The neighbours", NEIGHBOUR_NOTE.format(roles=roles), _numbers(NEIGHBOUR_COLUMNS)),
+        section("A pass against oncoming traffic", PASSING_NOTE, _numbers(PASSING_COLUMNS)),
         section(
             "Answers",
             ANSWER,
@@ -72,9 +75,9 @@ def content() -> str:
     )
 
 
-def _numbers(named: dict[str, tuple[str, str]]) -> str:
+def _numbers(columns: dict[str, ObservedValue]) -> str:
     """A table of names, units and meanings."""
-    rows = ((f"`{name}`", unit(of), meaning) for name, (of, meaning) in named.items())
+    rows = ((f"`{name}`", unit(of), meaning) for name, (of, meaning) in columns.items())
     return table(("name", "unit", "meaning"), rows)
 
 

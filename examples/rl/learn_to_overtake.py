@@ -29,7 +29,7 @@ import overtaking as ot
 from overtaking.core.arrays import F32
 from overtaking.gym import OBSERVATION_COLUMNS, StepOutcome, flatten_observation, progress
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
-from overtaking.sim.observation import Seen
+from overtaking.sim.observation import EgoObservation
 
 HOLD = 20  # Decisions for which an answer holds, 1 s.
 PROFILES = ("motorway", "pinto2023")
@@ -45,7 +45,7 @@ TARDY = 0.5  # Cost of each second in which the target is passed and the ego has
 
 KEEP, SHOW_OUT, PULL_OUT, SHOW_BACK, RETURN = map(int, list(ot.Move)[:5])
 
-UNSEEN = ("position", "lateral", "lane")  # What tells roads apart, and means nothing on another.
+UNSEEN = ("ego.s", "ego.lateral_position", "ego.lane")  # They mean nothing on another road.
 
 _PLACES = {column.name: (place, column.scale) for place, column in enumerate(OBSERVATION_COLUMNS)}
 
@@ -58,26 +58,26 @@ def guarded(move: Any, seen: Any, where: Callable[..., Any] = np.where) -> Any:
         seen: What is observed, scaled, shape (simulation, `COLUMNS`).
         where: `torch.where` for tensors.
     """
-    shown = (number(seen, "signalled") >= SIGNAL) & (number(seen, "contested") == 0)
-    follows = number(seen, "stage") == float(ot.Stage.FOLLOW)
-    out = follows & shown & has_gap(seen, "fast") & (time_to(seen, "lead") > NEAR)
+    shown = (number(seen, "ego.time_indicating") >= SIGNAL) & (number(seen, "ego.gives_way") == 0)
+    follows = number(seen, "ego.stage") == float(ot.Stage.FOLLOW)
+    out = follows & shown & has_gap(seen, "left") & (time_to(seen, "leader") > NEAR)
     move = where((move == PULL_OUT) & ~out, SHOW_OUT, move)
     move = where((move == SHOW_OUT) & ~follows, KEEP, move)
-    back = shown & has_gap(seen, "slow")
+    back = shown & has_gap(seen, "right")
     return where((move == RETURN) & ~back, SHOW_BACK, move)
 
 
 def has_gap(seen: Any, side: str) -> Any:
-    """Whether there is a gap in the next lane on a side."""
-    ahead, behind = f"{side}_lead", f"{side}_rear"
-    is_free = number(seen, f"{ahead}.gap") > HEADWAY * number(seen, "speed")
+    """Whether there is a gap in the next lane on a side, `left` or `right`."""
+    ahead, behind = f"{side}_leader", f"{side}_follower"
+    is_free = number(seen, f"{ahead}.gap") > HEADWAY * number(seen, "ego.speed")
     is_free &= number(seen, f"{behind}.gap") > BEHIND
     return is_free & (time_to(seen, ahead) > FAR_AHEAD) & (time_to(seen, behind) > FAR_BEHIND)
 
 
 def time_to(seen: Any, role: str) -> Any:
     """Time in which a gap is closed [s]."""
-    return number(seen, f"{role}.gap") / number(seen, f"{role}.closing").clip(min=1e-3)
+    return number(seen, f"{role}.gap") / number(seen, f"{role}.closing_speed").clip(min=1e-3)
 
 
 def number(seen: Any, name: str) -> Any:
@@ -130,14 +130,17 @@ class Learned:
         """Load the network."""
         self.model = PPO.load(path, device="cpu")
 
-    def __call__(self, observed: ot.Observation) -> NDArray[Any]:
+    def __call__(self, observation: ot.Observation) -> NDArray[Any]:
         """A move for each simulation."""
-        seen = flatten_observation(observed, scaled=True)
-        return guarded(self.model.predict(seen, deterministic=True)[0], seen)
+        inputs = flatten_observation(observation, scaled=True)
+        return guarded(self.model.predict(inputs, deterministic=True)[0], inputs)
 
 
 def soon_back(
-    observation: Seen, action: NDArray[Any], next_observation: Seen, outcome: StepOutcome
+    observation: EgoObservation,
+    action: NDArray[Any],
+    next_observation: EgoObservation,
+    outcome: StepOutcome,
 ) -> NDArray[Any]:
     """The reward `progress`, less what it costs to stay out once the target is passed.
 
@@ -147,8 +150,8 @@ def soon_back(
         next_observation: Observation after the step.
         outcome: Outcome of the step.
     """
-    stage = next_observation.of("stage")
-    is_tardy = (next_observation.of("passed") > 0) & (stage == ot.Stage.PASS)
+    stage = next_observation.ego.stage
+    is_tardy = (next_observation.ego.has_passed_target > 0) & (stage == ot.Stage.PASS)
     reward = progress(observation, action, next_observation, outcome)
     return reward - TARDY * outcome.seconds * is_tardy
 

@@ -367,14 +367,14 @@ def simd_level() -> str:
 def num_threads() -> int:
     """Threads of the pool that simulations are spread over."""
 
-def own_fields() -> list[str]:
-    """Names of what a driver observes of itself, in order."""
+def ego_columns() -> list[str]:
+    """Names of the observed columns of the ego, in order."""
 
-def around_fields() -> list[str]:
-    """Names of what a driver observes of each neighbour, in order."""
+def neighbour_columns() -> list[str]:
+    """Names of the observed columns of a neighbour, in order."""
 
-def meeting_fields() -> list[str]:
-    """Names of what a driver observes about oncoming traffic, in order."""
+def passing_columns() -> list[str]:
+    """Names of the observed columns about a pass against oncoming traffic, in order."""
 
 class Stepper:
     """A batch that waits at every decision for what another driver orders."""

@@ -20,16 +20,16 @@ SHORT = {"time.horizon_s": 8.0, "time.attempt_deadline_s": 8.0}
 POLICY = """
 import numpy as np
 
-def steady(seen):
-    brakes = seen.of("closing", "lead").clip(0.0, 4.0)
+def steady(observation):
+    brakes = observation.leader.closing_speed.clip(0.0, 4.0)
     return np.stack([-0.5 * brakes, np.ones(len(brakes))], axis=1)
 """
 
 
-def wants_to_pass(seen: ot.Observation) -> np.ndarray:
+def wants_to_pass(observation: ot.Observation) -> np.ndarray:
     """Accelerate a little, and change to the fast side as long as there is a vehicle ahead."""
-    ahead = seen.of("detected", "lead")
-    return np.stack([0.3 * seen.random()[:, 0], ahead], axis=1)
+    ahead = observation.leader.is_detected
+    return np.stack([0.3 * observation.uniform_numbers()[:, 0], ahead], axis=1)
 
 
 def driver(**changes: object) -> ot.Driver:
@@ -80,9 +80,12 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
     """By the columns that it fills; the same bits act again."""
     parts = CONTROLS[action].parts
 
-    def draws(seen: ot.Observation) -> np.ndarray:
+    def draws(observation: ot.Observation) -> np.ndarray:
         least, most = np.array([(max(one.low, -3.0), min(one.high, 3.0)) for one in parts]).T
-        return least + (most - least) * seen.random()[:, [k % 4 for k in range(len(parts))]]
+        return (
+            least
+            + (most - least) * observation.uniform_numbers()[:, [k % 4 for k in range(len(parts))]]
+        )
 
     one = ot.Driver(policy=draws, observe="truth", action=action, hold=5)
     data = ot.generate_dataset(
@@ -110,11 +113,11 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
     """Through every shard, an interruption and new labels."""
     calls = {"left": 2}
 
-    def brutal(seen: ot.Observation) -> np.ndarray:
-        calls["left"] -= seen.decision == 0
+    def brutal(observation: ot.Observation) -> np.ndarray:
+        calls["left"] -= observation.decision_index == 0
         if calls["left"] < 0:
             raise RuntimeError("tired")
-        return np.full((len(seen.active), 2), 99.0)
+        return np.full((len(observation.is_running), 2), 99.0)
 
     one = ot.Driver(policy=brutal, observe="truth", hold=10)
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8, "driver": one}
@@ -155,12 +158,12 @@ def test_data_sets_without_a_policy_have_no_actions(tmp_path):
 def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
     failing = {"left": 2}
 
-    def tired(seen: ot.Observation) -> np.ndarray:
-        if seen.decision == 0:
+    def tired(observation: ot.Observation) -> np.ndarray:
+        if observation.decision_index == 0:
             failing["left"] -= 1
         if failing["left"] < 0:
             raise RuntimeError("tired")
-        return wants_to_pass(seen)
+        return wants_to_pass(observation)
 
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
     tiring = ot.Driver(policy=tired, observe="human")

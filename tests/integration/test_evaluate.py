@@ -99,8 +99,8 @@ def test_weighted_rates_are_those_that_brute_force_finds():
 
 
 def test_clipped_answers_are_counted_and_told():
-    def hasty(seen: ot.Observation) -> np.ndarray:
-        return np.tile([300.0, 0.0], (len(seen.active), 1))
+    def hasty(observation: ot.Observation) -> np.ndarray:
+        return np.tile([300.0, 0.0], (len(observation.is_running), 1))
 
     driver = ot.Driver(policy=hasty, observe="truth", action="speed_lane", hold=20)
     found = ot.evaluate(
@@ -160,8 +160,8 @@ def test_what_cannot_be_evaluated_is_one_line(words, said, capsys):
 
 
 def test_a_policy_that_fails_is_told_with_scene_and_time():
-    def breaks(seen: ot.Observation) -> np.ndarray:
-        raise RuntimeError("no idea" * (seen.decision > 10))
+    def breaks(observation: ot.Observation) -> np.ndarray:
+        raise RuntimeError("no idea" * (observation.decision_index > 10))
 
     with pytest.raises(DriverError, match="simulation 0"):
         ot.evaluate(
@@ -190,8 +190,8 @@ def network(path: Path, width: int = OBSERVATION_SIZE) -> Callable[[ot.Observati
     opset = [helper.make_opsetid("", 17)]
     onnx.save(helper.make_model(graph, opset_imports=opset, ir_version=9), path)
 
-    def same(seen: ot.Observation) -> np.ndarray:
-        return seen.table[:, :width] @ weights
+    def same(observation: ot.Observation) -> np.ndarray:
+        return observation.table[:, :width] @ weights
 
     return same
 

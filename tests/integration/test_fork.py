@@ -42,7 +42,7 @@ def driven_hashes(seed: int) -> list[list[int]]:
     scenarios = ot.sample("pinto2023-physical", num_simulations=4, seed=seed)
 
     def stay(observation: ot.Observation) -> np.ndarray:
-        return np.zeros((len(observation.own), 2))
+        return np.zeros((len(observation.is_running), 2))
 
     return ot.drive(scenarios, stay, observe="truth").trace_hash.tolist()
 

@@ -103,7 +103,7 @@ def test_numbers_of_simulations_are_integers_of_any_library(kind: str, data: ot.
 @pytest.mark.parametrize("kind", INTEGER_TYPES)
 def test_a_driver_holds_its_answers_for_an_integer_of_any_library(kind: str):
     def stay(observation: ot.Observation) -> Any:
-        return np.zeros((len(observation.active), 2))
+        return np.zeros((len(observation.is_running), 2))
 
     driver = ot.Driver(policy=stay, observe="truth", hold=INTEGER_TYPES[kind](5))
     assert (driver.hold, type(driver.hold)) == (5, int)

@@ -19,6 +19,7 @@ from overtaking.model.driver_interface import (
     OBSERVATION_SIZE,
     PASSING_COLUMNS,
     Actions,
+    NeighbourColumns,
     split_observation,
 )
 from overtaking.model.scenario import ForcedDecision
@@ -113,9 +114,9 @@ def test_both_engines_observe_the_same_bits(kind, profile, is_true):
 
 
 def test_the_numbers_of_an_observation_have_their_names():
-    assert _core.own_fields() == list(EGO_COLUMNS)
-    assert _core.around_fields() == list(NEIGHBOUR_COLUMNS)
-    assert _core.meeting_fields() == list(PASSING_COLUMNS)
+    assert _core.ego_columns() == list(EGO_COLUMNS)
+    assert _core.neighbour_columns() == list(NEIGHBOUR_COLUMNS)
+    assert _core.passing_columns() == list(PASSING_COLUMNS)
     given = parameters(scenes(3))
     table, runs, _ = stepper(given, "accel_lane", is_true=True).begin()
     assert table.shape == (3, OBSERVATION_SIZE)
@@ -124,12 +125,12 @@ def test_the_numbers_of_an_observation_have_their_names():
         == OBSERVATION_SIZE
     )
     assert runs.all()
-    _, around, meeting = split_observation(table)
-    for role in ("oncoming", "behind_oncoming"):
-        empty = dict(zip(NEIGHBOUR_COLUMNS, around[0, NEIGHBOUR_ROLES.index(role)], strict=True))
-        assert empty.pop("gap") == given.constants.unseen_gap
-        assert not any(empty.values())
-    assert not meeting.any()
+    _, neighbours, passing = split_observation(table)
+    for role in ("oncoming", "second_oncoming"):
+        empty = NeighbourColumns._make(neighbours[0, NEIGHBOUR_ROLES.index(role)])
+        assert empty.gap == given.constants.unseen_gap
+        assert not any(empty._replace(gap=np.zeros(1)))
+    assert not passing.any()
 
 
 ONE_WAY = [
@@ -187,7 +188,9 @@ def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does(
     scenario, mobil = scenes(24, "motorway"), MobilDriver()
     mobil.reset(scenario)
     expected = branch(scenario, 0, decision=ForcedDecision.STAY)
-    stays = Driver(policy=lambda seen: mobil(seen) * np.float32([1.0, 0.0]), observe="human")
+    stays = Driver(
+        policy=lambda observation: mobil(observation) * np.float32([1.0, 0.0]), observe="human"
+    )
     found = drive(scenario, stays, engine.run)
     both = expected.frame_mask & found.frame_mask
     apart = np.abs(found.states.s[:, 0] - expected.states.s[:, 0])

@@ -14,10 +14,10 @@ from overtaking import _core
 from overtaking.model.driver_interface import (
     ACTION_KINDS,
     MAX_ACTION_PARTS,
-    NEIGHBOUR_COLUMNS,
     NEIGHBOUR_ROLES,
-    PASSING_COLUMNS,
     Move,
+    NeighbourColumns,
+    PassingColumns,
     split_observation,
 )
 from overtaking.model.trajectories import Stage
@@ -58,7 +58,9 @@ def test_both_engines_observe_the_same_bits(kind, is_true):
         np.testing.assert_array_equal(runs, still)
         np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
         met += int(
-            split_observation(table)[1][:, NEIGHBOUR_ROLES.index("behind_oncoming"), 0].sum()
+            split_observation(table)
+            .neighbours[:, NEIGHBOUR_ROLES.index("second_oncoming"), 0]
+            .sum()
         )
         now = np.ascontiguousarray(values[:, at])
         (table, runs, _), (expected, still, _) = (one.step(now, 1) for one in pair_of)
@@ -124,74 +126,77 @@ class Seeing:
 
     def __init__(self) -> None:
         """Have seen nothing."""
-        self.seen = []
+        self.tables = []
 
-    def __call__(self, seen):
+    def __call__(self, observation):
         """Stay."""
-        self.seen.append((seen.decision, seen.around.copy(), seen.meeting.copy()))
-        return policies.stay(seen)
+        self.tables.append(observation.table.copy())
+        return policies.stay(observation)
 
 
 def observed(observe, *scenes, on=None, horizon: float = 8.0):
-    """Frames, and what is observed there: (decision, simulation, role, number) and of `MEETING`."""
+    """A simulation, its observed neighbours by role, and the columns about a pass.
+
+    Each column has the shape (decision, simulation).
+    """
     world = scenario(*scenes, road=on or road(), horizon=horizon)
     eyes = Seeing()
     run = drive(world, Driver(policy=eyes, observe=observe, action="decision"), engine.run)
-    around = np.stack([around for _, around, _ in eyes.seen])
-    return run, around, np.stack([meeting for _, _, meeting in eyes.seen])
-
-
-def of(around, name: str, role: str):
-    return around[:, :, NEIGHBOUR_ROLES.index(role), list(NEIGHBOUR_COLUMNS).index(name)]
+    _, neighbours, passing = split_observation(np.stack(eyes.tables))
+    roles = {
+        role: NeighbourColumns._make(np.moveaxis(neighbours[:, :, index], -1, 0))
+        for index, role in enumerate(NEIGHBOUR_ROLES)
+    }
+    return run, roles, PassingColumns._make(np.moveaxis(passing, -1, 0))
 
 
 def test_the_truth_tells_where_those_who_come_are():
-    run, around, _ = observed("truth", pair(300.0, 420.0))
-    frames = np.arange(len(around))
+    run, roles, _ = observed("truth", pair(300.0, 420.0))
+    frames = np.arange(len(roles["leader"].gap))
     s, d = run.states.s[0, :, frames] / 1e3, run.states.d[0, :, frames] / 1e3
     half = run.scenario.vehicles.length[0] / 2.0
     before = s[:, 2] > s[:, 0]
-    for role, slot in (("oncoming", 2), ("behind_oncoming", 3)):
+    for role, slot in (("oncoming", 2), ("second_oncoming", 3)):
         gap = s[:, slot] - s[:, 0] - half[slot] - half[0]
-        np.testing.assert_allclose(of(around, "gap", role)[before, 0], gap[before], atol=3e-3)
+        np.testing.assert_allclose(roles[role].gap[before, 0], gap[before], atol=3e-3)
         aside = (d[:, slot] - d[:, 0])[before]
-        np.testing.assert_allclose(of(around, "aside", role)[before, 0], aside, atol=3e-3)
+        np.testing.assert_allclose(roles[role].lateral_distance[before, 0], aside, atol=3e-3)
         closing = -np.diff(gap) / 0.05
-        told = of(around, "closing", role)[1:, 0]
+        told = roles[role].closing_speed[1:, 0]
         np.testing.assert_allclose(told[before[1:]], closing[before[1:]], atol=0.1)
-    assert not of(around, "brake_lamp", "oncoming").any()
+    assert not roles["oncoming"].stop_lamp.any()
 
 
 def test_who_is_met_makes_room_for_the_next_one():
-    run, around, _ = observed("truth", pair(150.0, 300.0))
-    gap = of(around, "gap", "oncoming")[:, 0]
+    run, roles, _ = observed("truth", pair(150.0, 300.0))
+    gap = roles["oncoming"].gap[:, 0]
     meets = int(np.flatnonzero(np.diff(gap) > 50.0)[0])
-    assert of(around, "gap", "behind_oncoming")[meets, 0] == pytest.approx(gap[meets + 1], abs=5.0)
-    assert of(around, "detected", "behind_oncoming")[meets + 1, 0] == 0
+    assert roles["second_oncoming"].gap[meets, 0] == pytest.approx(gap[meets + 1], abs=5.0)
+    assert roles["second_oncoming"].is_detected[meets + 1, 0] == 0
     assert run.states.s[0, 2, meets + 3] < run.states.s[0, 0, meets + 3]
 
 
 def test_a_human_sees_those_who_come_as_far_as_the_road_shows_them():
     hidden = road(is_open=False)
-    run, around, meeting = observed("human", pair(900.0), on=hidden, horizon=12.0)
-    sight = meeting[:, 0, list(PASSING_COLUMNS).index("sight")]
-    seen = of(around, "detected", "oncoming")[:, 0] > 0
-    frames = np.arange(len(around))
+    run, roles, passing = observed("human", pair(900.0), on=hidden, horizon=12.0)
+    sight = passing.sight_distance[:, 0]
+    seen = roles["oncoming"].is_detected[:, 0] > 0
+    frames = np.arange(len(roles["leader"].gap))
     gap = (run.states.s[0, 2, frames] - run.states.s[0, 0, frames]) / 1e3
     assert seen.any()
     assert (gap[seen] < sight[seen] + 20.0).all()
-    assert (of(around, "gap", "oncoming")[~seen] == 1000.0).all()
+    assert (roles["oncoming"].gap[~seen] == 1000.0).all()
 
 
 @pytest.mark.ci
 def test_a_sensor_sees_those_who_come_within_its_range(repository):
     radar = Sensor.read(repository / "examples" / "radar.toml")
-    _, around, meeting = observed(radar, pair(300.0, 380.0))
-    for role in ("oncoming", "behind_oncoming"):
-        seen = of(around, "detected", role)[:, 0] > 0
+    _, roles, passing = observed(radar, pair(300.0, 380.0))
+    for role in ("oncoming", "second_oncoming"):
+        seen = roles[role].is_detected[:, 0] > 0
         assert seen.any()
-        assert of(around, "gap", role)[seen, 0].max() < radar.range_ahead + 1.0
-    assert not meeting[:, :, list(PASSING_COLUMNS).index("room")].any()
+        assert roles[role].gap[seen, 0].max() < radar.range_ahead + 1.0
+    assert not passing.gap_ahead_of_leader.any()
 
 
 def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
@@ -201,9 +206,9 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     table, runs, _ = steps.begin()
     moves = []
     while runs.any():
-        of_meeting = dict(zip(PASSING_COLUMNS, split_observation(table)[2][0], strict=True))
+        passing = PassingColumns._make(split_observation(table).passing[0])
         out = bool(table[0, 8] == Stage.PASS)
-        move = Move.ABORT if out and of_meeting["can_fall_in"] else Move.PULL_OUT
+        move = Move.ABORT if out and passing.can_abort_pass else Move.PULL_OUT
         moves.append(int(move))
         values = np.zeros((1, MAX_ACTION_PARTS), np.int32)
         values[0, 0] = move

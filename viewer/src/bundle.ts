@@ -391,7 +391,7 @@ export function beliefAbout(run: Run, slot: number, frame: number): Belief | nul
   const roles = every.roles.filter((role) => role.slot[k] === slot);
   // A vehicle between two lanes has two roles. The driver sees it if it sees it in either role.
   const role = roles.find(({ seen }) => seen[k]) ?? roles[0];
-  return role ? { gap: metresOf(role.gap_mm, k), trueGap: metresOf(role.true_gap_mm, k), isBehind: role.role.endsWith("rear") } : null;
+  return role ? { gap: metresOf(role.gap_mm, k), trueGap: metresOf(role.true_gap_mm, k), isBehind: role.role.endsWith("follower") } : null;
 }
 
 // Where a vehicle is at a frame that may lie between two recorded ones; null if it is not there.

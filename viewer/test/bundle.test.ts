@@ -114,9 +114,9 @@ const changingLanes = {
   every: {
     interval_ms: 50,
     roles: [
-      { role: "lead", slot: [1, 1, 2, 2], seen: [1, 1, 1, 0], s_mm: [0, 0, 0, 0], d_mm: [0, 0, 0, 0], gap_mm: [20000, 19000, 80000, null], true_gap_mm: [21000, 20000, 85000, 84000], length_mm: [4000, 4000, 4000, 4000], width_mm: [2000, 2000, 2000, 2000] },
-      { role: "slow_lead", slot: [null, null, 1, 1], seen: [0, 0, 1, 2], s_mm: [null, null, 0, 0], d_mm: [null, null, 0, 0], gap_mm: [null, null, 18000, 17000], true_gap_mm: [null, null, 19000, 18000], length_mm: [null, null, 4000, 4000], width_mm: [null, null, 2000, 2000] },
-      { role: "rear", slot: [null, null, null, 1], seen: [0, 0, 0, 0], s_mm: [null, null, null, 0], d_mm: [null, null, null, 0], gap_mm: [null, null, null, null], true_gap_mm: [null, null, null, 3000], length_mm: [null, null, null, 4000], width_mm: [null, null, null, 2000] },
+      { role: "leader", slot: [1, 1, 2, 2], seen: [1, 1, 1, 0], s_mm: [0, 0, 0, 0], d_mm: [0, 0, 0, 0], gap_mm: [20000, 19000, 80000, null], true_gap_mm: [21000, 20000, 85000, 84000], length_mm: [4000, 4000, 4000, 4000], width_mm: [2000, 2000, 2000, 2000] },
+      { role: "right_leader", slot: [null, null, 1, 1], seen: [0, 0, 1, 2], s_mm: [null, null, 0, 0], d_mm: [null, null, 0, 0], gap_mm: [null, null, 18000, 17000], true_gap_mm: [null, null, 19000, 18000], length_mm: [null, null, 4000, 4000], width_mm: [null, null, 2000, 2000] },
+      { role: "follower", slot: [null, null, null, 1], seen: [0, 0, 0, 0], s_mm: [null, null, null, 0], d_mm: [null, null, null, 0], gap_mm: [null, null, null, null], true_gap_mm: [null, null, null, 3000], length_mm: [null, null, null, 4000], width_mm: [null, null, null, 2000] },
     ],
   },
 } as unknown as Run;

@@ -1,4 +1,4 @@
-//! What another driver of the ego observes; see `overtaking.sim.reference.observation`.
+//! The table that an external driver of the ego observes; see `overtaking.sim.reference.observation`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -14,16 +14,16 @@ use crate::plight::{can_fall_in, weigh};
 use crate::state::{EGO, LEAD, ROLES, State, stage};
 use crate::world::World;
 
-/// Whether another driver sees what the model's driver believes, or how it is.
+/// Source of the observed motion of neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// Percepts of the model.
-    Human,
-    /// The state of the world.
+pub enum ObservationSource {
+    /// Beliefs of the model driver.
+    Beliefs,
+    /// The true state.
     Truth,
 }
 
-/// A struct of arrays whose fields are listed once.
+/// A struct of vectors whose fields are listed once: as fields and as names.
 macro_rules! columns {
     ($(#[$doc:meta])* $names:ident, $name:ident { $($field:ident),* $(,)? }) => {
         $(#[$doc])*
@@ -43,181 +43,188 @@ macro_rules! columns {
 }
 
 columns! {
-    /// What a driver knows of itself, in order.
-    OWN_NAMES, Own {
-        speed, accel, position, lateral, offset, heading, yaw_rate, lane, stage, stage_time, waited, signalled,
-        wanted, since_change, arrived, looks, contested, passed, behind_target, can_go_out,
-        can_go_back, can_abort,
+    /// Columns of the ego, in order.
+    EGO_COLUMN_NAMES, EgoColumns {
+        speed, requested_accel, s, lateral_position, lane_offset, heading, yaw_rate, lane, stage, time_in_stage,
+        time_waiting, time_indicating, wanted_side, time_since_lane_change, has_finished_lane_change, checks_mirrors,
+        gives_way, has_passed_target, is_behind_target, can_pull_out, can_return, can_cancel_lane_change,
     }
 }
 
 columns! {
-    /// What a driver knows of a neighbour, in order.
-    AROUND_NAMES, Around {
-        detected, gap, closing, accel, aside, indicator, brake_lamp, length, truck, two_wheeler,
+    /// Columns of a neighbour, in order.
+    NEIGHBOUR_COLUMN_NAMES, NeighbourColumns {
+        is_detected, gap, closing_speed, accel, lateral_distance, indicator, stop_lamp, length, is_truck,
+        is_two_wheeler,
     }
 }
 
 columns! {
-    /// What a driver knows about oncoming traffic, in order; zero on roads of one direction.
-    MEETING_NAMES, Meeting {
-        sight, sure, expected, room, room_left, solid, hurries, yields, can_fall_in,
+    /// Columns about a pass against oncoming traffic, in order; zero on one-way roads.
+    PASSING_COLUMN_NAMES, PassingColumns {
+        sight_distance, is_certain, expected_closing_speed, gap_ahead_of_leader, tall_vehicle_gap_factor,
+        line_is_solid, return_urgency, abort_state, can_abort_pass,
     }
 }
 
-/// Roles that there is room for; the last two are of who comes the other way.
-pub const ROLES_OBSERVED: usize = 8;
+/// Number of observed neighbours: the six of the ego's direction, then two oncoming vehicles.
+pub const NUM_OBSERVED_ROLES: usize = ROLES + 2;
 
-const AROUND_WIDTH: usize = ROLES_OBSERVED * AROUND_NAMES.len();
+const NEIGHBOURS_SIZE: usize = NUM_OBSERVED_ROLES * NEIGHBOUR_COLUMN_NAMES.len();
 
-/// Numbers of a simulation.
-pub const WIDTH: usize = OWN_NAMES.len() + AROUND_WIDTH + MEETING_NAMES.len();
+/// Number of values in the observation of one simulation.
+pub const OBSERVATION_SIZE: usize =
+    EGO_COLUMN_NAMES.len() + NEIGHBOURS_SIZE + PASSING_COLUMN_NAMES.len();
 
-/// The numbers of every simulation of a block.
-pub type Table<S> = [V<S>; WIDTH];
+/// The observations of the simulations of a block.
+pub type ObservationTable<S> = [V<S>; OBSERVATION_SIZE];
 
-/// What the ego of every simulation of a block observes.
+/// Observations of the ego in each simulation of a block.
 #[inline(always)]
 pub fn observe<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
-    source: Source,
+    source: ObservationSource,
     decision: usize,
-) -> Table<S> {
-    let mut table = [splat(w.simd, 0.0); WIDTH];
-    let (own, rest) = table.split_at_mut(OWN_NAMES.len());
-    let (around, meeting) = rest.split_at_mut(AROUND_WIDTH);
-    own_columns(state, w, mind).write(own);
-    let (beside, ahead) = around.split_at_mut(ROLES * AROUND_NAMES.len());
-    for (role, columns) in beside.chunks_exact_mut(AROUND_NAMES.len()).enumerate() {
-        let seen = match source {
-            Source::Human => believed(state, w, mind, role),
-            Source::Truth => real(state, w, mind, role),
+) -> ObservationTable<S> {
+    const NUM_COLUMNS: usize = NEIGHBOUR_COLUMN_NAMES.len();
+    let mut table = [splat(w.simd, 0.0); OBSERVATION_SIZE];
+    let (ego, rest) = table.split_at_mut(EGO_COLUMN_NAMES.len());
+    let (neighbours, passing) = rest.split_at_mut(NEIGHBOURS_SIZE);
+    ego_columns(state, w, mind).write(ego);
+    let (same_direction, oncoming) = neighbours.split_at_mut(ROLES * NUM_COLUMNS);
+    for (role, columns) in same_direction.chunks_exact_mut(NUM_COLUMNS).enumerate() {
+        let motion = match source {
+            ObservationSource::Beliefs => believed_motion(state, w, mind, role),
+            ObservationSource::Truth => true_motion(state, w, mind, role),
         };
-        neighbour(state, w, mind, role, seen).write(columns);
+        neighbour_columns(state, w, mind, role, motion).write(columns);
     }
     let (near, first) = (mind.near, &mind.met.coming);
-    let mut who = [Oncoming::nobody(w.simd); 2];
+    let mut vehicles = [Oncoming::nobody(w.simd); 2];
     if w.road.ways.two_way {
-        who = [*first, look_beyond(state, w, near, first, decision)];
-        meets(state, w, mind).write(meeting);
+        vehicles = [*first, look_beyond(state, w, near, first, decision)];
+        passing_columns(state, w, mind).write(passing);
     }
-    for (who, columns) in who.iter().zip(ahead.chunks_exact_mut(AROUND_NAMES.len())) {
-        comes(state, w, who, source).write(columns);
+    for (vehicle, columns) in vehicles.iter().zip(oncoming.chunks_exact_mut(NUM_COLUMNS)) {
+        oncoming_columns(state, w, vehicle, source).write(columns);
     }
     table
 }
 
 #[inline(always)]
-fn own_columns<S: Simd, const N: usize>(
+fn ego_columns<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
-) -> Own<S> {
+) -> EgoColumns<S> {
     let flag = |mask| flag(w.simd, mask);
-    let centre = 0.5 * (mind.near.lane_low + mind.near.lane_high);
-    Own {
+    let lane_centre = 0.5 * (mind.near.lane_low + mind.near.lane_high);
+    EgoColumns {
         speed: state.vx[EGO],
-        accel: state.accel[EGO],
-        position: state.s[EGO],
-        lateral: state.d[EGO],
-        offset: state.d[EGO] - centre,
+        requested_accel: state.accel[EGO],
+        s: state.s[EGO],
+        lateral_position: state.d[EGO],
+        lane_offset: state.d[EGO] - lane_centre,
         heading: state.psi[EGO],
         yaw_rate: state.r[EGO],
         lane: state.lane[EGO],
         stage: state.stage[EGO],
-        stage_time: state.stage_time[EGO],
-        waited: state.waited[EGO],
-        signalled: state.signalled[EGO],
-        wanted: state.wanted[EGO],
-        since_change: state.since_change[EGO],
-        arrived: flag(has_arrived(state, EGO)),
-        looks: flag(mind.looks),
-        contested: flag(mind.waits),
-        passed: flag(has_passed(state, w, EGO)),
-        behind_target: flag(is_behind(state, w, EGO)),
-        can_go_out: flag(can_go_out(state, w)),
-        can_go_back: flag(can_go_back(state)),
-        can_abort: flag(can_abort(state, w, EGO) | can_remain(state, w, EGO)),
+        time_in_stage: state.stage_time[EGO],
+        time_waiting: state.waited[EGO],
+        time_indicating: state.signalled[EGO],
+        wanted_side: state.wanted[EGO],
+        time_since_lane_change: state.since_change[EGO],
+        has_finished_lane_change: flag(has_arrived(state, EGO)),
+        checks_mirrors: flag(mind.looks),
+        gives_way: flag(mind.waits),
+        has_passed_target: flag(has_passed(state, w, EGO)),
+        is_behind_target: flag(is_behind(state, w, EGO)),
+        can_pull_out: flag(can_go_out(state, w)),
+        can_return: flag(can_go_back(state)),
+        can_cancel_lane_change: flag(can_abort(state, w, EGO) | can_remain(state, w, EGO)),
     }
 }
 
-/// What there is to know of the motion of a neighbour.
-struct Seen<S: Simd> {
-    detected: M<S>,
+/// Motion of a neighbour relative to the ego.
+struct NeighbourMotion<S: Simd> {
+    is_detected: M<S>,
     gap: V<S>,
-    closing: V<S>,
+    closing_speed: V<S>,
     accel: V<S>,
 }
 
-/// What the model's driver decides by: its beliefs, and the true speed of approach where it is told.
+/// The model driver's beliefs; true closing speeds if the driver is told to change lanes.
 #[inline(always)]
-fn believed<S: Simd, const N: usize>(
+fn believed_motion<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
     role: usize,
-) -> Seen<S> {
-    let detected = mind.believed.detected[role];
-    let mut closing = mind.believed.closing[role];
+) -> NeighbourMotion<S> {
+    let is_detected = mind.believed.detected[role];
+    let mut closing_speed = mind.believed.closing[role];
     if role == LEAD {
-        closing = choose(is_told(w) & detected, faster(state, w, mind.near), closing);
+        let knows_speed = is_told(w) & is_detected;
+        closing_speed = choose(knows_speed, faster(state, w, mind.near), closing_speed);
     }
-    Seen {
-        detected,
+    NeighbourMotion {
+        is_detected,
         gap: mind.believed.gap[role],
-        closing,
+        closing_speed,
         accel: mind.believed.accel[role],
     }
 }
 
+/// The true motion of a neighbour; a large gap and zeros without one.
 #[inline(always)]
-fn real<S: Simd, const N: usize>(
+fn true_motion<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
     role: usize,
-) -> Seen<S> {
+) -> NeighbourMotion<S> {
     let (zero, unseen) = (splat(w.simd, 0.0), splat(w.simd, w.c.unseen_gap));
     let slot = mind.near.slot[role];
-    let there = slot.simd_ge(0.0);
-    let (own, _) = state.road_velocity(EGO);
+    let exists = slot.simd_ge(0.0);
+    let (ego_speed, _) = state.road_velocity(EGO);
     let [speed, accel] = pick_each!(w.count, slot, |j| [
         state.road_velocity(j).0,
         state.a_lon[j]
     ]);
-    let closing = if role.is_multiple_of(2) {
-        own - speed
+    let is_ahead = role.is_multiple_of(2);
+    let closing_speed = if is_ahead {
+        ego_speed - speed
     } else {
-        speed - own
+        speed - ego_speed
     };
-    Seen {
-        detected: there,
-        gap: choose(there, mind.near.gap[role], unseen),
-        closing: choose(there, closing, zero),
-        accel: choose(there, accel, zero),
+    NeighbourMotion {
+        is_detected: exists,
+        gap: choose(exists, mind.near.gap[role], unseen),
+        closing_speed: choose(exists, closing_speed, zero),
+        accel: choose(exists, accel, zero),
     }
 }
 
-/// What there is to know of somebody who comes the other way.
+/// One oncoming vehicle; a large gap and zeros without one.
 #[inline(always)]
-fn comes<S: Simd, const N: usize>(
+fn oncoming_columns<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
-    who: &Oncoming<S>,
-    source: Source,
-) -> Around<S> {
+    vehicle: &Oncoming<S>,
+    source: ObservationSource,
+) -> NeighbourColumns<S> {
     let zero = splat(w.simd, 0.0);
     let [
         speed,
         accel,
-        lateral,
+        d,
         indicator,
         half_length,
-        truck,
-        two_wheeler,
-    ] = pick_each!(w.count, who.slot, |j| [
+        is_truck,
+        is_two_wheeler,
+    ] = pick_each!(w.count, vehicle.slot, |j| [
         state.road_velocity(j).0,
         state.a_lon[j],
         state.d[j],
@@ -226,86 +233,105 @@ fn comes<S: Simd, const N: usize>(
         w.p[j].truck,
         w.p[j].two_wheeler
     ]);
-    let own = state.road_velocity(EGO).0;
-    let (detected, gap, closing, accel) = match source {
-        Source::Human => (who.detected, who.believed_gap, who.closing, zero),
-        Source::Truth => (who.slot.simd_ge(0.0), who.gap, own + speed, accel),
+    let ego_speed = state.road_velocity(EGO).0;
+    let (is_detected, gap, closing_speed, accel) = match source {
+        ObservationSource::Beliefs => (
+            vehicle.detected,
+            vehicle.believed_gap,
+            vehicle.closing,
+            zero,
+        ),
+        ObservationSource::Truth => (
+            vehicle.slot.simd_ge(0.0),
+            vehicle.gap,
+            ego_speed + speed,
+            accel,
+        ),
     };
-    let known = |value| choose(detected, value, zero);
-    Around {
-        detected: flag(w.simd, detected),
-        gap: choose(detected, gap, splat(w.simd, w.c.unseen_gap)),
-        closing: known(closing),
-        accel: known(accel),
-        aside: known((w.road.ways.across - lateral) - state.d[EGO]),
-        indicator: known(-indicator),
-        brake_lamp: zero,
-        length: known(2.0 * half_length),
-        truck: known(truck),
-        two_wheeler: known(two_wheeler),
+    let if_detected = |value| choose(is_detected, value, zero);
+    NeighbourColumns {
+        is_detected: flag(w.simd, is_detected),
+        gap: choose(is_detected, gap, splat(w.simd, w.c.unseen_gap)),
+        closing_speed: if_detected(closing_speed),
+        accel: if_detected(accel),
+        lateral_distance: if_detected((w.road.ways.across - d) - state.d[EGO]),
+        indicator: if_detected(-indicator),
+        stop_lamp: zero,
+        length: if_detected(2.0 * half_length),
+        is_truck: if_detected(is_truck),
+        is_two_wheeler: if_detected(is_two_wheeler),
     }
 }
 
-/// How the ego stands to oncoming traffic.
+/// The model driver's knowledge about a pass against oncoming traffic.
 #[inline(always)]
-fn meets<S: Simd, const N: usize>(
+fn passing_columns<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
-) -> Meeting<S> {
+) -> PassingColumns<S> {
     let flag = |mask| flag(w.simd, mask);
-    let coming = &mind.met.coming;
+    let oncoming = &mind.met.coming;
     let plight = weigh(state, w, EGO, &mind);
-    let lead = mind.near.slot[LEAD];
-    let passed = choose(in_stage(state, EGO, stage::FOLLOW), lead, state.target[EGO]);
-    Meeting {
-        sight: coming.sight,
-        sure: flag(coming.sure),
-        expected: usual_closing(state, w, EGO),
-        room: at_most(room_ahead(state, w, EGO, lead), w.c.unseen_gap),
-        room_left: room_left(w, passed),
-        solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_ahead))),
-        hurries: 0.5 * flag(plight.hurries) + 0.5 * flag(plight.pressed),
-        yields: 0.5 * flag(plight.yields) + 0.5 * flag(plight.yields & plight.fits),
-        can_fall_in: flag(can_fall_in(state, w)),
+    let leader = mind.near.slot[LEAD];
+    let overtaken = choose(
+        in_stage(state, EGO, stage::FOLLOW),
+        leader,
+        state.target[EGO],
+    );
+    PassingColumns {
+        sight_distance: oncoming.sight,
+        is_certain: flag(oncoming.sure),
+        expected_closing_speed: usual_closing(state, w, EGO),
+        gap_ahead_of_leader: at_most(room_ahead(state, w, EGO, leader), w.c.unseen_gap),
+        tall_vehicle_gap_factor: room_left(w, overtaken),
+        line_is_solid: flag(is_solid(state, w, EGO, splat(w.simd, w.c.line_ahead))),
+        return_urgency: 0.5 * flag(plight.hurries) + 0.5 * flag(plight.pressed),
+        abort_state: 0.5 * flag(plight.yields) + 0.5 * flag(plight.yields & plight.fits),
+        can_abort_pass: flag(can_fall_in(state, w)),
     }
 }
 
-/// What is seen of whoever is in a role, with its looks.
+/// A neighbour's motion and appearance; without a vehicle the appearance is zero.
 #[inline(always)]
-fn neighbour<S: Simd, const N: usize>(
+fn neighbour_columns<S: Simd, const N: usize>(
     state: &State<'_, S, N>,
     w: &World<'_, S, N>,
     mind: Mind<'_, S>,
     role: usize,
-    seen: Seen<S>,
-) -> Around<S> {
+    motion: NeighbourMotion<S>,
+) -> NeighbourColumns<S> {
     let zero = splat(w.simd, 0.0);
-    let [indicator, asked, crashed, truck, two_wheeler] =
-        pick_each!(w.count, mind.near.slot[role], |j| [
-            state.indicator[j],
-            state.accel[j],
-            state.crashed[j],
-            w.p[j].truck,
-            w.p[j].two_wheeler
-        ]);
-    let brakes = asked.simd_lt(-w.c.stop_lamp_decel) | crashed.simd_gt(0.0);
-    let known = |value| choose(seen.detected, value, zero);
-    Around {
-        detected: flag(w.simd, seen.detected),
-        gap: seen.gap,
-        closing: seen.closing,
-        accel: seen.accel,
-        aside: known(mind.near.aside[role]),
-        indicator: known(indicator),
-        brake_lamp: known(flag(w.simd, brakes)),
-        length: known(2.0 * mind.near.half_length[role]),
-        truck: known(truck),
-        two_wheeler: known(two_wheeler),
+    let [
+        indicator,
+        requested_accel,
+        crashed,
+        is_truck,
+        is_two_wheeler,
+    ] = pick_each!(w.count, mind.near.slot[role], |j| [
+        state.indicator[j],
+        state.accel[j],
+        state.crashed[j],
+        w.p[j].truck,
+        w.p[j].two_wheeler
+    ]);
+    let brakes = requested_accel.simd_lt(-w.c.stop_lamp_decel) | crashed.simd_gt(0.0);
+    let if_detected = |value| choose(motion.is_detected, value, zero);
+    NeighbourColumns {
+        is_detected: flag(w.simd, motion.is_detected),
+        gap: motion.gap,
+        closing_speed: motion.closing_speed,
+        accel: motion.accel,
+        lateral_distance: if_detected(mind.near.aside[role]),
+        indicator: if_detected(indicator),
+        stop_lamp: if_detected(flag(w.simd, brakes)),
+        length: if_detected(2.0 * mind.near.half_length[role]),
+        is_truck: if_detected(is_truck),
+        is_two_wheeler: if_detected(is_two_wheeler),
     }
 }
 
-/// 1 where something holds, else 0.
+/// 1 where the mask is true, else 0.
 #[inline(always)]
 fn flag<S: Simd>(simd: S, mask: M<S>) -> V<S> {
     choose(mask, splat(simd, 1.0), splat(simd, 0.0))

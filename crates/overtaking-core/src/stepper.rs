@@ -14,7 +14,7 @@ use crate::engine::{Inputs, Seat, alike_together, shares};
 use crate::lanes::{LANES, M, outlined};
 use crate::moment::{Mind, Minds};
 use crate::neighbours::Neighbours;
-use crate::observation::{Source, Table, WIDTH, observe};
+use crate::observation::{OBSERVATION_SIZE, ObservationSource, ObservationTable, observe};
 use crate::oncoming::Encounters;
 use crate::orders::{Kind, PARTS, Script};
 use crate::output::{Output, Storage};
@@ -58,7 +58,7 @@ pub struct Fresh {
 
 /// What it observes then, in every simulation or in the new ones.
 pub struct Answer {
-    /// Numbers of the simulations that run, or ran until now; zeros of the others, (simulation, `WIDTH`).
+    /// Numbers of the simulations that run, or ran until now; zeros of the others, (simulation, `OBSERVATION_SIZE`).
     ///
     /// A simulation that ends while an order holds is observed at its end, not at the end of the order.
     pub table: Vec<f32>,
@@ -80,7 +80,7 @@ pub struct Talk {
     /// What the numbers of orders mean; None where the model's own driver decides.
     pub kind: Option<Kind>,
     /// What is observed.
-    pub source: Source,
+    pub source: ObservationSource,
     /// Where orders come from; the batch ends when nobody gives any more.
     pub requests: Receiver<Request>,
     /// Where observations go: one at first, and one after each request.
@@ -165,7 +165,7 @@ struct Crowd<'a, S: Simd, const N: usize> {
     simd: S,
     inputs: &'a Inputs<'a>,
     road: &'a Road<'a>,
-    meaning: (Option<Kind>, Source),
+    meaning: (Option<Kind>, ObservationSource),
     /// Where the results of each row would go, while nothing runs in it.
     outputs: Vec<Option<Output<'a>>>,
     unused: std::slice::IterMut<'a, Option<History<N>>>,
@@ -273,11 +273,11 @@ impl<'a, S: Simd, const N: usize> Crowd<'a, S, N> {
         work: &ShareWork<'a, '_, S, N>,
     ) -> Answer {
         let mut answer = Answer {
-            table: vec![0.0; length * WIDTH],
+            table: vec![0.0; length * OBSERVATION_SIZE],
             runs: vec![false; length],
             num_decisions: vec![0; length],
         };
-        let table = answer.table.chunks_exact_mut(WIDTH);
+        let table = answer.table.chunks_exact_mut(OBSERVATION_SIZE);
         let mut rows: Vec<_> = table
             .zip(&mut answer.runs)
             .zip(&mut answer.num_decisions)
@@ -364,7 +364,7 @@ impl<S: Simd> Kept<S> {
 
 /// The rows of the answer in which a share writes the observations of its egos.
 struct ShareRows<'r, 'o> {
-    source: Source,
+    source: ObservationSource,
     /// Place in the share of the simulation in each row of the batch.
     places: &'r [usize],
     /// The entries for each place; `None` for a row that another share has taken over.
@@ -478,7 +478,7 @@ impl<'a, S: Simd, const N: usize> Share<'a, S, N> {
             if (0..LANES).any(is_written) {
                 let mind = minds.of_ego();
                 let decision = (self.step / SUBSTEPS) as usize;
-                let table: Table<S> = outlined!(
+                let table: ObservationTable<S> = outlined!(
                     world.simd,
                     observe(state, world, mind, rows.source, decision)
                 );

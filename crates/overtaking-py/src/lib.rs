@@ -296,9 +296,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simd_levels, module)?)?;
     module.add_function(wrap_pyfunction!(simd_level, module)?)?;
     module.add_function(wrap_pyfunction!(num_threads, module)?)?;
-    module.add_function(wrap_pyfunction!(stepper::own_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(stepper::around_fields, module)?)?;
-    module.add_function(wrap_pyfunction!(stepper::meeting_fields, module)?)?;
+    module.add_function(wrap_pyfunction!(stepper::ego_columns, module)?)?;
+    module.add_function(wrap_pyfunction!(stepper::neighbour_columns, module)?)?;
+    module.add_function(wrap_pyfunction!(stepper::passing_columns, module)?)?;
     module.add_class::<stepper::Stepper>()?;
     module.add_class::<hash::ColumnHash>()?;
     module.add_class::<canvas::Canvas>()?;

@@ -9,7 +9,10 @@ use std::thread::{Builder, JoinHandle};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyUntypedArrayMethods, ToPyArray};
-use overtaking_core::observation::{AROUND_NAMES, MEETING_NAMES, OWN_NAMES, Source, WIDTH};
+use overtaking_core::observation::{
+    EGO_COLUMN_NAMES, NEIGHBOUR_COLUMN_NAMES, OBSERVATION_SIZE, ObservationSource,
+    PASSING_COLUMN_NAMES,
+};
 use overtaking_core::orders::{Kind, PARTS};
 use overtaking_core::pool::process_pool;
 use overtaking_core::stepper::{Answer, Fresh, Request, Talk};
@@ -158,9 +161,9 @@ impl Stepper {
         let talk = Talk {
             kind,
             source: if is_true {
-                Source::Truth
+                ObservationSource::Truth
             } else {
-                Source::Human
+                ObservationSource::Beliefs
             },
             requests: theirs,
             answers: given,
@@ -253,7 +256,7 @@ impl Stepper {
             line.answers.recv().ok()
         });
         let answer = answer.ok_or_else(|| PyValueError::new_err("the simulation has ended"))?;
-        let table = Array2::from_shape_vec((rows, WIDTH), answer.table)
+        let table = Array2::from_shape_vec((rows, OBSERVATION_SIZE), answer.table)
             .map_err(|error| PyValueError::new_err(error.to_string()))?;
         Ok((
             table.into_pyarray(py),
@@ -286,20 +289,20 @@ impl Drop for Stepper {
     }
 }
 
-/// Names of what a driver observes of itself, in order.
+/// Names of the observed columns of the ego, in order.
 #[pyfunction]
-pub fn own_fields() -> Vec<&'static str> {
-    OWN_NAMES.to_vec()
+pub fn ego_columns() -> Vec<&'static str> {
+    EGO_COLUMN_NAMES.to_vec()
 }
 
-/// Names of what a driver observes about oncoming traffic, in order.
+/// Names of the observed columns about a pass against oncoming traffic, in order.
 #[pyfunction]
-pub fn meeting_fields() -> Vec<&'static str> {
-    MEETING_NAMES.to_vec()
+pub fn passing_columns() -> Vec<&'static str> {
+    PASSING_COLUMN_NAMES.to_vec()
 }
 
-/// Names of what a driver observes of each neighbour, in order.
+/// Names of the observed columns of a neighbour, in order.
 #[pyfunction]
-pub fn around_fields() -> Vec<&'static str> {
-    AROUND_NAMES.to_vec()
+pub fn neighbour_columns() -> Vec<&'static str> {
+    NEIGHBOUR_COLUMN_NAMES.to_vec()
 }

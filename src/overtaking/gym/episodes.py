@@ -18,10 +18,9 @@ from overtaking.labels.label import label
 from overtaking.model.batch import concatenate
 from overtaking.model.driver_interface import (
     ACTION_KINDS,
-    EGO_COLUMNS,
     MAX_ACTION_PARTS,
     Actions,
-    split_observation,
+    EgoColumns,
 )
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.road import Road
@@ -31,7 +30,7 @@ from overtaking.scenarios import sampler, specification
 from overtaking.sim import engine
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import rounded
-from overtaking.sim.observation import Seen
+from overtaking.sim.observation import EgoObservation
 from overtaking.sim.stepping import Renewable
 from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
 from overtaking.world.step_parameters import (
@@ -45,7 +44,7 @@ MAX_DRAWN_AHEAD = 256
 """Scenarios that a supply draws at a time once it is running, unless it has more environments."""
 
 _LAST_STEP = SIMULATION_FIELDS.index("last_step")
-_STAGE = list(EGO_COLUMNS).index("stage")
+_STAGE = EgoColumns._fields.index("stage")
 
 
 class SampledScenarios:
@@ -166,8 +165,8 @@ class EpisodeBatch:
     actions since the start of each episode again, which costs what the episodes have cost.
 
     Attributes:
-        observations: Observations of the egos, shape (env, `WIDTH`). An episode that has ended
-            keeps its last observation until the next one begins.
+        observations: Observations of the egos, shape (env, `OBSERVATION_SIZE`). An episode that has
+            ended keeps its last observation until the next one begins.
         is_running: Whether an episode goes on, shape (env,).
         scenario_index: Index of the scenario of each episode, shape (env,).
         num_decisions: Decisions since the start of each episode, shape (env,).
@@ -192,7 +191,7 @@ class EpisodeBatch:
         max_decisions = int(params.simulation[_LAST_STEP].max()) // SUBSTEPS + 1
         # All actions are kept: labels, pictures and copies of the batch simulate them again.
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)
-        self._driver = np.array([row[0] for row in params.of_vehicles])
+        self._vehicle = np.array([row[0] for row in params.of_vehicles])
         self.scenario_index = params.index.astype(np.int64)
         self.num_decisions = np.zeros(num_envs, np.int64)
         self.num_step_decisions = np.zeros(num_envs, np.int64)
@@ -210,7 +209,7 @@ class EpisodeBatch:
         self._stepper = self._replay_actions()
 
     @property
-    def observation(self) -> Seen:
+    def observation(self) -> EgoObservation:
         """The present observations of the egos, by name."""
         return self._observation_at(0.0)
 
@@ -251,7 +250,7 @@ class EpisodeBatch:
             self._refs[row] = ref
         params = join_parameters(refs)
         self.observations[rows], self.is_running[rows], _ = self._stepper.renew(rows, params)
-        self._driver[:, rows] = [row[0] for row in params.of_vehicles]
+        self._vehicle[:, rows] = [row[0] for row in params.of_vehicles]
         self.scenario_index[rows] = params.index
         self.num_decisions[rows] = self.num_clipped[rows] = 0
 
@@ -288,20 +287,17 @@ class EpisodeBatch:
     def _parts(self) -> tuple[Any, ...]:
         return ACTION_KINDS[self._kind]
 
-    def _observation_at(self, time: float) -> Seen:
+    def _observation_at(self, time: float) -> EgoObservation:
         """The present observations of the egos, by name.
 
         Args:
             time: Time since the start of the step [s].
         """
-        ego, neighbours, passing = split_observation(self.observations)
-        return Seen(
+        return EgoObservation(
             time=time,
-            active=self.is_running,
-            own=ego,
-            around=neighbours,
-            meeting=passing,
-            driver=VehicleParameters._make(self._driver),
+            is_running=self.is_running,
+            table=self.observations,
+            vehicle=VehicleParameters._make(self._vehicle),
         )
 
     def _carry_out(self, action: F64, num_decisions: int) -> None:

@@ -11,7 +11,7 @@ from overtaking.core.errors import ConfigError
 from overtaking.core.float32_math import as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.law.distances import lawful_gap
-from overtaking.sim.observation import Seen
+from overtaking.sim.observation import EgoObservation
 
 CRASH_COST: Final = 100.0
 """Cost of an accident: more time than any overtake gains; a choice [s]."""
@@ -43,11 +43,13 @@ class StepOutcome:
     completed: Mask
 
 
-RewardFunction = Callable[[Seen, F64, Seen, StepOutcome], F64]
+RewardFunction = Callable[[EgoObservation, F64, EgoObservation, StepOutcome], F64]
 """From the observation, the action, the next observation and the outcome to the reward."""
 
 
-def progress(observation: Seen, action: F64, next_observation: Seen, outcome: StepOutcome) -> F64:
+def progress(
+    observation: EgoObservation, action: F64, next_observation: EgoObservation, outcome: StepOutcome
+) -> F64:
     """Time lost against driving as fast as the scenario's driver wishes, shape (simulation,) [s].
 
     Never positive; an accident costs `CRASH_COST` more.
@@ -59,15 +61,15 @@ def progress(observation: Seen, action: F64, next_observation: Seen, outcome: St
         outcome: Outcome of the step.
     """
     del action
-    distance = next_observation.of("position").astype(np.float64) - observation.of("position")
+    distance = next_observation.ego.s.astype(np.float64) - observation.ego.s
     lost = outcome.seconds - distance / np.maximum(
-        observation.driver.desired_speed.astype(np.float64), 1.0
+        observation.vehicle.desired_speed.astype(np.float64), 1.0
     )
     return -np.maximum(lost, 0.0) - np.where(outcome.crashed, CRASH_COST, 0.0)
 
 
 def progress_legal(
-    observation: Seen, action: F64, next_observation: Seen, outcome: StepOutcome
+    observation: EgoObservation, action: F64, next_observation: EgoObservation, outcome: StepOutcome
 ) -> F64:
     """`progress`, less the cost of breaches of the law, shape (simulation,) [s].
 
@@ -84,20 +86,17 @@ def progress_legal(
         ConfigError: A simulation has ended and has no label.
     """
     _check_judged(outcome, "progress_legal")
-    speed, closing, gap = (
-        next_observation.of("speed"),
-        next_observation.of("closing", "lead"),
-        next_observation.of("gap", "lead"),
-    )
-    lawful = lawful_gap(speed, closing, as_f32(constant("law.safe_distance.decel_limit")))
-    lacking = np.clip(1.0 - gap / np.maximum(lawful, 1.0), 0.0, 1.0)
-    lacking = np.where(next_observation.of("detected", "lead") > 0, lacking, 0.0)
-    cost = outcome.seconds * lacking + BREACH_COST * (outcome.judged & ~outcome.legal)
+    ego, leader = next_observation.ego, next_observation.leader
+    decel_limit = as_f32(constant("law.safe_distance.decel_limit"))
+    min_gap = lawful_gap(ego.speed, leader.closing_speed, decel_limit)
+    missing_share = np.clip(1.0 - leader.gap / np.maximum(min_gap, 1.0), 0.0, 1.0)
+    missing_share = np.where(leader.is_detected > 0, missing_share, 0.0)
+    cost = outcome.seconds * missing_share + BREACH_COST * (outcome.judged & ~outcome.legal)
     return progress(observation, action, next_observation, outcome) - cost
 
 
 def overtake_once(
-    observation: Seen, action: F64, next_observation: Seen, outcome: StepOutcome
+    observation: EgoObservation, action: F64, next_observation: EgoObservation, outcome: StepOutcome
 ) -> F64:
     """1 at the end of a completed overtake, -1 at an accident, shape (simulation,).
 

@@ -19,18 +19,18 @@ from overtaking.model.driver_interface import (
 from overtaking.model.trajectories import Stage
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.driving import limited
-from overtaking.sim.observation import Seen
+from overtaking.sim.observation import EgoObservation
 
 
 @dataclass(frozen=True, slots=True)
 class ObservationColumn:
-    """One number of an observation.
+    """One column of an observation.
 
     Attributes:
-        name: Its name in `OWN` or `MEETING`, or role and name in `AROUND`, such as `lead.gap`.
-        unit: Its unit.
+        name: Where an `Observation` has it: `ego.speed`, `leader.gap`, `passing.abort_state`.
+        unit: Unit.
         low: Smallest value; smaller ones are clipped to it.
-        high: Largest value.
+        high: Largest value; larger ones are clipped to it.
         scale: Divisor of scaled numbers.
     """
 
@@ -49,50 +49,56 @@ _TIME = (0.0, 600.0, 10.0)
 _SIGHT = (-100.0, 1000.0, 200.0)
 _RANGES: Final = {
     "speed": _SPEED,
-    "accel": _ACCEL,
-    "position": (-1e5, 1e5, 1000.0),
-    "lateral": (-100.0, 100.0, 10.0),
-    "offset": (-20.0, 20.0, 2.0),
+    "requested_accel": _ACCEL,
+    "s": (-1e5, 1e5, 1000.0),
+    "lateral_position": (-100.0, 100.0, 10.0),
+    "lane_offset": (-20.0, 20.0, 2.0),
     "heading": (-4.0, 4.0, 0.1),
     "yaw_rate": (-20.0, 20.0, 0.1),
     "lane": (0.0, 8.0, 1.0),
     "stage": (0.0, float(max(Stage)), 1.0),
-    "stage_time": _TIME,
-    "waited": _TIME,
-    "signalled": _TIME,
-    "wanted": _SIDE,
-    "since_change": _TIME,
+    "time_in_stage": _TIME,
+    "time_waiting": _TIME,
+    "time_indicating": _TIME,
+    "wanted_side": _SIDE,
+    "time_since_lane_change": _TIME,
     "gap": (-100.0, 300.0, 50.0),
-    "closing": (-100.0, 100.0, 10.0),
-    "aside": (-100.0, 100.0, 5.0),
+    "closing_speed": (-100.0, 100.0, 10.0),
+    "accel": _ACCEL,
+    "lateral_distance": (-100.0, 100.0, 5.0),
     "indicator": _SIDE,
     "length": (0.0, 50.0, 10.0),
     "oncoming.gap": _SIGHT,
-    "behind_oncoming.gap": _SIGHT,
-    "sight": _SIGHT,
-    "expected": _SPEED,
-    "room": (-100.0, 300.0, 50.0),
+    "second_oncoming.gap": _SIGHT,
+    "sight_distance": _SIGHT,
+    "expected_closing_speed": _SPEED,
+    "gap_ahead_of_leader": (-100.0, 300.0, 50.0),
 }
-"""Bounds and scale by name, with its role where that matters; flags are 0 or 1. A choice: wider
-than what drivers meet."""
+"""Bounds and scale of each column, with its role where that matters; all others are 0 to 1.
+
+A choice: wider than the values that drivers meet.
+"""
 
 
 def _columns() -> tuple[ObservationColumn, ...]:
-    ego = [(name, name, unit) for name, (unit, _) in EGO_COLUMNS.items()]
-    around = [
-        (name, f"{role}.{name}", unit)
-        for role in NEIGHBOUR_ROLES
-        for name, (unit, _) in NEIGHBOUR_COLUMNS.items()
+    groups = [
+        ("ego", EGO_COLUMNS),
+        *((role, NEIGHBOUR_COLUMNS) for role in NEIGHBOUR_ROLES),
+        ("passing", PASSING_COLUMNS),
     ]
-    meeting = [(name, name, unit) for name, (unit, _) in PASSING_COLUMNS.items()]
     return tuple(
-        ObservationColumn(title, unit, *_RANGES.get(title, _RANGES.get(name, _FLAG)))
-        for name, title, unit in [*ego, *around, *meeting]
+        ObservationColumn(
+            f"{group}.{name}",
+            unit,
+            *_RANGES.get(f"{group}.{name}", _RANGES.get(name, _FLAG)),
+        )
+        for group, columns in groups
+        for name, (unit, _) in columns.items()
     )
 
 
 OBSERVATION_COLUMNS: Final = _columns()
-"""The numbers of an observation, in order."""
+"""The columns of an observation, in order."""
 
 _LOW, _HIGH, _SCALE = (
     np.array([getattr(column, name) for column in OBSERVATION_COLUMNS], np.float32)
@@ -100,7 +106,7 @@ _LOW, _HIGH, _SCALE = (
 )
 
 
-def flatten_observation(observation: Seen, *, scaled: bool = False) -> F32:
+def flatten_observation(observation: EgoObservation, *, scaled: bool = False) -> F32:
     """The numbers of an observation for a network, shape (simulation, `OBSERVATION_COLUMNS`).
 
     Args:

@@ -4,115 +4,213 @@ import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.core.arrays import F32, I32, I64
 from overtaking.model.batch import Batch, Constraint, FieldSpec
+from overtaking.model.neighbours import NeighbourRole
 
-EGO_COLUMNS: Final = {
-    "speed": ("m/s", "Speed along its axis"),
-    "accel": ("m/s^2", "Acceleration that it asks for"),
-    "position": ("m", "Position along the road"),
-    "lateral": ("m", "Position across the road"),
-    "offset": ("m", "Offset from the centre of the lane it drives in or changes to"),
-    "heading": ("rad", "Heading from the road"),
-    "yaw_rate": ("rad/s", "Turning rate"),
-    "lane": ("1", "Lane it drives in or changes to, 0 is the slowest"),
-    "stage": ("Stage", "Stage of its overtake"),
-    "stage_time": ("s", "Time in this stage"),
-    "waited": ("s", "Time behind a slower leader so far"),
-    "signalled": ("s", "For how long it has signalled the next lane change"),
-    "wanted": ("1", "Side that it signals"),
-    "since_change": ("s", "Time since its last lane change began"),
-    "arrived": ("flag", "The last lane change is over"),
-    "looks": ("flag", "It looks into the mirrors now"),
-    "contested": ("flag", "Another signals for the same place and goes first"),
-    "passed": ("flag", "The vehicle that is overtaken is behind"),
-    "behind_target": ("flag", "The vehicle that is overtaken is ahead"),
-    "can_go_out": ("flag", "It can change to a faster lane"),
-    "can_go_back": ("flag", "It can change to a slower lane"),
-    "can_abort": ("flag", "It can give up the lane change that has begun"),
-}
-"""Unit and meaning of each number of the ego; sides and angles grow towards the fast side."""
 
-NEIGHBOUR_COLUMNS: Final = {
-    "detected": ("flag", "The driver sees a vehicle in this role"),
-    "gap": ("m", "Gap between the bumpers, negative alongside; far without a vehicle"),
-    "closing": ("m/s", "Speed of approach"),
-    "accel": ("m/s^2", "Acceleration; in percepts the braking of a vehicle ahead, never positive"),
-    "aside": ("m", "Distance of the centres across the road"),
-    "indicator": ("1", "Side that it signals"),
-    "brake_lamp": ("flag", "Its stop lamps are on"),
-    "length": ("m", "Length"),
-    "truck": ("flag", "It is a truck"),
-    "two_wheeler": ("flag", "It is a motorcycle or bicycle"),
-}
-"""Unit and meaning of each number of a neighbour. Without a vehicle all but the gap are zero.
+class ObservedValue(NamedTuple):
+    """Declaration of one column of an observation.
 
-Sides are those as the ego sees them. The ego sees no stop lamps of oncoming vehicles.
-"""
+    Attributes:
+        unit: Unit; "flag" for 0 or 1, "1" for other plain numbers, "Stage" for its codes.
+        meaning: A phrase without full stop.
+    """
+
+    unit: str
+    meaning: str
+
+
+class EgoColumns(NamedTuple):
+    """What a driver observes of the ego, column by column.
+
+    Sides are 1 for the overtaking side and -1 for the kerb side, and positions across the road,
+    headings and yaw rates grow towards the overtaking side, also in left-hand traffic.
+    """
+
+    speed: Annotated[F32, ObservedValue("m/s", "Speed along its longitudinal axis")]
+    requested_accel: Annotated[F32, ObservedValue("m/s^2", "Acceleration that its driver requests")]
+    s: Annotated[F32, ObservedValue("m", "Position of its centre along the road")]
+    lateral_position: Annotated[F32, ObservedValue("m", "Position of its centre across the road")]
+    lane_offset: Annotated[
+        F32, ObservedValue("m", "Distance from the centre of the lane `lane` to its centre")
+    ]
+    heading: Annotated[F32, ObservedValue("rad", "Heading relative to the road")]
+    yaw_rate: Annotated[F32, ObservedValue("rad/s", "Yaw rate")]
+    lane: Annotated[
+        F32, ObservedValue("1", "Lane in which it drives or to which it changes; 0 at the kerb")
+    ]
+    stage: Annotated[F32, ObservedValue("Stage", "Stage of its overtake")]
+    time_in_stage: Annotated[F32, ObservedValue("s", "Time since this stage began")]
+    time_waiting: Annotated[F32, ObservedValue("s", "Time behind a slower leader so far")]
+    time_indicating: Annotated[
+        F32, ObservedValue("s", "Time for which it has indicated the next lane change")
+    ]
+    wanted_side: Annotated[
+        F32, ObservedValue("1", "Side to which its driver wants to change; 0 for neither")
+    ]
+    time_since_lane_change: Annotated[
+        F32, ObservedValue("s", "Time since its last lane change began")
+    ]
+    has_finished_lane_change: Annotated[
+        F32, ObservedValue("flag", "The last lane change is finished")
+    ]
+    checks_mirrors: Annotated[F32, ObservedValue("flag", "Its driver checks the mirrors now")]
+    gives_way: Annotated[
+        F32,
+        ObservedValue("flag", "Another vehicle indicates a change to the same gap and goes first"),
+    ]
+    has_passed_target: Annotated[
+        F32, ObservedValue("flag", "The target, which it overtakes, is behind it")
+    ]
+    is_behind_target: Annotated[F32, ObservedValue("flag", "The target is ahead of it")]
+    can_pull_out: Annotated[
+        F32, ObservedValue("flag", "It can change to the next lane on the overtaking side")
+    ]
+    can_return: Annotated[
+        F32, ObservedValue("flag", "It can change to the next lane on the kerb side")
+    ]
+    can_cancel_lane_change: Annotated[
+        F32, ObservedValue("flag", "It can cancel the lane change that it has begun")
+    ]
+
+
+class NeighbourColumns(NamedTuple):
+    """What a driver observes of one neighbour, column by column.
+
+    Without a vehicle all columns are zero except the gap, which is large. Sides are those of the
+    ego, also for oncoming vehicles.
+    """
+
+    is_detected: Annotated[
+        F32, ObservedValue("flag", "The driver or sensor detects a vehicle in this role")
+    ]
+    gap: Annotated[F32, ObservedValue("m", "Gap between the bumpers; negative alongside")]
+    closing_speed: Annotated[F32, ObservedValue("m/s", "Speed at which the gap shrinks")]
+    accel: Annotated[
+        F32,
+        ObservedValue(
+            "m/s^2",
+            "Acceleration; a human driver observes only the braking of a vehicle ahead",
+        ),
+    ]
+    lateral_distance: Annotated[
+        F32, ObservedValue("m", "Position of its centre across the road, less that of the ego")
+    ]
+    indicator: Annotated[F32, ObservedValue("1", "Side that it indicates; 0 for neither")]
+    stop_lamp: Annotated[
+        F32,
+        ObservedValue("flag", "Its stop lamps are on; always 0 for oncoming vehicles"),
+    ]
+    length: Annotated[F32, ObservedValue("m", "Length")]
+    is_truck: Annotated[F32, ObservedValue("flag", "It is a truck")]
+    is_two_wheeler: Annotated[F32, ObservedValue("flag", "It is a motorcycle or bicycle")]
+
+
+class PassingColumns(NamedTuple):
+    """What a driver knows about a pass against oncoming traffic, column by column.
+
+    The columns are zero on one-way roads. They are always beliefs of the model driver, also where a
+    sensor measures the neighbours.
+    """
+
+    sight_distance: Annotated[
+        F32,
+        ObservedValue(
+            "m",
+            "Distance at which it sees an oncoming vehicle past the leader, by road and weather",
+        ),
+    ]
+    is_certain: Annotated[
+        F32,
+        ObservedValue(
+            "flag",
+            "It has watched long enough to know whether a vehicle is oncoming, and how fast",
+        ),
+    ]
+    expected_closing_speed: Annotated[
+        F32,
+        ObservedValue("m/s", "Closing speed that it expects of an oncoming vehicle not judged yet"),
+    ]
+    gap_ahead_of_leader: Annotated[
+        F32, ObservedValue("m", "Gap between the leader and the next vehicle ahead of it")
+    ]
+    tall_vehicle_gap_factor: Annotated[
+        F32,
+        ObservedValue("1", "Factor on the gap that it leaves at its return, above 1 for trucks"),
+    ]
+    line_is_solid: Annotated[
+        F32,
+        ObservedValue("flag", "The centre line must not be crossed here, or not soon after here"),
+    ]
+    return_urgency: Annotated[
+        F32,
+        ObservedValue(
+            "1",
+            "Haste of pedals and lane changes: 1 if little time would be left, 0.5 if the line "
+            "would be solid at its return",
+        ),
+    ]
+    abort_state: Annotated[
+        F32,
+        ObservedValue(
+            "1",
+            "Above 0 if it would not be past in time and falls back: 1 if it fits in behind the "
+            "target, 0.5 while it is too fast or too near for that",
+        ),
+    ]
+    can_abort_pass: Annotated[
+        F32, ObservedValue("flag", "It is behind the target and can abort the pass")
+    ]
+
+
+ObservedColumns = type[EgoColumns] | type[NeighbourColumns] | type[PassingColumns]
+
+
+def _declared_columns(columns: ObservedColumns) -> dict[str, ObservedValue]:
+    """Unit and meaning of each column, by name in the order of the observation."""
+    annotations = get_type_hints(columns, include_extras=True)
+    return {name: annotations[name].__metadata__[-1] for name in columns._fields}
+
+
+EGO_COLUMNS: Final = _declared_columns(EgoColumns)
+"""Unit and meaning of each column of the ego, in order."""
+
+NEIGHBOUR_COLUMNS: Final = _declared_columns(NeighbourColumns)
+"""Unit and meaning of each column of a neighbour, in order."""
+
+PASSING_COLUMNS: Final = _declared_columns(PassingColumns)
+"""Unit and meaning of each column about a pass, in order."""
 
 NEIGHBOUR_ROLES: Final = (
-    "lead",
-    "rear",
-    "fast_lead",
-    "fast_rear",
-    "slow_lead",
-    "slow_rear",
+    *(role.name.lower() for role in NeighbourRole),
     "oncoming",
-    "behind_oncoming",
+    "second_oncoming",
 )
-"""Neighbours ahead and behind in the ego's lane, in the next faster and in the next slower lane;
-then the nearest oncoming vehicle and the one behind it, which one-way roads do not have."""
+"""Roles of the observed neighbours, in order.
 
-PASSING_COLUMNS: Final = {
-    "sight": (
-        "m",
-        "Distance at which it sees an oncoming vehicle, by road and weather, past the leader",
-    ),
-    "sure": ("flag", "It has looked long enough to know whether a vehicle comes, and its speed"),
-    "expected": (
-        "m/s",
-        "Expected speed of approach of an oncoming vehicle that it cannot judge yet",
-    ),
-    "room": ("m", "Gap between the leader and the next vehicle ahead of it"),
-    "room_left": (
-        "1",
-        "Factor on the gap that it leaves at its return, larger for a truck than a car",
-    ),
-    "solid": ("flag", "The line between the directions must not be crossed here, or soon"),
-    "hurries": (
-        "1",
-        "Its pedals and lane changes are hasty: 1 where little time would be left, 0.5 "
-        "where the line would be solid at its return",
-    ),
-    "yields": (
-        "1",
-        "It would not be past in time, and its pedals fall back: 1 where it fits in behind the "
-        "vehicle that is overtaken, 0.5 while it is too fast or too near for that",
-    ),
-    "can_fall_in": ("flag", "It is behind the vehicle that is overtaken, and can give up the pass"),
-}
-"""Unit and meaning of each number about a pass against oncoming traffic, zero on one-way roads.
-
-They are always beliefs of the model driver, also where a sensor measures the neighbours."""
+After the six neighbours come the nearest oncoming vehicle and the one behind it; one-way roads have
+neither.
+"""
 
 OBSERVATION_SIZE: Final = (
     len(EGO_COLUMNS) + len(NEIGHBOUR_ROLES) * len(NEIGHBOUR_COLUMNS) + len(PASSING_COLUMNS)
 )
-"""Numbers in the observation of one simulation."""
+"""Number of values in the observation of one simulation."""
 
 
 class SplitObservation(NamedTuple):
-    """The three parts of observations, as views of their table.
+    """The three parts of a table of observations, as views of it.
 
     Attributes:
-        ego: Numbers of the ego, shape (..., `EGO_COLUMNS`).
-        neighbours: Numbers of each neighbour, shape (..., `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
-        passing: Numbers about a pass against oncoming traffic, shape (..., `PASSING_COLUMNS`).
+        ego: Columns of the ego, shape (..., `EGO_COLUMNS`).
+        neighbours: Columns of each neighbour, shape (..., `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
+        passing: Columns about a pass against oncoming traffic, shape (..., `PASSING_COLUMNS`).
     """
 
     ego: F32
@@ -121,10 +219,13 @@ class SplitObservation(NamedTuple):
 
 
 def split_observation(table: F32) -> SplitObservation:
-    """Observations by their three parts.
+    """Split a table of observations into ego, neighbours and pass.
 
     Args:
         table: Observations, shape (..., `OBSERVATION_SIZE`).
+
+    Returns:
+        Views of the table.
     """
     ego_end, passing_start = len(EGO_COLUMNS), OBSERVATION_SIZE - len(PASSING_COLUMNS)
     neighbours = table[..., ego_end:passing_start].reshape(

@@ -19,15 +19,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beliefs:
-    """What the egos of a batch know at each decision, 20 a second, as long as they run.
+    """Beliefs of the egos of a batch at each decision, 20 a second; NaN once a simulation is over.
 
     Attributes:
-        own: Of themselves, shape (decision, simulation, `OWN`); NaN once a simulation is over.
-        believed: Of their neighbours, shape (decision, simulation, `ROLES`, `AROUND`).
-        true: How these are, in the same shape.
+        ego: Columns of the egos, shape (decision, simulation, `EGO_COLUMNS`).
+        believed: Columns of their neighbours as the egos believe them to be, shape (decision,
+            simulation, `NEIGHBOUR_ROLES`, `NEIGHBOUR_COLUMNS`).
+        true: True columns of the neighbours, in the same shape.
     """
 
-    own: F32
+    ego: F32
     believed: F32
     true: F32
 
@@ -35,22 +36,22 @@ class Beliefs:
 def beliefs(
     scenario: Scenario, actions: Actions | None = None, simulator: str = "engine"
 ) -> Beliefs:
-    """Simulate again, and tell at every decision what the ego believes.
+    """Simulate again, and return the beliefs of the egos at every decision.
 
     Args:
         scenario: A batch of scenarios.
         actions: What another driver did with the ego; None for the model's own.
-        simulator: `engine` or `reference`; both tell the same.
+        simulator: `engine` or `reference`; their beliefs are the same.
     """
-    own, believed = _told(scenario, actions, simulator, is_true=False)
+    ego, believed = _told(scenario, actions, simulator, is_true=False)
     _, true = _told(scenario, actions, simulator, is_true=True)
-    return Beliefs(own=own, believed=believed, true=true)
+    return Beliefs(ego=ego, believed=believed, true=true)
 
 
 def _told(
     scenario: Scenario, actions: Actions | None, simulator: str, *, is_true: bool
 ) -> tuple[F32, F32]:
-    """What is told of the egos and of their neighbours."""
+    """Columns of the egos and of their neighbours."""
     kind = None if actions is None else actions.kind
     steps = stepper(parameters(scenario), kind, is_true=is_true, simulator=simulator)
     nothing = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
@@ -60,8 +61,8 @@ def _told(
         tables.append(np.where(runs[:, None], table, np.float32(np.nan)))
         orders = nothing if actions is None else _orders(actions, len(tables) - 1)
         table, runs, _ = steps.step(orders, 1)
-    own, around, _ = split_observation(np.stack(tables))
-    return own, around
+    ego, neighbours, _ = split_observation(np.stack(tables))
+    return ego, neighbours
 
 
 def _orders(actions: Actions, decision: int) -> np.ndarray:

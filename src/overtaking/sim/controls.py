@@ -8,9 +8,9 @@ import numpy as np
 
 from overtaking.core.arrays import F64
 from overtaking.model.driver_interface import ACTION_KINDS, ActionPart
-from overtaking.sim.observation import Seen
+from overtaking.sim.observation import EgoObservation
 
-Track = Callable[[Seen], F64]
+Track = Callable[[EgoObservation], F64]
 """From what is observed to an action, while an answer holds."""
 
 _SPEED_TIME = 1.0  # In which a difference of speed is made up for; a choice [s].
@@ -33,38 +33,39 @@ class Control:
 
     parts: tuple[ActionPart, ...]
     kind: str
-    plan: Callable[[F64, Seen], Track] | None = None
+    plan: Callable[[F64, EgoObservation], Track] | None = None
 
 
-def _towards_speed(answer: F64, _: Seen) -> Track:
+def _towards_speed(answer: F64, _: EgoObservation) -> Track:
     """Accelerate as comfortably as the scenario's driver towards a speed."""
 
-    def track(seen: Seen) -> F64:
-        wanted = (answer[:, 0] - seen.of("speed")) / _SPEED_TIME
-        accel = np.clip(wanted, -seen.driver.decel, seen.driver.accel)
+    def track(observation: EgoObservation) -> F64:
+        wanted = (answer[:, 0] - observation.ego.speed) / _SPEED_TIME
+        accel = np.clip(wanted, -observation.vehicle.decel, observation.vehicle.accel)
         return np.stack([accel, answer[:, 1]], axis=1)
 
     return track
 
 
-def _along_points(answer: F64, begin: Seen) -> Track:
+def _along_points(answer: F64, begin: EgoObservation) -> Track:
     """Drive through points with the constant accelerations that miss them least.
 
     Along and across the road these are the least squares over the points that are left; anew at
     every decision, so errors fade.
     """
     points = answer.reshape(len(answer), len(_POINT_TIMES), 2)
-    places = points[:, :, 0] + begin.of("position")[:, None]
-    sides = points[:, :, 1] + begin.of("lateral")[:, None]
+    places = points[:, :, 0] + begin.ego.s[:, None]
+    sides = points[:, :, 1] + begin.ego.lateral_position[:, None]
 
-    def track(seen: Seen) -> F64:
-        times = np.maximum(np.array(_POINT_TIMES) - (seen.time - begin.time), 0.0)
-        speed, heading = (seen.of(name).astype(np.float64) for name in ("speed", "heading"))
+    def track(observation: EgoObservation) -> F64:
+        times = np.maximum(np.array(_POINT_TIMES) - (observation.time - begin.time), 0.0)
+        ego, vehicle = observation.ego, observation.vehicle
+        speed, heading = ego.speed.astype(np.float64), ego.heading.astype(np.float64)
         along, across = speed * np.cos(heading), speed * np.sin(heading)
-        accel = _missing_least(places - seen.of("position")[:, None], along, times)
-        aside = _missing_least(sides - seen.of("lateral")[:, None], across, times)
+        accel = _missing_least(places - ego.s[:, None], along, times)
+        aside = _missing_least(sides - ego.lateral_position[:, None], across, times)
         v = np.maximum(speed, _SLOWEST)
-        angle = aside * (seen.driver.wheelbase / (v * v) + seen.driver.understeer)
+        angle = aside * (vehicle.wheelbase / (v * v) + vehicle.understeer)
         return np.stack([accel, angle], axis=1)
 
     return track

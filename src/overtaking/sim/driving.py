@@ -5,6 +5,7 @@ import inspect
 import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -156,18 +157,18 @@ def _asked(
     steps = stepper(given, control.kind, is_true=is_true, simulator=simulator)
     eyes = _Eyes(scenario, given, sensor if isinstance(sensor, Sensor) else None)
     observation, decision = eyes.look(steps.begin(), 0), 0
-    while observation.active.any():
+    while observation.is_running.any():
         answer, num_clipped = limited(_answer(driver.policy, observation, control), control.parts)
         clipped += num_clipped
         if control.plan is None:
-            values = rounded(answer, observation.active, ACTION_KINDS[control.kind])
+            values = rounded(answer, observation.is_running, ACTION_KINDS[control.kind])
             yield decision, np.broadcast_to(values, (hold, *values.shape))
             decision += hold
             observation = eyes.look(steps.step(values, hold), decision)
             continue
         track = control.plan(answer, observation)
         for _ in range(hold):
-            values = rounded(track(observation), observation.active, ACTION_KINDS[control.kind])
+            values = rounded(track(observation), observation.is_running, ACTION_KINDS[control.kind])
             yield decision, values[None]
             decision += 1
             observation = eyes.look(steps.step(values, 1), decision)
@@ -177,54 +178,53 @@ class _Eyes:
     """Makes observations of a batch from the numbers of the engines."""
 
     def __init__(self, scenario: Scenario, given: Parameters, sensor: Sensor | None) -> None:
-        self._scenario, self._driver = scenario, given.of_vehicles.of(0)
+        self._scenario, self._vehicle = scenario, given.of_vehicles.of(0)
         self._sensing = Sensing(sensor, scenario, given) if sensor else None
 
     def look(self, stepped: SteppedObservation, decision: int) -> Observation:
         table, active = stepped.table, stepped.runs
         table[~active] = 0.0
-        own, around, meeting = split_observation(table)
         if self._sensing:
-            around = self._sensing.sense(around, active, decision)
-            meeting = self._sensing.without_room(meeting)
+            _, neighbours, passing = split_observation(table)
+            neighbours[...] = self._sensing.sense(neighbours, active, decision)
+            self._sensing.clear_gap_ahead_of_leader(passing)
         return Observation(
             time=decision / float(DECISIONS_PER_SECOND),
-            decision=decision,
-            active=active,
-            own=own,
-            around=around,
-            meeting=meeting,
-            driver=self._driver,
+            decision_index=decision,
+            is_running=active,
+            table=table,
+            vehicle=self._vehicle,
             scenario=self._scenario,
         )
 
 
-def _answer(policy: Policy, seen: Observation, control: Control) -> F64:
+def _answer(policy: Policy, observation: Observation, control: Control) -> F64:
     """What a policy answers, shape (simulation, part).
 
     Raises:
         PolicyError: It raises, or answers something else.
     """
-    expected = (len(seen.active), len(control.parts))
+    running = np.flatnonzero(observation.is_running)
+    expected = (len(observation.is_running), len(control.parts))
     try:
-        answer: Any = np.asarray(policy(seen))
+        answer: Any = np.asarray(policy(observation))
     except DriverError:
         raise  # It says already what is wrong; the message would be cut within another one.
     except Exception as error:
-        got = f"{type(error).__name__}{_line(error)}: {error}"
-        raise _refused(seen, "an answer", got, np.flatnonzero(seen.active)) from error
+        got = f"{type(error).__name__}{_line(error)}: {error}{_similar_names(error)}"
+        raise _refused(observation, "an answer", got, running) from error
     if answer.dtype.kind not in "fiub":
-        raise _refused(seen, "numbers", f"an array of {answer.dtype}", np.flatnonzero(seen.active))
+        raise _refused(observation, "numbers", f"an array of {answer.dtype}", running)
     if answer.shape == expected[:1] and expected[1] == 1:
         answer = answer[:, None]
     if answer.shape != expected:
         wanted = f"shape {expected}: {', '.join(part.name for part in control.parts)}"
-        raise _refused(seen, wanted, f"shape {answer.shape}", np.flatnonzero(seen.active))
+        raise _refused(observation, wanted, f"shape {answer.shape}", running)
     values = answer.astype(np.float64)
-    wrong = np.flatnonzero(~np.isfinite(values).all(axis=1) & seen.active)
+    wrong = np.flatnonzero(~np.isfinite(values).all(axis=1) & observation.is_running)
     if len(wrong):
-        raise _refused(seen, "finite numbers", values[wrong[0]].tolist(), wrong)
-    return np.where(seen.active[:, None], values, 0.0)
+        raise _refused(observation, "finite numbers", values[wrong[0]].tolist(), wrong)
+    return np.where(observation.is_running[:, None], values, 0.0)
 
 
 def _line(error: Exception) -> str:
@@ -232,6 +232,16 @@ def _line(error: Exception) -> str:
     (_, *own) = traceback.extract_tb(error.__traceback__)  # The first one is ours.
     lines = [one.lineno for one in own if one.filename == own[0].filename]
     return f" in {Path(own[0].filename).name}, line {lines[-1]}" if own else ""
+
+
+def _similar_names(error: Exception) -> str:
+    """The existing names that are most similar to an attribute that does not exist."""
+    if not isinstance(error, AttributeError) or error.obj is None:
+        return ""
+    names = getattr(type(error.obj), "_fields", None) or dir(error.obj)
+    public_names = [name for name in names if not name.startswith("_")]
+    similar = get_close_matches(str(error.name), public_names, cutoff=0.0)
+    return f"; near are {', '.join(similar)}" if similar else ""
 
 
 def limited(values: F64, parts: tuple[ActionPart, ...]) -> tuple[F64, Mask]:
@@ -247,14 +257,14 @@ def limited(values: F64, parts: tuple[ActionPart, ...]) -> tuple[F64, Mask]:
 
 
 def _refused(
-    seen: Observation, expected: str, got: object, wrong: NDArray[np.integer]
+    observation: Observation, expected: str, got: object, wrong: NDArray[np.integer]
 ) -> DriverError:
     """The error for an answer that is none."""
-    first = int(seen.scenario.index[wrong[0]])
+    first = int(observation.scenario.index[wrong[0]])
     others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
     return DriverError(
         what="answer of the policy",
-        where=f"simulation {first}{others} at {seen.time:.2f} s",
+        where=f"simulation {first}{others} at {observation.time:.2f} s",
         expected=expected,
         got=got,
         next_step="correct the policy; what is already written stays, and --resume goes on with it",
@@ -262,7 +272,7 @@ def _refused(
 
 
 def rounded(values: F64, active: Mask, parts: tuple[ActionPart, ...]) -> NDArray[np.int32]:
-    """Whole steps within limits, zero where nothing runs, shape (simulation, `MOST_PARTS`)."""
+    """Whole steps within limits, zero where nothing runs, shape (simulation, `MAX_ACTION_PARTS`)."""
     steps = np.zeros((len(values), MAX_ACTION_PARTS), np.int32)
     for k, part in enumerate(parts):
         clipped = np.clip(values[:, k], part.low, part.high)

@@ -35,9 +35,9 @@ _START_TIMEOUT_S = 120.0
 class OnnxDriver:
     """A policy in an ONNX file: from float32 numbers to an action.
 
-    The input has shape (simulation, `WIDTH`): `Observation.own`, then `Observation.around` row by
-    row, then `Observation.meeting`. It may end before `meeting`. The first output has shape
-    (simulation, part).
+    The input is `Observation.table`, of shape (simulation, `OBSERVATION_SIZE`): the columns of the
+    ego, of each neighbour, and of a pass. It may end before those of a pass. The first output has
+    shape (simulation, part).
 
     A child process loads the network, checks it with zeros, and evaluates it at each decision. A
     network that passes the check may still crash or exhaust memory with other inputs, so this
@@ -67,7 +67,7 @@ class OnnxDriver:
         with self._lock:
             self._width, self.num_parts = self._start(ConfigError)
 
-    def __call__(self, seen: Observation) -> NDArray[np.floating]:
+    def __call__(self, observation: Observation) -> NDArray[np.floating]:
         """The action of each simulation.
 
         Raises:
@@ -76,7 +76,7 @@ class OnnxDriver:
         with self._lock:
             if self._worker is None:
                 self._start(DriverError)
-            return self._request(seen.table[:, : self._width], DriverError)
+            return self._request(observation.table[:, : self._width], DriverError)
 
     def _start(self, error: type[OvertakingError]) -> tuple[int, int]:
         """Start the process; return the width of the input and the number of parts."""

@@ -1,8 +1,8 @@
-"""What a policy is given at a decision."""
+"""The observations that an external driver of the ego gets."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from difflib import get_close_matches
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,109 +11,124 @@ from overtaking.core import random_numbers
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.equality import ContentEquality
 from overtaking.model.driver_interface import (
-    EGO_COLUMNS,
-    NEIGHBOUR_COLUMNS,
     NEIGHBOUR_ROLES,
-    PASSING_COLUMNS,
+    EgoColumns,
+    NeighbourColumns,
+    PassingColumns,
+    split_observation,
 )
 from overtaking.model.scenario import Scenario
 from overtaking.world.step_parameters import VehicleParameters
 
-_OWN_PLACE = {name: place for place, name in enumerate(EGO_COLUMNS)}
-_AROUND_PLACE = {name: place for place, name in enumerate(NEIGHBOUR_COLUMNS)}
-_ROLE_PLACE = {name: place for place, name in enumerate(NEIGHBOUR_ROLES)}
-_MEETING_PLACE = {name: place for place, name in enumerate(PASSING_COLUMNS)}
 
+@dataclass(frozen=True, kw_only=True)  # No slots: the views are cached in the instance.
+class EgoObservation(ContentEquality):
+    """Observations of the egos of a batch, by name: `ego.speed`, `leader.gap`.
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Seen(ContentEquality):
-    """What the egos of a batch observe, every row a simulation.
+    Each column has shape (simulation,) and is a view of the table. Left is the overtaking side,
+    also in left-hand traffic.
 
     Attributes:
         time: Time since the start [s].
-        active: Which simulations run; the numbers of the others are zero, shape (simulation,).
-        own: Numbers of the ego, named by `model.driver_interface.EGO_COLUMNS`, shape (simulation,
-            `OWN`).
-        around: Numbers of its neighbours, named by `ROLES` and `AROUND`, shape (simulation,
-            `ROLES`, `AROUND`).
-        meeting: Numbers about oncoming traffic, named by `MEETING`, shape (simulation, `MEETING`).
-        driver: Parameters of the ego's vehicle, and of the driver that the scenario has put into
+        is_running: Whether each simulation runs; the observations of the others are zero, shape
+            (simulation,).
+        table: All observed values in the order of an ONNX file, shape (simulation,
+            `model.driver_interface.OBSERVATION_SIZE`).
+        vehicle: Parameters of the ego's vehicle, and of the driver that the scenario has put into
             it, each of shape (simulation,).
     """
 
     time: float
-    active: Mask
-    own: F32
-    around: F32
-    meeting: F32
-    driver: VehicleParameters
+    is_running: Mask
+    table: F32
+    vehicle: VehicleParameters
 
-    @property
-    def table(self) -> F32:
-        """All numbers as one row of each simulation, shape (simulation, `WIDTH`)."""
-        around = self.around.reshape(len(self.own), -1)
-        return np.concatenate([self.own, around, self.meeting], axis=1)
+    @cached_property
+    def ego(self) -> EgoColumns:
+        """The ego itself."""
+        return EgoColumns._make(split_observation(self.table).ego.T)
 
-    def of(self, name: str, role: str | None = None) -> F32:
-        """One number, shape (simulation,).
+    @cached_property
+    def leader(self) -> NeighbourColumns:
+        """The vehicle ahead in the ego's lane."""
+        return self._neighbour("leader")
 
-        Args:
-            name: A name in `AROUND` with a role, or else in `OWN` or `MEETING`.
-            role: A name in `ROLES`.
+    @cached_property
+    def follower(self) -> NeighbourColumns:
+        """The vehicle behind in the ego's lane."""
+        return self._neighbour("follower")
 
-        Raises:
-            KeyError: There is no such name.
-        """
-        if role is None and name in _MEETING_PLACE:
-            return self.meeting[:, _MEETING_PLACE[name]]
-        if role is None:
-            return self.own[:, _place(name, _OWN_PLACE, "number of the ego")]
-        number = _place(name, _AROUND_PLACE, "number of a neighbour")
-        return self.around[:, _place(role, _ROLE_PLACE, "role"), number]
+    @cached_property
+    def left_leader(self) -> NeighbourColumns:
+        """The vehicle ahead in the next lane on the overtaking side."""
+        return self._neighbour("left_leader")
+
+    @cached_property
+    def left_follower(self) -> NeighbourColumns:
+        """The vehicle behind in the next lane on the overtaking side."""
+        return self._neighbour("left_follower")
+
+    @cached_property
+    def right_leader(self) -> NeighbourColumns:
+        """The vehicle ahead in the next lane on the kerb side."""
+        return self._neighbour("right_leader")
+
+    @cached_property
+    def right_follower(self) -> NeighbourColumns:
+        """The vehicle behind in the next lane on the kerb side."""
+        return self._neighbour("right_follower")
+
+    @cached_property
+    def oncoming(self) -> NeighbourColumns:
+        """The nearest oncoming vehicle, in any lane."""
+        return self._neighbour("oncoming")
+
+    @cached_property
+    def second_oncoming(self) -> NeighbourColumns:
+        """The oncoming vehicle behind the nearest one."""
+        return self._neighbour("second_oncoming")
+
+    @cached_property
+    def neighbours(self) -> NeighbourColumns:
+        """All neighbours at once; each column has shape (`NEIGHBOUR_ROLES`, simulation)."""
+        return NeighbourColumns._make(split_observation(self.table).neighbours.T)
+
+    @cached_property
+    def passing(self) -> PassingColumns:
+        """A pass against oncoming traffic; zero on one-way roads."""
+        return PassingColumns._make(split_observation(self.table).passing.T)
+
+    def _neighbour(self, role: str) -> NeighbourColumns:
+        index = NEIGHBOUR_ROLES.index(role)
+        return NeighbourColumns._make(split_observation(self.table).neighbours[:, index].T)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Observation(Seen):
-    """What the egos of a batch observe at a decision, every row a simulation.
+@dataclass(frozen=True, kw_only=True)
+class Observation(EgoObservation):
+    """Observations of the egos of a batch at a decision, by name.
 
     Attributes:
-        decision: Number of the decision, 20 a second.
-        scenario: Number, road and weather of each simulation, and all others in it.
+        decision_index: Number of the decision since the start, 20 a second.
+        scenario: The scenarios, with index, road and weather of each simulation.
     """
 
-    decision: int
+    decision_index: int
     scenario: Scenario
 
-    def random(self) -> F32:
-        """Four numbers in (0, 1) for a policy that draws, shape (simulation, 4).
+    def uniform_numbers(self) -> F32:
+        """Four random numbers in (0, 1) for a driver that draws, shape (simulation, 4).
 
-        They follow from seed, number and decision alone, so what is drawn does not depend on the
-        batch.
+        They depend on seed, scenario index and decision alone, not on the batch.
         """
-        return uniforms(self.scenario, int(random_numbers.Stream.EXTERNAL_DRIVER), self.decision)
-
-
-def _place(name: str, places: dict[str, int], what: str) -> int:
-    """The place of a name.
-
-    Raises:
-        KeyError: There is no such name.
-    """
-    if (place := places.get(name)) is not None:
-        return place
-    hint = f"near are {', '.join(get_close_matches(name, places, cutoff=0.0))}"
-    if name in _AROUND_PLACE:
-        hint = "a neighbour has it: name a role, such as lead"
-    elif name in _OWN_PLACE:
-        hint = "the ego has it: leave out the role"
-    raise KeyError(f"no {what} is named {name}; {hint}")
+        stream = int(random_numbers.Stream.EXTERNAL_DRIVER)
+        return uniform_numbers(self.scenario, stream, self.decision_index)
 
 
 Policy = Callable[[Observation], NDArray[np.floating | np.integer]]
-"""Observations of all simulations in, an action for each out."""
+"""From the observations of all simulations to an action for each."""
 
 
-def uniforms(scenario: Scenario, stream: int | NDArray[np.uint32], decision: int) -> F32:
-    """Four numbers in (0, 1) of each simulation and stream, along a last axis."""
-    drawn = random_numbers.philox_words(scenario.seed, scenario.index, stream, decision)
-    return np.stack([random_numbers.uniform_from_word(word) for word in drawn], axis=-1)
+def uniform_numbers(scenario: Scenario, stream: int | NDArray[np.uint32], decision: int) -> F32:
+    """Four random numbers in (0, 1) of each simulation and stream, along a last axis."""
+    words = random_numbers.philox_words(scenario.seed, scenario.index, stream, decision)
+    return np.stack([random_numbers.uniform_from_word(word) for word in words], axis=-1)

@@ -11,17 +11,16 @@ from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
 from overtaking.core.random_numbers import Stream, box_muller
-from overtaking.model.driver_interface import NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES, PASSING_COLUMNS
+from overtaking.model.driver_interface import NEIGHBOUR_ROLES, NeighbourColumns, PassingColumns
 from overtaking.model.scenario import Scenario
 from overtaking.scenarios.specification_values import suggestion
-from overtaking.sim.observation import uniforms
+from overtaking.sim.observation import uniform_numbers
 from overtaking.world.constants import DECISIONS_PER_SECOND
 from overtaking.world.step_parameters import Parameters
 
 _MAX_FILE_BYTES = 1 << 20
-_COLUMN = {name: place for place, name in enumerate(NEIGHBOUR_COLUMNS)}
-_AHEAD = np.array([role.endswith(("lead", "oncoming")) for role in NEIGHBOUR_ROLES])
-_ROOM = list(PASSING_COLUMNS).index("room")
+_AHEAD = np.array([role.endswith(("leader", "oncoming")) for role in NEIGHBOUR_ROLES])
+_GAP_AHEAD_COLUMN = PassingColumns._fields.index("gap_ahead_of_leader")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,55 +138,62 @@ class Sensing:
         self._delay = delay
         self._past = deque[tuple[int, F32]](maxlen=max(delay, 0) + 1)
 
-    def sense(self, around: F32, active: Mask, decision: int) -> F32:
-        """What the sensors tell, in the shape of `around`.
+    def sense(self, neighbours: F32, is_running: Mask, decision: int) -> F32:
+        """What the sensor reports at a decision, in the shape of `neighbours`.
 
         Args:
-            around: The truth at a decision, shape (simulation, `ROLES`, `AROUND`).
-            active: Which simulations run, shape (simulation,).
+            neighbours: True values at this decision, shape (simulation, `NEIGHBOUR_ROLES`,
+                `NEIGHBOUR_COLUMNS`).
+            is_running: Whether each simulation runs, shape (simulation,).
             decision: Number of the decision, greater each time.
         """
-        self._past.append((decision, self._measured(around, decision)))
+        self._past.append((decision, self._measured(neighbours, decision)))
         while len(self._past) > 1 and self._past[1][0] <= decision - self._delay:
             self._past.popleft()
-        return np.where(active[:, None, None], self._past[0][1], np.float32(0.0))
+        return np.where(is_running[:, None, None], self._past[0][1], np.float32(0.0))
 
     @staticmethod
-    def without_room(meeting: F32) -> F32:
-        """The numbers of `MEETING`, without the room ahead of the leader."""
-        told = meeting.copy()
-        told[:, _ROOM] = 0.0
-        return told
+    def clear_gap_ahead_of_leader(passing: F32) -> None:
+        """Set the gap ahead of the leader, which sensors do not measure, to zero.
 
-    def _measured(self, around: F32, decision: int) -> F32:
-        """What is measured now, and told after the latency."""
+        Args:
+            passing: Columns about a pass, shape (simulation, `PASSING_COLUMNS`).
+        """
+        passing[:, _GAP_AHEAD_COLUMN] = 0.0
+
+    def _measured(self, neighbours: F32, decision: int) -> F32:
+        """Measurements of this decision, which are reported after the latency."""
         sensor = self._sensor
         streams = np.arange(len(NEIGHBOUR_ROLES), dtype=np.uint32) + np.uint32(Stream.SENSOR)
         draws = self._draws(streams, decision)
         first, second = box_muller(draws[..., 1], draws[..., 2])
-        sees = self._sees(around) & (draws[..., 0] >= np.float32(sensor.missed))
-        told = np.where(sees[..., None], around, np.float32(0.0))
-        gap, closing = around[..., _COLUMN["gap"]], around[..., _COLUMN["closing"]]
-        measured = gap + np.float32(sensor.gap_error) * first
-        told[..., _COLUMN["gap"]] = np.where(sees, measured, self._unseen)
-        speed = closing + np.float32(sensor.closing_error) * second
-        told[..., _COLUMN["closing"]] = np.where(sees, speed, np.float32(0.0))
-        return told
+        is_detected = self._sees(neighbours) & (draws[..., 0] >= np.float32(sensor.missed))
+        measured = np.where(is_detected[..., None], neighbours, np.float32(0.0))
+        true, columns = _columns_of(neighbours), _columns_of(measured)
+        gap = true.gap + np.float32(sensor.gap_error) * first
+        columns.gap[...] = np.where(is_detected, gap, self._unseen)
+        closing_speed = true.closing_speed + np.float32(sensor.closing_error) * second
+        columns.closing_speed[...] = np.where(is_detected, closing_speed, np.float32(0.0))
+        return measured
 
     def _draws(self, streams: np.ndarray, decision: int) -> F32:
-        columns = [uniforms(self._scenario, int(stream), decision) for stream in streams]
+        columns = [uniform_numbers(self._scenario, int(stream), decision) for stream in streams]
         return np.stack(columns, axis=1)
 
-    def _sees(self, around: F32) -> Mask:
+    def _sees(self, neighbours: F32) -> Mask:
         """Whether each neighbour is within range and field of view."""
-        sensor = self._sensor
-        there = around[..., _COLUMN["detected"]] > 0
-        half = self._half[:, None] + np.float32(0.5) * around[..., _COLUMN["length"]]
-        along = around[..., _COLUMN["gap"]] + half
-        aside = np.abs(around[..., _COLUMN["aside"]])
-        distance = np.hypot(along, aside)
-        angle = np.arctan2(aside, along)
+        sensor, neighbour = self._sensor, _columns_of(neighbours)
+        half_lengths = self._half[:, None] + np.float32(0.5) * neighbour.length
+        distance_ahead = neighbour.gap + half_lengths
+        lateral_distance = np.abs(neighbour.lateral_distance)
+        distance = np.hypot(distance_ahead, lateral_distance)
+        angle = np.arctan2(lateral_distance, distance_ahead)
         far = np.where(_AHEAD, sensor.range_ahead, sensor.range_behind) * self._clear[:, None]
         near = sensor.range_around * self._clear[:, None]
         inside = (angle <= 0.5 * sensor.field_of_view) & (distance <= far)
-        return there & (inside | (distance <= near))
+        return (neighbour.is_detected > 0) & (inside | (distance <= near))
+
+
+def _columns_of(neighbours: F32) -> NeighbourColumns:
+    """Columns of all neighbours, each of shape (simulation, `NEIGHBOUR_ROLES`)."""
+    return NeighbourColumns._make(np.moveaxis(neighbours, -1, 0))

@@ -28,7 +28,7 @@ class Stepper(Protocol):
         """Carry out the same orders for some decisions.
 
         Args:
-            values: Steps of each number of the action, shape (simulation, `MOST_PARTS`).
+            values: Steps of each number of the action, shape (simulation, `MAX_ACTION_PARTS`).
             decisions: How many, one at least.
         """
         ...

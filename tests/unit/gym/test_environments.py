@@ -38,7 +38,7 @@ def made(count: int = 6, **settings) -> envs.OvertakingVectorEnv:
 def wish(numbers: np.ndarray) -> np.ndarray:
     """A policy of what is observed: change to the fast side while somebody is near ahead."""
     table = dict(zip([one.name for one in envs.OBSERVATION_COLUMNS], numbers.T, strict=True))
-    near = table["lead.gap"] < 60.0
+    near = table["leader.gap"] < 60.0
     return np.stack([np.where(near, 0.0, 0.5), np.where(near, 1.0, -1.0)], axis=1)
 
 
@@ -120,9 +120,10 @@ def test_what_is_seen_is_what_drive_shows():
     scenes = ot.sample(PROFILE, num_simulations=max(late) + 1, seed=5, overrides=SHORT)
     told = list[np.ndarray]()
 
-    def policy(one: ot.Observation) -> np.ndarray:
-        told.append(np.where(one.active[:, None], envs.flatten_observation(one), np.nan))
-        return wish(envs.flatten_observation(one))
+    def policy(observation: ot.Observation) -> np.ndarray:
+        numbers = envs.flatten_observation(observation)
+        told.append(np.where(observation.is_running[:, None], numbers, np.nan))
+        return wish(numbers)
 
     ot.drive(scenes, policy, observe="human", hold=4)
     for number in late:
@@ -187,7 +188,7 @@ def test_next_step_ignores_an_action_and_begins():
     for _, _, seen, reward, ended, _ in stepped(AutoresetMode.NEXT_STEP):
         assert not (ended & waited).any()
         assert (reward[waited] == 0).all()
-        stage = seen[:, [one.name for one in envs.OBSERVATION_COLUMNS].index("stage")]
+        stage = seen[:, [one.name for one in envs.OBSERVATION_COLUMNS].index("ego.stage")]
         assert (stage[waited] == Stage.FOLLOW).all()
         begun += int(waited.sum())
         waited = ended
@@ -225,7 +226,7 @@ def test_an_end_is_an_accident_an_overtake_or_the_clock():
     for _ in range(40):
         drift = np.tile([0.0, 0.02], (32, 1))
         seen, _, terminated, truncated, _ = env.step(drift)
-        stage = seen[:, [one.name for one in envs.OBSERVATION_COLUMNS].index("stage")]
+        stage = seen[:, [one.name for one in envs.OBSERVATION_COLUMNS].index("ego.stage")]
         crashes += int((terminated & (stage == Stage.CRASHED)).sum())
         assert not (terminated & truncated).any()
     assert crashes >= 32

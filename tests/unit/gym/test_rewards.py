@@ -11,15 +11,10 @@ import overtaking as ot
 import overtaking.gym as envs
 from overtaking.core.errors import ConfigError
 from overtaking.gym.rewards import BREACH_COST, CRASH_COST
-from overtaking.model.driver_interface import (
-    EGO_COLUMNS,
-    NEIGHBOUR_COLUMNS,
-    NEIGHBOUR_ROLES,
-    PASSING_COLUMNS,
-)
+from overtaking.model.driver_interface import OBSERVATION_SIZE, EgoColumns
 from overtaking.model.overtake_events import Outcome
 from overtaking.model.trajectories import Stage
-from overtaking.sim.observation import Seen
+from overtaking.sim.observation import EgoObservation
 from overtaking.world.step_parameters import VEHICLE_FIELDS, VehicleParameters
 
 from .test_environments import made, wish
@@ -27,28 +22,18 @@ from .test_environments import made, wish
 ACTION = np.zeros((2, 2))
 
 
-def seen(**numbers) -> Seen:
-    """Two egos that wish for 30 m/s."""
-    own, around = (
-        np.zeros((2, len(EGO_COLUMNS)), np.float32),
-        np.zeros((2, len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS))),
-    )
-    for name, value in numbers.items():
-        if name in EGO_COLUMNS:
-            own[:, list(EGO_COLUMNS).index(name)] = value
-        else:
-            around[:, 0, list(NEIGHBOUR_COLUMNS).index(name)] = value
-    wish_of = VehicleParameters._make(np.full((len(VEHICLE_FIELDS), 2), 30.0, np.float32))
-    around = around.astype(np.float32)
-    meeting = np.zeros((2, len(PASSING_COLUMNS)), np.float32)
-    return Seen(
+def observed(**columns) -> EgoObservation:
+    """Two egos that wish for 30 m/s, with values in columns of the ego or of its leader."""
+    observation = EgoObservation(
         time=0.0,
-        active=np.ones(2, bool),
-        own=own,
-        around=around,
-        meeting=meeting,
-        driver=wish_of,
+        is_running=np.ones(2, bool),
+        table=np.zeros((2, OBSERVATION_SIZE), np.float32),
+        vehicle=VehicleParameters._make(np.full((len(VEHICLE_FIELDS), 2), 30.0, np.float32)),
     )
+    for name, values in columns.items():
+        group = observation.ego if name in EgoColumns._fields else observation.leader
+        getattr(group, name)[:] = values
+    return observation
 
 
 def events(**changes) -> envs.StepOutcome:
@@ -58,56 +43,58 @@ def events(**changes) -> envs.StepOutcome:
 
 
 def test_progress_is_time_lost():
-    after = seen(position=[15.0, 9.0])  # 0.5 s at the wished 30 m/s, and at 18 m/s.
-    lost = envs.progress(seen(), ACTION, after, events())
+    after = observed(s=[15.0, 9.0])  # 0.5 s at the wished 30 m/s, and at 18 m/s.
+    lost = envs.progress(observed(), ACTION, after, events())
     np.testing.assert_allclose(lost, [0.0, -0.2], atol=1e-6)
-    crashed = envs.progress(seen(), ACTION, after, events(crashed=np.array([True, False])))
+    crashed = envs.progress(observed(), ACTION, after, events(crashed=np.array([True, False])))
     np.testing.assert_allclose(crashed, [-CRASH_COST, -0.2], atol=1e-6)
 
 
 def test_following_too_close_costs_by_what_the_gap_lacks():
     # At equal speeds the lawful gap is the way in the reaction time, 1 s: 20 m.
-    after = seen(position=15.0, speed=20.0, detected=1.0, gap=[10.0, 25.0])
-    cost = envs.progress_legal(seen(), ACTION, after, events())
+    after = observed(s=15.0, speed=20.0, is_detected=1.0, gap=[10.0, 25.0])
+    cost = envs.progress_legal(observed(), ACTION, after, events())
     np.testing.assert_allclose(cost, [-0.25, 0.0], atol=1e-6)
 
 
 def test_a_breach_costs_at_the_end():
     ended = np.ones(2, bool)
     judged = events(truncated=ended, judged=ended, legal=np.array([True, False]))
-    after = seen(position=15.0, gap=1000.0)
-    cost = envs.progress_legal(seen(), ACTION, after, judged)
+    after = observed(s=15.0, gap=1000.0)
+    cost = envs.progress_legal(observed(), ACTION, after, judged)
     np.testing.assert_allclose(cost, [0.0, -BREACH_COST], atol=1e-6)
     with pytest.raises(ConfigError, match="labels=True"):
-        envs.progress_legal(seen(), ACTION, after, events(truncated=ended))
+        envs.progress_legal(observed(), ACTION, after, events(truncated=ended))
 
 
 def test_an_overtake_counts_where_the_label_says_that_it_was_completed():
     ended = np.ones(2, bool)
     completed, crashed = np.array([True, False]), np.array([False, True])
     outcome = events(terminated=ended, judged=ended, completed=completed, crashed=crashed)
-    after = seen(stage=[Stage.DONE, Stage.CRASHED])
-    np.testing.assert_array_equal(envs.overtake_once(seen(), ACTION, after, outcome), [1.0, -1.0])
-    assert (envs.overtake_once(seen(), ACTION, after, events()) == 0.0).all()
+    after = observed(stage=[Stage.DONE, Stage.CRASHED])
+    np.testing.assert_array_equal(
+        envs.overtake_once(observed(), ACTION, after, outcome), [1.0, -1.0]
+    )
+    assert (envs.overtake_once(observed(), ACTION, after, events()) == 0.0).all()
     with pytest.raises(ConfigError, match="labels=True"):
-        envs.overtake_once(seen(), ACTION, after, events(terminated=ended))
+        envs.overtake_once(observed(), ACTION, after, events(terminated=ended))
 
 
 def test_a_step_costs_its_own_length():
     """An episode that ended after 0.2 s of a step is charged for 0.2 s."""
     outcome = events()
     outcome = dataclasses.replace(outcome, seconds=np.array([0.5, 0.2]))
-    lost = envs.progress(seen(), ACTION, seen(position=[9.0, 3.0]), outcome)
+    lost = envs.progress(observed(), ACTION, observed(s=[9.0, 3.0]), outcome)
     np.testing.assert_allclose(lost, [-0.2, -0.1], atol=1e-6)
 
 
 def test_progress_of_an_environment_follows_from_its_observations():
     """The loss is the length of the step minus the time for its distance at the desired speed."""
     env = made(8, reward="progress", action="decision", hold=10, overrides=None)
-    index = [column.name for column in envs.OBSERVATION_COLUMNS].index("position")
+    index = [column.name for column in envs.OBSERVATION_COLUMNS].index("ego.s")
     before, _ = env.reset(seed=2)
     assert env._episodes
-    wished_speed = env._episodes.observation.driver.desired_speed.astype(float)
+    wished_speed = env._episodes.observation.vehicle.desired_speed.astype(float)
     losses = []
     for _ in range(10):
         after, reward, terminated, *_ = env.step(np.full(8, ot.Move.KEEP))
@@ -124,7 +111,7 @@ def pull_out_near_a_leader(observations: np.ndarray, clock: np.ndarray) -> np.nd
     table = dict(
         zip([column.name for column in envs.OBSERVATION_COLUMNS], observations.T, strict=True)
     )
-    is_held_up = (table["lead.closing"] > 1.0) & (table["lead.gap"] < 60.0)
+    is_held_up = (table["leader.closing_speed"] > 1.0) & (table["leader.gap"] < 60.0)
     move = np.where(is_held_up, ot.Move.PULL_OUT, ot.Move.KEEP)
     return np.where(clock % 40 > 30, ot.Move.RETURN, move)
 
@@ -174,8 +161,10 @@ def test_an_environment_pays_it(name):
 
 
 def test_a_function_of_ones_own_is_a_reward():
-    def speed(before: Seen, action: np.ndarray, after: Seen, came: envs.StepOutcome) -> np.ndarray:
-        return after.of("speed").astype(np.float64)
+    def speed(
+        before: EgoObservation, action: np.ndarray, after: EgoObservation, came: envs.StepOutcome
+    ) -> np.ndarray:
+        return after.ego.speed.astype(np.float64)
 
     env = made(reward=speed)
     env.reset(seed=1)

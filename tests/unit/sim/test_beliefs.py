@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.model.driver_interface import EGO_COLUMNS, NEIGHBOUR_COLUMNS
+from overtaking.model.driver_interface import EgoColumns, NeighbourColumns
 from overtaking.sim.beliefs import beliefs
 
 _MM = 1000.0
-_POSITION, _SPEED = list(EGO_COLUMNS).index("position"), list(EGO_COLUMNS).index("speed")
 
 
 @pytest.fixture(scope="module")
@@ -21,22 +20,20 @@ def scenario() -> ot.Scenario:
 def test_the_ego_is_where_it_was_recorded(scenario: ot.Scenario):
     runs, told = ot.simulate(scenario), beliefs(scenario)
     for one, frames in enumerate(runs.num_frames):
-        position = told.own[:, one, _POSITION]
+        position = EgoColumns._make(told.ego[:, one].T).s
         assert np.isfinite(position).sum() == frames  # 20 frames and decisions a second.
         assert (np.rint(position[:frames] * _MM) == runs.states.s[one, 0, :frames]).all()
 
 
 def test_an_ego_that_another_driver_drove_does_the_same_again(scenario: ot.Scenario):
-    def brakes(seen: ot.Observation) -> np.ndarray:
-        return np.stack([np.where(seen.time < 1.0, 0.5, -1.0) + 0.0 * seen.of("speed")] * 2, 1) * [
-            1.0,
-            0.0,
-        ]
+    def brakes(observation: ot.Observation) -> np.ndarray:
+        accel = np.full(len(observation.is_running), 0.5 if observation.time < 1.0 else -1.0)
+        return np.stack([accel, np.zeros_like(accel)], axis=1)
 
     runs = ot.drive(scenario, brakes, observe="human", action="accel_lane")
     told = beliefs(scenario, runs.actions)
     for one, frames in enumerate(runs.num_frames):
-        position = told.own[:frames, one, _POSITION]
+        position = EgoColumns._make(told.ego[:frames, one].T).s
         assert (np.rint(position * _MM) == runs.states.s[one, 0, :frames]).all()
 
 
@@ -45,14 +42,14 @@ def test_both_engines_tell_the_same(scenario: ot.Scenario):
     few = scenario.select(slice(0, 2))
     few = few.replace(horizon=np.full(2, 1.5, np.float32))
     ours, readable = (beliefs(few, simulator=name) for name in ("engine", "reference"))
-    for name in ("own", "believed", "true"):
+    for name in ("ego", "believed", "true"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(readable, name))
-    assert readable.own[:, :, _SPEED].max() > 5.0
+    assert EgoColumns._make(readable.ego.T).speed.max() > 5.0
 
 
 def test_what_is_not_seen_is_not_believed(scenario: ot.Scenario):
     told = beliefs(scenario)
-    detected, closing = (list(NEIGHBOUR_COLUMNS).index(name) for name in ("detected", "closing"))
-    unseen = told.believed[..., detected] == 0
-    assert (told.believed[..., closing][unseen] == 0).all()
+    believed = NeighbourColumns._make(told.believed.T)
+    unseen = believed.is_detected == 0
+    assert (believed.closing_speed[unseen] == 0).all()
     assert 0.2 < unseen.mean() < 1.0

@@ -9,7 +9,7 @@ import pytest
 
 import overtaking as ot
 from overtaking.core.errors import ConfigError, DriverError
-from overtaking.model.driver_interface import NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES
+from overtaking.model.driver_interface import NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES, NeighbourColumns
 from overtaking.model.trajectories import NO_VEHICLE, Lights, Stage
 from overtaking.sim.controls import CONTROLS
 from overtaking.sim.sensor import Sensing, Sensor
@@ -45,7 +45,7 @@ def calm(scenes: ot.Scenario) -> ot.Scenario:
 
 
 def constant(*answer: float):
-    return lambda seen: np.tile(answer, (len(seen.active), 1))
+    return lambda observation: np.tile(answer, (len(observation.is_running), 1))
 
 
 def speeds(run: ot.Trajectories) -> np.ndarray:
@@ -86,11 +86,11 @@ def test_a_wish_for_a_lane_is_signalled_first_and_ends_in_its_middle(scenes):
 def test_a_trajectory_is_followed(calm):
     begin = dict[str, np.ndarray]()
 
-    def wave(seen: ot.Observation) -> np.ndarray:
+    def wave(observation: ot.Observation) -> np.ndarray:
         """Steady speed, and half a metre towards the fast side of where it began."""
-        times, ahead = np.array([0.5, 1.0, 1.5, 2.0]), seen.of("speed")
-        at = begin.setdefault("lateral", seen.of("lateral"))
-        aside = np.where(seen.active, at + 0.5 - seen.of("lateral"), 0.0)
+        times, ahead = np.array([0.5, 1.0, 1.5, 2.0]), observation.ego.speed
+        at = begin.setdefault("lateral", observation.ego.lateral_position.copy())
+        aside = np.where(observation.is_running, at + 0.5 - observation.ego.lateral_position, 0.0)
         points = [(ahead * t, aside) for t in times]
         return np.stack([number for pair in points for number in pair], axis=1)
 
@@ -124,12 +124,12 @@ def shown(run: ot.Trajectories) -> np.ndarray:
 
 
 def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
-    def out(seen: ot.Observation) -> np.ndarray:
+    def out(observation: ot.Observation) -> np.ndarray:
         """Show it from 1 s on, move over after 3 s."""
         move = [ot.Move.KEEP, ot.Move.SHOW_OUT, ot.Move.PULL_OUT][
-            (seen.time >= 1.0) + int(seen.time >= 3.0)
+            (observation.time >= 1.0) + int(observation.time >= 3.0)
         ]
-        return np.tile([0.2, move], (len(seen.active), 1))
+        return np.tile([0.2, move], (len(observation.is_running), 1))
 
     run = ot.drive(silent, out, observe="human", action="accel_move")
     free = run.states.lane[:, 0, 0] < run.road.num_lanes - 1
@@ -140,7 +140,9 @@ def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
     assert (run.stage[free, :60] == Stage.FOLLOW).all()
     assert (run.stage[free, 60] == Stage.PULL_OUT).all()
     # The scenario's drivers, who use none, show nothing.
-    mute = ot.drive(silent, lambda seen: out(seen)[:, 1], observe="human", action="decision")
+    mute = ot.drive(
+        silent, lambda observation: out(observation)[:, 1], observe="human", action="decision"
+    )
     assert not shown(mute)[free].any()
     rolls = run.states.accel_lon[free, 0, 40:60] * 1e-3
     np.testing.assert_allclose(rolls, 0.2, atol=0.05)
@@ -149,9 +151,9 @@ def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
 def test_who_steers_shows_what_it_asks_for(silent):
     sides = np.array([1, 0, -1])
 
-    def signals(seen: ot.Observation) -> np.ndarray:
-        side = sides[seen.decision // 30 % 3]
-        return np.tile([0.0, 0.0, side], (len(seen.active), 1))
+    def signals(observation: ot.Observation) -> np.ndarray:
+        side = sides[observation.decision_index // 30 % 3]
+        return np.tile([0.0, 0.0, side], (len(observation.is_running), 1))
 
     run = ot.drive(silent, signals, observe="truth", action="accel_steer_signal")
     sound = (run.stage != Stage.CRASHED) & run.frame_mask
@@ -165,10 +167,10 @@ def test_who_steers_shows_what_it_asks_for(silent):
 
 
 def test_answers_beyond_the_limits_are_counted(scenes):
-    def often(seen: ot.Observation) -> np.ndarray:
+    def often(observation: ot.Observation) -> np.ndarray:
         """The first ego asks for too much every other time, the second at the limit, and so on."""
         answer = np.zeros((6, 2))
-        answer[0, 0] = 25.0 if seen.decision % 8 == 0 else 0.0
+        answer[0, 0] = 25.0 if observation.decision_index % 8 == 0 else 0.0
         answer[1] = (np.nextafter(20.0, 21.0), 1.0)
         answer[2, 1] = -3.0
         return answer
@@ -202,8 +204,8 @@ def test_what_acts_is_what_is_recorded(scenes):
 def test_an_answer_holds(scenes):
     asked = list[int]()
 
-    def policy(seen: ot.Observation) -> np.ndarray:
-        asked.append(seen.decision)
+    def policy(observation: ot.Observation) -> np.ndarray:
+        asked.append(observation.decision_index)
         return np.tile([0.01 * len(asked), 0.0], (6, 1))
 
     run = ot.drive(scenes, policy, observe="human", hold=7)
@@ -214,30 +216,36 @@ def test_an_answer_holds(scenes):
 
 
 def test_a_policy_draws_the_same_in_every_batch(scenes):
-    def draws(seen: ot.Observation) -> np.ndarray:
-        return np.stack([4.0 * seen.random()[:, 0] - 3.0, np.zeros(len(seen.active))], axis=1)
+    def draws(observation: ot.Observation) -> np.ndarray:
+        return np.stack(
+            [
+                4.0 * observation.uniform_numbers()[:, 0] - 3.0,
+                np.zeros(len(observation.is_running)),
+            ],
+            axis=1,
+        )
 
     whole = ot.drive(scenes, draws, observe="human")
     part = ot.drive(scenes.select(slice(2, 4)), draws, observe="human")
     np.testing.assert_array_equal(part.trace_hash, whole.trace_hash[2:4])
 
 
-def fails(seen: ot.Observation) -> np.ndarray:
+def fails(observation: ot.Observation) -> np.ndarray:
     raise ZeroDivisionError("of mine")
 
 
-def names_wrongly(seen: ot.Observation) -> np.ndarray:
-    return seen.of("speeds")
+def names_wrongly(observation: ot.Observation) -> np.ndarray:
+    return observation.ego.speeds  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def sometimes_nan(seen: ot.Observation) -> np.ndarray:
-    answer = np.zeros((len(seen.active), 2))
-    answer[3, 0] = np.nan if seen.decision == 20 else 0.0
+def sometimes_nan(observation: ot.Observation) -> np.ndarray:
+    answer = np.zeros((len(observation.is_running), 2))
+    answer[3, 0] = np.nan if observation.decision_index == 20 else 0.0
     return answer
 
 
-def changes_its_mind(seen: ot.Observation) -> np.ndarray:
-    return np.zeros((len(seen.active), 2 if seen.decision < 9 else 3))
+def changes_its_mind(observation: ot.Observation) -> np.ndarray:
+    return np.zeros((len(observation.is_running), 2 if observation.decision_index < 9 else 3))
 
 
 @pytest.mark.parametrize(
@@ -245,10 +253,9 @@ def changes_its_mind(seen: ot.Observation) -> np.ndarray:
     [
         (fails, "simulation 0 and 5 others at 0.00 s.*an answer, got ZeroDivisionError in .*: of"),
         (fails, f"in test_driving.py, line {fails.__code__.co_firstlineno + 1}: of mine"),
-        (names_wrongly, "KeyError in .*no number of the ego is named speeds; near are speed"),
-        (lambda seen: seen.of("speed", "lead"), "named speed; the ego has it: leave out"),
-        (lambda seen: seen.of("gap"), "number of the ego is named gap; a neighbour has it: name"),
-        (lambda seen: seen.of("gap", "left_lead"), "no role is named left_lead.* fast_lead"),
+        (names_wrongly, "AttributeError in .*no attribute 'speeds'; near are speed"),
+        (lambda observation: observation.leader.speed, "'speed'; near are .*closing_speed"),
+        (lambda observation: observation.left_lead.gap, "'left_lead'; near are left_leader"),
         (lambda _: [[1.0], [1.0, 2.0]], "an answer, got ValueError"),
         (sometimes_nan, r"simulation 3 at 1.00 s.*finite numbers, got \[nan, 0.0\]"),
         (changes_its_mind, r"at 0.45 s.*shape \(6, 2\): accel, lane_change, got shape \(6, 3\)"),
@@ -296,13 +303,13 @@ class TestSensor:
         sensor = Sensor(**{name: getattr(RADAR, name) for name in RADAR.__slots__} | changes)
         sensing = Sensing(sensor, scenes, given)
         truth = np.zeros((decisions, 6, len(NEIGHBOUR_ROLES), len(NEIGHBOUR_COLUMNS)), np.float32)
-        columns = dict(zip(NEIGHBOUR_COLUMNS, np.moveaxis(truth, -1, 0), strict=True))
-        columns["detected"][...] = 1.0
-        columns["gap"][...] = np.linspace(5.0, 200.0, decisions)[:, None, None]
-        columns["closing"][...] = 5.0
+        columns = NeighbourColumns._make(np.moveaxis(truth, -1, 0))
+        columns.is_detected[...] = 1.0
+        columns.gap[...] = np.linspace(5.0, 200.0, decisions)[:, None, None]
+        columns.closing_speed[...] = 5.0
         active = np.ones(6, bool)
         told = np.stack([sensing.sense(one, active, k) for k, one in enumerate(truth)])
-        return columns, dict(zip(NEIGHBOUR_COLUMNS, np.moveaxis(told, -1, 0), strict=True))
+        return columns, NeighbourColumns._make(np.moveaxis(told, -1, 0))
 
     def test_it_sees_as_far_as_it_does(self, scenes):
         clear = scenes.replace(
@@ -311,28 +318,28 @@ class TestSensor:
             )
         )
         truth, told = self.sensed(clear, latency=0.0, missed=0.0, gap_error=0.0)
-        ahead = np.array([name.endswith(("lead", "oncoming")) for name in NEIGHBOUR_ROLES])
+        ahead = np.array([name.endswith(("leader", "oncoming")) for name in NEIGHBOUR_ROLES])
         half = parameters(clear).of_vehicles.of(0).half_length[:, None]
-        within = truth["gap"] + half <= np.where(ahead, 150.0, 80.0)
-        np.testing.assert_array_equal(told["detected"] > 0, within)
-        np.testing.assert_array_equal(told["gap"][within], truth["gap"][within])
+        within = truth.gap + half <= np.where(ahead, 150.0, 80.0)
+        np.testing.assert_array_equal(told.is_detected > 0, within)
+        np.testing.assert_array_equal(told.gap[within], truth.gap[within])
 
     def test_it_sees_less_far_in_rain(self, scenes):
         heavy = scenes.weather.replace(rain=np.full(6, 100.0, np.float32))
         _, told = self.sensed(scenes.replace(weather=heavy), missed=0.0, gap_error=0.0)
-        assert told["gap"][told["detected"] > 0].max() <= 0.8 * 150.0
+        assert told.gap[told.is_detected > 0].max() <= 0.8 * 150.0
 
     def test_it_tells_late(self, scenes):
         _, now = self.sensed(scenes, latency=0.0)
         _, late = self.sensed(scenes, latency=0.15)
-        np.testing.assert_array_equal(late["gap"][3:], now["gap"][:-3])
+        np.testing.assert_array_equal(late.gap[3:], now.gap[:-3])
 
     def test_it_errs_and_misses_as_often_as_it_does(self, scenes):
         given = {"range_ahead": 500.0, "range_behind": 500.0, "rain_loss": 0.0, "fog_loss": 0.0}
         truth, told = self.sensed(scenes, 400, latency=0.0, missed=0.1, gap_error=0.5, **given)
-        seen = told["detected"] > 0
+        seen = told.is_detected > 0
         assert abs(seen.mean() - 0.9) < 0.01  # 19,200 draws: a standard error of 0.002
-        error = (told["gap"] - truth["gap"])[seen]
+        error = (told.gap - truth.gap)[seen]
         assert abs(error.mean()) < 0.02
         assert abs(error.std() - 0.5) < 0.02
 
@@ -350,8 +357,8 @@ class TestSensor:
     def test_a_policy_may_see_by_it(self, scenes):
         seen = list[float]()
 
-        def policy(one: ot.Observation) -> np.ndarray:
-            seen.append(float((one.of("detected", "lead") > 0).mean()))
+        def policy(observation: ot.Observation) -> np.ndarray:
+            seen.append(float((observation.leader.is_detected > 0).mean()))
             return np.zeros((6, 2))
 
         ot.drive(scenes, policy, observe=RADAR)

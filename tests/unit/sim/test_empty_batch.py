@@ -16,7 +16,7 @@ def empty_scenarios(profile: str) -> ot.Scenario:
 
 
 def stay(observation: ot.Observation) -> np.ndarray:
-    return np.zeros((len(observation.own), 2))
+    return np.zeros((len(observation.is_running), 2))
 
 
 @pytest.mark.parametrize("simulator", ["engine", "reference"])

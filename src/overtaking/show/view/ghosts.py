@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from overtaking.model.driver_interface import EGO_COLUMNS, NEIGHBOUR_COLUMNS, NEIGHBOUR_ROLES
+from overtaking.model.driver_interface import NEIGHBOUR_ROLES, EgoColumns, NeighbourColumns
 from overtaking.model.trajectories import (
     NO_VEHICLE,
     POSITION_RESOLUTION,
@@ -22,11 +22,10 @@ from overtaking.model.vehicles import EGO_SLOT
 from overtaking.world.constants import DECISIONS_PER_SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from overtaking.core.arrays import F32
     from overtaking.model.trajectories import Trajectories
     from overtaking.sim.beliefs import Beliefs
 
@@ -36,7 +35,7 @@ _IMAGINED_SIZE_M = (4.5, 1.8)
 _LEADER, _NEW_LEADER, _NEW_FOLLOWER = range(3)
 """Columns of the vehicles in a percept; the new leader and follower are in the new lane."""
 
-_ALWAYS_WATCHED = ("lead", "oncoming", "behind_oncoming")
+_ALWAYS_WATCHED = ("leader", "oncoming", "second_oncoming")
 
 
 class Awareness(IntEnum):
@@ -77,7 +76,7 @@ def beliefs_at_every_decision(trajectories: Trajectories, trace: Beliefs) -> dic
         notice stands at its true position.
     """
     interval_ms = 1000.0 / float(DECISIONS_PER_SECOND)
-    decisions = np.arange(len(trace.own))
+    decisions = np.arange(len(trace.ego))
     frames = (decisions * interval_ms / trajectories.scenario.frame_interval_ms).astype(int)
     frames = np.minimum(frames, int(trajectories.num_frames[0]) - 1)
     roles = (_neighbour_columns(trajectories, trace, role, frames) for role in NEIGHBOUR_ROLES)
@@ -92,37 +91,37 @@ def _neighbour_columns(
     Args:
         trajectories: A batch of one simulation.
         trace: Beliefs and true values of its ego.
-        role: The neighbour, one of `ROLES`.
+        role: The neighbour, one of `NEIGHBOUR_ROLES`.
         frames: Recorded frame of each decision.
 
     Returns:
         Columns over the decisions; None if no vehicle ever has this role.
     """
     place = NEIGHBOUR_ROLES.index(role)
-    ego = dict(zip(EGO_COLUMNS, trace.own[:, 0].T, strict=True))
-    believed = dict(zip(NEIGHBOUR_COLUMNS, trace.believed[:, 0, place].T, strict=True))
-    true = dict(zip(NEIGHBOUR_COLUMNS, trace.true[:, 0, place].T, strict=True))
-    has_neighbour, is_seen = true["detected"] > 0, believed["detected"] > 0
+    ego = EgoColumns._make(trace.ego[:, 0].T)
+    believed = NeighbourColumns._make(trace.believed[:, 0, place].T)
+    true = NeighbourColumns._make(trace.true[:, 0, place].T)
+    has_neighbour, is_seen = true.is_detected > 0, believed.is_detected > 0
     if not (has_neighbour | is_seen).any():
         return None
 
-    half_lengths = 0.5 * (true["length"] + _length_and_width(trajectories, EGO_SLOT)[0])
-    direction = -1.0 if role.endswith("rear") else 1.0  # Gaps are measured between bumpers.
+    half_lengths = 0.5 * (true.length + _length_and_width(trajectories, EGO_SLOT)[0])
+    direction = -1.0 if role.endswith("follower") else 1.0  # Gaps are measured between bumpers.
     # The observation is mirrored where traffic drives on the left.
-    d = float(trajectories.road.side) * (ego["lateral"] + true["aside"])
+    d = float(trajectories.road.side) * (ego.lateral_position + true.lateral_distance)
     # The trace names no vehicle, so take the one nearest to the true position.
-    true_s = ego["position"] + direction * (true["gap"] + half_lengths)
+    true_s = ego.s + direction * (true.gap + half_lengths)
     slot = _nearest_slots(trajectories, frames, true_s, d)
     gap, is_remembered = _remembered_gaps(believed, is_seen, _is_watched(ego, role), slot)
 
     is_believed = is_seen | is_remembered
-    drawn_gap = np.where(is_believed, gap, true["gap"])
+    drawn_gap = np.where(is_believed, gap, true.gap)
     metres = {
-        "s": ego["position"] + direction * (drawn_gap + half_lengths),
+        "s": ego.s + direction * (drawn_gap + half_lengths),
         "d": d,
         "gap": np.where(is_believed, gap, np.nan),
-        "true_gap": true["gap"],
-        "length": true["length"],
+        "true_gap": true.gap,
+        "length": true.length,
         "width": trajectories.scenario.vehicles.width[0][slot],
     }
     levels = [Awareness.REMEMBERED, Awareness.SEEN]
@@ -138,18 +137,22 @@ def _neighbour_columns(
     }
 
 
-def _is_watched(ego: Mapping[str, F32], role: str) -> NDArray[np.bool_]:
+def _is_watched(ego: EgoColumns, role: str) -> NDArray[np.bool_]:
     """Whether the driver looks at the place of a neighbour, at each decision.
 
     Drivers always watch their leader and oncoming traffic, and during a lane change the vehicles
     ahead on both sides. They glance at the other places about once a second.
     """
-    is_watched = (ego["looks"] > 0) | (role in _ALWAYS_WATCHED)
-    return is_watched if role.endswith("rear") else is_watched | (ego["arrived"] == 0)
+    is_watched = (ego.checks_mirrors > 0) | (role in _ALWAYS_WATCHED)
+    return (
+        is_watched
+        if role.endswith("follower")
+        else is_watched | (ego.has_finished_lane_change == 0)
+    )
 
 
 def _remembered_gaps(
-    believed: Mapping[str, F32],
+    believed: NeighbourColumns,
     is_seen: NDArray[np.bool_],
     is_watched: NDArray[np.bool_],
     slot: NDArray[np.int64],
@@ -168,7 +171,7 @@ def _remembered_gaps(
     Returns:
         Believed gap at each decision [m], and whether it is remembered.
     """
-    gap = believed["gap"].astype(np.float64)
+    gap = believed.gap.astype(np.float64)
     is_remembered = np.zeros_like(is_seen)
     last_seen: int | None = None
     for decision in range(len(gap)):
@@ -181,7 +184,7 @@ def _remembered_gaps(
             last_seen = None
             continue
         elapsed = (decision - last_seen) / float(DECISIONS_PER_SECOND)
-        gap[decision] = gap[last_seen] - float(believed["closing"][last_seen]) * elapsed
+        gap[decision] = gap[last_seen] - float(believed.closing_speed[last_seen]) * elapsed
         is_remembered[decision] = True
     return gap, is_remembered
 

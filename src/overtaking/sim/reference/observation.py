@@ -1,16 +1,19 @@
-"""What another driver of the ego observes: what ours would believe, or how it is."""
+"""The table that an external driver of the ego observes: beliefs of the model driver, or truth."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.float32_math import minimum
 from overtaking.model.driver_interface import (
-    EGO_COLUMNS,
-    NEIGHBOUR_COLUMNS,
     OBSERVATION_SIZE,
-    PASSING_COLUMNS,
+    EgoColumns,
+    NeighbourColumns,
+    PassingColumns,
     split_observation,
 )
+from overtaking.model.neighbours import NeighbourRole
 from overtaking.model.trajectories import Stage
 from overtaking.model.vehicles import EGO_SLOT
 from overtaking.sim.reference.gaps import faster, is_told
@@ -39,7 +42,24 @@ from overtaking.world.constants import ModelConstants
 from overtaking.world.step_parameters import Parameters
 from overtaking.world.weather_parameters import SimulationParameters
 
-_ROLES = 6
+_HALF = np.float32(0.5)
+_TWO = np.float32(2.0)
+
+
+class NeighbourMotion(NamedTuple):
+    """Motion of a neighbour relative to the ego, each of shape (simulation,).
+
+    Attributes:
+        is_detected: Whether there is a vehicle that the ego notices.
+        gap: Gap between the bumpers [m].
+        closing_speed: Speed at which the gap shrinks [m/s].
+        accel: Acceleration [m/s^2].
+    """
+
+    is_detected: Mask
+    gap: F32
+    closing_speed: F32
+    accel: F32
 
 
 def observe(
@@ -48,174 +68,201 @@ def observe(
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
-    decision: int,
     *,
+    decision: int,
     is_true: bool,
 ) -> F32:
-    """The numbers of every simulation, shape (simulation, `WIDTH`).
+    """Observations of all egos, shape (simulation, `OBSERVATION_SIZE`).
 
     Args:
         state: State at a decision.
         given: All inputs.
         p: Vehicle parameters.
         q: Simulation parameters.
-        moment: What drivers know.
-        decision: Its number.
-        is_true: Whether to tell how it is, not what the ego believes.
+        moment: Percepts and beliefs of the drivers.
+        decision: Number of the decision.
+        is_true: Whether to observe the true state instead of the ego's beliefs.
     """
     table = np.zeros((state.s.shape[1], OBSERVATION_SIZE), np.float32)
-    own, around, meeting = split_observation(table)
-    around[:, :, list(NEIGHBOUR_COLUMNS).index("gap")] = given.constants.unseen_gap
-    _write(own, EGO_COLUMNS, _own(state, given, p, moment))
-    for role in range(_ROLES):
+    ego, neighbours, passing = split_observation(table)
+    neighbours[:, :, NeighbourColumns._fields.index("gap")] = given.constants.unseen_gap
+    _fill_columns(ego, _ego_columns(state, given, p, moment))
+    for role in NeighbourRole:
         if is_true:
-            seen = _true(state, moment.near, given, role)
+            motion = _true_motion(state, moment.near, given, role)
         else:
-            seen = _believed(state, p, moment, role)
-        detected = seen["detected"] > 0
-        looks = _looks(state, given.constants, p, moment.near, role, detected)
-        _write(around[:, role], NEIGHBOUR_COLUMNS, seen | looks)
+            motion = _believed_motion(state, p, moment, role)
+        columns = _neighbour_columns(
+            state, given.constants, p, moment.near, role=role, motion=motion
+        )
+        _fill_columns(neighbours[:, role], columns)
     if moment.met is not None:
         oncoming = moment.met.coming
-        beyond = look_beyond(state, given, p, q, moment.near, oncoming, decision)
-        for role, who in enumerate((oncoming, beyond), _ROLES):
-            _write(
-                around[:, role], NEIGHBOUR_COLUMNS, _coming(state, given, p, who, is_true=is_true)
-            )
-        _write(meeting, PASSING_COLUMNS, _meeting(state, given, p, q, moment, oncoming))
+        second = look_beyond(state, given, p, q, moment.near, oncoming, decision)
+        for role, vehicle in enumerate((oncoming, second), len(NeighbourRole)):
+            columns = _oncoming_columns(state, given, p, vehicle, is_true=is_true)
+            _fill_columns(neighbours[:, role], columns)
+        _fill_columns(passing, _passing_columns(state, given, p, q, moment, oncoming=oncoming))
     return table
 
 
-def _write(columns: F32, names: dict[str, tuple[str, str]], told: dict[str, F32 | Mask]) -> None:
-    """Numbers into their columns, shape (simulation, number)."""
-    for place, name in enumerate(names):
-        columns[:, place] = told[name]
+def _fill_columns(table: F32, columns: EgoColumns | NeighbourColumns | PassingColumns) -> None:
+    """Write columns of shape (simulation,) into a table of shape (simulation, column)."""
+    for index, values in enumerate(columns):
+        table[:, index] = values
 
 
-def _own(state: State, given: Parameters, p: Fields, moment: Moment) -> dict[str, F32 | Mask]:
-    """What the ego knows of itself."""
+def _ego_columns(state: State, given: Parameters, p: Fields, moment: Moment) -> EgoColumns:
+    """The ego itself."""
     ego, near = EGO_SLOT, moment.near
-    centre = np.float32(0.5) * (near.lane_low[ego] + near.lane_high[ego])
-    return {
-        "speed": state.vx[ego],
-        "accel": state.accel[ego],
-        "position": state.s[ego],
-        "lateral": state.d[ego],
-        "offset": state.d[ego] - centre,
-        "heading": state.psi[ego],
-        "yaw_rate": state.r[ego],
-        "lane": state.lane[ego],
-        "stage": state.stage[ego],
-        "stage_time": state.stage_time[ego],
-        "waited": state.waited[ego],
-        "signalled": state.signalled[ego],
-        "wanted": state.wanted[ego],
-        "since_change": state.since_change[ego],
-        "arrived": has_arrived(state, ego),
-        "looks": moment.looks[ego],
-        "contested": moment.waits[ego],
-        "passed": has_passed(state, given, p, ego),
-        "behind_target": state.s[ego] < pick(state.s, state.target[ego]),
-        "can_go_out": can_go_out(state, given),
-        "can_go_back": can_go_back(state),
-        "can_abort": can_abort(state, given, ego) | can_remain(state, given, ego),
-    }
+    lane_centre = _HALF * (near.lane_low[ego] + near.lane_high[ego])
+    return EgoColumns(
+        speed=state.vx[ego],
+        requested_accel=state.accel[ego],
+        s=state.s[ego],
+        lateral_position=state.d[ego],
+        lane_offset=state.d[ego] - lane_centre,
+        heading=state.psi[ego],
+        yaw_rate=state.r[ego],
+        lane=state.lane[ego],
+        stage=state.stage[ego],
+        time_in_stage=state.stage_time[ego],
+        time_waiting=state.waited[ego],
+        time_indicating=state.signalled[ego],
+        wanted_side=state.wanted[ego],
+        time_since_lane_change=state.since_change[ego],
+        has_finished_lane_change=_flag(has_arrived(state, ego)),
+        checks_mirrors=_flag(moment.looks[ego]),
+        gives_way=_flag(moment.waits[ego]),
+        has_passed_target=_flag(has_passed(state, given, p, ego)),
+        is_behind_target=_flag(state.s[ego] < pick(state.s, state.target[ego])),
+        can_pull_out=_flag(can_go_out(state, given)),
+        can_return=_flag(can_go_back(state)),
+        can_cancel_lane_change=_flag(can_abort(state, given, ego) | can_remain(state, given, ego)),
+    )
 
 
-def _believed(state: State, p: Fields, moment: Moment, role: int) -> dict[str, F32 | Mask]:
-    """What the model's driver decides by: beliefs, and true speeds of approach where it is told."""
-    believed = moment.believed
-    names = ("detected", "gap", "closing", "accel")
-    seen = {name: getattr(believed, name)[role, EGO_SLOT] for name in names}
-    if role == LEAD:
-        told = is_told(p) & seen["detected"]
-        seen["closing"] = np.where(told, faster(state, moment.near), seen["closing"])
-    return seen
+def _believed_motion(
+    state: State, p: Fields, moment: Moment, role: NeighbourRole
+) -> NeighbourMotion:
+    """The model driver's beliefs; true closing speeds if the driver is told to change lanes."""
+    believed, ego = moment.believed, EGO_SLOT
+    is_detected, closing_speed = believed.detected[role, ego], believed.closing[role, ego]
+    if role == NeighbourRole.LEADER:
+        knows_speed = is_told(p) & is_detected
+        closing_speed = np.where(knows_speed, faster(state, moment.near), closing_speed)
+    return NeighbourMotion(
+        is_detected, believed.gap[role, ego], closing_speed, believed.accel[role, ego]
+    )
 
 
-def _true(state: State, near: Neighbours, given: Parameters, role: int) -> dict[str, F32 | Mask]:
-    """How a neighbour moves."""
+def _true_motion(
+    state: State, near: Neighbours, given: Parameters, role: NeighbourRole
+) -> NeighbourMotion:
+    """The true motion of a neighbour; a large gap and zeros without one."""
     slot, zero = near.slot[role, EGO_SLOT], np.float32(0.0)
-    there = slot >= 0
-    speed, _ = road_velocity(state)
-    own, other = speed[EGO_SLOT], pick(speed, slot)
-    closing = own - other if role % 2 == 0 else other - own
-    return {
-        "detected": there,
-        "gap": np.where(there, near.gap[role, EGO_SLOT], given.constants.unseen_gap),
-        "closing": np.where(there, closing, zero),
-        "accel": np.where(there, pick(state.a_lon, slot), zero),
-    }
+    exists = slot >= 0
+    speeds, _ = road_velocity(state)
+    ego_speed, speed = speeds[EGO_SLOT], pick(speeds, slot)
+    is_ahead = role % 2 == 0
+    closing_speed = ego_speed - speed if is_ahead else speed - ego_speed
+    return NeighbourMotion(
+        is_detected=exists,
+        gap=np.where(exists, near.gap[role, EGO_SLOT], given.constants.unseen_gap),
+        closing_speed=np.where(exists, closing_speed, zero),
+        accel=np.where(exists, pick(state.a_lon, slot), zero),
+    )
 
 
-def _looks(
-    state: State, c: ModelConstants, p: Fields, near: Neighbours, role: int, detected: Mask
-) -> dict[str, F32]:
-    """What there is to see of a neighbour besides its motion, zero where it is not seen."""
+def _neighbour_columns(
+    state: State,
+    c: ModelConstants,
+    p: Fields,
+    near: Neighbours,
+    *,
+    role: NeighbourRole,
+    motion: NeighbourMotion,
+) -> NeighbourColumns:
+    """A neighbour's motion and appearance; without a vehicle the appearance is zero."""
     slot = near.slot[role, EGO_SLOT]
     brakes = (pick(state.accel, slot) < -c.stop_lamp_decel) | (pick(state.crashed, slot) > 0)
-    seen = {
-        "aside": near.aside[role, EGO_SLOT],
-        "indicator": pick(state.indicator, slot),
-        "brake_lamp": brakes.astype(np.float32),
-        "length": np.float32(2.0) * near.half_length[role, EGO_SLOT],
-        "truck": pick(p.truck, slot),
-        "two_wheeler": pick(p.two_wheeler, slot),
-    }
-    return {name: np.where(detected, value, np.float32(0.0)) for name, value in seen.items()}
+
+    def if_detected(values: F32) -> F32:
+        return np.where(motion.is_detected, values, np.float32(0.0))
+
+    return NeighbourColumns(
+        is_detected=_flag(motion.is_detected),
+        gap=motion.gap,
+        closing_speed=motion.closing_speed,
+        accel=motion.accel,
+        lateral_distance=if_detected(near.aside[role, EGO_SLOT]),
+        indicator=if_detected(pick(state.indicator, slot)),
+        stop_lamp=if_detected(_flag(brakes)),
+        length=if_detected(_TWO * near.half_length[role, EGO_SLOT]),
+        is_truck=if_detected(pick(p.truck, slot)),
+        is_two_wheeler=if_detected(pick(p.two_wheeler, slot)),
+    )
 
 
-def _coming(
-    state: State, given: Parameters, p: Fields, who: Oncoming, *, is_true: bool
-) -> dict[str, F32 | Mask]:
-    """What there is to know of somebody who comes the other way."""
-    ego, zero, slot = EGO_SLOT, np.float32(0.0), who.slot[EGO_SLOT]
-    there = slot >= 0
-    speed, _ = road_velocity(state)
-    lateral = np.stack([seen_from_each(state, given, p, j)[1][ego] for j in range(len(state.s))])
+def _oncoming_columns(
+    state: State, given: Parameters, p: Fields, vehicle: Oncoming, *, is_true: bool
+) -> NeighbourColumns:
+    """One oncoming vehicle; a large gap and zeros without one."""
+    ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
+    speeds, _ = road_velocity(state)
+    d = np.stack([seen_from_each(state, given, p, j)[1][ego] for j in range(len(state.s))])
     if is_true:
-        detected, gap, closing = there, who.gap[ego], speed[ego] + pick(speed, slot)
-        accel = pick(state.a_lon, slot)
+        is_detected, gap = slot >= 0, vehicle.gap[ego]
+        closing_speed, accel = speeds[ego] + pick(speeds, slot), pick(state.a_lon, slot)
     else:
-        detected, gap, closing = who.detected[ego], who.believed_gap[ego], who.closing[ego]
-        accel = np.zeros_like(gap)
-    seen = {
-        "closing": closing,
-        "accel": accel,
-        "aside": pick(lateral, slot) - state.d[ego],
-        "indicator": -pick(state.indicator, slot),
-        "brake_lamp": np.zeros_like(gap),
-        "length": np.float32(2.0) * who.half_length[ego],
-        "truck": pick(p.truck, slot),
-        "two_wheeler": pick(p.two_wheeler, slot),
-    }
-    told = {name: np.where(detected, value, zero) for name, value in seen.items()}
-    gap = np.where(detected, gap, given.constants.unseen_gap)
-    return told | {"detected": detected, "gap": gap}
+        is_detected, gap = vehicle.detected[ego], vehicle.believed_gap[ego]
+        closing_speed, accel = vehicle.closing[ego], np.zeros_like(gap)
+
+    def if_detected(values: F32) -> F32:
+        return np.where(is_detected, values, np.float32(0.0))
+
+    return NeighbourColumns(
+        is_detected=_flag(is_detected),
+        gap=np.where(is_detected, gap, given.constants.unseen_gap),
+        closing_speed=if_detected(closing_speed),
+        accel=if_detected(accel),
+        lateral_distance=if_detected(pick(d, slot) - state.d[ego]),
+        indicator=if_detected(-pick(state.indicator, slot)),
+        stop_lamp=np.zeros_like(gap),
+        length=if_detected(_TWO * vehicle.half_length[ego]),
+        is_truck=if_detected(pick(p.truck, slot)),
+        is_two_wheeler=if_detected(pick(p.two_wheeler, slot)),
+    )
 
 
-def _meeting(
+def _passing_columns(
     state: State,
     given: Parameters,
     p: Fields,
     q: SimulationParameters,
     moment: Moment,
+    *,
     oncoming: Oncoming,
-) -> dict[str, F32 | Mask]:
-    """How the ego stands to oncoming traffic."""
+) -> PassingColumns:
+    """The model driver's knowledge about a pass against oncoming traffic."""
     ego = EGO_SLOT
     plight = weigh(state, given, p, q, moment, ego)
-    lead = moment.near.slot[LEAD, ego]
-    passed = np.where(in_stage(state, ego, Stage.FOLLOW), lead, state.target[ego])
-    room = room_ahead(state, p, lead, ego)
-    return {
-        "sight": oncoming.sight[ego],
-        "sure": oncoming.sure[ego],
-        "expected": usual_closing(state, q)[ego],
-        "room": minimum(room, given.constants.unseen_gap),
-        "room_left": room_left(given.constants, p, passed),
-        "solid": is_solid(state, given, p, ego, given.constants.line_ahead),
-        "hurries": np.float32(0.5) * plight.hurries + np.float32(0.5) * plight.pressed,
-        "yields": np.float32(0.5) * plight.yields + np.float32(0.5) * (plight.yields & plight.fits),
-        "can_fall_in": can_fall_in(state, given, p, ego),
-    }
+    leader = moment.near.slot[LEAD, ego]
+    overtaken = np.where(in_stage(state, ego, Stage.FOLLOW), leader, state.target[ego])
+    gap_ahead_of_leader = room_ahead(state, p, leader, ego)
+    return PassingColumns(
+        sight_distance=oncoming.sight[ego],
+        is_certain=_flag(oncoming.sure[ego]),
+        expected_closing_speed=usual_closing(state, q)[ego],
+        gap_ahead_of_leader=minimum(gap_ahead_of_leader, given.constants.unseen_gap),
+        tall_vehicle_gap_factor=room_left(given.constants, p, overtaken),
+        line_is_solid=_flag(is_solid(state, given, p, ego, given.constants.line_ahead)),
+        return_urgency=_HALF * plight.hurries + _HALF * plight.pressed,
+        abort_state=_HALF * plight.yields + _HALF * (plight.yields & plight.fits),
+        can_abort_pass=_flag(can_fall_in(state, given, p, ego)),
+    )
+
+
+def _flag(mask: Mask) -> F32:
+    """1 where the mask is true, else 0."""
+    return mask.astype(np.float32)

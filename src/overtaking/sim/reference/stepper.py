@@ -20,8 +20,8 @@ class SteppedObservation(NamedTuple):
     """The observations of the egos of a batch after a step.
 
     Attributes:
-        table: Observed numbers of each ego, shape (simulation, `WIDTH`). A simulation that ended
-            within the step is observed at its end; one that ended earlier has zeros.
+        table: Observations of the egos, shape (simulation, `OBSERVATION_SIZE`). A simulation that
+            ended within the step is observed at its end; one that ended earlier has zeros.
         runs: Whether each simulation continues, shape (simulation,).
         num_decisions: Number of decisions that each simulation carried out in this step, shape
             (simulation,).
@@ -60,7 +60,7 @@ class Stepper:
         """Carry out the same orders for some decisions.
 
         Args:
-            values: Steps of each number of the action, shape (simulation, `MOST_PARTS`).
+            values: Steps of each number of the action, shape (simulation, `MAX_ACTION_PARTS`).
             decisions: Number of decisions, at least 1.
         """
         orders = None if self._kind is None else orders_of(self._kind, values)
@@ -81,7 +81,9 @@ class Stepper:
         self._perceive()
         state, given, p = self._state, self._given, self._here
         decision = self._step // SUBSTEPS
-        table = observe(state, given, p, self._q, self._moment, decision, is_true=self._is_true)
+        table = observe(
+            state, given, p, self._q, self._moment, decision=decision, is_true=self._is_true
+        )
         return table, is_running
 
     def _perceive(self) -> None:

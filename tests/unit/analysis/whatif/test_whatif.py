@@ -321,8 +321,8 @@ def test_a_goal_that_is_reached_is_refused(data: ot.Dataset, begun: int):
 
 
 def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
-    def patient(seen: ot.Observation) -> np.ndarray:
-        return np.zeros((len(seen.active), 2))
+    def patient(observation: ot.Observation) -> np.ndarray:
+        return np.zeros((len(observation.is_running), 2))
 
     driver = ot.Driver(policy=patient, observe="truth")
     data = ot.generate_dataset(

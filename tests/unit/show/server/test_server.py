@@ -137,7 +137,7 @@ def test_beliefs_at_every_decision_agree_with_those_that_were_recorded(
     for number in range(12):
         percepts = data.trajectory(number).percepts
         told = get(client, f"/api/runs/{number}/beliefs")
-        lead = next((one for one in told["roles"] if one["role"] == "lead"), None)
+        lead = next((one for one in told["roles"] if one["role"] == "leader"), None)
         for row in np.flatnonzero(percepts.valid[0]):
             at = round(percepts.time[0, row] / told["interval_ms"])
             if percepts.vehicle[0, row, 0] == 255:

@@ -63,7 +63,7 @@ def test_each_belief_names_the_vehicle_at_its_true_gap(profile: str, road: str):
         columns = beliefs_at_every_decision(trajectories, beliefs(trajectories.scenario))
         s, length = trajectories.states.s[0], trajectories.scenario.vehicles.length[0]
         for role in columns["roles"]:
-            direction = -1 if role["role"].endswith("rear") else 1
+            direction = -1 if role["role"].endswith("follower") else 1
             for decision, slot in enumerate(role["slot"]):
                 frame = round(
                     decision * columns["interval_ms"] / trajectories.scenario.frame_interval_ms
