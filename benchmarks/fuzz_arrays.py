@@ -40,7 +40,7 @@ HOSTILE = (
         (),
         {1: 2},
         object(),
-        ot.ForcedDecision.ABORT,
+        ot.ForcedDecision.CANCEL,
     ),
     *(np.float32(1), np.int64(3), np.array(2), np.array([]), np.array("a"), np.zeros((2, 2, 2))),
     *("é" * 5000, Path("/dev/null"), Path("/nowhere"), range(3), iter([1, "a"]), print, int, ot),

@@ -51,10 +51,10 @@ class HumanEgo:
         sure = (looks & (ego.gives_way == 0)) | view.told
         shown = time_indicating > observation.vehicle.signal_time
         now = (shown | ((observation.passing.return_urgency > 0) & back)) & sure
-        out = np.where(now, ot.Move.PULL_OUT, ot.Move.SHOW_OUT)
-        home = np.where(now, ot.Move.RETURN, ot.Move.SHOW_BACK)
+        out = np.where(now, ot.Move.PULL_OUT, ot.Move.INDICATE_PULL_OUT)
+        home = np.where(now, ot.Move.RETURN, ot.Move.INDICATE_RETURN)
         move = np.where(start, out, np.where(back, home, ot.Move.KEEP))
-        return np.where(self.aborts(observation, view, looks), ot.Move.ABORT, move)
+        return np.where(self.aborts(observation, view, looks), ot.Move.CANCEL, move)
 
     def view(self, observation: ot.Observation) -> View:
         """The beliefs behind all decisions. A driver who has waited long demands smaller gaps."""

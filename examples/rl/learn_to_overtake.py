@@ -43,7 +43,7 @@ FAR_AHEAD, FAR_BEHIND = 5.0, 6.0  # Times in which these gaps are not closed [s]
 NEAR = 3.0  # Time in which the vehicle that is left behind is not reached [s].
 TARDY = 0.5  # Cost of each second in which the target is passed and the ego has not returned [s].
 
-KEEP, SHOW_OUT, PULL_OUT, SHOW_BACK, RETURN = map(int, list(ot.Move)[:5])
+KEEP, INDICATE_PULL_OUT, PULL_OUT, INDICATE_RETURN, RETURN = map(int, list(ot.Move)[:5])
 
 UNSEEN = ("ego.s", "ego.lateral_position", "ego.lane")  # They mean nothing on another road.
 
@@ -61,10 +61,10 @@ def guarded(move: Any, seen: Any, where: Callable[..., Any] = np.where) -> Any:
     shown = (number(seen, "ego.time_indicating") >= SIGNAL) & (number(seen, "ego.gives_way") == 0)
     follows = number(seen, "ego.stage") == float(ot.Stage.FOLLOW)
     out = follows & shown & has_gap(seen, "left") & (time_to(seen, "leader") > NEAR)
-    move = where((move == PULL_OUT) & ~out, SHOW_OUT, move)
-    move = where((move == SHOW_OUT) & ~follows, KEEP, move)
+    move = where((move == PULL_OUT) & ~out, INDICATE_PULL_OUT, move)
+    move = where((move == INDICATE_PULL_OUT) & ~follows, KEEP, move)
     back = shown & has_gap(seen, "right")
-    return where((move == RETURN) & ~back, SHOW_BACK, move)
+    return where((move == RETURN) & ~back, INDICATE_RETURN, move)
 
 
 def has_gap(seen: Any, side: str) -> Any:

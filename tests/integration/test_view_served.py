@@ -264,7 +264,7 @@ def test_a_fifth_branch_is_refused_in_words(browser: Browser, url: str, key: Any
     link = "#sim=3&t=1&if=STAY@1,PULL_OUT@1,ClearNoon@1,ClearNight@1"
     with at(browser, url, key, link) as page:
         expect(page.locator("article.branch")).to_have_count(4)
-        page.click("#what-if [data-what=ABORT]")
+        page.click("#what-if [data-what=CANCEL]")
         expect(page.locator("main .failure").last).to_contain_text("drop one first")
 
 

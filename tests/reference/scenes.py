@@ -476,7 +476,7 @@ def given_up() -> Iterable[Scene]:
             vehicles=pair(25.0),
             moves=(
                 *((1.0, Move.PULL_OUT), (1.05, Move.KEEP)),
-                *((time, Move.ABORT), (time + 0.05, Move.KEEP)),
+                *((time, Move.CANCEL), (time + 0.05, Move.KEEP)),
             ),
         )
 

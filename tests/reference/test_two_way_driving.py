@@ -208,14 +208,14 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
     while runs.any():
         passing = PassingColumns._make(split_observation(table).passing[0])
         out = bool(table[0, 8] == Stage.PASS)
-        move = Move.ABORT if out and passing.can_abort_pass else Move.PULL_OUT
+        move = Move.CANCEL if out and passing.can_abort_pass else Move.PULL_OUT
         moves.append(int(move))
         values = np.zeros((1, MAX_ACTION_PARTS), np.int32)
         values[0, 0] = move
         table, runs, _ = steps.step(values, 1)
-        if move is Move.ABORT:
+        if move is Move.CANCEL:
             break
-    assert Move.ABORT in moves
+    assert Move.CANCEL in moves
     assert table[0, 8] == Stage.ABORT
 
 

@@ -76,7 +76,7 @@ const moment: Moment = {
   ghosts: false,
   theme: "dark",
   choice,
-  branches: [[{ what: "ABORT", t: 6.35 }], [{ what: "HardRainNight", t: 0 }, { what: "STAY", t: 2.5 }]],
+  branches: [[{ what: "CANCEL", t: 6.35 }], [{ what: "HardRainNight", t: 0 }, { what: "STAY", t: 2.5 }]],
   beside: 42,
   fan: "belief",
 };
@@ -90,9 +90,9 @@ test("a link says the moment that was printed", () => {
 });
 
 test("what a link cannot mean is left out", () => {
-  const found = parse("#sim=x&t=-1&cam=moon&stretch=9&policy=%3Cb%3E&if=a%3Cb@1,ABORT@x~,STAY@-2&fan=moon&margin=L3:x:&from=-3&sort=moon&vs=1.5");
+  const found = parse("#sim=x&t=-1&cam=moon&stretch=9&policy=%3Cb%3E&if=a%3Cb@1,CANCEL@x~,STAY@-2&fan=moon&margin=L3:x:&from=-3&sort=moon&vs=1.5");
   assert.deepEqual(found, { policy: "<b>", ghosts: true, branches: [], choice: { ...noChoice(), margin: { rule: "L3", least: null, most: null } } });
-  assert.deepEqual(parse("#if=STAY@1~x~ABORT@2,y").branches, [[{ what: "STAY", t: 1 }, { what: "ABORT", t: 2 }]]);
+  assert.deepEqual(parse("#if=STAY@1~x~CANCEL@2,y").branches, [[{ what: "STAY", t: 1 }, { what: "CANCEL", t: 2 }]]);
   assert.equal(parse(`#if=${Array(9).fill("STAY@1~STAY@2~STAY@3~STAY@4~STAY@5").join(",")}`).branches.flat().length, MOST_BRANCHES * MOST_CHANGES);
   assert.deepEqual(parse(""), { stretch: 1, ghosts: true, branches: [], choice: noChoice() });
 });

@@ -19,10 +19,14 @@ use crate::plight::Plight;
 use crate::state::{EGO, FAST_LEAD, FAST_REAR, LEAD, REAR, SLOW_LEAD, SLOW_REAR, State, stage};
 use crate::world::World;
 
-const PULL_OUT_NOW: f32 = 1.0;
-const ABORT_NOW: f32 = 2.0;
-const RETURN_NOW: f32 = 3.0;
-const STAY: f32 = 4.0;
+/// Decisions that are forced on the ego, as `overtaking.model.scenario.ForcedDecision`; 0 is none.
+mod forced_decision {
+    pub const PULL_OUT: f32 = 1.0;
+    pub const CANCEL: f32 = 2.0;
+    pub const RETURN: f32 = 3.0;
+    pub const STAY: f32 = 4.0;
+}
+
 /// Keeps what is imposed finite for who demands nothing.
 const LEAST_DEMAND: f32 = 1e-6;
 
@@ -243,8 +247,9 @@ pub fn intend<S: Simd, const N: usize>(
         seen &= !mind.met.leader_goes;
     }
     let seen = chosen(told, view.ordered, seen);
-    let wanted = chosen(looks | told, seen, held.simd_gt(0.0)) & command.simd_ne(STAY);
-    let forced = command.simd_eq(PULL_OUT_NOW) & state.attempted.simd_eq(0.0);
+    let wanted =
+        chosen(looks | told, seen, held.simd_gt(0.0)) & command.simd_ne(forced_decision::STAY);
+    let forced = command.simd_eq(forced_decision::PULL_OUT) & state.attempted.simd_eq(0.0);
     let start = free & (wanted | forced);
 
     let slower_lane = in_stage(state, i, stage::PASS) & state.lane[i].simd_ge(1.0);
@@ -263,12 +268,14 @@ pub fn intend<S: Simd, const N: usize>(
     }
     let seen = chosen(told, passed, may) & rested;
     let wanted = chosen(looks | told, seen, held.simd_lt(0.0));
-    let back = slower_lane & (wanted | command.simd_eq(RETURN_NOW));
+    let back = slower_lane & (wanted | command.simd_eq(forced_decision::RETURN));
     signal(state, w, i, start, back);
     let ready = state.signalled[i].simd_gt(view.own.signal_time);
     let danger = heeds & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
-    let mut abort = can_abort(state, w, i) & (danger | command.simd_eq(ABORT_NOW));
-    let danger = heeds & must_abort(w, view, FAST_LEAD, FAST_REAR) & command.simd_ne(RETURN_NOW);
+    let mut abort = can_abort(state, w, i) & (danger | command.simd_eq(forced_decision::CANCEL));
+    let danger = heeds
+        & must_abort(w, view, FAST_LEAD, FAST_REAR)
+        & command.simd_ne(forced_decision::RETURN);
     let sure = (looks & !mind.waits) | told;
     let mut remain = can_remain(state, w, i) & danger;
     let mut back_now = ready;
@@ -283,8 +290,8 @@ pub fn intend<S: Simd, const N: usize>(
     Intent {
         start,
         back,
-        go_out: start & ready & (sure | command.simd_eq(PULL_OUT_NOW)),
-        go_back: back & back_now & (sure | command.simd_eq(RETURN_NOW)),
+        go_out: start & ready & (sure | command.simd_eq(forced_decision::PULL_OUT)),
+        go_back: back & back_now & (sure | command.simd_eq(forced_decision::RETURN)),
         abort,
         remain,
         passed,

@@ -12,7 +12,7 @@ use crate::world::World;
 /// Numbers of an action.
 pub const PARTS: usize = 3;
 
-/// What the numbers of an action mean, as in `overtaking.model.driver_interface.KINDS`.
+/// What the numbers of an action mean, as in `overtaking.model.driver_interface.ACTION_KINDS`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A `Move`.
@@ -55,11 +55,14 @@ impl Kind {
     }
 }
 
-const SHOW_OUT: f32 = 1.0;
-const PULL_OUT: f32 = 2.0;
-const SHOW_BACK: f32 = 3.0;
-const RETURN: f32 = 4.0;
-const ABORT: f32 = 5.0;
+/// Decisions of an external driver, as `overtaking.model.driver_interface.Move`; 0 keeps on.
+mod ego_move {
+    pub const INDICATE_PULL_OUT: f32 = 1.0;
+    pub const PULL_OUT: f32 = 2.0;
+    pub const INDICATE_RETURN: f32 = 3.0;
+    pub const RETURN: f32 = 4.0;
+    pub const CANCEL: f32 = 5.0;
+}
 
 /// What another driver did in all simulations of a batch.
 #[derive(Clone, Copy)]
@@ -158,7 +161,12 @@ pub fn obey<S: Simd, const N: usize>(
     signal(state, w, EGO, start, back);
     let [now, drops_out, drops_back] = if let Some(code) = orders.code() {
         let is = |which: f32| code.simd_eq(which);
-        [is(PULL_OUT) | is(RETURN), is(ABORT), is(ABORT)]
+        let cancels = is(ego_move::CANCEL);
+        [
+            is(ego_move::PULL_OUT) | is(ego_move::RETURN),
+            cancels,
+            cancels,
+        ]
     } else {
         let shown = state.signalled[EGO].simd_gt(w.p[EGO].signal_time);
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
@@ -205,9 +213,13 @@ fn side<S: Simd>(orders: &Orders<S>) -> V<S> {
     let (zero, one) = (splat(code.simd, 0.0), splat(code.simd, 1.0));
     let is = |which: f32| code.simd_eq(which);
     choose(
-        is(SHOW_OUT) | is(PULL_OUT),
+        is(ego_move::INDICATE_PULL_OUT) | is(ego_move::PULL_OUT),
         one,
-        choose(is(SHOW_BACK) | is(RETURN), -one, zero),
+        choose(
+            is(ego_move::INDICATE_RETURN) | is(ego_move::RETURN),
+            -one,
+            zero,
+        ),
     )
 }
 

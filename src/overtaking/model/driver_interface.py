@@ -238,17 +238,17 @@ class Move(IntEnum):
     """A decision of the ego. Impossible moves have no effect."""
 
     KEEP = 0
-    """Go on as before; an indicator that is on fades."""
-    SHOW_OUT = 1
-    """Signal towards the faster lane."""
+    """Go on as before; an indicator that is on goes off."""
+    INDICATE_PULL_OUT = 1
+    """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2
-    """Signal, and move over now."""
-    SHOW_BACK = 3
-    """Signal towards the slower lane."""
+    """Indicate and begin it now."""
+    INDICATE_RETURN = 3
+    """Indicate a lane change to the kerb side."""
     RETURN = 4
-    """Signal, and move over now."""
-    ABORT = 5
-    """Give up the lane change that has begun."""
+    """Indicate and begin it now."""
+    CANCEL = 5
+    """Turn back within the lane change, or abort a pass while still behind the target."""
 
 
 @dataclass(frozen=True, slots=True)

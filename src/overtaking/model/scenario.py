@@ -121,11 +121,11 @@ class Scenario(IdentityBatch):
 class ForcedDecision(IntEnum):
     """A decision that can be forced on the ego, from the first instant that allows it."""
 
-    FREE = 0  # decide alone, as in an undisturbed simulation
-    PULL_OUT = 1  # begin the overtake, whatever the gaps
-    ABORT = 2  # go back while pulling out
-    RETURN = 3  # change back to the slower lane, whatever is there
-    STAY = 4  # never begin an overtake
+    FREE = 0  # Nothing is forced.
+    PULL_OUT = 1  # Begin the overtake, regardless of the gaps.
+    CANCEL = 2  # Turn back while pulling out.
+    RETURN = 3  # Change back to the slower lane, regardless of the gaps.
+    STAY = 4  # Never begin an overtake.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

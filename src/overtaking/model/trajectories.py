@@ -93,7 +93,7 @@ class ManoeuvreKind(IntEnum):
 
     PULL_OUT = 0
     RETURN = 1
-    ABORT = 2
+    CANCEL = 2
 
 
 @with_field_docs

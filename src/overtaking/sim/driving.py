@@ -272,7 +272,7 @@ def _refused(
 
 
 def rounded(values: F64, active: Mask, parts: tuple[ActionPart, ...]) -> NDArray[np.int32]:
-    """Whole steps within limits, zero where nothing runs, shape (simulation, `MAX_ACTION_PARTS`)."""
+    """Rounded actions; zero where nothing runs, shape (simulation, `MAX_ACTION_PARTS`)."""
     steps = np.zeros((len(values), MAX_ACTION_PARTS), np.int32)
     for k, part in enumerate(parts):
         clipped = np.clip(values[:, k], part.low, part.high)

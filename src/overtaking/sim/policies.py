@@ -63,14 +63,14 @@ def rules(observation: Observation) -> Moves:
     is_clear &= _is_clear_behind(observation, observation.right_follower, MAX_IMPOSED_DECEL)
     returns = may_return & np.where(checks_mirrors, is_clear, ego.wanted_side < 0)
     now = (ego.time_indicating >= INDICATOR_LEAD_TIME) & checks_mirrors & (ego.gives_way == 0)
-    move = np.where(pulls_out, np.where(now, Move.PULL_OUT, Move.SHOW_OUT), Move.KEEP)
-    move = np.where(returns, np.where(now, Move.RETURN, Move.SHOW_BACK), move)
+    move = np.where(pulls_out, np.where(now, Move.PULL_OUT, Move.INDICATE_PULL_OUT), Move.KEEP)
+    move = np.where(returns, np.where(now, Move.RETURN, Move.INDICATE_RETURN), move)
     may_cancel = (ego.stage == Stage.PULL_OUT) & (ego.can_cancel_lane_change > 0) & checks_mirrors
     cancels = may_cancel & ~_is_clear_behind(
         observation, observation.left_follower, CANCEL_IMPOSED_DECEL
     )
     aborts = observation.passing.abort_state > ABORT_STATE_THRESHOLD
-    return np.where(cancels | aborts, Move.ABORT, move)
+    return np.where(cancels | aborts, Move.CANCEL, move)
 
 
 def _wants_to_overtake(observation: Observation) -> Mask:

@@ -93,7 +93,7 @@ class Renewable:
             parameters: Their parameters: on the same road, with the same seed and number of slots.
 
         Returns:
-            The observations at their start, shape (row, `WIDTH`).
+            The observations at their start, shape (row, `OBSERVATION_SIZE`).
         """
         return SteppedObservation(*self._batch.renew(rows, _values(parameters)))
 

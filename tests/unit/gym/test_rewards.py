@@ -121,7 +121,7 @@ def pull_out_and_return_in_turns(observations: np.ndarray, clock: np.ndarray) ->
 
 
 def give_up_often(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
-    return np.choose(clock // 5 % 3, [ot.Move.PULL_OUT, ot.Move.ABORT, ot.Move.RETURN])
+    return np.choose(clock // 5 % 3, [ot.Move.PULL_OUT, ot.Move.CANCEL, ot.Move.RETURN])
 
 
 def stay_out(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:

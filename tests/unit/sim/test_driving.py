@@ -126,7 +126,7 @@ def shown(run: ot.Trajectories) -> np.ndarray:
 def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
     def out(observation: ot.Observation) -> np.ndarray:
         """Show it from 1 s on, move over after 3 s."""
-        move = [ot.Move.KEEP, ot.Move.SHOW_OUT, ot.Move.PULL_OUT][
+        move = [ot.Move.KEEP, ot.Move.INDICATE_PULL_OUT, ot.Move.PULL_OUT][
             (observation.time >= 1.0) + int(observation.time >= 3.0)
         ]
         return np.tile([0.2, move], (len(observation.is_running), 1))

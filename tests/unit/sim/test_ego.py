@@ -266,7 +266,7 @@ def test_a_branch_can_force_it_on_who_does_not_want_to():
 def test_a_branch_can_make_it_give_up():
     undisturbed = engine.simulate(scenario(list(STORY), road=wide_road(), horizon=40.0))
     out = first(undisturbed, Stage.PULL_OUT)
-    ran = branched(ForcedDecision.ABORT, out * 0.05 + 0.5, *STORY)
+    ran = branched(ForcedDecision.CANCEL, out * 0.05 + 0.5, *STORY)
     assert stages(ran)[:3] == [Stage.FOLLOW, Stage.PULL_OUT, Stage.ABORT]
     assert ran.states.lane[0, 0, out + 200] == 0
 

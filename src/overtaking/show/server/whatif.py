@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 DECISIONS = {
     ForcedDecision.PULL_OUT.name: "pull out, whatever the gaps",
     ForcedDecision.STAY.name: "stay: never begin an overtake",
-    ForcedDecision.ABORT.name: "abort: go back while pulling out",
+    ForcedDecision.CANCEL.name: "cancel: turn back while pulling out",
     ForcedDecision.RETURN.name: "return, whatever is there",
 }
 """What can be forced on the ego, with words for the page."""

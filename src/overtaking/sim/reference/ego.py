@@ -61,8 +61,8 @@ def decide(
     front = FAST_LEAD if moment.met is None else ONCOMING
     for mask, kind, roles in (
         (intent.go_out, ManoeuvreKind.PULL_OUT, (LEAD, front, FAST_REAR)),
-        (intent.abort, ManoeuvreKind.ABORT, (LEAD, SLOW_LEAD, SLOW_REAR)),
-        (intent.remain, ManoeuvreKind.ABORT, (LEAD, FAST_LEAD, FAST_REAR)),
+        (intent.abort, ManoeuvreKind.CANCEL, (LEAD, SLOW_LEAD, SLOW_REAR)),
+        (intent.remain, ManoeuvreKind.CANCEL, (LEAD, FAST_LEAD, FAST_REAR)),
         (intent.go_back, ManoeuvreKind.RETURN, (LEAD, SLOW_LEAD, SLOW_REAR)),
     ):
         if recorder is not None:

@@ -347,7 +347,7 @@ def _turns_back(
 def _gives_up(state: State, given: Parameters, view: View, looks: Mask) -> Mask:
     """Whether drivers go back while pulling out: in danger, or forced by a branch."""
     danger = looks & ~view.told & must_abort(given, view, SLOW_LEAD, SLOW_REAR)
-    forced = view.command == ForcedDecision.ABORT
+    forced = view.command == ForcedDecision.CANCEL
     return can_abort(state, given, view.who) & (danger | forced)
 
 

@@ -29,7 +29,7 @@ class Orders:
     """What another driver asks for at a decision.
 
     Attributes:
-        kind: A name in `KINDS`.
+        kind: A name in `ACTION_KINDS`.
         values: Its numbers in SI units, each of shape (simulation,).
     """
 
@@ -136,8 +136,8 @@ def _side(orders: Orders) -> F32:
     if (wish := orders.of("lane_change")) is not None:
         return wish
     move, one = orders.of("move"), np.float32(1.0)
-    out = (move == np.float32(Move.SHOW_OUT)) | (move == np.float32(Move.PULL_OUT))
-    back = (move == np.float32(Move.SHOW_BACK)) | (move == np.float32(Move.RETURN))
+    out = (move == np.float32(Move.INDICATE_PULL_OUT)) | (move == np.float32(Move.PULL_OUT))
+    back = (move == np.float32(Move.INDICATE_RETURN)) | (move == np.float32(Move.RETURN))
     return np.where(out, one, np.where(back, -one, np.float32(0.0)))
 
 
@@ -152,7 +152,7 @@ def _gives_up(orders: Orders) -> tuple[Mask, Mask, Mask]:
     """Whether the ego is to give up pulling out, changing back, and a pass that it is out for."""
     if (wish := orders.of("lane_change")) is not None:
         return wish < 0, wish > 0, np.zeros(wish.shape, np.bool_)
-    aborts = np.asarray(orders.of("move") == np.float32(Move.ABORT))
+    aborts = np.asarray(orders.of("move") == np.float32(Move.CANCEL))
     return aborts, aborts, aborts
 
 

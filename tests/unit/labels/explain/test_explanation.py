@@ -158,7 +158,7 @@ def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
 
 
 def test_of_an_abort_and_without_percepts_the_law_says_nothing():
-    believed = (leader(FAR, NEAR, kind=ManoeuvreKind.ABORT),)
+    believed = (leader(FAR, NEAR, kind=ManoeuvreKind.CANCEL),)
     assert thoughts(crossing(beliefs=believed), PORTUGAL) == ()
     assert thoughts(crossing(beliefs=(leader(FAR, NEAR),), unknown=("percepts",)), PORTUGAL) == ()
 

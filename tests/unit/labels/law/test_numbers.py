@@ -259,7 +259,7 @@ THOUGHT_NEAR, THOUGHT_FAR = {"gap": 20.0}, {"gap": 90.0}
         (TRUE_NEAR | THOUGHT_NEAR | {"detected": False}, verdicts.Belief.MISTAKEN),
         (TRUE_NEAR | THOUGHT_FAR | {"frame": 100}, verdicts.Belief.MISTAKEN),
         (TRUE_NEAR | THOUGHT_FAR | {"frame": 101}, verdicts.Belief.NONE),
-        (TRUE_NEAR | THOUGHT_FAR | {"kind": ManoeuvreKind.ABORT}, verdicts.Belief.NONE),
+        (TRUE_NEAR | THOUGHT_FAR | {"kind": ManoeuvreKind.CANCEL}, verdicts.Belief.NONE),
     ],
 )
 def test_what_was_believed_when_pulling_out_is_held_against_what_was_so(given, belief):

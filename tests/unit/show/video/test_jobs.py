@@ -161,7 +161,7 @@ def test_labels_that_are_known_are_not_computed_again(runs, monkeypatch):
 
 def test_a_branch_is_filmed(runs):
     scenario = runs.scenario.select(slice(0, 1))
-    (job,) = jobs(api.branch(scenario, 10, decision=ForcedDecision.ABORT), "all")
+    (job,) = jobs(api.branch(scenario, 10, decision=ForcedDecision.CANCEL), "all")
     assert job.number == 0
 
 
