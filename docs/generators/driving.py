@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 INTRODUCTION = """\
 What a [driver of your own](../how-to/drive-it-yourself.md) observes and answers. Each column of an
 `observation` has shape (simulation,) and is float32. A flag is 1 or 0. Networks in ONNX files get
-`observation.table`, which has all columns in this order: those of the ego, those of each neighbour,
-and those of a pass against oncoming traffic.
+`observation.table`, which has all columns in this order: ego, each neighbour, pass against oncoming
+traffic.
 """
 EGO_NOTE = """\
 Read them as `observation.ego.speed`. Sides are 1 for the overtaking side and -1 for the kerb side;

@@ -27,7 +27,7 @@ class ObservedValue(NamedTuple):
 
 
 class EgoColumns(NamedTuple):
-    """What a driver observes of the ego, column by column.
+    """Observed columns of the ego.
 
     Sides are 1 for the overtaking side and -1 for the kerb side, and positions across the road,
     headings and yaw rates grow towards the overtaking side, also in left-hand traffic.
@@ -81,10 +81,10 @@ class EgoColumns(NamedTuple):
 
 
 class NeighbourColumns(NamedTuple):
-    """What a driver observes of one neighbour, column by column.
+    """Observed columns of one neighbour.
 
-    Without a vehicle all columns are zero except the gap, which is large. Sides are those of the
-    ego, also for oncoming vehicles.
+    Without a vehicle all columns are zero except the gap, which is large. Sides are as
+    seen by the ego, also for oncoming vehicles.
     """
 
     is_detected: Annotated[
@@ -100,7 +100,7 @@ class NeighbourColumns(NamedTuple):
         ),
     ]
     lateral_distance: Annotated[
-        F32, ObservedValue("m", "Position of its centre across the road, less that of the ego")
+        F32, ObservedValue("m", "Position of its centre across the road minus the ego's")
     ]
     indicator: Annotated[F32, ObservedValue("1", "Side that it indicates; 0 for neither")]
     stop_lamp: Annotated[
@@ -113,7 +113,7 @@ class NeighbourColumns(NamedTuple):
 
 
 class PassingColumns(NamedTuple):
-    """What a driver knows about a pass against oncoming traffic, column by column.
+    """Observed columns of a pass against oncoming traffic.
 
     The columns are zero on one-way roads. They are always beliefs of the model driver, also where a
     sensor measures the neighbours.

@@ -36,7 +36,7 @@ class OnnxDriver:
     """A policy in an ONNX file: from float32 numbers to an action.
 
     The input is `Observation.table`, of shape (simulation, `OBSERVATION_SIZE`): the columns of the
-    ego, of each neighbour, and of a pass. It may end before those of a pass. The first output has
+    ego, of each neighbour, and of a pass. It may leave out the pass. The first output has
     shape (simulation, part).
 
     A child process loads the network, checks it with zeros, and evaluates it at each decision. A

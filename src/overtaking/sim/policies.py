@@ -1,6 +1,6 @@
 """The drivers that come with the package. They observe `human` and answer `decision`.
 
-They decide about lane changes; pedals and steering are those of the model's own driver.
+They decide about lane changes; the model's own driver accelerates, brakes and steers.
 """
 
 import numpy as np
@@ -47,7 +47,7 @@ def stay(observation: Observation) -> Moves:
 
 
 def rules(observation: Observation) -> Moves:
-    """Change lanes by fixed rules: if it is worth it, and the gaps exceed those of UN R79.
+    """Change lanes by fixed rules: if it gains speed, and the gaps are larger than UN R79 demands.
 
     It decides when it checks the mirrors, and keeps indicating in between.
     """

@@ -139,7 +139,7 @@ class Sensing:
         self._past = deque[tuple[int, F32]](maxlen=max(delay, 0) + 1)
 
     def sense(self, neighbours: F32, is_running: Mask, decision: int) -> F32:
-        """What the sensor reports at a decision, in the shape of `neighbours`.
+        """Report the neighbours as the sensor measures them, in the shape of `neighbours`.
 
         Args:
             neighbours: True values at this decision, shape (simulation, `NEIGHBOUR_ROLES`,
