@@ -105,9 +105,9 @@ def _overshoots(batch: Batch, at: Places) -> tuple[str, int, int]:
     later = (simulation[:, None], vehicle[:, None], frame[:, None] + np.arange(reach))
     new, old = (runs.states.lane[simulation, vehicle, frame - back].astype(int) for back in (0, 1))
     stays = (runs.states.lane[later] == new[:, None]).all(axis=1)
-    lines = 1e3 * np.asarray(runs.road.boundaries, np.float64)
+    lines = 1e3 * np.asarray(runs.road.lane_boundaries, np.float64)
     middle = 0.5 * (lines[:-1] + lines[1:])[np.minimum(new, len(lines) - 2)]
-    towards = np.where(new > old, runs.road.side, -runs.road.side)
+    towards = np.where(new > old, runs.road.overtaking_sign, -runs.road.overtaking_sign)
     beyond = ((runs.states.d[later] - middle[:, None]) * towards[:, None]).max(axis=1, initial=-9e9)
     return "overshoots", int((stays & (beyond > OVERSHOOT_MM)).sum()), int(stays.sum())
 

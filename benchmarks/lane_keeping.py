@@ -111,7 +111,7 @@ def swings(run: Trajectories, slot: int) -> Swings:
     hours = np.zeros((len(VehicleKind), len(WINDS) + 1))
     np.add.at(hours, (kind, wind), keeps.sum(axis=1) * interval / 3.6e6)
     wait = round(float(constant("event_detection.attempt.back_time")) * 1000.0 / interval)
-    border = (float(side_of(run.road)) * run.road.boundaries).tolist()
+    border = (float(side_of(run.road)) * run.road.lane_boundaries).tolist()
     lane = np.minimum(states.lane[row, slot, begin].astype(int) + 1, len(border) - 1)
     counts = [
         _comes_back(lateral[one, first:stop], reach[one, first:stop], last - first, border[line])

@@ -73,13 +73,13 @@ class Above:
     def __init__(self, scene: Scene, theme: Theme, frame: int, top: float) -> None:
         """Draw the road of a frame from `top` down."""
         self.scene, self.theme, self.frame, self.top = scene, theme, frame, top
-        self.borders = np.sort(scene.run.road.boundaries)
+        self.borders = np.sort(scene.run.road.lane_boundaries)
         self.clip = f"road{round(top)}"
 
     @staticmethod
     def height(scene: Scene) -> float:
         """Height of the road [pixels]."""
-        return PIXELS * (float(np.ptp(scene.run.road.boundaries)) + 2 * VERGE)
+        return PIXELS * (float(np.ptp(scene.run.road.lane_boundaries)) + 2 * VERGE)
 
     def place(self, ahead: float, d: float) -> Point:
         """Where a point is drawn: metres ahead of the overtaken vehicle, and across the road."""

@@ -180,7 +180,7 @@ def ends_on_a_solid_line(run: Trajectories) -> NDArray[np.bool_]:
 def over_a_crest(run: Trajectories) -> NDArray[np.bool_]:
     """The ego is on the other side where a crest hides who comes."""
     s, course = 1e-3 * run.states.s[:, EGO_SLOT], run.road.course
-    crests = [one for one in course.places if one.kind is ZoneKind.CREST] if course else []
+    crests = [one for one in course.zones if one.kind is ZoneKind.CREST] if course else []
     over = [(s > one.start) & (s < one.stop) for one in crests]
     return done(run) & (beyond(run) & np.any(over, axis=0)).any(axis=1)
 

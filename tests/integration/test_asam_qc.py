@@ -56,7 +56,7 @@ def test_every_road_has_no_issue(tmp_path: Path):
     for name in ROAD_NAMES:
         road = known_road(name)
         lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
-        turned = {"slow_side_neighbour": None, "fast_side_neighbour": None, "lanes": lanes}
+        turned = {"kerb_side_neighbour": None, "overtaking_side_neighbour": None, "lanes": lanes}
         turned["course"] = None  # Lines and sight of the other way go with its lane.
         for kind, one in {
             "": road,
@@ -76,7 +76,7 @@ def test_roads_with_several_limits_have_no_issue(tmp_path: Path):
     )
     against = SpeedLimitSpan(start=400.0, stop=5000.0, speed=15.0, direction=-1)
     for name, limits in (("town06", lower), ("rural", lower[:1]), ("rural", (*lower[1:], against))):
-        road = dataclasses.replace(known_road(name), course=RoadCourse(limits=limits))
+        road = dataclasses.replace(known_road(name), course=RoadCourse(speed_limit_spans=limits))
         for kind, one in (("", road), ("-left", road.mirror())):
             text = write_opendrive(one)
             (tmp_path / f"{name}{len(limits)}{kind}.xodr").write_text(text, encoding="utf-8")

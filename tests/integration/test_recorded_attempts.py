@@ -46,7 +46,7 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
     found, labelled = judged(path)
     events, road = labelled.events, found.road
     second = round(1000 / labelled.signals.frame_interval_ms)
-    beyond = road.fast_side_neighbour
+    beyond = road.overtaking_side_neighbour
     lanes = road.num_lanes - (0 if beyond is not None and beyond.kind == "driving" else 1)
     kinds = {"crossing": 0, "return": 0}
     for number in np.flatnonzero(events.has_attempt):
@@ -56,7 +56,7 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
         stop = len(across) if back == NEVER else back + 1
         assert lane < lanes, number
         assert (cosine > 0).all(), number
-        line = road.side * road.boundaries[lane + 1] + float(
+        line = road.overtaking_sign * road.lane_boundaries[lane + 1] + float(
             constant("event_detection.attempt.over_line")
         )
         assert begin == 0 or corner[begin - 1] <= line + ROUNDING, number

@@ -36,7 +36,7 @@ def test_frames_that_were_not_kept_are_simulated_again(data):
 
 def test_vehicles_start_in_the_lanes_of_both_directions(data):
     vehicles = data.vehicles()
-    ids = {lane.lane_id for lane in (data.road.lanes[0], data.road.fast_side_neighbour)}
+    ids = {lane.lane_id for lane in (data.road.lanes[0], data.road.overtaking_side_neighbour)}
     assert set(vehicles.start_lane_id) == ids
     comes = np.isin(data.scenario(5).start_lane[0], 1) & data.scenario(5).vehicles.valid[0]
     assert comes.any()
@@ -65,7 +65,7 @@ def by_hand(data, number):
     half = 0.5 * bodies.loc[0, ["length_m", "width_m"]].to_numpy(dtype=float)
     reach = ego.d_m + np.abs(np.sin(turned)) * half[0] + np.abs(np.cos(turned)) * half[1]
     beyond = np.flatnonzero(reach > road.boundaries[-1] + 0.05)
-    comes = bodies.index[bodies.start_lane_id == road.fast_side_neighbour.lane_id]
+    comes = bodies.index[bodies.start_lane_id == road.overtaking_side_neighbour.lane_id]
     nearest, times = np.full(len(ego), np.inf), np.full(len(ego), np.nan)
     for slot in comes:
         other = states.xs(slot, level="vehicle")

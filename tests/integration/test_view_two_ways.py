@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SOLID = (200.0, 400.0)
-COURSE = RoadCourse(lines=(CentreLineSpan(start=SOLID[0], stop=SOLID[1], mark=RoadMark.SOLID),))
+COURSE = RoadCourse(
+    centre_line_spans=(CentreLineSpan(start=SOLID[0], stop=SOLID[1], mark=RoadMark.SOLID),)
+)
 BRIGHT = """() => {
   const road = document.getElementById("road");
   const copy = Object.assign(document.createElement("canvas"), { width: road.width, height: 1 });

@@ -55,7 +55,7 @@ def sound(ran: Trajectories) -> np.ndarray:
     """The same, before each vehicle's first collision and while it keeps to the lanes."""
     touched = ran.contacts.partner != NO_VEHICLE
     until = np.where(touched, ran.contacts.time, np.iinfo(np.int32).max)
-    edges = np.sort(ran.road.boundaries)
+    edges = np.sort(ran.road.lane_boundaries)
     d = ran.states.d / 1000.0
     psi = ran.states.heading / 1e4 - ran.road.heading
     lost = (d < edges[0] - 0.9) | (d > edges[-1] + 0.9) | (np.abs(psi) > 0.75)
@@ -318,7 +318,7 @@ def test_the_recorded_lane_is_the_roads(seed: int, index: list[int]):
     d = ran.states.d[valid] / 1000.0
     expected = ran.road.lane_index(d)
     expected = np.where(expected < 0, 255, expected)
-    near_a_border = np.abs(d[:, None] - ran.road.boundaries).min(axis=1) < 1e-3
+    near_a_border = np.abs(d[:, None] - ran.road.lane_boundaries).min(axis=1) < 1e-3
     same = ran.states.lane[valid] == expected
     assert (same | near_a_border).all()
 

@@ -294,8 +294,8 @@ def two_way() -> Road:
     )
     sight = ((3000.0, 1500.0), (3100.0, 260.0), (3600.0, 240.0), (3700.0, 1500.0))
     against = ((3500.0, 1500.0), (3600.0, 280.0), (4000.0, 220.0), (4100.0, 1500.0))
-    course = RoadCourse(lines=lines, sight=sight, sight_against=against)
-    return dataclasses.replace(known_road("rural"), edge_d=0.4, length=6000.0, course=course)
+    course = RoadCourse(centre_line_spans=lines, sight=sight, sight_against=against)
+    return dataclasses.replace(known_road("rural"), kerb_edge_d=0.4, length=6000.0, course=course)
 
 
 def oncomer(s: float, speed: float = 25.0, kind: str = "M", **driver: float) -> Vehicle:
@@ -548,7 +548,7 @@ LOWER = SpeedLimitSpan(start=2000.0, stop=2200.0, speed=15.0)
 
 def limited(road: Road, *limits: SpeedLimitSpan) -> Road:
     """A road with other limits on the way."""
-    course = dataclasses.replace(road.course or RoadCourse(), limits=limits)
+    course = dataclasses.replace(road.course or RoadCourse(), speed_limit_spans=limits)
     return dataclasses.replace(road, speed_limit=25.0, course=course)
 
 

@@ -97,7 +97,7 @@ class Situation:
         if self.winds:
             road = on(extend_road(plan, road), *BENDS, grade=HILLS)
             # Not even the line between two directions is the reference line.
-            road = dataclasses.replace(road, edge_d=road.edge_d + 0.7)
+            road = dataclasses.replace(road, kerb_edge_d=road.kerb_edge_d + 0.7)
         road = road.mirror() if self.mirrored else road
         if self.heading is not None:
             road = dataclasses.replace(road, heading=self.heading)

@@ -91,9 +91,9 @@ def test_further_situations_are_what_they_are_called():
     run = simulated(two_way)
     assert (parameters(run.scenario).of_vehicles.direction < 0).any()
     assert (run.stage == Stage.PULL_OUT).any()
-    assert simulated(winding).road.bends
+    assert simulated(winding).road.is_curved
     run = simulated(meeting)
-    assert run.road.bends
+    assert run.road.is_curved
     assert run.road.is_two_way
     assert (run.stage == Stage.ABORT).any()
     assert (run.states.lights & int(Lights.HIGH_BEAM)).any()  # Somebody flashes at the ego.
@@ -187,7 +187,7 @@ def test_the_situations_show_everything_that_the_model_does():
     counts = {int(count) for run in runs for count in run.scenario.num_vehicles}
     assert counts == {2, 3, 4, 5, 6, 7, 8}
     assert {run.scenario.frame_interval_ms for run in runs} == {10, 50, 100}
-    assert {run.road.side for run in runs} == {1.0, -1.0}
+    assert {run.road.overtaking_sign for run in runs} == {1.0, -1.0}
 
 
 def test_the_situations_have_collisions_of_every_kind():

@@ -243,7 +243,7 @@ def test_crests_forbid_to_pass_by_the_limit_there():
             for place in all_zones_for(dataclasses.replace(rural, speed_limit=HIGH, course=one), 1)
             if place.kind is ZoneKind.CREST
         ]
-        for one in (course, dataclasses.replace(course, limits=()))
+        for one in (course, dataclasses.replace(course, speed_limit_spans=()))
     )
     assert fast
     assert sum(slow) < sum(fast)

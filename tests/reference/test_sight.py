@@ -41,7 +41,7 @@ def bent(*parts: tuple[float, float, float], **course) -> Road:
         pieces.append(CurveSegment(x, y, heading, length, begin, end))
         there = ReferenceLine.from_segments(pieces[-1:]).pose_at(length)
         x, y, heading = float(there.x), float(there.y), float(there.heading)
-    return dataclasses.replace(two_way(), course=RoadCourse(line=tuple(pieces), **course))
+    return dataclasses.replace(two_way(), course=RoadCourse(segments=tuple(pieces), **course))
 
 
 def over(radius: float) -> Road:
@@ -147,7 +147,7 @@ def test_places_are_where_one_sees_too_little():
     )
     assert not all_zones_for(over(10_000.0), 1)
     own = RoadZone(kind=ZoneKind.JUNCTION, start=5.0, stop=6.0)
-    course = dataclasses.replace(over(10_000.0).course or RoadCourse(), places=(own,))
+    course = dataclasses.replace(over(10_000.0).course or RoadCourse(), zones=(own,))
     assert all_zones_for(dataclasses.replace(two_way(), course=course), 1) == (own,)
 
 

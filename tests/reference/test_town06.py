@@ -46,7 +46,7 @@ def test_town06_is_the_road_of_the_papers_frame_70():
     s, d = road.to_road(carla[:, 0], -carla[:, 1])
     assert [road.lanes[index].lane_id for index in road.lane_index(d)] == [-7, -7, -7]
     assert s[1] > s[0] > s[2]  # Travel is towards growing x.
-    lane, left, right = road.lanes[0], road.lanes[1], road.slow_side_neighbour
+    lane, left, right = road.lanes[0], road.lanes[1], road.kerb_side_neighbour
     assert (lane.right_mark, lane.left_mark) == (RoadMark.SOLID, RoadMark.BROKEN)
     assert right is not None
     assert (lane.width, right.width, left.width) == (3.5, 0.5, 3.5)
@@ -62,7 +62,7 @@ def test_town06_covers_the_stretch_on_which_the_paper_starts_its_vehicles():
     road = load_road("town06")
     s, _ = road.to_road(np.array([320.0, 450.0]), np.full(2, -245.0))
     assert np.all((s > 0.0) & (s < road.length))
-    _, y = road.to_world(s[:, None], road.centres)
+    _, y = road.to_world(s[:, None], road.lane_centres)
     bins = (-y - 238.0) // 4.0
     assert bins.tolist() == [[3.0, 2.0, 1.0, 0.0, -1.0]] * 2
 
@@ -89,7 +89,7 @@ WAYPOINTS = {  # Station: x and y of the lanes -7 to -3, from carla.Map.get_wayp
 def test_town06_lies_where_carla_puts_it(station: float):
     """Waypoints of the Python package carla 0.9.16 on its map Town06; CARLA's y is negated."""
     road = load_road("town06")
-    x, y = road.to_world(station, road.centres)
+    x, y = road.to_world(station, road.lane_centres)
     carla_x, carla_y = WAYPOINTS[station]
     np.testing.assert_allclose(x, carla_x, rtol=0.0, atol=CENTIMETRE / 10.0)
     np.testing.assert_allclose(-y, carla_y, rtol=0.0, atol=CENTIMETRE / 10.0)
@@ -110,7 +110,7 @@ def test_roads_against_the_reference_line_lie_where_carla_puts_them(
     """Lanes with positive ids, at the file's station 2 m: waypoints of carla 0.9.16 as above."""
     road = load_road(maps / "Town06.xodr", road_id)
     index = [lane.lane_id for lane in road.lanes].index(lane_id)
-    found = road.to_world(road.length - 2.0, road.centres[index])
+    found = road.to_world(road.length - 2.0, road.lane_centres[index])
     np.testing.assert_allclose(found, (x, -y), rtol=0.0, atol=CENTIMETRE / 10.0)
     turn = math.remainder(road.heading + math.radians(yaw_deg), math.tau)
     assert turn == pytest.approx(0.0, abs=1e-6)
@@ -127,18 +127,18 @@ def test_the_map_file_agrees_with_town06(maps: Path):
     assert read.lanes == facts.lanes
     assert [lane.lane_id for lane in read.lanes] == [-7, -6, -5, -4, -3]
     assert read.driving_side is facts.driving_side is DrivingSide.RIGHT
-    assert read.side == facts.side == 1.0
+    assert read.overtaking_sign == facts.overtaking_sign == 1.0
     for mine, theirs in (
-        (facts.slow_side_neighbour, read.slow_side_neighbour),
-        (facts.fast_side_neighbour, read.fast_side_neighbour),
+        (facts.kerb_side_neighbour, read.kerb_side_neighbour),
+        (facts.overtaking_side_neighbour, read.overtaking_side_neighbour),
     ):
         assert mine is not None
         assert theirs is not None
         assert (mine.lane_id, mine.kind, mine.width) == (theirs.lane_id, "shoulder", theirs.width)
         assert (mine.left_mark, mine.right_mark) == (theirs.left_mark, theirs.right_mark)
     stations = np.linspace(0.0, facts.length, 10)[:, None]
-    x, y = facts.to_world(stations, facts.centres)
-    read_x, read_y = read.to_world(stations, read.centres)
+    x, y = facts.to_world(stations, facts.lane_centres)
+    read_x, read_y = read.to_world(stations, read.lane_centres)
     assert y.shape == (10, 5)
     np.testing.assert_allclose(read_y, y, rtol=0.0, atol=CENTIMETRE)
     np.testing.assert_allclose(read_x, x, rtol=0.0, atol=CENTIMETRE)
@@ -382,11 +382,11 @@ def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
                 assert lane.width == pytest.approx(width, abs=0.006)
                 points.append(placed(text, float(station), t))
         s, d = found.to_road(*np.transpose(points))
-        where = np.tile(found.centres, len(stations))
+        where = np.tile(found.lane_centres, len(stations))
         np.testing.assert_allclose(d, where, rtol=0.0, atol=CENTIMETRE, err_msg=road.road_id)
         assert ((s >= 0.0) & (s <= found.length)).all()
         passed, _ = found.to_road(*np.transpose(middles))
-        ahead = np.diff(passed) * -sign * found.side
+        ahead = np.diff(passed) * -sign * found.overtaking_sign
         assert (ahead > 0.0).all()
 
 
@@ -407,7 +407,7 @@ def test_a_route_is_as_long_as_its_roads_and_lies_on_them(maps: Path, name: str,
         found = []
         for station in stations:
             lanes = [one for one in across(text, station, sign) if one[0] == "driving"]
-            for centre, (_, t, _, _) in zip(road.centres, reversed(lanes), strict=True):
+            for centre, (_, t, _, _) in zip(road.lane_centres, reversed(lanes), strict=True):
                 _, d = road.to_road(*placed(text, float(station), t))
                 assert d == pytest.approx(centre, abs=CENTIMETRE)
             found.append(float(road.to_road(*placed(text, float(station), 0.0))[0]))
@@ -469,7 +469,7 @@ def test_a_route_over_roads_with_other_limits_has_those_of_the_text(
     lanes = [[one[1] for one in across(*each) if one[0] == "driving"] for each in asked]
     points = [placed(*each[:2], t) for each, found in zip(asked, lanes, strict=True) for t in found]
     s, d = road.to_road(*np.array(points).T)
-    near = np.abs(road.centres - d[:, None]).min(axis=1) < CENTIMETRE
+    near = np.abs(road.lane_centres - d[:, None]).min(axis=1) < CENTIMETRE
     inside = (s >= 0.0) & (s <= road.length) & near
     compared = []
     place = 0

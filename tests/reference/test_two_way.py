@@ -93,10 +93,12 @@ def turned(road: Road) -> Road:
         dataclasses.replace(
             one, start=length - one.stop, stop=length - one.start, mark=one.mark.reverse
         )
-        for one in reversed(course.lines)
+        for one in reversed(course.centre_line_spans)
     )
     sight, against = back(course.sight_against), back(course.sight)
-    other = dataclasses.replace(course, lines=lines, places=(), sight=sight, sight_against=against)
+    other = dataclasses.replace(
+        course, centre_line_spans=lines, zones=(), sight=sight, sight_against=against
+    )
     return dataclasses.replace(road, course=other)
 
 
@@ -171,7 +173,7 @@ def test_no_arrival_is_missing_within_sight():
 
 
 def test_lanes_of_different_widths_are_refused():
-    beyond = dataclasses.replace(road().fast_side_neighbour, width=3.0)
-    narrow = dataclasses.replace(road(), fast_side_neighbour=beyond)
+    beyond = dataclasses.replace(road().overtaking_side_neighbour, width=3.0)
+    narrow = dataclasses.replace(road(), overtaking_side_neighbour=beyond)
     with pytest.raises(ConfigError, match="two equally wide lanes"):
         parameters(scenario(pair(500.0), road=narrow))

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
     begins, announced = 1500.0, float(constant("model.oncoming.line_ahead"))
-    course = RoadCourse(lines=(CentreLineSpan(start=begins, stop=6000.0, mark=RoadMark.SOLID),))
+    course = RoadCourse(
+        centre_line_spans=(CentreLineSpan(start=begins, stop=6000.0, mark=RoadMark.SOLID),)
+    )
     on = dataclasses.replace(road(), course=course)
     heeds = np.array([True, False])
     scenes = [pair(patience=1e6, gap_acceptance=0.3, heeds_lines=one) for one in heeds]
@@ -43,7 +45,9 @@ def with_ego(given: Parameters, **changed: float) -> Parameters:
 
 
 def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
-    course = RoadCourse(lines=(CentreLineSpan(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),))
+    course = RoadCourse(
+        centre_line_spans=(CentreLineSpan(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),)
+    )
     on = dataclasses.replace(road(), course=course)
     scenes = [pair(gap_acceptance=0.3, heeds_lines=one) for one in (True, False)]
     runs = [engine.simulate(scenario(scene, road=on, horizon=25.0)) for scene in scenes]

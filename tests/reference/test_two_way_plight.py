@@ -124,4 +124,4 @@ def test_who_falls_back_touches_nobody_and_stays_on_the_road():
     assert (run.contacts.partner[:, 0] == NO_VEHICLE).all()
     assert (run.stage != Stage.CRASHED).all()
     edge = 1e-3 * run.states.d[:, 0][run.frame_mask].min()
-    assert edge > float(run.road.boundaries[0]) + 0.5
+    assert edge > float(run.road.lane_boundaries[0]) + 0.5

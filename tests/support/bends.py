@@ -30,5 +30,5 @@ def line(*parts: tuple[float, float, float]) -> tuple[CurveSegment, ...]:
 
 def on(road: Road, *parts: tuple[float, float, float], grade=()) -> Road:
     """A road laid out along other pieces."""
-    course = dataclasses.replace(road.course or RoadCourse(), line=line(*parts), grade=grade)
+    course = dataclasses.replace(road.course or RoadCourse(), segments=line(*parts), grade=grade)
     return dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0, course=course)

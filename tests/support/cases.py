@@ -154,10 +154,10 @@ def two_way_road(mark: RoadMark = RoadMark.BROKEN) -> Road:
         name="two-way",
         kind="rural",
         lanes=(lane,),
-        edge_d=-3.5,
+        kerb_edge_d=-3.5,
         speed_limit=25.0,
-        slow_side_neighbour=None,
-        fast_side_neighbour=opposite,
+        kerb_side_neighbour=None,
+        overtaking_side_neighbour=opposite,
     )
 
 
@@ -171,7 +171,7 @@ def _states(tracks: tuple[Track, ...], road: Road, frames: int, interval_ms: int
     step = np.array([-1 if each.oncoming else 1 for each in tracks])[None, :, None]
     way = np.cumsum(speed * step, axis=2) - speed * step
     s = np.array([each.s for each in tracks])[None, :, None] * 1000.0 + way * interval_ms / 1000.0
-    d = rows("lane", np.float64) * road.side * road.lanes[0].width + road.centres[0]
+    d = rows("lane", np.float64) * road.overtaking_sign * road.lanes[0].width + road.lane_centres[0]
     index = road.lane_index(d)
     x, y = road.to_world(s / 1000.0, d)
     heading = np.where(step < 0, np.round(np.pi * 1e4), 0.0) + np.zeros(s.shape)

@@ -206,7 +206,9 @@ FIXTURES: list[tuple[str, Verdict, str, Any]] = [
         "O16",
         LEGAL,
         "700 m in sight, where those who come may drive 54 km/h",
-        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
+        lambda: along_course(
+            RoadCourse(sight=((0.0, 700.0),), speed_limit_spans=(lower(0.0, 900.0, -1),))
+        ),
     ),
     ("O16", APART, "lanes of one direction", overtake),
     ("O16", UNKNOWN, "no weather", lambda: rural(unknown=("weather",))),

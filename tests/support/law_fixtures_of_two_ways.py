@@ -41,13 +41,13 @@ def lined(*stretches: tuple[float, float, RoadMark]) -> Case:
     lines = tuple(
         CentreLineSpan(start=start, stop=stop, mark=mark) for start, stop, mark in stretches
     )
-    return along_course(RoadCourse(lines=lines))
+    return along_course(RoadCourse(centre_line_spans=lines))
 
 
 def place(kind: ZoneKind, start: float, stop: float, direction: int = 0, **given: Any) -> Case:
     """The overtake along a road with a place."""
     one = RoadZone(kind=kind, start=start, stop=stop, direction=direction)
-    return along_course(RoadCourse(places=(one,)), **given)
+    return along_course(RoadCourse(zones=(one,)), **given)
 
 
 def lower(start: float, stop: float, direction: int) -> SpeedLimitSpan:
@@ -57,7 +57,7 @@ def lower(start: float, stop: float, direction: int) -> SpeedLimitSpan:
 
 def on_motorway(kind: ZoneKind) -> Road:
     """Three lanes in one direction with a place from 300 to 350 m."""
-    course = RoadCourse(places=(RoadZone(kind=kind, start=300.0, stop=350.0),))
+    course = RoadCourse(zones=(RoadZone(kind=kind, start=300.0, stop=350.0),))
     return dataclasses.replace(known_road("motorway"), course=course)
 
 
@@ -121,25 +121,33 @@ OF_TWO_WAYS: list[tuple[str, Verdict, str, Any]] = [
         "L15",
         LEGAL,
         "two ways, as long, where those who come may drive 54 km/h",
-        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, -1),))),
+        lambda: along_course(
+            RoadCourse(sight=((0.0, 700.0),), speed_limit_spans=(lower(0.0, 900.0, -1),))
+        ),
     ),
     (
         "L15",
         LEGAL,
         "two ways, as long, where they may drive 54 km/h as far as one sees",
-        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 820.0, -1),))),
+        lambda: along_course(
+            RoadCourse(sight=((0.0, 700.0),), speed_limit_spans=(lower(0.0, 820.0, -1),))
+        ),
     ),
     (
         "L15",
         BREACH,
         "two ways, as long, and they may drive 90 km/h where the sight ends",
-        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 805.0, -1),))),
+        lambda: along_course(
+            RoadCourse(sight=((0.0, 700.0),), speed_limit_spans=(lower(0.0, 805.0, -1),))
+        ),
     ),
     (
         "L15",
         BREACH,
         "two ways, as long, where 54 km/h are posted for the ego alone",
-        lambda: along_course(RoadCourse(sight=((0.0, 700.0),), limits=(lower(0.0, 900.0, 1),))),
+        lambda: along_course(
+            RoadCourse(sight=((0.0, 700.0),), speed_limit_spans=(lower(0.0, 900.0, 1),))
+        ),
     ),
     ("L17", LEGAL, "back before a crest", lambda: place(ZoneKind.CREST, 600.0, 700.0)),
     ("L17", BREACH, "over a crest", lambda: place(ZoneKind.CREST, 300.0, 350.0)),
@@ -238,10 +246,12 @@ OF_TWO_WAYS: list[tuple[str, Verdict, str, Any]] = [
 def two_lanes_each_way(kind: ZoneKind) -> Road:
     """Three lanes in this direction, oncoming traffic beyond, and a place from 300 to 350 m."""
     road = on_motorway(kind)
-    return dataclasses.replace(road, fast_side_neighbour=two_way_road().fast_side_neighbour)
+    return dataclasses.replace(
+        road, overtaking_side_neighbour=two_way_road().overtaking_side_neighbour
+    )
 
 
 SIGNED = dataclasses.replace(
     two_way_road(),
-    course=RoadCourse(places=(RoadZone(kind=ZoneKind.NO_OVERTAKING, start=0.0, stop=900.0),)),
+    course=RoadCourse(zones=(RoadZone(kind=ZoneKind.NO_OVERTAKING, start=0.0, stop=900.0),)),
 )

@@ -73,14 +73,16 @@ def limited(*stretches: tuple[float, float, float], road: Road | None = None) ->
         SpeedLimitSpan(start=start, stop=stop, speed=kmh / 3.6, direction=1)
         for start, stop, kmh in stretches
     )
-    return dataclasses.replace(road or known_road("motorway"), course=RoadCourse(limits=lower))
+    return dataclasses.replace(
+        road or known_road("motorway"), course=RoadCourse(speed_limit_spans=lower)
+    )
 
 
 def lower_for_oncoming(speed: float) -> Road:
     """A two-way road for 90 km/h with a lower limit for those who come against it [m/s]."""
     road = two_way_road()
     lower = SpeedLimitSpan(start=0.0, stop=road.length, speed=speed, direction=-1)
-    return dataclasses.replace(road, course=RoadCourse(limits=(lower,)))
+    return dataclasses.replace(road, course=RoadCourse(speed_limit_spans=(lower,)))
 
 
 def mixed_road(near: RoadMark) -> Road:

@@ -140,7 +140,7 @@ def wide_road(*, lanes: int = 3, width: float = 3.5, limit: float = 50.0) -> Roa
         kind="motorway",
         driving_side=DrivingSide.RIGHT,
         lanes=tuple(Lane(lane_id=k - lanes, width=width, **marks) for k in range(lanes)),
-        edge_d=-lanes * width,
+        kerb_edge_d=-lanes * width,
         length=20_000.0,
         x0=0.0,
         y0=0.0,

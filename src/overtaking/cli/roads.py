@@ -86,7 +86,7 @@ def _simulated(road: "MappedRoad") -> float:
 
 def _limits(road: "Road") -> list[float]:
     """The limits of a road, the lowest first, each once [km/h]."""
-    stretches = road.course.limits if road.course else ()
+    stretches = road.course.speed_limit_spans if road.course else ()
     limits = {road.speed_limit, *(one.speed for one in stretches)}
     return [round(kmh_from_mps(limit), 1) for limit in sorted(limits)]
 

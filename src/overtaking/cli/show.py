@@ -194,7 +194,7 @@ def _strip(run: Trajectories, shown: np.ndarray, frames: np.ndarray) -> Strip:
     others = shown != EGO_SLOT
     return Strip(
         position=np.where(there, position, _FAR * POSITION_RESOLUTION),
-        lane=(lane[shown] - lane[EGO_SLOT]) * int(run.road.side),
+        lane=(lane[shown] - lane[EGO_SLOT]) * int(run.road.overtaking_sign),
         slots=shown,
         reach=nice_reach(_filled(np.abs(position[others]), there[others])),
     )

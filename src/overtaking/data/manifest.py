@@ -216,7 +216,7 @@ class Identity(_Record):
         if road.course is None:
             del values["course"]
         else:
-            for name in ("line", "grade", "limits"):
+            for name in ("segments", "grade", "speed_limit_spans"):
                 if not getattr(road.course, name):
                     del values["course"][name]
         return values

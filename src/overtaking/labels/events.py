@@ -71,7 +71,7 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         return max(1, round(seconds * 1000.0 / trajectories.scenario.frame_interval_ms))
 
     advances = [constant(f"event_detection.attempt.advance.{each.name}") for each in VehicleKind]
-    borders, beyond = borders_of(road), road.fast_side_neighbour
+    borders, beyond = borders_of(road), road.overtaking_side_neighbour
     return {
         "least_advance": np.array(advances)[kind],
         "borders": [float(each) for each in borders],

@@ -63,8 +63,8 @@ def side_of(road: Road) -> np.float32:
 
 def borders_of(road: Road) -> F32:
     """Lane borders from the right to the left, those of the lane of oncoming traffic too [m]."""
-    borders = side_of(road) * as_f32(road.boundaries)
-    beyond = road.fast_side_neighbour
+    borders = side_of(road) * as_f32(road.lane_boundaries)
+    beyond = road.overtaking_side_neighbour
     if road.is_two_way and beyond is not None:
         borders = np.append(borders, borders[-1] + np.float32(beyond.width))
     return borders

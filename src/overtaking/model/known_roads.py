@@ -64,24 +64,24 @@ class _CourseEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RoadEntry:
-    """A straight road, lanes from the slow to the fast side, all in SI.
+    """A straight road, lanes from the kerb side to the overtaking side, in SI units.
 
     Attributes:
         kind: OpenDRIVE road type.
         driving_side: Side of the road that traffic keeps to.
         lane_ids: OpenDRIVE ids.
         lane_widths: Widths [m].
-        slow_edge_mark: Line on the slow side of the first lane.
+        kerb_edge_mark: Line on the kerb side of the first lane.
         lane_mark: Line between two lanes.
-        fast_edge_mark: Line on the fast side of the last lane.
-        edge_d: Offset of the slow-side edge of the first lane [m].
+        overtaking_edge_mark: Line on the overtaking side of the last lane.
+        kerb_edge_d: Offset of the edge of the first lane on the kerb side [m].
         length: Length [m].
         x0: World x of (s, d) = (0, 0) [m].
         y0: World y of (s, d) = (0, 0) [m].
         heading: Direction of travel, anticlockwise from x [rad].
         speed_limit: Posted limit [m/s].
-        slow_side: Lane beside the first lane.
-        fast_side: Lane beside the last lane.
+        kerb_side: Lane beside the first lane.
+        overtaking_side: Lane beside the last lane.
         course: Changes along it, or None.
     """
 
@@ -89,17 +89,17 @@ class _RoadEntry:
     driving_side: DrivingSide
     lane_ids: tuple[float, ...]
     lane_widths: tuple[float, ...]
-    slow_edge_mark: RoadMark
+    kerb_edge_mark: RoadMark
     lane_mark: RoadMark
-    fast_edge_mark: RoadMark
-    edge_d: float
+    overtaking_edge_mark: RoadMark
+    kerb_edge_d: float
     length: float
     x0: float
     y0: float
     heading: float
     speed_limit: float
-    slow_side: _NeighbourEntry
-    fast_side: _NeighbourEntry
+    kerb_side: _NeighbourEntry
+    overtaking_side: _NeighbourEntry
     course: _CourseEntry | None = None
 
 
@@ -122,23 +122,23 @@ def known_road(name: str) -> Road:
             next_step="choose one of them, or read a map file",
         )
     road = read_record(_RoadEntry, "roads.toml", name)
-    slow, fast = road.slow_side, road.fast_side
+    kerb_side, overtaking_side = road.kerb_side, road.overtaking_side
     lanes = zip(map(int, road.lane_ids), road.lane_widths, _marks(road), strict=True)
-    slow_marks = slow.far_mark, road.slow_edge_mark
-    fast_marks = road.fast_edge_mark, fast.far_mark
+    kerb_marks = kerb_side.far_mark, road.kerb_edge_mark
+    overtaking_marks = road.overtaking_edge_mark, overtaking_side.far_mark
     return Road(
         name=name,
         kind=road.kind,
         driving_side=road.driving_side,
         lanes=tuple(_lane(road, *lane, "driving") for lane in lanes),
-        edge_d=road.edge_d,
+        kerb_edge_d=road.kerb_edge_d,
         length=road.length,
         x0=road.x0,
         y0=road.y0,
         heading=road.heading,
         speed_limit=road.speed_limit,
-        slow_side_neighbour=_neighbour_lane(road, slow, slow_marks),
-        fast_side_neighbour=_neighbour_lane(road, fast, fast_marks),
+        kerb_side_neighbour=_neighbour_lane(road, kerb_side, kerb_marks),
+        overtaking_side_neighbour=_neighbour_lane(road, overtaking_side, overtaking_marks),
         course=road.course and _course(road.course),
     )
 
@@ -156,8 +156,8 @@ def _course(entry: _CourseEntry) -> RoadCourse:
         for start, stop in getattr(entry, kind.value)
     ]
     return RoadCourse(
-        lines=tuple(sorted(lines, key=attrgetter("start"))),
-        places=tuple(places),
+        centre_line_spans=tuple(sorted(lines, key=attrgetter("start"))),
+        zones=tuple(places),
         sight=entry.sight,
         sight_against=entry.sight_against,
     )
@@ -166,7 +166,7 @@ def _course(entry: _CourseEntry) -> RoadCourse:
 def _marks(road: _RoadEntry) -> Iterable[tuple[RoadMark, RoadMark]]:
     """The marks of each driving lane on its kerb side and on its overtaking side."""
     between = [road.lane_mark] * (len(road.lane_ids) - 1)
-    return pairwise([road.slow_edge_mark, *between, road.fast_edge_mark])
+    return pairwise([road.kerb_edge_mark, *between, road.overtaking_edge_mark])
 
 
 def _neighbour_lane(
@@ -181,6 +181,6 @@ def _lane(
     road: _RoadEntry, lane_id: int, width: float, marks: tuple[RoadMark, RoadMark], kind: str
 ) -> Lane:
     """A lane, from its marks on the kerb side and on the overtaking side."""
-    slow, fast = marks
-    right, left = (slow, fast) if road.driving_side is DrivingSide.RIGHT else (fast, slow)
+    is_right_hand = road.driving_side is DrivingSide.RIGHT
+    right, left = marks if is_right_hand else reversed(marks)
     return Lane(lane_id=lane_id, width=width, kind=kind, right_mark=right, left_mark=left)

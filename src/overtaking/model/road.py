@@ -1,18 +1,19 @@
 """A stretch of road whose driving lanes all run the same way, and what is beside them.
 
 ```
-        fast side   d = boundaries[n]   ------------------------------  left_mark of lanes[n-1]
-                                         lanes[n-1]        travel -->        (right-hand traffic)
-                    d = boundaries[1]   - - - - - - - - - - - - - - -
-                                         lanes[0]          s -->
-        slow side   d = boundaries[0]   ------------------------------  right_mark of lanes[0]
+  overtaking side   d = lane_boundaries[n]   -------------------------  left_mark of lanes[n-1]
+                                              lanes[n-1]     travel -->      (right-hand traffic)
+                    d = lane_boundaries[1]   - - - - - - - - - - - - -
+                                              lanes[0]          s -->
+        kerb side   d = lane_boundaries[0]   -------------------------  right_mark of lanes[0]
 ```
 
 `s` grows along the direction of travel and `d` to the left of it, in either kind of traffic; on a
 road with bends, both refer to its reference line (`model.reference_line`), where `d` is 0.
-Lanes are counted from the slow side: from the right in right-hand traffic, where `side` is +1, and
-from the left in left-hand traffic, where it is -1. On a two-way road the neighbour on the fast side
-is the lane of oncoming traffic; `course` holds everything that changes along the road.
+Lanes are counted from the kerb side to the overtaking side: from right to left in right-hand
+traffic, where `overtaking_sign` is +1, and from left to right in left-hand traffic, where it is -1.
+On a two-way road the neighbour on the overtaking side is the opposing lane. `course` holds
+everything that changes along the road.
 """
 
 import dataclasses
@@ -121,21 +122,21 @@ class Road:
         name: Name, for people and manifests.
         kind: OpenDRIVE's road type: "motorway", "rural", "town", ...
         driving_side: Side that traffic keeps to.
-        lanes: Driving lanes, from the slow to the fast side.
-        edge_d: `d` of the slow-side edge of `lanes[0]` [m].
+        lanes: Driving lanes, from the kerb side to the overtaking side.
+        kerb_edge_d: `d` of the edge of `lanes[0]` on the kerb side [m].
         length: Length of the stretch along the reference line [m].
         x0: World x of (s=0, d=0), right-handed, y to the left of x, as in OpenDRIVE [m].
         y0: World y of (s=0, d=0) [m].
         heading: Direction of travel there, anticlockwise from world x, within one turn of zero
             [rad].
-        speed_limit: Limit that is posted for the driving lanes, on a road with `RoadCourse.limits`
-            the highest one [m/s].
+        speed_limit: Limit that is posted for the driving lanes, on a road with
+            `RoadCourse.speed_limit_spans` the highest one [m/s].
         origin_x: x of the world's origin in the file that the road comes from [m]. It is not 0 for
             files with large coordinates, such as UTM, whose millimetres exceed the recorded
             integers.
         origin_y: y of the same point [m].
-        slow_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
-        fast_side_neighbour: Lane beside `lanes[-1]`, or None.
+        kerb_side_neighbour: Lane beside `lanes[0]`, such as a hard shoulder, or None.
+        overtaking_side_neighbour: Lane beside `lanes[-1]`, or None.
         course: Changes along the road; None for a straight and level road with the same marks and
             speed limit everywhere.
 
@@ -147,7 +148,7 @@ class Road:
     kind: str
     driving_side: DrivingSide
     lanes: tuple[Lane, ...]
-    edge_d: Annotated[float, _COORDINATE]
+    kerb_edge_d: Annotated[float, _COORDINATE]
     length: Annotated[float, FieldSpec(unit="m", low=0.0, high=MAX_LENGTH, low_is_open=True)]
     x0: Annotated[float, _COORDINATE]
     y0: Annotated[float, _COORDINATE]
@@ -157,8 +158,8 @@ class Road:
     ]
     origin_x: Annotated[float, _ORIGIN] = 0.0
     origin_y: Annotated[float, _ORIGIN] = 0.0
-    slow_side_neighbour: Lane | None = None
-    fast_side_neighbour: Lane | None = None
+    kerb_side_neighbour: Lane | None = None
+    overtaking_side_neighbour: Lane | None = None
     course: RoadCourse | None = None
 
     def __post_init__(self) -> None:
@@ -173,49 +174,49 @@ class Road:
         return len(self.lanes)
 
     @property
-    def side(self) -> float:
-        """+1.0 where `d` grows from the slow to the fast lanes (right-hand traffic), else -1.0."""
+    def overtaking_sign(self) -> float:
+        """+1.0 if `d` grows from kerb to overtaking side (right-hand traffic), -1.0 if it falls."""
         return 1.0 if self.driving_side is DrivingSide.RIGHT else -1.0
 
     @property
     def is_two_way(self) -> bool:
-        """Whether the lane beyond the fast edge belongs to oncoming traffic."""
-        neighbour = self.fast_side_neighbour
+        """Whether the neighbour on the overtaking side is an opposing lane."""
+        neighbour = self.overtaking_side_neighbour
         return neighbour is not None and neighbour.kind == "driving" and neighbour.direction == -1
 
     @property
-    def fast_edge_marks(self) -> tuple[MarkChange, ...]:
-        """The line on the fast side of `lanes[-1]`, seen from there: where each mark begins [m].
+    def overtaking_edge_marks(self) -> tuple[MarkChange, ...]:
+        """The line on the overtaking side of `lanes[-1]`: where each mark begins.
 
-        The first begins at minus infinity.
+        The marks are those seen from `lanes[-1]`. The first begins at minus infinity.
         """
         last = self.lanes[-1]
         mark = last.left_mark if self.driving_side is DrivingSide.RIGHT else last.right_mark
-        return marks_along(self.course.lines if self.course else (), mark)
+        return marks_along(self.course.centre_line_spans if self.course else (), mark)
 
     @property
-    def boundaries(self) -> F64:
-        """`d` of the lane borders from the slow to the fast side, shape (lane + 1,) [m]."""
-        borders = [self.edge_d]
+    def lane_boundaries(self) -> F64:
+        """`d` of the lane boundaries from kerb to overtaking side, shape (lane + 1,) [m]."""
+        borders = [self.kerb_edge_d]
         for lane in self.lanes:
-            borders.append(borders[-1] + self.side * lane.width)
+            borders.append(borders[-1] + self.overtaking_sign * lane.width)
         return np.array(borders, dtype=np.float64)
 
     @property
-    def centres(self) -> F64:
-        """`d` of the lane centres from the slow to the fast side, shape (lane,) [m]."""
-        borders = self.boundaries
+    def lane_centres(self) -> F64:
+        """`d` of the lane centres from kerb to overtaking side, shape (lane,) [m]."""
+        borders = self.lane_boundaries
         return (borders[:-1] + borders[1:]) * 0.5
 
     @property
-    def pieces(self) -> tuple[CurveSegment, ...]:
+    def segments(self) -> tuple[CurveSegment, ...]:
         """The segments of the reference line; empty for a straight road."""
-        return self.course.line if self.course else ()
+        return self.course.segments if self.course else ()
 
     @property
-    def bends(self) -> bool:
+    def is_curved(self) -> bool:
         """Whether the reference line has segments; without segments it is straight."""
-        return bool(self.pieces)
+        return bool(self.segments)
 
     def heading_at(self, s: ArrayLike) -> F64:
         """Direction of the road, anticlockwise from world x [rad].
@@ -223,8 +224,8 @@ class Road:
         Args:
             s: Station, any shape [m].
         """
-        if self.bends:
-            return _reference_line(self.pieces).heading_at(s)
+        if self.is_curved:
+            return _reference_line(self.segments).heading_at(s)
         return np.full(np.shape(s), self.heading)
 
     def curvature_at(self, s: ArrayLike) -> F64:
@@ -233,8 +234,8 @@ class Road:
         Args:
             s: Station, any shape [m].
         """
-        if self.bends:
-            return _reference_line(self.pieces).pose_at(s).curvature
+        if self.is_curved:
+            return _reference_line(self.segments).pose_at(s).curvature
         return np.zeros(np.shape(s))
 
     def grade_at(self, s: ArrayLike) -> F64:
@@ -290,8 +291,8 @@ class Road:
         Returns:
             x and y in the right-handed world frame [m].
         """
-        if self.bends:
-            return _reference_line(self.pieces).to_world(s, d)
+        if self.is_curved:
+            return _reference_line(self.segments).to_world(s, d)
         along, left = np.asarray(s, dtype=np.float64), np.asarray(d, dtype=np.float64)
         cosine, sine = cos_sin(self.heading)
         return Points(
@@ -301,8 +302,8 @@ class Road:
 
     def to_road(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Road coordinates (s, d) of world points [m]; the inverse of `to_world`."""
-        if self.bends:
-            return _reference_line(self.pieces).to_road(x, y)
+        if self.is_curved:
+            return _reference_line(self.segments).to_road(x, y)
         east = np.asarray(x, dtype=np.float64) - self.x0
         north = np.asarray(y, dtype=np.float64) - self.y0
         cosine, sine = cos_sin(self.heading)
@@ -330,8 +331,8 @@ class Road:
     def lane_index(self, d: ArrayLike) -> NDArray[np.int64]:
         """Index into `lanes` of the lane that a point lies in.
 
-        A border belongs to the lane on its fast side. The result is -1 beyond the slow-side edge
-        and `num_lanes` from the fast-side edge on.
+        A boundary belongs to the lane on its overtaking side. The result is -1 beyond the kerb-side
+        edge, and `num_lanes` on the last boundary and beyond it.
 
         Args:
             d: Offset to the left, any shape [m].
@@ -339,8 +340,10 @@ class Road:
         Returns:
             Integers of the same shape.
         """
-        offset = self.side * np.asarray(d, dtype=np.float64)
-        return np.searchsorted(self.side * self.boundaries, offset, side="right") - 1
+        offset = self.overtaking_sign * np.asarray(d, dtype=np.float64)
+        return (
+            np.searchsorted(self.overtaking_sign * self.lane_boundaries, offset, side="right") - 1
+        )
 
     def check_straight(self, where: str) -> None:
         """Refuse a road with bends or grades.
@@ -351,7 +354,7 @@ class Road:
         Raises:
             ConfigError: The road bends or rises.
         """
-        if self.course and (self.course.line or self.course.grade):
+        if self.course and (self.course.segments or self.course.grade):
             raise ConfigError(
                 what=f"road {self.name}",
                 where=where,
@@ -369,12 +372,12 @@ class Road:
         Raises:
             ConfigError: The speed limit changes along the road.
         """
-        if self.course and self.course.limits:
+        if self.course and self.course.speed_limit_spans:
             raise ConfigError(
                 what=f"road {self.name}",
                 where=where,
                 expected="one limit from end to end",
-                got=f"another one from {self.course.limits[0].start:g} m on",
+                got=f"another one from {self.course.speed_limit_spans[0].start:g} m on",
                 next_step="choose another road",
             )
 
@@ -383,17 +386,17 @@ class Road:
 
         `mirror().to_world(s, -d)` is `(x, -y)` bit for bit; mirroring twice gives an equal road.
         """
-        slow, fast = self.slow_side_neighbour, self.fast_side_neighbour
+        slow, fast = self.kerb_side_neighbour, self.overtaking_side_neighbour
         return dataclasses.replace(
             self,
             driving_side=self.driving_side.opposite,
             lanes=tuple(lane.mirror() for lane in self.lanes),
-            edge_d=-self.edge_d,
+            kerb_edge_d=-self.kerb_edge_d,
             y0=-self.y0,
             origin_y=-self.origin_y,
             heading=-self.heading,
-            slow_side_neighbour=slow.mirror() if slow else None,
-            fast_side_neighbour=fast.mirror() if fast else None,
+            kerb_side_neighbour=slow.mirror() if slow else None,
+            overtaking_side_neighbour=fast.mirror() if fast else None,
             course=self.course and self.course.mirror(),
         )
 
@@ -424,13 +427,13 @@ class Road:
             raise self._error("lane ids", "a different one for each lane", str(ids))
         for lane in self.lanes:
             self._check_driving_lane(lane)
-        for slow, fast in pairwise(self.lanes):
-            near, far = slow.left_mark, fast.right_mark
+        for slower, faster in pairwise(self.lanes):
+            near, far = slower.left_mark, faster.right_mark
             if self.driving_side is DrivingSide.LEFT:
-                near, far = slow.right_mark, fast.left_mark
+                near, far = slower.right_mark, faster.left_mark
             if near is not far.reverse:
                 raise self._error(
-                    f"line between lanes {slow.lane_id} and {fast.lane_id}",
+                    f"line between lanes {slower.lane_id} and {faster.lane_id}",
                     f"{near.reverse.value} from the second as it is {near.value} from the first",
                     far.value,
                 )
@@ -439,23 +442,23 @@ class Road:
         course = self.course
         if course is None:
             return
-        spans = (*course.lines, *course.limits, *course.places)
+        spans = (*course.centre_line_spans, *course.speed_limit_spans, *course.zones)
         stations = [span.stop for span in spans]
         stations += [s for s, _ in (*course.sight, *course.sight_against, *course.grade)]
         if stations and max(stations) > self.length:
             length = f"at most {self.length:g} m, the length of the road"
             raise self._error("course", length, f"{max(stations):g} m")
-        above = [span.speed for span in course.limits if span.speed >= self.speed_limit]
+        above = [span.speed for span in course.speed_limit_spans if span.speed >= self.speed_limit]
         if above:
             lower = f"below {self.speed_limit:g} m/s, the limit of the road"
-            raise self._error("limits", lower, f"{max(above):g} m/s")
-        directed = (*course.limits, *course.places)
+            raise self._error("speed_limit_spans", lower, f"{max(above):g} m/s")
+        directed = (*course.speed_limit_spans, *course.zones)
         against = course.sight_against or [span for span in directed if span.direction < 0]
-        if not self.is_two_way and (course.lines or against):
-            lane = "oncoming traffic: a driving lane with direction -1 beside the fast lane"
+        if not self.is_two_way and (course.centre_line_spans or against):
+            lane = "oncoming traffic: a driving lane with direction -1 on the overtaking side"
             raise self._error("course", lane, "lines or sight for it, and no such lane")
-        if course.line:
-            self._check_line(course.line)
+        if course.segments:
+            self._check_line(course.segments)
 
     def _check_line(self, line: tuple[CurveSegment, ...]) -> None:
         start = (line[0].x, line[0].y, line[0].heading)
@@ -466,7 +469,7 @@ class Road:
                 str(start),
             )
         sharpest = _reference_line(line).max_curvature
-        widest = max(abs(self.edge_d), abs(float(self.boundaries[-1])))
+        widest = max(abs(self.kerb_edge_d), abs(float(self.lane_boundaries[-1])))
         if not sharpest * widest < MAX_CURVATURE_TIMES_OFFSET:
             raise self._error(
                 "bend",

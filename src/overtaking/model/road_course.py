@@ -162,55 +162,58 @@ class RoadCourse:
     """Changes along a road.
 
     Attributes:
-        line: Segments of the reference line, end to start; empty for a straight road. Beyond its
-            ends the line is straight.
+        segments: Segments of the reference line, joined end to start; empty for a straight road.
+            Beyond its ends the line is straight.
         grade: Slope of the road by station: pairs (s, rise per metre) in order of s, linear in
             between and constant beyond; empty for a level road.
-        lines: Stretches of the line between the directions, in order, without overlap. Elsewhere
-            the mark of the fast-most driving lane holds.
-        limits: Stretches with a limit below `Road.speed_limit`, the limit elsewhere, in order of
-            `start`, without overlap in one direction of travel.
-        places: Zones, in any order; they may overlap.
+        centre_line_spans: Spans of the line between the directions, in order, without overlap.
+            Elsewhere the mark of the driving lane beside that line holds.
+        speed_limit_spans: Spans with a limit below `Road.speed_limit`, which applies elsewhere, in
+            order of `start`, without overlap in one direction of travel.
+        zones: Zones, in any order; they may overlap.
         sight: Sight distance of a driver along `s`, by station: pairs (s, distance) in order of s,
             linear in between and constant beyond [m]. Empty if the road does not limit sight.
         sight_against: The same for a driver in the other direction.
 
     Raises:
-        ConfigError: A stretch is empty, stretches or stations are not in order, or a bend or grade
+        ConfigError: A span is empty, spans or stations are not in order, or a bend or grade
             is beyond `MAX_CURVATURE` [1/m] or `MAX_GRADE`.
     """
 
-    line: tuple[CurveSegment, ...] = ()
+    segments: tuple[CurveSegment, ...] = ()
     grade: tuple[tuple[float, float], ...] = ()
-    lines: tuple[CentreLineSpan, ...] = ()
-    limits: tuple[SpeedLimitSpan, ...] = ()
-    places: tuple[RoadZone, ...] = ()
+    centre_line_spans: tuple[CentreLineSpan, ...] = ()
+    speed_limit_spans: tuple[SpeedLimitSpan, ...] = ()
+    zones: tuple[RoadZone, ...] = ()
     sight: tuple[tuple[float, float], ...] = ()
     sight_against: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse fields out of order or out of range."""
         check_batch(self, "course of a road")
-        for name in ("lines", "limits", "places", "sight", "sight_against"):
+        for name in ("centre_line_spans", "speed_limit_spans", "zones", "sight", "sight_against"):
             if len(getattr(self, name)) > MAX_SPANS:
                 raise _error(name, f"at most {MAX_SPANS}", len(getattr(self, name)))
-        for span in (*self.lines, *self.limits, *self.places):
+        for span in (*self.centre_line_spans, *self.speed_limit_spans, *self.zones):
             check_batch(span, "course of a road")
             if not span.start < span.stop:
                 raise _error("stretch", "start before stop", f"{span.start:g} to {span.stop:g} m")
-        _check_order("lines", self.lines)
+        _check_order("centre_line_spans", self.centre_line_spans)
         for direction in (1, -1):
-            _check_order("limits", self.speed_limits_for(direction))
+            _check_order("speed_limit_spans", self.speed_limits_for(direction))
         for name in ("sight", "sight_against", "grade"):
             _check_station_table(name, getattr(self, name))
-        _check_line(self.line)
+        _check_segments(self.segments)
 
     def mirror(self) -> Self:
         """The same in a world where left and right are swapped.
 
-        Lines, limits, places and sight stay the same, because they refer to lanes, not to left.
+        Centre lines, speed limits, zones and sight stay the same, because they refer to lanes and
+        not to left or right.
         """
-        return dataclasses.replace(self, line=tuple(piece.mirror() for piece in self.line))
+        return dataclasses.replace(
+            self, segments=tuple(segment.mirror() for segment in self.segments)
+        )
 
     def sight_at(self, s: ArrayLike, direction: int = 1) -> F64:
         """Sight distance along the road.
@@ -228,17 +231,17 @@ class RoadCourse:
         return StationTable.from_pairs(pairs).value_at(s)
 
     def speed_limits_for(self, direction: int) -> tuple[SpeedLimitSpan, ...]:
-        """The stretches with a limit of their own for a direction of travel, +1 or -1."""
-        return tuple(span for span in self.limits if span.direction in (0, direction))
+        """The spans with a lower limit for a direction of travel, +1 or -1."""
+        return tuple(span for span in self.speed_limit_spans if span.direction in (0, direction))
 
     def zones_for(self, direction: int) -> tuple[RoadZone, ...]:
         """The zones for a direction of travel, +1 or -1."""
-        return tuple(zone for zone in self.places if zone.direction in (0, direction))
+        return tuple(zone for zone in self.zones if zone.direction in (0, direction))
 
 
-def _check_order(name: str, stretches: Sequence[CentreLineSpan] | Sequence[SpeedLimitSpan]) -> None:
-    """Refuse stretches that overlap or are not in order."""
-    for span, next_span in pairwise(stretches):
+def _check_order(name: str, spans: Sequence[CentreLineSpan] | Sequence[SpeedLimitSpan]) -> None:
+    """Refuse spans that overlap or are not in order."""
+    for span, next_span in pairwise(spans):
         if span.stop > next_span.start:
             overlap = f"one to {span.stop:g} m, then one from {next_span.start:g} m"
             raise _error(name, "in order, without overlap", overlap)
@@ -259,17 +262,17 @@ def _check_station_table(name: str, table: Sequence[tuple[float, float]]) -> Non
         raise _error(name, "stations in order", ", ".join(f"{s:g}" for s, _ in table))
 
 
-def _check_line(line: Sequence[CurveSegment]) -> None:
+def _check_segments(segments: Sequence[CurveSegment]) -> None:
     """Refuse a reference line with too many segments, or with an invalid one."""
-    if len(line) > MAX_SEGMENTS:
-        raise _error("line", f"at most {MAX_SEGMENTS} pieces", len(line))
-    for piece in line:
-        if not (all(map(math.isfinite, piece)) and piece.length > 0.0):
-            raise _error("line", "pieces of finite numbers and positive length", piece)
-        sharpest = max(abs(piece.curvature), abs(piece.end_curvature))
-        if sharpest > MAX_CURVATURE:
+    if len(segments) > MAX_SEGMENTS:
+        raise _error("segments", f"at most {MAX_SEGMENTS}", len(segments))
+    for segment in segments:
+        if not (all(map(math.isfinite, segment)) and segment.length > 0.0):
+            raise _error("segments", "finite numbers and positive lengths", segment)
+        max_curvature = max(abs(segment.curvature), abs(segment.end_curvature))
+        if max_curvature > MAX_CURVATURE:
             expected = f"bends of at least {1.0 / MAX_CURVATURE:g} m radius"
-            raise _error("line", expected, f"{1.0 / sharpest:.2f} m")
+            raise _error("segments", expected, f"{1.0 / max_curvature:.2f} m")
 
 
 def _error(what: str, expected: str, got: object) -> ConfigError:
@@ -294,18 +297,18 @@ class MarkChange(NamedTuple):
     mark: RoadMark
 
 
-def marks_along(lines: Sequence[CentreLineSpan], otherwise: RoadMark) -> tuple[MarkChange, ...]:
+def marks_along(spans: Sequence[CentreLineSpan], otherwise: RoadMark) -> tuple[MarkChange, ...]:
     """The line between the directions from end to end.
 
     Args:
-        lines: Its stretches, in order, without overlap.
+        spans: Spans of the line, in order, without overlap.
         otherwise: The mark between them, before them and behind them.
 
     Returns:
         The changes of the mark in order; each mark differs from the one before.
     """
     starts = [MarkChange(-math.inf, otherwise)]
-    for span in lines:
+    for span in spans:
         if starts[-1].station == span.start:  # The previous span ends here.
             starts.pop()
         starts += [MarkChange(span.start, span.mark), MarkChange(span.stop, otherwise)]

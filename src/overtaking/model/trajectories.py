@@ -293,7 +293,7 @@ def with_world_coordinates(road: Road, states: States, is_present: NDArray[np.bo
         states: Recorded states, with headings relative to the road.
         is_present: Which states belong to a vehicle, same shape.
     """
-    if not road.bends:
+    if not road.is_curved:
         return states
     x, y = np.zeros_like(states.s), np.zeros_like(states.s)
     # One simulation at a time: its points fit into the caches, the points of a batch do not.
@@ -389,7 +389,7 @@ class Trajectories(IdentityBatch):
         The angle to the road is the difference of both: on a straight road they are the heading as
         it is and the direction of the road, on one that bends the angle itself and 0.
         """
-        if not self.road.bends:
+        if not self.road.is_curved:
             return self.states.heading, self.road.heading
         return rotate_headings(self.road, self.states, -1.0), 0.0
 

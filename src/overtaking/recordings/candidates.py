@@ -93,7 +93,7 @@ def settled_lanes(recording: Recording) -> I64:
         Lane indices, shape (row,); `num_lanes` beyond the fast edge.
     """
     tracks, road = recording.tracks, recording.road
-    to_border = np.abs(tracks.d[:, None] - road.boundaries[None, :]).min(axis=1)
+    to_border = np.abs(tracks.d[:, None] - road.lane_boundaries[None, :]).min(axis=1)
     is_sure = to_border >= INSIDE
     is_sure[tracks.start[:-1]] = True
     row = np.arange(tracks.num_rows)
@@ -112,7 +112,9 @@ def lane_changes(recording: Recording) -> LaneChanges:
     on_road &= np.maximum(lane[changed], lane[changed - 1]) < end
     on_road &= ~tracks.is_oncoming[vehicle[changed]]
     changed = changed[on_road]
-    to_left = slope(tracks.d, tracks.start, recording.frame_interval_ms) * recording.road.side
+    to_left = (
+        slope(tracks.d, tracks.start, recording.frame_interval_ms) * recording.road.overtaking_sign
+    )
     old, new = lane[changed - 1], lane[changed]
     left = _last_rows_in(tracks, changed, old)
     begin, end = _movements(tracks, left, changed, to_left * 1.0, np.sign(new - old))

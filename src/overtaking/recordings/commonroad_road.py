@@ -148,15 +148,15 @@ def _road(strip: Strip, shape: RoadShape, network: Network) -> tuple[Road, froze
             )
             for k in range(count)
         ),
-        edge_d=float(shape.mean_borders[0]),
+        kerb_edge_d=float(shape.mean_borders[0]),
         length=shape.length,
         x0=begin.x,
         y0=begin.y,
         heading=begin.heading,
         speed_limit=UNKNOWN_LIMIT if limit is None else limit,
-        slow_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
-        fast_side_neighbour=_beside_left(strip[-1], network.lanelets),
-        course=RoadCourse(line=line, limits=lower) if line or lower else None,
+        kerb_side_neighbour=_beside_right(strip[0], network.lanelets, -count - 1),
+        overtaking_side_neighbour=_beside_left(strip[-1], network.lanelets),
+        course=RoadCourse(segments=line, speed_limit_spans=lower) if line or lower else None,
     )
     missing = {"road_kind": not known_kind, "marks": not marks_known, "speed_limit": limit is None}
     return road, frozenset(what for what, is_missing in missing.items() if is_missing)

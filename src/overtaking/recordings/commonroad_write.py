@@ -103,7 +103,7 @@ def _extent(trajectories: Trajectories, place: int) -> tuple[float, float]:
 
 def _signs(road: Road) -> dict[float, int]:
     """Ids of the signs that post the limits of a road, by limit [m/s]."""
-    lower = road.course.limits if road.course else ()
+    lower = road.course.speed_limit_spans if road.course else ()
     limits = sorted({road.speed_limit, *(one.speed for one in lower)})
     posted = [limit for limit in limits if limit < _LARGEST_LIMIT]
     return {limit: SPEED_SIGN + k for k, limit in enumerate(posted)}
@@ -111,8 +111,10 @@ def _signs(road: Road) -> dict[float, int]:
 
 def _edges(road: Road, extent: tuple[float, float]) -> list[float]:
     """Where lanelets begin and end: where the line between the directions or a limit changes."""
-    changes = {start for start, _ in road.fast_edge_marks[1:]} if road.is_two_way else set[float]()
-    limits = road.course.limits if road.course else ()
+    changes = (
+        {start for start, _ in road.overtaking_edge_marks[1:]} if road.is_two_way else set[float]()
+    )
+    limits = road.course.speed_limit_spans if road.course else ()
     changes |= {end for one in limits for end in (one.start, one.stop)} - {0.0, road.length}
     return [extent[0], *sorted(s for s in changes if extent[0] < s < extent[1]), extent[1]]
 
@@ -128,15 +130,15 @@ def _lanelets(
         signs: Ids of the signs by the limit that they post [m/s].
         knows_marks: Whether the lines are known.
     """
-    lanes, borders = list(road.lanes), road.boundaries
-    if (beyond := road.fast_side_neighbour) is not None and road.is_two_way:
+    lanes, borders = list(road.lanes), road.lane_boundaries
+    if (beyond := road.overtaking_side_neighbour) is not None and road.is_two_way:
         lanes.append(beyond)
-        borders = np.append(borders, borders[-1] + road.side * beyond.width)
+        borders = np.append(borders, borders[-1] + road.overtaking_sign * beyond.width)
     edges = _edges(road, extent)
     kind = "highway" if road.kind == "motorway" else "unknown"
     for part, (start, stop) in enumerate(pairwise(edges)):
         s = _stations(road, start, stop)
-        middle = next(mark for at, mark in reversed(road.fast_edge_marks) if at <= start)
+        middle = next(mark for at, mark in reversed(road.overtaking_edge_marks) if at <= start)
         neighbours = [part + step for step in (-1, 1) if 0 <= part + step < len(edges) - 1]
         for k, lane in enumerate(lanes):
             marks = _own_marks(road, lane, k, middle) if knows_marks else (None, None)
@@ -183,8 +185,8 @@ def _bounds(
 def _stations(road: Road, start: float, stop: float) -> NDArray[np.float64]:
     """Stations of the points of a border, near enough to each other in bends [m]."""
     spacing = _POINT_SPACING
-    if road.bends:
-        sharpest = max(max(abs(one.curvature), abs(one.end_curvature)) for one in road.pieces)
+    if road.is_curved:
+        sharpest = max(max(abs(one.curvature), abs(one.end_curvature)) for one in road.segments)
         # The chord of an arc; lanes on the outside of a bend are longer than the reference line,
         # by half at most (`MAX_CURVED_WIDTH`) and that of who comes.
         spacing = min(spacing, 0.5 * float(np.sqrt(8.0 * _SAGITTA / max(sharpest, 1e-9))))
@@ -194,7 +196,7 @@ def _stations(road: Road, start: float, stop: float) -> NDArray[np.float64]:
 def _own_marks(road: Road, lane: Lane, k: int, middle: RoadMark) -> tuple[RoadMark, RoadMark]:
     """The lines on the left and right of a lane; the one between the directions as it is here."""
     left, right = lane.left_mark, lane.right_mark
-    fast_is_left = road.side > 0
+    fast_is_left = road.overtaking_sign > 0
     if k == road.num_lanes - 1:
         left, right = (middle, right) if fast_is_left else (left, middle)
     elif k == road.num_lanes:
@@ -205,7 +207,7 @@ def _own_marks(road: Road, lane: Lane, k: int, middle: RoadMark) -> tuple[RoadMa
 
 def _adjacent(road: Road, lanes: Sequence[Lane], k: int, number: int) -> Iterator[str]:
     """The lanelets beside one, as its own drivers have them on the left and right."""
-    towards_left = 1 if road.side > 0 else -1
+    towards_left = 1 if road.overtaking_sign > 0 else -1
     turned = lanes[k].direction
     for name, step in (("Left", towards_left * turned), ("Right", -towards_left * turned)):
         if 0 <= k + step < len(lanes):

@@ -152,7 +152,9 @@ def _on_one_road(rows: Rows, borders: dict[int, F64], road: Road) -> Any:
     for one, local in borders.items():
         here = direction == one
         offset = (sign * rows.values["y"])[here]
-        d[here] = scaled(offset, np.broadcast_to(local, (len(offset), len(local))), road.boundaries)
+        d[here] = scaled(
+            offset, np.broadcast_to(local, (len(offset), len(local))), road.lane_boundaries
+        )
     tracks = tracks_of(replace(rows, values=turned), road, s, d)
     on_lanes = np.isin(direction, list(borders))
     return replace(tracks, carriageway=rows.direction - 1), on_lanes
@@ -177,7 +179,7 @@ def _road(name: str, limit: float | None, borders: Sequence[F64], extent: float)
                 )
                 for k, width in enumerate(widths)
             ),
-            edge_d=-float(widths.sum()) * 0.5,
+            kerb_edge_d=-float(widths.sum()) * 0.5,
             length=max(extent, 1.0),
             x0=0.0,
             y0=0.0,
@@ -192,7 +194,7 @@ def _road(name: str, limit: float | None, borders: Sequence[F64], extent: float)
 
 def _widening(road: Road, borders: Sequence[F64]) -> float:
     """Largest part by which a lane differs from that of the road that stands for both."""
-    mean = np.diff(road.boundaries)
+    mean = np.diff(road.lane_boundaries)
     return round(max(float(np.abs(np.diff(one) / mean - 1.0).max()) for one in borders), 4)
 
 

@@ -122,12 +122,12 @@ def write_highd(trajectories: Trajectories, numbers: NDArray[np.integer], folder
 def _check_one_limit(trajectories: Trajectories) -> None:
     """Refuse several limits, which `speedLimit` has no place for."""
     road = trajectories.road
-    if road.course and road.course.limits and "speed_limit" not in trajectories.unknown:
+    if road.course and road.course.speed_limit_spans and "speed_limit" not in trajectories.unknown:
         raise ConfigError(
             what=f"road {road.name}",
             where="export to highD",
             expected="one speed limit",
-            got=f"{len(road.course.limits)} stretches with lower ones",
+            got=f"{len(road.course.speed_limit_spans)} stretches with lower ones",
             next_step="choose --format commonroad",
         )
 
@@ -156,10 +156,10 @@ def image_tracks(trajectories: Trajectories, place: int) -> ImageTracks:
     cosine, sine = np.cos(relative), np.sin(relative)
     there = present[:, before] & (present[:, after] | (part == 0.0))
     first = float(s[there].min()) - _MARGIN
-    edges = np.sort(road.boundaries)
+    edges = np.sort(road.lane_boundaries)
     line = _MEDIAN
     upper = np.zeros(1)
-    if (beyond := road.fast_side_neighbour) is not None and road.is_two_way:
+    if (beyond := road.overtaking_side_neighbour) is not None and road.is_two_way:
         line += beyond.width
         upper = np.array([_MEDIAN, line])
     bodies = trajectories.scenario.vehicles

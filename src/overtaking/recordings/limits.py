@@ -27,7 +27,7 @@ def with_speed_limit(road: Road, speed_limit: float) -> Road:
         ConfigError: The limit is not positive, or too large.
     """
     check_speed_limit(speed_limit, f"road {road.name}")
-    course = road.course and dataclasses.replace(road.course, limits=())
+    course = road.course and dataclasses.replace(road.course, speed_limit_spans=())
     return dataclasses.replace(
         road,
         speed_limit=min(speed_limit, NO_LIMIT),
@@ -65,8 +65,8 @@ def highest_and_lower(
         length: Of the road [m].
 
     Returns:
-        `Road.speed_limit` and `RoadCourse.limits`. What both directions have from the same station
-        to the same is one limit.
+        `Road.speed_limit` and `RoadCourse.speed_limit_spans`. Equal limits of both directions
+        between the same stations are one span.
     """
     highest = max(max(one[1:]) for one in stretches)
     along, against = (

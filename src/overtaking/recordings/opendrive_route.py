@@ -309,7 +309,7 @@ def _build(name: str, driving_side: DrivingSide, row: Sequence[Cell], line: Alig
         kind=section.kind,
         driving_side=driving_side,
         lanes=tuple(lane(strip) for strip in reversed(section.strips)),
-        edge_d=outward * outer_edge,
+        kerb_edge_d=outward * outer_edge,
         length=line.length,
         x0=line.x,
         y0=line.y,
@@ -318,8 +318,8 @@ def _build(name: str, driving_side: DrivingSide, row: Sequence[Cell], line: Alig
         origin_y=line.origin[1],
         course=line.course,
         speed_limit=max(max(cell.limit, cell.limit_against) for cell in row),
-        slow_side_neighbour=lane(slow) if slow else None,
-        fast_side_neighbour=lane(fast, -1 if section.across else 1) if fast else None,
+        kerb_side_neighbour=lane(slow) if slow else None,
+        overtaking_side_neighbour=lane(fast, -1 if section.across else 1) if fast else None,
     )
 
 
@@ -372,7 +372,7 @@ def _alignment(groups: Sequence[tuple[Way, list[Cell]]]) -> Alignment:
 
 def _near_origin(line: Alignment) -> Alignment:
     """The line in coordinates that count from an origin near it, if it is far from the file's."""
-    pieces = line.course.line if line.course else ()
+    pieces = line.course.segments if line.course else ()
     starts = np.array([(line.x, line.y), *(piece[:2] for piece in pieces)])
     east, north = origin_near(*starts.T)
     if (east, north) == (0.0, 0.0):
@@ -382,7 +382,7 @@ def _near_origin(line: Alignment) -> Alignment:
         line,
         x=line.x - east,
         y=line.y - north,
-        course=replace(line.course, line=moved) if line.course else None,
+        course=replace(line.course, segments=moved) if line.course else None,
         origin=(east, north),
     )
 
@@ -482,7 +482,9 @@ def _course(
     limits = highest_and_lower(stated, length)[1]
     if not (line or table or lines or limits):
         return None
-    return RoadCourse(line=line, grade=tuple(table), lines=lines, limits=limits)
+    return RoadCourse(
+        segments=line, grade=tuple(table), centre_line_spans=lines, speed_limit_spans=limits
+    )
 
 
 def _length(road: Element) -> float:

@@ -124,11 +124,11 @@ def _moved(course: RoadCourse, by: float, before: CurveSegment) -> RoadCourse:
         return dataclasses.replace(one, start=one.start + by, stop=one.stop + by)
 
     return RoadCourse(
-        line=(before, *course.line) if course.line else (),
+        segments=(before, *course.segments) if course.segments else (),
         grade=table(course.grade),
-        lines=tuple(map(farther, course.lines)),
-        limits=tuple(map(farther, course.limits)),
-        places=tuple(map(farther, course.places)),
+        centre_line_spans=tuple(map(farther, course.centre_line_spans)),
+        speed_limit_spans=tuple(map(farther, course.speed_limit_spans)),
+        zones=tuple(map(farther, course.zones)),
         sight=table(course.sight),
         sight_against=table(course.sight_against),
     )
@@ -136,11 +136,11 @@ def _moved(course: RoadCourse, by: float, before: CurveSegment) -> RoadCourse:
 
 def whole_plan(road: Road) -> list[CurveSegment]:
     """The pieces of the reference line, as long as the road: beyond them it goes on straight."""
-    if not road.bends:
+    if not road.is_curved:
         return [CurveSegment(road.x0, road.y0, road.heading, road.length)]
     kept: list[CurveSegment] = []
     covered = 0.0
-    for piece in road.pieces:
+    for piece in road.segments:
         length = min(piece.length, road.length - covered)
         if length > _SHORTEST:
             bend = piece.curvature + (piece.end_curvature - piece.curvature) * length / piece.length
@@ -235,7 +235,7 @@ def _group(side: str, lanes: Sequence[str]) -> str:
 def _beside(road: Road) -> tuple[Lane | None, Lane | None]:
     """The lanes beside the driving lanes, unless they lie across the reference line."""
     sign = road.lanes[0].lane_id
-    found = (road.fast_side_neighbour, road.slow_side_neighbour)
+    found = (road.overtaking_side_neighbour, road.kerb_side_neighbour)
     fast, slow = (lane if lane and lane.lane_id * sign > 0 else None for lane in found)
     return fast, slow
 
@@ -243,7 +243,7 @@ def _beside(road: Road) -> tuple[Lane | None, Lane | None]:
 def _inner_edge(road: Road) -> float:
     """`d` of the border nearest to the reference line [m]."""
     fast, _ = _beside(road)
-    return float(road.boundaries[-1]) + road.side * (fast.width if fast else 0.0)
+    return float(road.lane_boundaries[-1]) + road.overtaking_sign * (fast.width if fast else 0.0)
 
 
 def _strips(road: Road, *, along: bool) -> list[_Strip]:
@@ -269,7 +269,7 @@ def _strips(road: Road, *, along: bool) -> list[_Strip]:
 
 def _opposite(road: Road, *, along: bool) -> list[_Strip]:
     """The lane beside the driving lanes that lies across the reference line, from there outward."""
-    lane, sign = road.fast_side_neighbour, road.lanes[0].lane_id
+    lane, sign = road.overtaking_side_neighbour, road.lanes[0].lane_id
     if lane is None or lane.lane_id * sign > 0:
         return []
     outer = _same(_marks(road, lane)[0])  # Away from the line is what is towards it over there.
@@ -302,7 +302,7 @@ def _inner_marks(road: Road, *, along: bool) -> Marks:
     fast, _ = _beside(road)
     if fast is not None:
         return _same(_marks(road, fast)[0].reverse)
-    found = [(max(start, 0.0), mark.reverse) for start, mark in road.fast_edge_marks]
+    found = [(max(start, 0.0), mark.reverse) for start, mark in road.overtaking_edge_marks]
     found = [one for one in found if one[0] < road.length]
     if along:
         return tuple(found)

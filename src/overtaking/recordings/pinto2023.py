@@ -215,7 +215,7 @@ def _surroundings(road: Road) -> dict[str, NDArray[Any]]:
     Returns:
         Arrays of shape (256,) by column; widths are NaN where there is no such lane [m].
     """
-    slow, fast = road.slow_side_neighbour, road.fast_side_neighbour
+    slow, fast = road.kerb_side_neighbour, road.overtaking_side_neighbour
     lanes = [*([slow] if slow else []), *road.lanes, *([fast] if fast else [])]
     place = np.full(256, len(lanes) - 1)
     place[: road.num_lanes] = np.arange(road.num_lanes) + (1 if slow else 0)

@@ -180,11 +180,11 @@ def _with_limits(road: Road, given: F64) -> tuple[Road, bool]:
 
     They are if there is one, or if the road posts all of them, and then where it does.
     """
-    lower = road.course.limits if road.course else ()
+    lower = road.course.speed_limit_spans if road.course else ()
     posted = np.array([road.speed_limit, *(one.speed for one in lower)])
     if lower and (np.abs(posted - given[:, None]).min(axis=1) < _ROUNDING).all():
         return road, True
-    course = dataclasses.replace(road.course, limits=()) if road.course else None
+    course = dataclasses.replace(road.course, speed_limit_spans=()) if road.course else None
     return dataclasses.replace(road, speed_limit=float(given[0]), course=course), len(given) == 1
 
 

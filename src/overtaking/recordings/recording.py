@@ -321,7 +321,7 @@ def on_road(road: Road, s: F64, d: F64) -> NDArray[np.bool_]:
         s: Along it, any shape [m].
         d: To its left, same shape [m].
     """
-    edges = np.sort(road.boundaries[[0, -1]])
+    edges = np.sort(road.lane_boundaries[[0, -1]])
     beside = (d > edges[0] - _BESIDE) & (d < edges[1] + _BESIDE)
     return beside & (s >= 0.0) & (s <= road.length)
 

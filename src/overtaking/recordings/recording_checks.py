@@ -335,7 +335,7 @@ def check_lanes(road: Road, tracks: Tracks, frame_interval_ms: int) -> list[Find
     lane_step = int(np.gcd.reduce(np.diff(used_lanes))) if len(used_lanes) > 1 else 1
     if lane_step < 2:
         return []
-    pitch = lane_step * float(np.abs(np.diff(road.boundaries)).mean())
+    pitch = lane_step * float(np.abs(np.diff(road.lane_boundaries)).mean())
     factor = _factor_into(pitch, _LANE_WIDTHS)
     if factor is None:
         return []

@@ -321,7 +321,7 @@ def _road(
                 )
                 for k, width in enumerate(widths)
             ),
-            edge_d=float(borders[0]),
+            kerb_edge_d=float(borders[0]),
             length=sum(piece.length for piece in pieces),
             x0=pieces[0].x,
             y0=pieces[0].y,
@@ -329,7 +329,7 @@ def _road(
             origin_x=origin[0],
             origin_y=origin[1],
             speed_limit=NO_LIMIT if limit is None or limit < 0.0 else limit,
-            course=None if is_straight(pieces) else RoadCourse(line=pieces),
+            course=None if is_straight(pieces) else RoadCourse(segments=pieces),
         )
     except ConfigError as error:
         raise refused(where, "road", "one that the model is made for", f"{error}") from None

@@ -136,7 +136,7 @@ def _start_range(spec: Specification, traffic: PlacedTraffic, road: Road) -> tup
     key, ends = "spawn_s_m", traffic.spawn_s_m
     if traffic.spawn_x_m is not None:
         key = "spawn_x_m"
-        middle = 0.5 * (road.boundaries[0] + road.boundaries[-1])
+        middle = 0.5 * (road.lane_boundaries[0] + road.lane_boundaries[-1])
         _, y = road.to_world(0.5 * road.length, middle)
         along, _ = road.to_road(np.array(traffic.spawn_x_m), np.full(2, float(y)))
         ends = (float(along.min()), float(along.max()))

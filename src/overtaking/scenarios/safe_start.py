@@ -272,7 +272,7 @@ def _lane_films(weather: Weather, road: Road) -> F32:
     min_film = road_surface.min_wet_film(rate, weather.puddles)
     # Water runs to the slow side, so a lane also drains the lanes on its fast side. The path is
     # computed in float64 and rounded once: the start of a simulation keeps its bits on every road.
-    path = np.abs(road.boundaries[-1] - road.centres).astype(np.float32)
+    path = np.abs(road.lane_boundaries[-1] - road.lane_centres).astype(np.float32)
     texture = np.asarray(constant("weather.film.texture_depth_mm"))
     return road_surface.lane_film(
         min_film[:, None],

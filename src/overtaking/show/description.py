@@ -118,7 +118,7 @@ def _oncoming(labelled: LabelledTrajectories) -> Values:
 
 def lane_name(road: Road, code: int) -> str:
     """OpenDRIVE's id of a recorded lane, or "off" where a vehicle has left the lanes."""
-    beyond = [road.fast_side_neighbour] if road.is_two_way else []
+    beyond = [road.overtaking_side_neighbour] if road.is_two_way else []
     lanes = [*road.lanes, *beyond]
     lane = lanes[code] if code < len(lanes) else None
     return "off" if lane is None else str(lane.lane_id)
@@ -127,7 +127,9 @@ def lane_name(road: Road, code: int) -> str:
 def _road(run: Trajectories) -> Values:
     """The road as the recorded positions see it."""
     road, unknown = run.road, run.unknown
-    limits = () if "speed_limit" in unknown or road.course is None else road.course.limits
+    limits = (
+        () if "speed_limit" in unknown or road.course is None else road.course.speed_limit_spans
+    )
     return {
         "name": road.name,
         "kind": None if "road_kind" in unknown else road.kind,

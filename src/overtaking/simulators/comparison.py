@@ -176,7 +176,7 @@ def lane_changes(trajectories: Trajectories) -> I32:
     One is complete when the ego is near the middle of another lane than the one in whose middle it
     was last.
     """
-    centres = trajectories.road.centres / POSITION_RESOLUTION
+    centres = trajectories.road.lane_centres / POSITION_RESOLUTION
     d, lane = trajectories.states.d[:, EGO_SLOT], trajectories.states.lane[:, EGO_SLOT]
     on_road = lane < len(centres)
     offset = np.abs(d - centres[np.where(on_road, lane, 0)])

@@ -196,7 +196,7 @@ def min_change_duration_by_friction(context: StepContext) -> F32:
 
 
 def _speeds(context: StepContext) -> FieldArrays:
-    """Desired speeds under the limit of the road, the highest one if `RoadCourse.limits` vary."""
+    """Desired speeds under `Road.speed_limit`, the highest limit of the road."""
     scenario = context.scenario
     max_speed, limit = scenario.vehicles.max_speed, np.float32(scenario.road.speed_limit)
     factors = desired_speed_factors(scenario, context.conditions)

@@ -89,7 +89,7 @@ def road_parameters(road: Road) -> RoadParameters:
     Results are cached: all callers share the arrays and must not change them.
     """
     side = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
-    borders = side * as_f32(road.boundaries)
+    borders = side * as_f32(road.lane_boundaries)
     two_way = has_two_directions(road)
     if two_way:
         # The opposing lane is one more lane, as wide as lane 0. Turned by half a circle each lane
@@ -102,7 +102,7 @@ def road_parameters(road: Road) -> RoadParameters:
     crown = borders[road.num_lanes] if two_way else borders[-1]
     course = _course_table(road)
     # On a road that bends the step has road coordinates only, so it needs no pose.
-    pose = (0.0, 0.0, 0.0) if road.bends else (road.x0, road.y0, road.heading)
+    pose = (0.0, 0.0, 0.0) if road.is_curved else (road.x0, road.y0, road.heading)
     x0, y0, heading = map(np.float32, pose)
     sine, cosine = sincos(heading)
     return RoadParameters(
@@ -131,13 +131,14 @@ def has_two_directions(road: Road) -> bool:
     The tables of its course may have at most `MAX_KNOTS` - 1 stations. On all other roads vehicles
     keep to the lanes of the road's own direction.
     """
-    opposing_lane, course = road.fast_side_neighbour, road.course or RoadCourse()
+    opposing_lane, course = road.overtaking_side_neighbour, road.course or RoadCourse()
     return (
         road.is_two_way
         and road.num_lanes == 1
         and opposing_lane is not None
         and opposing_lane.width == road.lanes[0].width
-        and max(map(len, (course.sight, course.sight_against, road.fast_edge_marks))) < MAX_KNOTS
+        and max(map(len, (course.sight, course.sight_against, road.overtaking_edge_marks)))
+        < MAX_KNOTS
     )
 
 
@@ -251,7 +252,7 @@ def _sight_table(road: Road) -> F32:
 
 def _line_table(road: Road) -> F32:
     """The table `RoadParameters.line`."""
-    marks = road.fast_edge_marks
+    marks = road.overtaking_edge_marks
     stations = [max(start, -_FAR) for start, _ in marks]
     along = [float(mark in _SOLID) for _, mark in marks]
     against = [float(mark.reverse in _SOLID) for _, mark in marks]
@@ -266,7 +267,9 @@ def _course_table(road: Road) -> F32:
     all bends of radius R at a distance x ahead. At a speed that is the root of a times this radius,
     a driver that brakes by b enters each bend with the lateral acceleration a.
     """
-    if road.course is None or not (road.course.line or road.course.grade or road.course.limits):
+    if road.course is None or not (
+        road.course.segments or road.course.grade or road.course.speed_limit_spans
+    ):
         return np.zeros((10, 0), np.float32)
     spacing = float(constant("model.steering.station"))
     stations = np.arange(math.ceil(road.length / spacing) + 1, dtype=np.float64) * spacing
@@ -282,7 +285,7 @@ def _course_table(road: Road) -> F32:
     radius = 1.0 / np.maximum(np.abs(curvature), 1.0 / _FAR)
     along = np.minimum.accumulate((radius + rise * stations)[::-1])[::-1] - rise * stations
     against = np.minimum.accumulate(radius - rise * stations) + rise * stations
-    rows = [road.side * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
+    rows = [road.overtaking_sign * curvature, slope / np.sqrt(1.0 + slope * slope), along, against]
     allowed = [_allowed_speeds(road, stations, direction) for direction in (1, -1)]
     return np.array([*rows, *_sight_rows(road, len(stations)), *allowed], np.float32)
 

@@ -126,13 +126,13 @@ def visible_distance(road: Road, direction: int) -> VisibleDistance | None:
         The distances by station; None where the course states sight or nothing limits it.
     """
     course = road.course
-    if course is None or not (course.line or course.grade):
+    if course is None or not (course.segments or course.grade):
         return None
     if course.sight or course.sight_against:
         return None
     facts = sight_facts()
     past_bends = over_crests = from_truck = np.full(len(_stations(road)), max_sight())
-    if course.line:
+    if course.segments:
         past_bends = _sight_round_bends(road, direction, facts.clearance)
     if course.grade:
         over_crests, from_truck = (
@@ -216,9 +216,9 @@ def _sight_round_bends(road: Road, direction: int, clearance: float) -> F64:
 
 def _outer_centres(road: Road) -> tuple[float, float]:
     """Middle of the leftmost and of the rightmost driving lane, of either direction [m]."""
-    centres = list(road.centres)
-    if road.is_two_way and (opposing_lane := road.fast_side_neighbour):
-        centres.append(road.boundaries[-1] + 0.5 * road.side * opposing_lane.width)
+    centres = list(road.lane_centres)
+    if road.is_two_way and (opposing_lane := road.overtaking_side_neighbour):
+        centres.append(road.lane_boundaries[-1] + 0.5 * road.overtaking_sign * opposing_lane.width)
     return float(max(centres)), float(min(centres))
 
 

@@ -43,7 +43,7 @@ class VehicleParameters(NamedTuple):
     `model.vehicles.DriverTraits` explain the fields that they have too;
     `world.vehicle_parameters` and `world.driver_parameters` compute the others. Flags are 0 or 1.
     Desired speeds hold under the limit of the road; the step lowers them on a road with
-    `RoadCourse.limits`.
+    `RoadCourse.speed_limit_spans`.
     """
 
     valid: F32

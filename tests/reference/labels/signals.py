@@ -52,14 +52,14 @@ class One:
 
     def _take_other_side(self) -> None:
         """The lane of oncoming traffic is one more, and who comes is seen by nobody."""
-        beyond = self.road.fast_side_neighbour
+        beyond = self.road.overtaking_side_neighbour
         assert beyond is not None
-        edge = 1000.0 * (self.road.side * self.road.boundaries[-1] + beyond.width)
+        edge = 1000.0 * (self.road.overtaking_sign * self.road.lane_boundaries[-1] + beyond.width)
         d, heading = self.state("d").tolist(), self.state("heading").tolist()
         for slot in range(self.slots):
             for frame in range(self.frames):
                 if self.lane[slot][frame] == self.num_lanes:
-                    self.lane[slot][frame] += self.road.side * d[slot][frame] > edge
+                    self.lane[slot][frame] += self.road.overtaking_sign * d[slot][frame] > edge
             there = [frame for frame in range(self.frames) if self.recorded[slot][frame]]
             first = there[0] if there else 0
             if slot and math.cos(1e-4 * heading[slot][first] - self.road.heading) < 0:

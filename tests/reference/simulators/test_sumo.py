@@ -77,7 +77,7 @@ def test_sumo_sees_our_lanes(tmp_path):
         limits = [lane.getMaxSpeed(name) for name in names]
         assert limits == pytest.approx([road.speed_limit] * road.num_lanes)
         middles = [lane.getShape(name)[0][1] for name in names]
-        assert middles == pytest.approx((road.side * road.centres).tolist())
+        assert middles == pytest.approx((road.overtaking_sign * road.lane_centres).tolist())
 
 
 def running_network(road, folder):
@@ -407,7 +407,7 @@ def test_sumos_ego_overtakes_on_the_lane_of_others_when_they_are_past():
         frames = int(run.num_frames[row])
         out = np.flatnonzero(side[row, :frames] > 0.0)
         assert len(out)  # The line between the directions is at d = 0.
-        assert side[row, frames - 1] == pytest.approx(float(world.road.centres[0]), abs=0.3)
+        assert side[row, frames - 1] == pytest.approx(float(world.road.lane_centres[0]), abs=0.3)
         target = metres(run.states.s[row, 1])
         assert metres(run.states.s[row, 0])[frames - 1] > target[frames - 1]
         for slot in np.flatnonzero(world.start_lane[row] == 1):

@@ -42,13 +42,13 @@ def straight(**changes) -> Road:
         "kind": "motorway",
         "driving_side": DrivingSide.RIGHT,
         "lanes": lanes,
-        "edge_d": -10.5,
+        "kerb_edge_d": -10.5,
         "length": 1000.0,
         "x0": 12.0,
         "y0": -7.0,
         "heading": 0.5,
         "speed_limit": 33.0,
-        "slow_side_neighbour": shoulder,
+        "kerb_side_neighbour": shoulder,
     }
     return Road(**(values | changes))
 
@@ -57,7 +57,7 @@ roads = st.builds(
     lambda lanes, edge, length, x, y, heading: dataclasses.replace(
         straight(),
         lanes=straight().lanes[:lanes],
-        edge_d=edge,
+        kerb_edge_d=edge,
         length=length,
         x0=x,
         y0=y,
@@ -75,15 +75,15 @@ either_hand = st.one_of(roads, roads.map(Road.mirror))
 
 def test_lanes_are_laid_out_from_the_slow_side_to_the_left_in_right_hand_traffic():
     road = straight()
-    assert (road.num_lanes, road.side) == (3, 1.0)
-    np.testing.assert_array_equal(road.boundaries, [-10.5, -6.75, -3.25, 0.0])
-    np.testing.assert_array_equal(road.centres, [-8.625, -5.0, -1.625])
+    assert (road.num_lanes, road.overtaking_sign) == (3, 1.0)
+    np.testing.assert_array_equal(road.lane_boundaries, [-10.5, -6.75, -3.25, 0.0])
+    np.testing.assert_array_equal(road.lane_centres, [-8.625, -5.0, -1.625])
 
 
 def test_lanes_are_laid_out_to_the_right_in_left_hand_traffic():
     road = straight().mirror()
-    assert (road.driving_side, road.side) == (DrivingSide.LEFT, -1.0)
-    np.testing.assert_array_equal(road.boundaries, [10.5, 6.75, 3.25, 0.0])
+    assert (road.driving_side, road.overtaking_sign) == (DrivingSide.LEFT, -1.0)
+    np.testing.assert_array_equal(road.lane_boundaries, [10.5, 6.75, 3.25, 0.0])
 
 
 def test_d_is_positive_to_the_left_of_the_direction_of_travel():
@@ -117,7 +117,7 @@ def test_road_coordinates_undo_world_coordinates(road: Road, data):
 
 def test_world_broadcasts_stations_against_lanes():
     road = straight()
-    x, y = road.to_world(np.linspace(0.0, 100.0, 11)[:, None], road.centres)
+    x, y = road.to_world(np.linspace(0.0, 100.0, 11)[:, None], road.lane_centres)
     assert x.shape == y.shape == (11, 3)
     assert x.dtype == y.dtype == np.float64
 
@@ -134,7 +134,11 @@ def test_the_direction_of_travel_is_right_to_the_last_digit(heading: float):
 @given(road=either_hand, d=st.lists(st.floats(-100.0, 100.0), min_size=1))
 def test_lane_index_counts_the_borders_that_are_passed(road: Road, d: list[float]):
     passed = [
-        sum(1 for border in road.boundaries if road.side * value >= road.side * border)
+        sum(
+            1
+            for border in road.lane_boundaries
+            if road.overtaking_sign * value >= road.overtaking_sign * border
+        )
         for value in d
     ]
     index = road.lane_index(np.array(d))
@@ -144,9 +148,9 @@ def test_lane_index_counts_the_borders_that_are_passed(road: Road, d: list[float
 
 def test_a_border_belongs_to_the_faster_lane_and_the_edges_are_outside():
     for road in (straight(), straight().mirror()):
-        assert road.lane_index(road.boundaries).tolist() == [0, 1, 2, 3]
-        assert road.lane_index(road.centres).tolist() == [0, 1, 2]
-        beyond = road.boundaries[[0, -1]] + road.side * np.array([-0.01, 0.01])
+        assert road.lane_index(road.lane_boundaries).tolist() == [0, 1, 2, 3]
+        assert road.lane_index(road.lane_centres).tolist() == [0, 1, 2]
+        beyond = road.lane_boundaries[[0, -1]] + road.overtaking_sign * np.array([-0.01, 0.01])
         assert road.lane_index(beyond).tolist() == [-1, 3]
 
 
@@ -157,7 +161,7 @@ def test_the_mirror_image_is_exact(road: Road, s: float, d: float):
     x, y = road.to_world(s, d)
     image_x, image_y = image.to_world(s, -d)
     assert (float(image_x), float(image_y)) == (float(x), -float(y))
-    np.testing.assert_array_equal(image.boundaries, -road.boundaries)
+    np.testing.assert_array_equal(image.lane_boundaries, -road.lane_boundaries)
     assert image.lane_index(-d) == road.lane_index(d)
 
 
@@ -166,7 +170,7 @@ def test_the_mirror_image_swaps_marks_ids_and_neighbours_hands():
     assert [lane.lane_id for lane in image.lanes] == [3, 2, 1]
     assert image.lanes[0].left_mark is RoadMark.SOLID
     assert image.lanes[2].left_mark is RoadMark.BROKEN_SOLID
-    shoulder = image.slow_side_neighbour
+    shoulder = image.kerb_side_neighbour
     assert shoulder is not None
     assert (shoulder.lane_id, shoulder.left_mark) == (4, RoadMark.NONE)
 
@@ -226,7 +230,7 @@ def with_lane(**changes) -> tuple[Lane, ...]:
         ({"x0": 5_335_000.0}, "x0: expected -1.8e+06 to 1.8e+06 m, got 5.335e+06"),
         ({"origin_y": math.nan}, "origin_y"),
         ({"y0": math.nan}, "y0"),
-        ({"edge_d": -math.inf}, "edge_d"),
+        ({"kerb_edge_d": -math.inf}, "kerb_edge_d"),
         ({"speed_limit": 0.0}, "speed_limit"),
         ({"speed_limit": math.nan}, "speed_limit"),
         ({"length": "long"}, "length: expected a number, got 'long'"),
@@ -261,7 +265,7 @@ def test_roads_that_come_with_the_package_are_whole(name: str):
     road = known_road(name)
     assert road.name == name
     assert road.driving_side is DrivingSide.RIGHT
-    slow, fast = road.slow_side_neighbour, road.fast_side_neighbour
+    slow, fast = road.kerb_side_neighbour, road.overtaking_side_neighbour
     assert slow is not None
     assert fast is not None
     assert slow.left_mark is road.lanes[0].right_mark is RoadMark.SOLID
@@ -274,11 +278,11 @@ def test_roads_that_come_with_the_package_are_whole(name: str):
 
 def test_a_motorway_is_what_portuguese_practice_builds():
     road = known_road("motorway")
-    np.testing.assert_array_equal(road.boundaries, [-12.25, -8.5, -4.75, -1.0])
+    np.testing.assert_array_equal(road.lane_boundaries, [-12.25, -8.5, -4.75, -1.0])
     assert road.speed_limit == pytest.approx(120.0 / 3.6)
     assert road.length == 5000.0
-    assert road.slow_side_neighbour is not None
-    assert road.slow_side_neighbour.width == 3.0
+    assert road.kerb_side_neighbour is not None
+    assert road.kerb_side_neighbour.width == 3.0
 
 
 def test_an_unknown_road_is_named_with_the_known_ones():

@@ -31,7 +31,7 @@ def limit(start: float, stop: float, speed: float, direction: int = 0) -> SpeedL
     return SpeedLimitSpan(start=start, stop=stop, speed=speed, direction=direction)
 
 
-def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
+def test_the_mark_of_the_lane_holds_between_the_spans_of_the_centre_line():
     lines = (line(100.0, 200.0), line(200.0, 250.0, MIXED), line(400.0, 500.0, BROKEN))
     assert marks_along(lines, BROKEN) == (
         (-math.inf, BROKEN),
@@ -45,12 +45,18 @@ def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"lines": (line(10.0, 10.0),)}, "stretch: expected start before stop"),
-        ({"lines": (line(0.0, 20.0), line(10.0, 30.0))}, "lines: expected in order"),
-        ({"limits": (limit(0, 20, 10.0), limit(10, 30, 9.0, -1))}, "limits: expected in order"),
-        ({"limits": (limit(0, 20, 0.0),)}, "speed: expected more than 0"),
-        ({"places": (RoadZone(kind=ZoneKind.BEND, start=9.0, stop=1.0),)}, "start before stop"),
-        ({"places": (RoadZone(kind=ZoneKind.BEND, start=-1.0, stop=1.0),)}, "start: expected 0 to"),
+        ({"centre_line_spans": (line(10.0, 10.0),)}, "stretch: expected start before stop"),
+        (
+            {"centre_line_spans": (line(0.0, 20.0), line(10.0, 30.0))},
+            "centre_line_spans: expected in order",
+        ),
+        (
+            {"speed_limit_spans": (limit(0, 20, 10.0), limit(10, 30, 9.0, -1))},
+            "speed_limit_spans: expected in order",
+        ),
+        ({"speed_limit_spans": (limit(0, 20, 0.0),)}, "speed: expected more than 0"),
+        ({"zones": (RoadZone(kind=ZoneKind.BEND, start=9.0, stop=1.0),)}, "start before stop"),
+        ({"zones": (RoadZone(kind=ZoneKind.BEND, start=-1.0, stop=1.0),)}, "start: expected 0 to"),
         ({"sight": ((0.0, 100.0), (0.0, 200.0))}, "sight: expected stations in order"),
         ({"sight": ((0.0, 0.0),)}, "more than 0 and at most 10000 m, got 0 m at 0 m"),
         ({"sight_against": ((math.nan, 1.0),)}, "sight_against: expected 0 to 100000 m"),
@@ -58,7 +64,7 @@ def test_stretches_of_a_line_are_filled_up_with_the_mark_of_the_lane():
         ({"sight": tuple((float(k), 1.0) for k in range(1001))}, "sight: expected at most 1000"),
     ],
 )
-def test_what_is_out_of_order_is_refused(changes, reason: str):
+def test_spans_and_stations_out_of_order_are_refused(changes, reason: str):
     with pytest.raises(ConfigError, match=re.escape(reason)):
         RoadCourse(**changes)
 
@@ -66,13 +72,13 @@ def test_what_is_out_of_order_is_refused(changes, reason: str):
 @pytest.mark.parametrize(
     "course",
     [
-        RoadCourse(lines=(line(0.0, 10.0),)),
+        RoadCourse(centre_line_spans=(line(0.0, 10.0),)),
         RoadCourse(sight_against=((0.0, 10.0),)),
-        RoadCourse(limits=(limit(0.0, 1.0, 10.0, -1),)),
-        RoadCourse(places=(RoadZone(kind=ZoneKind.CREST, start=0.0, stop=1.0, direction=-1),)),
+        RoadCourse(speed_limit_spans=(limit(0.0, 1.0, 10.0, -1),)),
+        RoadCourse(zones=(RoadZone(kind=ZoneKind.CREST, start=0.0, stop=1.0, direction=-1),)),
     ],
 )
-def test_what_is_about_oncoming_traffic_needs_a_lane_for_it(course: RoadCourse):
+def test_a_course_for_oncoming_traffic_needs_an_opposing_lane(course: RoadCourse):
     with pytest.raises(ConfigError, match="lines or sight for it, and no such lane"):
         dataclasses.replace(known_road("motorway"), course=course)
 
@@ -90,9 +96,9 @@ def test_sight_is_linear_between_stations_and_constant_beyond():
     np.testing.assert_array_equal(sight_at(known_road("motorway"), 7.0), np.inf)
 
 
-def test_limits_hold_from_where_they_begin_to_where_they_end_by_direction():
+def test_speed_limit_spans_apply_from_start_to_stop_in_their_direction():
     both = (limit(100, 200, 20.0), limit(200, 300, 10.0, 1), limit(250, 300, 15.0, -1))
-    road = dataclasses.replace(known_road("rural"), course=RoadCourse(limits=both))
+    road = dataclasses.replace(known_road("rural"), course=RoadCourse(speed_limit_spans=both))
     stations = [99.9, 100.0, 199.9, 200.0, 250.0, 300.0]
     np.testing.assert_array_equal(
         road.speed_limit_at(stations), [25.0, 20.0, 20.0, 10.0, 10.0, 25.0]
@@ -106,14 +112,16 @@ def test_limits_hold_from_where_they_begin_to_where_they_end_by_direction():
 
 def test_the_limit_of_a_road_is_its_highest():
     with pytest.raises(ConfigError, match="expected below 25 m/s, the limit of the road, got 26"):
-        dataclasses.replace(known_road("rural"), course=RoadCourse(limits=(limit(0, 9, 26.0),)))
+        dataclasses.replace(
+            known_road("rural"), course=RoadCourse(speed_limit_spans=(limit(0, 9, 26.0),))
+        )
 
 
 def test_a_course_is_the_same_in_a_mirrored_world():
     road = known_road("rural")
     mirrored = road.mirror()
     assert mirrored.course == road.course
-    assert mirrored.fast_edge_marks == road.fast_edge_marks
+    assert mirrored.overtaking_edge_marks == road.overtaking_edge_marks
     assert mirrored.mirror() == road
 
 
@@ -122,7 +130,7 @@ def test_the_sight_of_the_rural_road_is_that_of_its_bends_and_crests():
     assert road.course is not None
     bend = 2.0 * 1000.0 * math.acos(1.0 - 5.0 / 1000.0)
     crest = math.sqrt(2.0 * 4000.0) * 2.0 * math.sqrt(1.08)
-    for place in road.course.places:
+    for place in road.course.zones:
         within = {ZoneKind.BEND: bend, ZoneKind.CREST: crest}[place.kind]
         middle = 0.5 * (place.start + place.stop)
         for direction in (1, -1):
@@ -134,7 +142,7 @@ def test_the_sight_of_the_rural_road_is_that_of_its_bends_and_crests():
 
 def test_the_line_of_the_rural_road_is_solid_where_sight_is_short():
     road = known_road("rural")
-    starts, marks = zip(*road.fast_edge_marks, strict=True)
+    starts, marks = zip(*road.overtaking_edge_marks, strict=True)
     s = np.arange(0.5, road.length, 1.0)
     here = np.array(marks, object)[np.searchsorted(starts, s, side="right") - 1]
     closed = (here == SOLID) | (here == MIXED)

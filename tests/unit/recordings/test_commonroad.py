@@ -53,7 +53,7 @@ def test_positions_come_back_along_and_across_a_straight_or_bent_road(write, cur
     found = read_commonroad(write(commonroad(movers, road, version=version)))
     tracks = found.tracks
     assert tracks.names.tolist() == ["1", "2"]
-    lane = found.road.centres[1]
+    lane = found.road.lane_centres[1]
     first = slice(0, tracks.start[1])
     assert np.abs(tracks.d[first] - lane).max() < 0.01
     assert (tracks.lane[first] == 1).all()
@@ -63,7 +63,7 @@ def test_positions_come_back_along_and_across_a_straight_or_bent_road(write, cur
     # The body stands along its lane, wherever the lane points.
     relative = tracks.heading[first] - found.road.heading_at(tracks.s[first])
     assert np.abs(relative).max() < 1e-3
-    assert np.allclose(np.diff(found.road.boundaries), WIDTH, atol=1e-3)
+    assert np.allclose(np.diff(found.road.lane_boundaries), WIDTH, atol=1e-3)
 
 
 def test_the_outer_lane_of_a_bend_is_longer_by_as_much_as_is_said(write):
@@ -147,7 +147,7 @@ def test_limits_from_lanelet_to_lanelet_are_those_of_the_road(write):
     assert "speed_limit" not in found.unknown
     assert found.road.speed_limit == 33.25
     assert found.road.course is not None
-    (lower,) = found.road.course.limits
+    (lower,) = found.road.course.speed_limit_spans
     assert (lower.start, lower.stop, lower.speed) == (pytest.approx(300), pytest.approx(650), 20.0)
     same = read_commonroad(write(posted(500, 500, 500)))
     assert (same.road.speed_limit, same.road.course) == (20.0, None)
@@ -181,7 +181,7 @@ def test_a_lane_that_joins_lies_beside_the_lanes_that_run_through(write):
     text = head + '<lanelet id="21">' + tail.replace("<laneletType>", beside + "<laneletType>", 1)
     found = read_commonroad(write(text))
     assert found.notes["lanelets_by_lane"] == [[11, 21], [12, 22], [13, 23]]
-    neighbour = found.road.slow_side_neighbour
+    neighbour = found.road.kerb_side_neighbour
     assert neighbour is not None
     assert (neighbour.kind, neighbour.lane_id) == ("entry", -4)
     assert neighbour.width == pytest.approx(4.0)
@@ -211,16 +211,19 @@ def test_a_shoulder_beside_the_lanes_is_none_of_them(write, kind, more, expected
     """A hard shoulder on the left became the fast lane, and one on the right the slow lane."""
     left = read_commonroad(write(typed(commonroad(), 13, kind, more)))
     assert left.notes["lanelets_by_lane"] == [[11], [12]]
-    assert left.road.fast_side_neighbour is not None
-    assert (left.road.fast_side_neighbour.kind, left.road.fast_side_neighbour.direction) == (
+    assert left.road.overtaking_side_neighbour is not None
+    assert (
+        left.road.overtaking_side_neighbour.kind,
+        left.road.overtaking_side_neighbour.direction,
+    ) == (
         expected,
         1,
     )
     movers = [replace(one, lane=one.lane + 1, moves=()) for one in OVERTAKE]
     right = read_commonroad(write(typed(commonroad(movers), 11, kind, more)))
     assert right.notes["lanelets_by_lane"] == [[12], [13]]
-    assert right.road.slow_side_neighbour is not None
-    assert right.road.slow_side_neighbour.kind == expected
+    assert right.road.kerb_side_neighbour is not None
+    assert right.road.kerb_side_neighbour.kind == expected
 
 
 @pytest.mark.ci

@@ -113,7 +113,7 @@ def test_an_overtake_on_the_other_side_is_one_and_who_comes_is_oncoming(write):
     found = scenes(read_commonroad(write(text), lanelet_id=11), attempts_only=True)
     tracks = found.recording.tracks
     assert found.road.is_two_way
-    assert found.road.bends
+    assert found.road.is_curved
     assert tracks.names[tracks.is_oncoming].tolist() == ["21", "22"]
     assert (found.notes["oncoming"], found.notes["oncoming_left_out"]) == (2, 0)
     assert (found.counts["passes"], found.counts["candidate_overtakes"]) == (1, 1)
@@ -162,7 +162,7 @@ def test_passes_are_those_of_a_plain_count(shared_data):
 def test_an_oncoming_lane_lies_beside_the_road(shared_data):
     found = read_commonroad(shared_data / "commonroad" / "OSC_CutIn-1_2_T-1.xml")
     assert found.road.num_lanes == 1
-    beside = found.road.fast_side_neighbour
+    beside = found.road.overtaking_side_neighbour
     assert beside is not None
     assert beside.direction == -1
     # Vehicle 4 comes out of that lane.

@@ -40,7 +40,7 @@ def test_a_box_at_its_upper_left_corner_becomes_a_centre_along_and_across(tmp_pa
     time = np.arange(300) * 0.04
     assert found.frame_interval_ms == 40
     assert np.abs(tracks.s[rows] - (80.0 + 24.0 * time)).max() < 1e-4
-    assert np.abs(tracks.d[rows] - found.road.centres[0]).max() < 1e-9
+    assert np.abs(tracks.d[rows] - found.road.lane_centres[0]).max() < 1e-9
     assert tracks.length[three] == 4.5
     assert tracks.width[three] == 1.8
     assert (tracks.lane[rows] == 0).all()
@@ -88,11 +88,11 @@ def test_one_direction_can_be_chosen_and_must_be_where_the_lanes_differ(tmp_path
 
 def test_lanes_of_different_widths_are_averaged_and_nobody_changes_lane_by_it(tmp_path):
     found = read_highd(highd(tmp_path, upper=SLOW, upper_lines="4;7.7;11.6;15.5"))
-    assert np.allclose(np.diff(found.road.boundaries), [3.6, 3.7, 3.7])
+    assert np.allclose(np.diff(found.road.lane_boundaries), [3.6, 3.7, 3.7])
     assert found.notes["widening"] == pytest.approx(0.2 / 3.7, abs=1e-4)
     # A vehicle in the middle of a lane of 3.5 m is in the middle of that of 3.6 m.
     three = int(np.flatnonzero(found.tracks.names == "3")[0])
-    assert found.tracks.d[found.tracks.start[three]] == pytest.approx(found.road.centres[0])
+    assert found.tracks.d[found.tracks.start[three]] == pytest.approx(found.road.lane_centres[0])
 
 
 def test_speed_limits_are_taken_over_and_none_is_none(tmp_path):

@@ -37,10 +37,10 @@ def test_the_lanes_along_the_reference_line_are_read_by_default(tmp_path: Path):
     )
     assert [(lane.lane_id, lane.width) for lane in found.lanes] == [(-3, 3.5), (-2, 3.75)]
     assert marks(found) == ["Solid|Broken", "Broken|Solid"]
-    np.testing.assert_allclose(found.boundaries, [-8.25, -4.75, -1.0], atol=1e-12)
+    np.testing.assert_allclose(found.lane_boundaries, [-8.25, -4.75, -1.0], atol=1e-12)
     assert (found.x0, found.y0, found.heading, found.length) == (10.0, -20.0, 0.5, 500.0)
     assert found.speed_limit == pytest.approx(120.0 / 3.6)
-    slow, fast = found.slow_side_neighbour, found.fast_side_neighbour
+    slow, fast = found.kerb_side_neighbour, found.overtaking_side_neighbour
     assert slow is not None
     assert (slow.lane_id, slow.kind, slow.width, slow.direction) == (-4, "shoulder", 2.5, 1)
     assert (slow.right_mark, slow.left_mark) == (RoadMark.NONE, RoadMark.SOLID)
@@ -56,10 +56,10 @@ def test_lanes_against_the_reference_line_turn_the_road_about(tmp_path: Path):
     assert found.heading == pytest.approx(0.5 - math.pi, abs=1e-15)
     assert [lane.lane_id for lane in found.lanes] == [2, 1]
     # d = -t: lane 1 lies at t = 0 ... 3.25 m, right of its own direction of travel.
-    np.testing.assert_allclose(found.boundaries, [-6.25, -3.25, 0.0], atol=1e-12)
+    np.testing.assert_allclose(found.lane_boundaries, [-6.25, -3.25, 0.0], atol=1e-12)
     # "solid broken" names the line nearer to the reference line first: that is lane 1's side.
     assert marks(found) == ["Solid|BrokenSolid", "SolidBroken|Solid"]
-    fast = found.fast_side_neighbour
+    fast = found.overtaking_side_neighbour
     assert fast is not None
     assert (fast.lane_id, fast.direction) == (-1, -1)
     # World points: 100 m before the end of the line, 1 m left of it, is s = 100, d = -1 here.
@@ -74,10 +74,10 @@ def test_left_hand_traffic_mirrors_the_sides(tmp_path: Path):
     along, against = read(tmp_path, text), read(tmp_path, text, lanes="right")
     assert along.driving_side is against.driving_side is DrivingSide.LEFT
     assert [lane.lane_id for lane in along.lanes] == [2, 1]
-    np.testing.assert_allclose(along.boundaries, [6.25, 3.25, 0.0], atol=1e-12)
+    np.testing.assert_allclose(along.lane_boundaries, [6.25, 3.25, 0.0], atol=1e-12)
     assert along.heading == 0.5
     assert [lane.lane_id for lane in against.lanes] == [-3, -2]
-    np.testing.assert_allclose(against.boundaries, [8.25, 4.75, 1.0], atol=1e-12)
+    np.testing.assert_allclose(against.lane_boundaries, [8.25, 4.75, 1.0], atol=1e-12)
     assert against.heading == pytest.approx(0.5 - math.pi)
     slow = along.lanes[0]
     assert (slow.left_mark, slow.right_mark) == (RoadMark.SOLID, RoadMark.BROKEN_SOLID)
@@ -99,7 +99,7 @@ def test_a_double_centre_line_is_named_from_left_to_right(
     text = road(sections=section(left=LEFT, centre=centre, right=ONE_LANE))
     assert read(tmp_path, text).lanes[-1].left_mark is seen
     assert read(tmp_path, text, lanes="left").lanes[-1].left_mark is seen.reverse
-    oncoming = read(tmp_path, text).fast_side_neighbour
+    oncoming = read(tmp_path, text).overtaking_side_neighbour
     assert oncoming is not None
     assert (oncoming.lane_id, oncoming.direction) == (1, -1)
     # Its outer line is "solid broken", and lies left as we drive.
@@ -129,9 +129,9 @@ def test_a_constant_lane_offset_moves_the_lanes(tmp_path: Path):
     entry = '<laneOffset s="0" a="4.5" b="0" c="0" d="0"/>'
     offset = entry + entry.replace('s="0"', 's="99"')
     shifted = read(tmp_path, road(offset=offset))
-    np.testing.assert_allclose(shifted.boundaries, [-3.75, -0.25, 3.5], atol=1e-12)
+    np.testing.assert_allclose(shifted.lane_boundaries, [-3.75, -0.25, 3.5], atol=1e-12)
     turned = read(tmp_path, road(offset=offset), lanes="left")
-    np.testing.assert_allclose(turned.boundaries, [-10.75, -7.75, -4.5], atol=1e-12)
+    np.testing.assert_allclose(turned.lane_boundaries, [-10.75, -7.75, -4.5], atol=1e-12)
 
 
 def test_a_line_in_several_pieces_is_one_line(tmp_path: Path):
@@ -176,9 +176,9 @@ def test_lanes_of_no_width_are_not_neighbours(tmp_path: Path):
         lane(-4, kind="border", width=1.5),
     ]
     found = read(tmp_path, road(sections=section(right=right)))
-    assert found.fast_side_neighbour is None
-    assert found.slow_side_neighbour is not None
-    assert found.slow_side_neighbour.lane_id == -4
+    assert found.overtaking_side_neighbour is None
+    assert found.kerb_side_neighbour is not None
+    assert found.kerb_side_neighbour.lane_id == -4
     assert found.lanes[0].left_mark is RoadMark.CURB
 
 

@@ -69,11 +69,11 @@ def test_a_three_lane_motorway_of_scenariogeneration_is_read(tmp_path: Path):
     assert (road.num_lanes, road.kind, road.length) == (3, "motorway", 800.0)
     assert road.speed_limit == pytest.approx(110 / 3.6)
     assert [lane.lane_id for lane in road.lanes] == [-3, -2, -1]
-    np.testing.assert_allclose(road.boundaries, [-11.25, -7.5, -3.75, 0.0], atol=1e-12)
-    shoulder = road.slow_side_neighbour
+    np.testing.assert_allclose(road.lane_boundaries, [-11.25, -7.5, -3.75, 0.0], atol=1e-12)
+    shoulder = road.kerb_side_neighbour
     assert shoulder is not None
     assert (shoulder.lane_id, shoulder.kind, shoulder.width) == (-4, "shoulder", 3.0)
-    assert road.fast_side_neighbour is None
+    assert road.overtaking_side_neighbour is None
 
 
 @given(
@@ -103,7 +103,7 @@ def test_any_straight_road_of_scenariogeneration_is_read(
     assert outer == list(marks)
     # The innermost lane lies beside the reference line, on the side that traffic keeps to.
     t = (0.5 if left_hand else -0.5) * widths[0]
-    found = road.to_world(400.0, road.centres[-1])
+    found = road.to_world(400.0, road.lane_centres[-1])
     expected = (
         x + 400.0 * math.cos(heading) - t * math.sin(heading),
         y + 400.0 * math.sin(heading) + t * math.cos(heading),

@@ -93,7 +93,7 @@ def limits_of(found: Road) -> list[tuple[float, ...]]:
     assert found.course is not None
     return [
         (one.start, one.stop, round(3.6 * one.speed, 6), one.direction)
-        for one in found.course.limits
+        for one in found.course.speed_limit_spans
     ]
 
 
@@ -190,7 +190,7 @@ def test_where_lanes_leave_the_line_the_road_goes_with_them(
     north = start[1] + left + t * np.cos(turned)
     s, d = found.to_road(east, north)
     # Of the middle of the road, 1.9 m away, the angle of 0.05 between both lines takes 2.5 mm.
-    np.testing.assert_allclose(d, found.centres[-1], atol=0.003)
+    np.testing.assert_allclose(d, found.lane_centres[-1], atol=0.003)
     assert (np.diff(s) * -sign > 0.0).all()
     assert found.length == pytest.approx(500.0, abs=15.0)
 
@@ -214,7 +214,7 @@ def test_the_line_between_the_directions_may_change(tmp_path: Path):
         found = read(tmp_path, road(sections=changed.replace("3.5", "3.5")), lanes=lanes)
         assert found.name == "map road 7"
         assert found.course is not None
-        (line,) = found.course.lines
+        (line,) = found.course.centre_line_spans
         assert (line.start, line.stop) == pytest.approx(stretch)
         assert line.mark is RoadMark.SOLID
         assert found.is_two_way
@@ -277,7 +277,7 @@ def test_a_road_that_is_turned_about_joins_too(tmp_path: Path):
     first = linked("1", 0.0, link("successor", 2, "end"), sections=section(right=RIGHT))
     found = read(tmp_path, first, second, road_id="1,2")
     assert found.length == pytest.approx(200.0)
-    x, y = found.to_world([50.0, 150.0], found.centres[0])
+    x, y = found.to_world([50.0, 150.0], found.lane_centres[0])
     np.testing.assert_allclose(x, [50.0, 150.0], atol=1e-9)
     np.testing.assert_allclose(y, -6.5, atol=1e-9)
 

@@ -65,7 +65,7 @@ def test_left_hand_traffic_is_read_from_rule_and_directions(tmp_path, sections, 
     # The lanes on the right of the line run against it, the outer one is on the left of travel.
     assert [each.lane_id for each in found.lanes] == [-2, -1]
     assert found.heading == pytest.approx(0.5 - math.pi)
-    assert found.boundaries == pytest.approx([7.0, 3.5, 0.0])
+    assert found.lane_boundaries == pytest.approx([7.0, 3.5, 0.0])
     assert found.lanes[0].left_mark is RoadMark.CURB
     assert found.is_two_way == (sections is two_sides)
 
@@ -109,11 +109,11 @@ def test_a_lane_of_oncoming_traffic_may_lie_on_the_same_side(tmp_path):
     assert found.driving_side is DrivingSide.RIGHT
     assert [each.lane_id for each in found.lanes] == [-3, -2]
     assert found.is_two_way
-    assert found.fast_side_neighbour is not None
-    assert found.fast_side_neighbour.lane_id == -1
+    assert found.overtaking_side_neighbour is not None
+    assert found.overtaking_side_neighbour.lane_id == -1
     # Of the line between them the broken part is nearer to the driving lanes.
     assert found.lanes[1].left_mark is RoadMark.BROKEN_SOLID
-    assert found.boundaries == pytest.approx([-10.5, -7.0, -3.5])
+    assert found.lane_boundaries == pytest.approx([-10.5, -7.0, -3.5])
 
 
 def test_an_oncoming_lane_on_the_same_side_has_a_limit_of_its_own(tmp_path):

@@ -79,7 +79,7 @@ def test_a_geometry_of_no_length_is_skipped(tmp_path, length, place):
     pieces.insert(place, f'<geometry s="{station}" x="{station}" y="0" hdg="2" length="{length}"/>')
     found = read(tmp_path, road(plan="".join(pieces)))
     assert found.length == 500.0
-    assert not found.bends
+    assert not found.is_curved
 
 
 def test_a_road_of_nothing_but_empty_geometries_is_refused(tmp_path):

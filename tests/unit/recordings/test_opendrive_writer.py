@@ -52,12 +52,12 @@ def test_a_road_that_runs_against_its_reference_line_comes_back(tmp_path: Path):
     road = known_road("motorway")
     lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
     turned = dataclasses.replace(
-        road, lanes=lanes, slow_side_neighbour=None, fast_side_neighbour=None
+        road, lanes=lanes, kerb_side_neighbour=None, overtaking_side_neighbour=None
     )
     back = written(turned, tmp_path)
     assert back.lanes == turned.lanes
     assert back.to_world(100.0, -5.0) == pytest.approx(turned.to_world(100.0, -5.0), abs=1e-9)
-    assert back.edge_d == turned.edge_d
+    assert back.kerb_edge_d == turned.kerb_edge_d
 
 
 def limit(start: float, stop: float, speed: float, direction: int = 0) -> SpeedLimitSpan:
@@ -81,18 +81,20 @@ LIMITED = {
 def test_limits_come_back_where_they_were(
     road: Road, limits: tuple[SpeedLimitSpan, ...], turned: bool, tmp_path: Path
 ):
-    road = dataclasses.replace(road, course=RoadCourse(limits=limits))
+    road = dataclasses.replace(road, course=RoadCourse(speed_limit_spans=limits))
     if turned:
         lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
-        beyond = road.fast_side_neighbour if road.is_two_way else None
+        beyond = road.overtaking_side_neighbour if road.is_two_way else None
         across = beyond and dataclasses.replace(beyond, lane_id=-beyond.lane_id)
         road = dataclasses.replace(
-            road, lanes=lanes, slow_side_neighbour=None, fast_side_neighbour=across
+            road, lanes=lanes, kerb_side_neighbour=None, overtaking_side_neighbour=across
         )
     back = written(road, tmp_path)
     assert back.course is not None
     assert back.speed_limit == pytest.approx(road.speed_limit, rel=1e-12)
-    found = [(one.start, one.stop, one.speed, one.direction) for one in back.course.limits]
+    found = [
+        (one.start, one.stop, one.speed, one.direction) for one in back.course.speed_limit_spans
+    ]
     stated = [(one.start, one.stop, one.speed, one.direction) for one in limits]
     assert len(found) == len(stated)
     for one, other in zip(found, stated, strict=True):
@@ -103,7 +105,7 @@ def test_limits_come_back_where_they_were(
 def test_carla_reads_the_limit_of_each_stretch():
     import carla
 
-    course = RoadCourse(limits=(limit(100, 300, 50 / 3.6),))
+    course = RoadCourse(speed_limit_spans=(limit(100, 300, 50 / 3.6),))
     road = dataclasses.replace(known_road("town06"), course=course)
     text = write_opendrive(road)
     assert carla.Map("limits", text).get_waypoint_xodr(1, -7, 200.0) is not None
@@ -139,7 +141,7 @@ def test_carla_finds_our_lanes_where_they_are(name: str):
 
     road = known_road(name)
     place = carla.Map(name, write_opendrive(road, road_id="40"))
-    for lane, d in zip(road.lanes, road.centres, strict=True):
+    for lane, d in zip(road.lanes, road.lane_centres, strict=True):
         x, y = (float(value) for value in road.to_world(300.0, d))
         found = place.get_waypoint(carla.Location(x, -y, 0.0))
         assert found.lane_id == lane.lane_id
@@ -166,7 +168,7 @@ STATIONS = np.linspace(0.0, 1.0, 41)
 
 def same_place(one: Road, other: Road, *, shift: float = 0.0) -> None:
     s = STATIONS * (one.length - 1.0)
-    for d in (0.0, *one.boundaries, *one.centres):
+    for d in (0.0, *one.lane_boundaries, *one.lane_centres):
         here, there = np.array(one.to_world(s, d)), np.array(other.to_world(s + shift, d))
         np.testing.assert_allclose(there, here, atol=1e-5)
     middle = s[(s > 5.0) & (s < one.length - 5.0)]  # The reader's slopes are means over 5 m.
@@ -178,7 +180,7 @@ def test_a_road_that_bends_and_rises_comes_back(road: Road, tmp_path: Path):
     back = written(road, tmp_path)
     assert back.length == pytest.approx(road.length, abs=1e-6)
     assert back.lanes == road.lanes
-    assert back.fast_side_neighbour == road.fast_side_neighbour
+    assert back.overtaking_side_neighbour == road.overtaking_side_neighbour
     assert back.is_two_way == road.is_two_way
     same_place(road, back)
 
@@ -187,7 +189,7 @@ def test_a_winding_road_that_runs_against_its_reference_line_comes_back(tmp_path
     road = WINDING["of one direction"]
     lanes = tuple(dataclasses.replace(lane, lane_id=-lane.lane_id) for lane in road.lanes)
     turned = dataclasses.replace(
-        road, lanes=lanes, slow_side_neighbour=None, fast_side_neighbour=None
+        road, lanes=lanes, kerb_side_neighbour=None, overtaking_side_neighbour=None
     )
     same_place(turned, written(turned, tmp_path))
 
@@ -199,7 +201,7 @@ def test_a_road_that_covers_more_is_the_same_road():
     same_place(road, more, shift=120.0)
     for s in (10.0, 500.0, 1800.0):
         assert sight_at(more, s + 120.0) == sight_at(road, s)
-    lower = dataclasses.replace(road.course, limits=(limit(500, 700, 9.0, -1),))
+    lower = dataclasses.replace(road.course, speed_limit_spans=(limit(500, 700, 9.0, -1),))
     limited = covering(dataclasses.replace(road, course=lower), -120.0, 5500.0)
     assert limited.speed_limit_at([619.0, 621.0, 819.0, 821.0], -1).tolist() == [
         25.0,
@@ -207,14 +209,14 @@ def test_a_road_that_covers_more_is_the_same_road():
         9.0,
         25.0,
     ]
-    moved = [(start + 120.0, mark) for start, mark in road.fast_edge_marks[1:]]
-    assert list(more.fast_edge_marks[1:]) == moved
+    moved = [(start + 120.0, mark) for start, mark in road.overtaking_edge_marks[1:]]
+    assert list(more.overtaking_edge_marks[1:]) == moved
 
 
 def test_the_lane_of_oncoming_traffic_and_each_stretch_of_the_line_come_back(tmp_path: Path):
     back = written(OPEN, tmp_path)
     assert back.is_two_way
-    assert back.fast_side_neighbour == OPEN.fast_side_neighbour
+    assert back.overtaking_side_neighbour == OPEN.overtaking_side_neighbour
 
 
 @needs_wheel
@@ -225,10 +227,10 @@ def test_carla_finds_the_marks_of_each_stretch_and_both_directions(turned: bool)
     rural = known_road("rural")
     mixed = CentreLineSpan(start=100.0, stop=300.0, mark=RoadMark.SOLID_BROKEN)
     assert rural.course is not None
-    course = dataclasses.replace(rural.course, lines=(mixed,))
+    course = dataclasses.replace(rural.course, centre_line_spans=(mixed,))
     road = dataclasses.replace(rural, course=course)
     if turned:
-        beyond = road.fast_side_neighbour
+        beyond = road.overtaking_side_neighbour
         assert beyond is not None
         change = {
             "lanes": (dataclasses.replace(road.lanes[0], lane_id=1),),
@@ -237,7 +239,7 @@ def test_carla_finds_the_marks_of_each_stretch_and_both_directions(turned: bool)
         }
         road = dataclasses.replace(road, **change)
     place = carla.Map("rural", write_opendrive(road))
-    own = float(road.centres[0])
+    own = float(road.lane_centres[0])
     for s, mark in ((50.0, "Broken"), (200.0, "SolidBroken"), (350.0, "Broken")):
         for d in (own, -own):
             x, y = (float(value) for value in road.to_world(s, d))
@@ -255,7 +257,7 @@ def test_carla_finds_our_lanes_where_they_are_in_bends():
     road = WINDING["of two directions"]
     place = carla.Map("winding", write_opendrive(road))
     for s in np.linspace(20.0, road.length - 20.0, 15):
-        for d, along in ((float(road.centres[0]), 1.0), (-float(road.centres[0]), -1.0)):
+        for d, along in ((float(road.lane_centres[0]), 1.0), (-float(road.lane_centres[0]), -1.0)):
             x, y = (float(value) for value in road.to_world(s, d))
             z = float(road.height_at(s))
             found = place.get_waypoint(carla.Location(x, -y, z)).transform

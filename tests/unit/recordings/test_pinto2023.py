@@ -47,13 +47,13 @@ def town06() -> Road:
             Lane(lane_id=-7 + n, width=3.5, right_mark=marks[n], left_mark=marks[n + 1])
             for n in range(5)
         ),
-        edge_d=-1.75,
+        kerb_edge_d=-1.75,
         length=470.0,
         x0=128.0,
         y0=-251.58,
         heading=0.0,
         speed_limit=25.0,
-        slow_side_neighbour=Lane(
+        kerb_side_neighbour=Lane(
             lane_id=-8,
             width=0.5,
             kind="shoulder",
@@ -229,7 +229,7 @@ def test_mv_is_the_limit_where_the_ego_is():
     run = frame_70()
     states = run.states.replace(s=np.broadcast_to(np.arange(FRAME + 1) * 1000, run.states.s.shape))
     lower = SpeedLimitSpan(start=10.0, stop=30.0, speed=50 / 3.6)
-    road = dataclasses.replace(run.road, course=RoadCourse(limits=(lower,)))
+    road = dataclasses.replace(run.road, course=RoadCourse(speed_limit_spans=(lower,)))
     scene = run.scenario.replace(road=road)
     found = to_table(run.replace(states=states, scenario=scene))["MV"].to_pylist()
     assert found == [90.0] * 10 + [50.0] * 20 + [90.0] * (FRAME + 1 - 30)

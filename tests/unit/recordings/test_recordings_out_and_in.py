@@ -263,7 +263,7 @@ def test_limits_that_change_come_back_with_their_road_and_are_not_known_without(
     table_runs, tmp_path
 ):
     lower = SpeedLimitSpan(start=0.0, stop=250.0, speed=50 / 3.6)
-    road = dataclasses.replace(table_runs.road, course=RoadCourse(limits=(lower,)))
+    road = dataclasses.replace(table_runs.road, course=RoadCourse(speed_limit_spans=(lower,)))
     scenario = table_runs.scenario.replace(road=road)
     told = pinto2023.to_table(table_runs.replace(scenario=scenario))
     assert set(told["MV"].to_pylist()) == {50.0, 90.0}

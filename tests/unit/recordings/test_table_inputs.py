@@ -487,7 +487,7 @@ def test_traffic_that_keeps_to_the_left_overtakes_on_the_right(tmp_path, frame, 
     content = {key: value for key, value in MAP.items() if key != "road"}
     right = read_table(path, content)
     left = read_table(path, content, driving_side="left")
-    assert (right.road.side, left.road.side) == (1.0, -1.0)
+    assert (right.road.overtaking_sign, left.road.overtaking_sign) == (1.0, -1.0)
     assert (overtakes(right), overtakes(left)) == (0, 1)
     stated = read_table(path, {**content, "road": {"driving_side": "left"}})
     assert stated.road == left.road

@@ -222,14 +222,14 @@ def test_lanes_come_from_the_map_the_named_lanes_or_the_traffic(tmp_path):
     given = {"columns": COLUMNS, "road": {"borders_m": [0, 3.4, 7.0, 10.5], "heading_deg": 0}}
     stated = read_table(path, given)
     assert stated.notes["lanes_from"] == "map of columns"
-    assert np.allclose(np.diff(stated.road.boundaries), [3.4, 3.6, 3.5])
+    assert np.allclose(np.diff(stated.road.lane_boundaries), [3.4, 3.6, 3.5])
     named = {"columns": {**COLUMNS, "lane": "lane"}, "road": {"lanes": [0, 1, 2]}}
     by_name = read_table(path, named)
     assert by_name.notes["lanes_from"] == "traffic, by the named lanes"
-    assert np.allclose(np.diff(by_name.road.boundaries), 3.5, atol=0.01)
+    assert np.allclose(np.diff(by_name.road.lane_boundaries), 3.5, atol=0.01)
     inferred = read_table(path, COLUMNS)
     assert inferred.notes["lanes_from"] == "traffic, equally wide"
-    assert np.allclose(np.diff(inferred.road.boundaries), 3.5, atol=0.05)
+    assert np.allclose(np.diff(inferred.road.lane_boundaries), 3.5, atol=0.05)
     road = read_highd(highd(tmp_path)).road
     assert read_table(path, COLUMNS, road=road).notes["lanes_from"] == f"road {road.name}"
 
@@ -258,9 +258,9 @@ def test_a_road_that_bends_is_inferred_and_judged_as_the_straight_one(curvature)
         {**table, "x": x, "y": y}, columns=COLUMNS, attempts_only=True
     )
     straight = ot.Trajectories.from_table(table, columns=COLUMNS, attempts_only=True)
-    assert bent.road.bends
-    assert not straight.road.bends
-    assert np.allclose(np.diff(bent.road.boundaries), 3.5, atol=0.06)
+    assert bent.road.is_curved
+    assert not straight.road.is_curved
+    assert np.allclose(np.diff(bent.road.lane_boundaries), 3.5, atol=0.06)
     # Where no lane is changed the road bends as it does.
     inner = bent.road.curvature_at(np.linspace(0.3, 0.7, 20) * bent.road.length)
     middle = float(np.median(inner))
@@ -277,7 +277,7 @@ def test_a_given_road_may_bend(tmp_path):
     """What is read back from the world is what was put there, oncoming vehicles left out."""
     line = CurveSegment(0.0, 0.0, 0.0, 1200.0, 1.0 / 400.0, 1.0 / 400.0)
     flat = read_highd(highd(tmp_path)).road
-    road = replace(flat, length=1200.0, course=RoadCourse(line=(line,)))
+    road = replace(flat, length=1200.0, course=RoadCourse(segments=(line,)))
     table = states([*CROWD[:3], Mover(number=50, s=700.0, speed=-20.0, lane=3)])
     table = {name: np.array(each) for name, each in table.items()}
     x, y = road.to_world(table["x"], table["y"] - 5.25)

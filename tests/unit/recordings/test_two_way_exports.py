@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
 
 SOLID = CentreLineSpan(start=1100.0, stop=1250.0, mark=RoadMark.SOLID_BROKEN)
-LINED = dataclasses.replace(road(), course=RoadCourse(lines=(SOLID,)))
+LINED = dataclasses.replace(road(), course=RoadCourse(centre_line_spans=(SOLID,)))
 LIMITED = dataclasses.replace(
     road(),
     course=RoadCourse(
-        limits=(
+        speed_limit_spans=(
             SpeedLimitSpan(start=1100.0, stop=1250.0, speed=20.0),
             SpeedLimitSpan(start=1250.0, stop=1300.0, speed=10.0, direction=1),
             SpeedLimitSpan(start=1270.0, stop=1400.0, speed=15.0, direction=-1),
@@ -71,7 +71,7 @@ def test_commonroad_has_the_lanes_of_both_directions_where_they_are(place: Road,
     assert root.find("scenarioTags/oncoming_traffic") is not None
     assert root.find("scenarioTags/no_oncoming_traffic") is None
     lanelets = {one.attrib["id"]: one for one in root.findall("lanelet")}
-    middle = float(place.boundaries[-1])
+    middle = float(place.lane_boundaries[-1])
     for lanelet in lanelets.values():
         left, right = (points(lanelet.find(name)) for name in ("leftBound", "rightBound"))
         _, d = place.to_road(*left.T)
@@ -79,7 +79,7 @@ def test_commonroad_has_the_lanes_of_both_directions_where_they_are(place: Road,
         halfway = 0.5 * (left[1:] + left[:-1])
         off = np.abs(place.to_road(*halfway.T)[1] - np.median(d))
         assert off.max() < 0.005
-        comes = np.median(d + e) * place.side > 2.0 * middle * place.side
+        comes = np.median(d + e) * place.overtaking_sign > 2.0 * middle * place.overtaking_sign
         ahead = left[1] - left[0]
         s = place.to_road(*left[:1].T)[0]
         along = ahead @ np.array([np.cos(place.heading_at(s)), np.sin(place.heading_at(s))])
@@ -87,7 +87,7 @@ def test_commonroad_has_the_lanes_of_both_directions_where_they_are(place: Road,
         # Its own left is on its left, whichever way it goes.
         assert np.median(d - e) == pytest.approx(-3.5 if comes else 3.5)
         beside = next(one for one in lanelet if one.tag.startswith("adjacent"))
-        assert beside.tag == ("adjacentLeft" if place.side > 0 else "adjacentRight")
+        assert beside.tag == ("adjacentLeft" if place.overtaking_sign > 0 else "adjacentRight")
         assert beside.attrib["drivingDir"] == "opposite"
         other = lanelets[beside.attrib["ref"]]
         assert any(one.get("ref") == lanelet.attrib["id"] for one in other)
@@ -207,7 +207,7 @@ def test_commonroad_posts_every_limit_where_it_holds(place: str, tmp_path: Path)
         left, right = (points(lanelet.find(f"{side}Bound")) for side in ("left", "right"))
         s, d = road.to_road(*(0.5 * (left + right)).T)
         way = 1 if s[-1] > s[0] else -1
-        assert (np.abs(d - road.centres[0]) < 0.01).all() == (way == 1)
+        assert (np.abs(d - road.lane_centres[0]) < 0.01).all() == (way == 1)
         inside = np.clip(np.linspace(min(s) + 0.1, max(s) - 0.1, 50), 0.0, road.length - 0.1)
         expected = limits[sign.attrib["ref"]]
         np.testing.assert_allclose(road.speed_limit_at(inside, way), expected, atol=1e-6)
@@ -220,7 +220,7 @@ def test_commonroad_is_read_back_with_its_limits(tmp_path: Path):
     found = read_commonroad(tmp_path / f"{scenario_id(0)}.xml", lanelet_id=1).road
     assert found.is_two_way
     s = np.arange(5.25, LIMITED.length - 5.0, 0.5)
-    there, _ = found.to_road(*LIMITED.to_world(s, float(LIMITED.centres[0])))
+    there, _ = found.to_road(*LIMITED.to_world(s, float(LIMITED.lane_centres[0])))
     for way in (1, -1):
         np.testing.assert_allclose(
             found.speed_limit_at(there, way), LIMITED.speed_limit_at(s, way), rtol=1e-6

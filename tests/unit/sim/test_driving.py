@@ -120,7 +120,7 @@ def shown(run: ot.Trajectories) -> np.ndarray:
     """Side that each ego shows: 1 the fast one, -1 the slow one, 0 none, (simulation, time)."""
     lights = run.states.lights[:, 0]
     left, right = ((lights & one) != 0 for one in (Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT))
-    return run.road.side * (left.astype(int) - right)
+    return run.road.overtaking_sign * (left.astype(int) - right)
 
 
 def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):

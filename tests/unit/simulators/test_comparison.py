@@ -130,7 +130,9 @@ def test_a_lane_change_counts_when_the_middle_of_the_other_lane_is_reached(run):
     out = moved(run, vehicle=0, frames=slice(10, 30), d=width)
     crossing = moved(run, vehicle=0, frames=slice(10, 30), d=width // 2 + 200)
     for there, count in ((out, 2), (crossing, 0)):
-        lane = np.where(there.states.d[:, 0] > ROAD.boundaries[1] * 1000, 1, 0).astype(np.uint8)
+        lane = np.where(there.states.d[:, 0] > ROAD.lane_boundaries[1] * 1000, 1, 0).astype(
+            np.uint8
+        )
         states = there.states.replace(lane=there.states.lane.copy())
         states.lane[:, 0] = lane
         assert lane_changes(there.replace(states=states)).tolist() == [0, count, 0]

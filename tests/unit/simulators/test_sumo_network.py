@@ -23,7 +23,7 @@ def test_lanes_lie_where_ours_do_counted_from_the_slow_side(name, mirrored):
     found = lanes(road)
     assert [int(lane.get("index")) for lane in found] == list(range(road.num_lanes))
     assert [float(lane.get("width")) for lane in found] == [lane.width for lane in road.lanes]
-    for lane, centre in zip(found, road.side * road.centres, strict=True):
+    for lane, centre in zip(found, road.overtaking_sign * road.lane_centres, strict=True):
         points = [tuple(map(float, point.split(","))) for point in lane.attrib["shape"].split()]
         assert points == [(-BEHIND, centre), (500.0, centre)]
         assert float(lane.get("length")) == 500.0 + BEHIND

@@ -87,7 +87,7 @@ def indicated(batch: Batch, made: Measured) -> Array:
     That frame itself where it is off then.
     """
     found = made.of
-    fast = np.where(found.after > found.before, 1, -1) * batch.runs.road.side > 0
+    fast = np.where(found.after > found.before, 1, -1) * batch.runs.road.overtaking_sign > 0
     light = np.where(fast, Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT)
     first = np.array(made.over, np.int64)
     lights = batch.runs.states.lights[:, 0]

@@ -181,7 +181,9 @@ class _Scene:
         road, half = self._batch.runs.road, 0.5 * self._width(0)
         if self._own_lane >= road.num_lanes:
             return True
-        ends = sorted(float(one) for one in road.boundaries[self._own_lane : self._own_lane + 2])
+        ends = sorted(
+            float(one) for one in road.lane_boundaries[self._own_lane : self._own_lane + 2]
+        )
         place = float(self._d[0, self._frame])
         return place - half < ends[0] or place + half > ends[1]
 
@@ -214,7 +216,7 @@ class _Scene:
         road = self._batch.runs.road
         if before >= road.num_lanes:
             return crossed
-        centre = 0.5 * sum(float(one) for one in road.boundaries[before : before + 2])
+        centre = 0.5 * sum(float(one) for one in road.lane_boundaries[before : before + 2])
         away = np.abs(self._d[slot, : crossed + 1] - centre) > of("competent.wander")
         calm = np.flatnonzero(~away)
         return min(int(calm[-1]) + 1, crossed) if len(calm) else 0

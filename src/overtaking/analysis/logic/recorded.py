@@ -63,7 +63,10 @@ def road_columns(recorded: Trajectories) -> dict[str, Columns]:
         "road": (np.array([words.ROAD.names.index(kind)]),),
         "lanes": (np.array([n]),),
         "oncoming": (np.full(int(road.is_two_way), n),),
-        "border": (np.arange(n + 1), nearest(road.side * np.array(road.boundaries))),
+        "border": (
+            np.arange(n + 1),
+            nearest(road.overtaking_sign * np.array(road.lane_boundaries)),
+        ),
         "lane_width": _widths(road),
         "mark": _marks(road),
         "unknown": (np.array(sorted(map(words.UNKNOWN.names.index, unknown)), np.int64),),
@@ -83,7 +86,7 @@ def road_columns(recorded: Trajectories) -> dict[str, Columns]:
 
 
 def _widths(road: Road) -> Columns:
-    lanes, beyond = list(road.lanes), road.fast_side_neighbour
+    lanes, beyond = list(road.lanes), road.overtaking_side_neighbour
     if beyond is not None and beyond.kind == "driving":
         lanes.append(beyond)
     return np.arange(len(lanes)), down(np.array([lane.width for lane in lanes], np.float32))
@@ -103,14 +106,14 @@ def _marks(road: Road) -> Columns:
 
 def _changes(road: Road) -> bool:
     """Whether the line on the fast side of the fastest lane changes along the road."""
-    return len(road.fast_edge_marks) > 1
+    return len(road.overtaking_edge_marks) > 1
 
 
 def _lines_along(road: Road) -> Columns:
     """The stretches of that line, where it changes."""
     if not _changes(road):
         return _none(3)
-    begins, marks = zip(*road.fast_edge_marks, strict=True)
+    begins, marks = zip(*road.overtaking_edge_marks, strict=True)
     ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
     codes = [words.MARK.names.index(mark.name.lower()) for mark in marks]
     return nearest(ends[:-1]), nearest(ends[1:]), np.array(codes)

@@ -47,7 +47,7 @@ def designs(spec: Specification, road: Road) -> dict[str, float]:
         "speed_lowest": mps_from_kmh(traffic.speed_kmh[0]),
         "speed_highest": mps_from_kmh(traffic.speed_kmh[1]),
         "lanes": road.num_lanes,
-        "lane_width": road.boundaries[1] - road.boundaries[0],
+        "lane_width": road.lane_boundaries[1] - road.lane_boundaries[0],
         "spawn_nearest": spawn[0],
         "spawn_farthest": spawn[1],
         "speed_limit": road.speed_limit,

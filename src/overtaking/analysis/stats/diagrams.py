@@ -164,15 +164,20 @@ def _track(trajectories: Trajectories, slot: int, ahead: F64, target: int) -> Tr
         length=float(vehicles.length[0, slot]),
         width=float(vehicles.width[0, slot]),
         ahead=ahead,
-        lateral=(d - road.boundaries[0]) * int(road.side),
+        lateral=(d - road.lane_boundaries[0]) * int(road.overtaking_sign),
     )
 
 
 def _lines(trajectories: Trajectories) -> tuple[tuple[float, bool], ...]:
     """Where the lines of the road are, measured from its slow edge."""
     road = trajectories.road
-    across = (np.asarray(road.boundaries) - road.boundaries[0]) * int(road.side)
-    marks = [one.left_mark if int(road.side) > 0 else one.right_mark for one in road.lanes[:-1]]
+    across = (np.asarray(road.lane_boundaries) - road.lane_boundaries[0]) * int(
+        road.overtaking_sign
+    )
+    marks = [
+        one.left_mark if int(road.overtaking_sign) > 0 else one.right_mark
+        for one in road.lanes[:-1]
+    ]
     solid = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
     is_solid = [True, *(one in solid for one in marks), True]
     return tuple((float(place), known) for place, known in zip(across, is_solid, strict=True))

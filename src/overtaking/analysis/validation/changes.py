@@ -152,9 +152,11 @@ def _paths(batch: Batch, found: Changes, reach: int) -> tuple[Array, Array]:
     last = runs.num_frames[at.simulation, None] - 1
     inside = np.clip(frame, 0, last)
     place = (at.simulation[:, None], at.vehicle[:, None], inside)
-    line = np.asarray(runs.road.boundaries, np.float64)[np.maximum(found.before, found.after)]
+    line = np.asarray(runs.road.lane_boundaries, np.float64)[np.maximum(found.before, found.after)]
     path = 1e-3 * runs.states.d[place] - line[:, None]
-    towards = np.where(found.after > found.before, runs.road.side, -runs.road.side)
+    towards = np.where(
+        found.after > found.before, runs.road.overtaking_sign, -runs.road.overtaking_sign
+    )
     recorded = (frame > half) & (frame < last - half) & batch.sound[place]
     return path * towards[:, None], recorded
 
@@ -217,7 +219,7 @@ def _given_up(tally: Tally, batch: Batch, found: Changes) -> None:
     """
     wait = round(limit("given_up_after") / batch.interval_s)
     for light, towards in ((Lights.INDICATOR_LEFT, 1.0), (Lights.INDICATOR_RIGHT, -1.0)):
-        chosen = (found.after > found.before) == (towards == batch.runs.road.side)
+        chosen = (found.after > found.before) == (towards == batch.runs.road.overtaking_sign)
         at, end = _signals(batch, int(light))
         moved = _farthest(batch, at, end, towards)
         until = end + wait

@@ -163,8 +163,8 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     kind, valid = runs.percepts.kind[row], runs.percepts.valid[row]
     decided = np.flatnonzero(valid & (kind == ManoeuvreKind.PULL_OUT))
     target = int(runs.percepts.vehicle[row, decided[-1], 0]) if decided.size else NO_VEHICLE
-    offset = road.side * 1e-3 * states.d[row, EGO_SLOT, start:frames]
-    line = road.side * float(road.boundaries[-1])
+    offset = road.overtaking_sign * 1e-3 * states.d[row, EGO_SLOT, start:frames]
+    line = road.overtaking_sign * float(road.lane_boundaries[-1])
     beyond = np.flatnonzero(offset > line - 0.5 * float(specs.width[row, EGO_SLOT])) + start
     if not beyond.size or target == NO_VEHICLE:
         return None
@@ -301,13 +301,20 @@ def attempts_of_others(runs: Trajectories) -> list[Attempt]:
     wander in the lane, and ends when all of it is back.
     """
     road, states, specs = runs.road, runs.states, runs.scenario.vehicles
-    second, line = 1e-3 * runs.scenario.frame_interval_ms, road.side * float(road.boundaries[-1])
+    second, line = (
+        1e-3 * runs.scenario.frame_interval_ms,
+        road.overtaking_sign * float(road.lane_boundaries[-1]),
+    )
     along = specs.valid & (runs.scenario.start_lane < road.num_lanes)
     along[:, EGO_SLOT] = False
     found: list[Attempt] = []
     for row, slot in np.argwhere(along):
         frames = int(runs.num_frames[row])
-        side = road.side * 1e-3 * states.d[row, slot, :frames] + 0.5 * specs.width[row, slot] - line
+        side = (
+            road.overtaking_sign * 1e-3 * states.d[row, slot, :frames]
+            + 0.5 * specs.width[row, slot]
+            - line
+        )
         edges = np.flatnonzero(np.diff(side > 0.0, prepend=False, append=False))
         for first, end in zip(edges[::2], edges[1::2], strict=True):
             if end == frames or side[first:end].max() < limit("begun_shift"):

@@ -24,8 +24,8 @@ def lane_columns(road: Road) -> dict[str, Masked]:
         lane. Right and left are those of the direction of travel.
     """
     lanes = road.lanes
-    slower = (road.slow_side_neighbour, *lanes[:-1])
-    faster = (*lanes[1:], road.fast_side_neighbour)
+    slower = (road.kerb_side_neighbour, *lanes[:-1])
+    faster = (*lanes[1:], road.overtaking_side_neighbour)
     keeps_right = road.driving_side is DrivingSide.RIGHT
     right, left = (slower, faster) if keeps_right else (faster, slower)
     return {
@@ -45,8 +45,8 @@ def start_lane_ids(road: Road, start_lane: NDArray[np.integer]) -> NDArray[np.in
         Ids of the shape of `start_lane`; 0 beyond the lanes.
     """
     table = lane_columns(road)["lane_id"].values.copy()
-    if road.is_two_way and road.fast_side_neighbour is not None:
-        table[road.num_lanes] = road.fast_side_neighbour.lane_id
+    if road.is_two_way and road.overtaking_side_neighbour is not None:
+        table[road.num_lanes] = road.overtaking_side_neighbour.lane_id
     return table[start_lane]
 
 
@@ -83,8 +83,8 @@ def lane_codes(road: Road, lane_id: pa.Array, d: NDArray[np.integer]) -> NDArray
             next_step="restore the data set from a copy, or generate it again",
         )
     code = order[np.searchsorted(ids, given, sorter=order)].astype(np.uint8)
-    middle = (road.boundaries[0] + road.boundaries[-1]) * 0.5
-    is_fast = road.side * (np.asarray(d) - middle * 1000.0) > 0
+    middle = (road.lane_boundaries[0] + road.lane_boundaries[-1]) * 0.5
+    is_fast = road.overtaking_sign * (np.asarray(d) - middle * 1000.0) > 0
     outside = np.where(is_fast, np.uint8(road.num_lanes), np.uint8(BEYOND_KERB_EDGE))
     return np.where(missing, outside, code)
 

@@ -182,7 +182,7 @@ def _overtaking(
 def _lane_centre(case: Case, rows: IndexArray, frames: IndexArray) -> F32:
     """Centre of the ego's lane across the road, growing to the left [m]."""
     road = case.trajectories.road
-    centres = as_f32(road.centres * float(side_of(road)))
+    centres = as_f32(road.lane_centres * float(side_of(road)))
     return centres[np.minimum(case.signals.lane[rows, frames], road.num_lanes - 1)]
 
 

@@ -114,7 +114,7 @@ def _lane_of_both(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """
     over, run = alongside(case), case.trajectories
     rows, frames = over.rows, over.frames
-    borders = (run.road.side * run.road.boundaries).astype(np.float32)
+    borders = (run.road.overtaking_sign * run.road.lane_boundaries).astype(np.float32)
     slot = slot_of(case.target.slot)[rows]
     target = across_at(run, case.signals, rows, slot, frames)[0]
     away = [

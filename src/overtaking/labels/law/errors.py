@@ -346,7 +346,7 @@ def _slow_lanes(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
     """Of being in the two slowest lanes, by the way to the border of the third."""
     del found
     road, span = case.trajectories.road, conduct(case)
-    border = as_f32(road.side * road.boundaries)[int(constant("law.trucks.lanes"))]
+    border = as_f32(road.overtaking_sign * road.lane_boundaries)[int(constant("law.trucks.lanes"))]
     rows, frames = span.frames()
     over = np.full(len(span.start), -ENDLESS, np.float32)
     np.maximum.at(over, rows, case.signals.lateral_position[rows, frames] - border)

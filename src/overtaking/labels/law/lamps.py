@@ -65,7 +65,7 @@ def _return_crossed(case: Case) -> I32:
     span = Span(start=np.where(begin != NEVER, begin, end + 1), stop=end)
     # Of the lane in which the return begins, the border on its slow side.
     lane = np.minimum(at(case.signals.lane, begin), road.num_lanes)
-    border = (road.side * road.boundaries).astype(np.float32)[lane]
+    border = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)[lane]
     return limited(case.signals.right_edge, border, span, is_most=False).first
 
 

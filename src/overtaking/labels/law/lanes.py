@@ -70,7 +70,7 @@ def closed_borders(road: Road) -> dict[int, tuple[bool, bool]]:
     for k in range(road.num_lanes + 1):
         from_right = k > 0 and marks[k - 1][1] in _CLOSED
         if k == road.num_lanes:
-            from_right = any(mark in _CLOSED for _, mark in road.fast_edge_marks)
+            from_right = any(mark in _CLOSED for _, mark in road.overtaking_edge_marks)
         from_left = k < road.num_lanes and marks[k][0] in _CLOSED
         if from_right or from_left:
             kept[k] = (from_right, from_left)
@@ -80,10 +80,10 @@ def closed_borders(road: Road) -> dict[int, tuple[bool, bool]]:
 def _lowest_clearance(case: Case, span: Span, k: int, sides: tuple[bool, bool]) -> F32:
     """Smallest distance of the ego's body from border k in a span, shape (simulation,) [m]."""
     seen, road = case.signals, case.trajectories.road
-    border = as_f32(road.side * road.boundaries)[k]
+    border = as_f32(road.overtaking_sign * road.lane_boundaries)[k]
     if k == 0:
         return limited(seen.right_edge, border, span, is_most=False).low
-    if k == road.num_lanes and len(road.fast_edge_marks) == 1:
+    if k == road.num_lanes and len(road.overtaking_edge_marks) == 1:
         return limited(seen.left_edge, border, span, is_most=True).low
     every = np.arange(seen.num_simulations)
     return reduced(np.minimum, _clearance(case, every, k, sides), span)
@@ -96,7 +96,7 @@ def _clearance(case: Case, rows: IndexArray, k: int, sides: tuple[bool, bool]) -
     at only while the ego comes from the other.
     """
     seen, road = case.signals, case.trajectories.road
-    border = as_f32(road.side * road.boundaries)[k]
+    border = as_f32(road.overtaking_sign * road.lane_boundaries)[k]
     on_right, on_left = border - seen.left_edge[rows], seen.right_edge[rows] - border
     if k == 0:
         return on_left
@@ -112,7 +112,7 @@ def _clearance(case: Case, rows: IndexArray, k: int, sides: tuple[bool, bool]) -
 
 def is_closed_at(road: Road, s: F32) -> Mask:
     """Whether the line on the fast side of the fastest lane is continuous from there at `s`."""
-    begins, marks = zip(*road.fast_edge_marks, strict=True)
+    begins, marks = zip(*road.overtaking_edge_marks, strict=True)
     closed = np.array([mark in _CLOSED for mark in marks])
     return closed[np.searchsorted(np.array(begins), s, side="right") - 1]
 
@@ -155,7 +155,7 @@ def _wide_enough(case: Case) -> Finding:
 
 def left_widths(road: Road) -> F32:
     """Width of the driving lane to the left of each lane, 0 where there is none [m]."""
-    beyond = road.fast_side_neighbour
+    beyond = road.overtaking_side_neighbour
     last = beyond.width if beyond is not None and beyond.kind == "driving" else 0.0
     return np.array([lane.width for lane in road.lanes[1:]] + [last], np.float32)
 

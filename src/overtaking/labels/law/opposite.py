@@ -61,7 +61,9 @@ def on_the_other_side(case: Case) -> Span:
     never = np.full(len(span.start), NEVER)
     if not road.is_two_way:
         return Span(start=never + np.int32(1), stop=never)
-    line = np.float32(road.side * road.boundaries[-1]) + constant("law.line.tolerance")
+    line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + constant(
+        "law.line.tolerance"
+    )
     rows = np.flatnonzero(span.exists)
     first, last, _ = ends_in(span, rows, case.signals.left_edge[rows] > line)
     return Span(start=np.where(first == NEVER, last + 1, first).astype(np.int32), stop=last)

@@ -145,7 +145,7 @@ def target_keeps_its_side(case: Case) -> Finding:
     if not (road.is_two_way or "road_kind" in run.unknown):
         return inapplicable(case.signals.num_simulations)
     vehicle, frame = case.target.slot, events.attempt
-    line = np.float32(road.side * road.boundaries[-1])
+    line = np.float32(road.overtaking_sign * road.lane_boundaries[-1])
     there = (vehicle != NO_VEHICLE) & (frame != NEVER)
     return decided(there, line - target_reach(case), frame, frame)
 
@@ -154,7 +154,7 @@ def target_reach(case: Case) -> F32:
     """How far the target reaches to the left at the attempt, shape (simulation,) [m]."""
     run, row = case.trajectories, np.arange(case.signals.num_simulations)
     slot, frame = slot_of(case.target.slot), np.maximum(case.events.attempt, 0)
-    across = np.float32(run.road.side) * as_f32(run.states.d[row, slot, frame]) * METRES
+    across = np.float32(run.road.overtaking_sign) * as_f32(run.states.d[row, slot, frame]) * METRES
     return across + run.scenario.vehicles.width[row, slot] * HALF
 
 

@@ -101,7 +101,7 @@ class Ahead:
 
     def _line(self, drawing: Drawing, ego: float) -> None:
         """The line between the directions: red where it is solid for the ego."""
-        begins, marks = zip(*self._road.fast_edge_marks, strict=True)
+        begins, marks = zip(*self._road.overtaking_edge_marks, strict=True)
         for begin, end, mark in zip(begins, [*begins[1:], math.inf], marks, strict=True):
             first, last = self._x(begin, ego), self._x(end, ego)
             if mark in _SOLID and first < last:
@@ -112,14 +112,17 @@ class Ahead:
 
     def _vehicles(self, drawing: Drawing, ego: float, frame: int) -> None:
         """Arrows the way that vehicles drive, ego and target last."""
-        scene, border = self._scene, float(self._road.boundaries[-1])
+        scene, border = self._scene, float(self._road.lane_boundaries[-1])
         order = [k for k in range(len(scene.slots)) if k not in (EGO_SLOT, scene.target)]
         order += [k for k in (scene.target, EGO_SLOT) if k is not None]
         for k in order:
             s = float(scene.s[k, frame])
             if scene.is_there[k, frame] and -BEHIND < s - ego < AHEAD:
-                across = self._road.side * (float(scene.d[k, frame]) - border)
-                y = _MIDDLE - self._road.side * min(max(across / 1.75, -1.2), 1.2) * _LANE
+                across = self._road.overtaking_sign * (float(scene.d[k, frame]) - border)
+                y = (
+                    _MIDDLE
+                    - self._road.overtaking_sign * min(max(across / 1.75, -1.2), 1.2) * _LANE
+                )
                 ahead = -1.0 if self._comes[k] else 1.0
                 x = self._x(s, ego)
                 points = [

@@ -165,7 +165,7 @@ class Film:
 
 def shape_of(road: Road, s: float) -> str:
     """How a road that the picture shows straight and level bends and rises at a station [m]."""
-    if road.course is None or not (road.course.line or road.course.grade):
+    if road.course is None or not (road.course.segments or road.course.grade):
         return ""
     bend, slope = float(road.curvature_at(s)), float(road.grade_at(s))
     parts = ["here straight"]

@@ -134,17 +134,17 @@ class _Painter:
     def marks(self) -> None:
         """The painted lines."""
         road = self.road
-        for index, border in enumerate(road.boundaries):
+        for index, border in enumerate(road.lane_boundaries):
             if index == road.num_lanes and changes(road):
                 continue  # Drawn for each frame, by `centre_line`.
             lane = road.lanes[max(index - 1, 0)]
-            is_left = (index > 0) == (road.side > 0)
+            is_left = (index > 0) == (road.overtaking_sign > 0)
             mark = lane.left_mark if is_left else lane.right_mark
             for d, part in _parts(float(border), mark, is_left=is_left):
                 self._line(d, part)
-        if (beyond := road.fast_side_neighbour) is not None and road.is_two_way:
-            mark = beyond.left_mark if road.side > 0 else beyond.right_mark
-            for d, part in _parts(lane_borders(road)[-1], mark, is_left=road.side > 0):
+        if (beyond := road.overtaking_side_neighbour) is not None and road.is_two_way:
+            mark = beyond.left_mark if road.overtaking_sign > 0 else beyond.right_mark
+            for d, part in _parts(lane_borders(road)[-1], mark, is_left=road.overtaking_sign > 0):
                 self._line(d, part)
 
     def _line(self, d: float, kind: str) -> None:
@@ -201,15 +201,15 @@ def _painted(
 
 def lane_borders(road: Road) -> list[float]:
     """`d` of the borders of all lanes, those of oncoming traffic too [m]."""
-    borders, beyond = [float(one) for one in road.boundaries], road.fast_side_neighbour
+    borders, beyond = [float(one) for one in road.lane_boundaries], road.overtaking_side_neighbour
     if beyond is not None and road.is_two_way:
-        borders.append(borders[-1] + road.side * beyond.width)
+        borders.append(borders[-1] + road.overtaking_sign * beyond.width)
     return borders
 
 
 def changes(road: Road) -> bool:
     """Whether the line on the fast side of the fastest lane changes along the road."""
-    return len(road.fast_edge_marks) > 1
+    return len(road.overtaking_edge_marks) > 1
 
 
 def centre_line(road: Road, camera: Camera, frame: int, tone: Tone) -> Drawing:
@@ -222,14 +222,14 @@ def centre_line(road: Road, camera: Camera, frame: int, tone: Tone) -> Drawing:
         tone: Its light.
     """
     drawing, left = Drawing(), int(camera.left[frame])
-    begins, marks = zip(*road.fast_edge_marks, strict=True)
-    border = float(road.boundaries[-1])
+    begins, marks = zip(*road.overtaking_edge_marks, strict=True)
+    border = float(road.lane_boundaries[-1])
     colour = tinted(mixed("#f1f2ee", "#dfe2e3", tone.wet), tone.light)
     for begin, end, mark in zip(begins, [*begins[1:], math.inf], marks, strict=True):
         columns = max(begin * camera.scale, left - 2.0), min(end * camera.scale, left + WIDTH + 2.0)
         if columns[0] >= columns[1]:
             continue
-        for d, part in _parts(border, mark, is_left=road.side > 0):
+        for d, part in _parts(border, mark, is_left=road.overtaking_sign > 0):
             rows = camera.y(d + 0.5 * _LINE), camera.y(d - 0.5 * _LINE)
             for one, other in _painted(part, columns, camera.scale):
                 if one < other:

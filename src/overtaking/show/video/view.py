@@ -72,10 +72,10 @@ def view(scene: FilmScene) -> Camera:
 
 def shown_width(road: Road) -> tuple[float, float]:
     """Smallest and largest `d` of the paved surface [m]."""
-    borders = road.boundaries
+    borders = road.lane_boundaries
     slow, fast = float(borders[0]), float(borders[-1])
-    if road.slow_side_neighbour is not None:
-        slow -= road.side * min(road.slow_side_neighbour.width, _WIDEST_NEIGHBOUR)
-    if road.fast_side_neighbour is not None:
-        fast += road.side * min(road.fast_side_neighbour.width, _WIDEST_NEIGHBOUR)
+    if road.kerb_side_neighbour is not None:
+        slow -= road.overtaking_sign * min(road.kerb_side_neighbour.width, _WIDEST_NEIGHBOUR)
+    if road.overtaking_side_neighbour is not None:
+        fast += road.overtaking_sign * min(road.overtaking_side_neighbour.width, _WIDEST_NEIGHBOUR)
     return min(slow, fast), max(slow, fast)

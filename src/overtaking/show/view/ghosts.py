@@ -108,7 +108,7 @@ def _neighbour_columns(
     half_lengths = 0.5 * (true.length + _length_and_width(trajectories, EGO_SLOT)[0])
     direction = -1.0 if role.endswith("follower") else 1.0  # Gaps are measured between bumpers.
     # The observation is mirrored where traffic drives on the left.
-    d = float(trajectories.road.side) * (ego.lateral_position + true.lateral_distance)
+    d = float(trajectories.road.overtaking_sign) * (ego.lateral_position + true.lateral_distance)
     # The trace names no vehicle, so take the one nearest to the true position.
     true_s = ego.s + direction * (true.gap + half_lengths)
     slot = _nearest_slots(trajectories, frames, true_s, d)
@@ -273,4 +273,4 @@ def _middle_of_believed_lane(trajectories: Trajectories, row: int, place: int, f
     if place != _LEADER:
         is_pull_out = trajectories.percepts.kind[0, row] == ManoeuvreKind.PULL_OUT
         lane += 1 if is_pull_out else -1
-    return float(road.centres[min(max(lane, 0), road.num_lanes - 1)])
+    return float(road.lane_centres[min(max(lane, 0), road.num_lanes - 1)])

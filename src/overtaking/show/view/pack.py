@@ -145,16 +145,16 @@ def _decision(one: Values) -> Values:
 def _road(run: Trajectories) -> Values:
     """The borders of the lanes from the slow side on, and the lines on them."""
     road = run.road
-    lines = [road.lanes[0].right_mark] if road.side > 0 else [road.lanes[0].left_mark]
-    lines += [one.left_mark if road.side > 0 else one.right_mark for one in road.lanes]
+    lines = [road.lanes[0].right_mark] if road.overtaking_sign > 0 else [road.lanes[0].left_mark]
+    lines += [one.left_mark if road.overtaking_sign > 0 else one.right_mark for one in road.lanes]
     is_marked = "marks" not in run.unknown
     return {
-        "side": int(road.side),
-        "borders_mm": np.rint(road.boundaries * _MM).astype(int).tolist(),
+        "side": int(road.overtaking_sign),
+        "borders_mm": np.rint(road.lane_boundaries * _MM).astype(int).tolist(),
         "lines": [one.value for one in lines] if is_marked else None,
         "verges_mm": [
             0 if one is None else round(one.width * _MM)
-            for one in (road.slow_side_neighbour, road.fast_side_neighbour)
+            for one in (road.kerb_side_neighbour, road.overtaking_side_neighbour)
         ],
         "oncoming": _oncoming(road, is_marked=is_marked),
         "course": course_of(road),
@@ -175,11 +175,13 @@ def course_of(road: Road) -> Values | None:
 
 def _oncoming(road: Road, *, is_marked: bool) -> Values | None:
     """The lane of the other direction, and the marks of the line before it, each with its begin."""
-    beyond = road.fast_side_neighbour
+    beyond = road.overtaking_side_neighbour
     if beyond is None or not road.is_two_way:
         return None
-    edge = beyond.left_mark if road.side > 0 else beyond.right_mark
-    begins = [(None if begin == -np.inf else begin, mark) for begin, mark in road.fast_edge_marks]
+    edge = beyond.left_mark if road.overtaking_sign > 0 else beyond.right_mark
+    begins = [
+        (None if begin == -np.inf else begin, mark) for begin, mark in road.overtaking_edge_marks
+    ]
     return {
         "width_mm": round(beyond.width * _MM),
         "edge": edge.value if is_marked else None,

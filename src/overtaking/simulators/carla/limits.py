@@ -90,7 +90,7 @@ class _Track:
         for car in cars:
             self.manager.force_lane_change(car, True)
         self._pass(_WATCHING)
-        border = float(self.road.boundaries[_LANE])
+        border = float(self.road.lane_boundaries[_LANE])
         changed = sum(self._across(car) < border for car in cars)
         self._clear(cars)
         return changed
@@ -118,7 +118,7 @@ class _Track:
     def _car(self, s: float, speed_kmh: float) -> Any:
         """A vehicle that drives at a speed under the Traffic Manager."""
         carla, road = self.carla, self.road
-        x, y = (float(value) for value in road.to_world(s, road.centres[_LANE]))
+        x, y = (float(value) for value in road.to_world(s, road.lane_centres[_LANE]))
         place = carla.Transform(
             carla.Location(x, -y, 0.3), carla.Rotation(yaw=-math.degrees(road.heading))
         )

@@ -149,7 +149,10 @@ class _Drive:
             self._end = min(self._end, step + round(float(c.after_overtake / c.step)))
         if stage is Stage.FOLLOW and not self._watch.attempted and step >= self._idle:
             self._end = min(self._end, step)
-        ego, right_hand = self._stage.actors[EGO_SLOT], self._stage.scenario.road.side > 0
+        ego, right_hand = (
+            self._stage.actors[EGO_SLOT],
+            self._stage.scenario.road.overtaking_sign > 0,
+        )
         has_room = sight.lane < self._given.road.num_lanes - 1
         if stage is Stage.FOLLOW and sight.leader is not None and has_room:
             self._manager.force_lane_change(ego, not right_hand)

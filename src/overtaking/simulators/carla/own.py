@@ -154,7 +154,7 @@ class _Drive:
             return carla.VehicleControl(brake=1.0)
         speed = float(state.vx[slot, 0])
         most = min(float(p.launch_force[slot, 0]), float(p.power[slot, 0]) / max(speed, 1.0))
-        angle = self._stage.scenario.road.side * self._wheel_angle(slot, speed)
+        angle = self._stage.scenario.road.overtaking_sign * self._wheel_angle(slot, speed)
         # CARLA's steering is positive to the right.
         steer = -angle / float(self._steering[slot].angles(kmh_from_mps(speed)))
         return carla.VehicleControl(
@@ -202,7 +202,7 @@ def take_over(state: State, reading: Reading, scenario: Scenario, *, faster: flo
         scenario: A batch of one.
         faster: Factor by which time is to run faster than it did on the server.
     """
-    side, v, a = scenario.road.side, faster, faster * faster
+    side, v, a = scenario.road.overtaking_sign, faster, faster * faster
     filled = scenario.vehicles.valid[0]
     road = road_parameters(scenario.road)
     comes = scenario.start_lane[0] == scenario.road.num_lanes

@@ -261,16 +261,18 @@ def _road_there(carla: Any, place: Any, road: Road) -> tuple[Road, float]:
     middle = 0.5 * min(road.length, 600.0)
     lanes = tuple(
         _lane_there(carla, place, road, lane, middle, float(d))
-        for lane, d in zip(road.lanes, road.centres, strict=True)
+        for lane, d in zip(road.lanes, road.lane_centres, strict=True)
     )
-    beyond = road.fast_side_neighbour
+    beyond = road.overtaking_side_neighbour
     if beyond is not None and road.is_two_way:
         d = float(_all_centres(road)[-1])
         found = _lane_there(carla, place, road, beyond, middle, d)
         # Its drivers look the other way: their left is the right of the road.
         turned = {"left_mark": found.right_mark, "right_mark": found.left_mark}
-        road = dataclasses.replace(road, fast_side_neighbour=dataclasses.replace(found, **turned))
-    end, last = 0.0, float(road.centres[0])
+        road = dataclasses.replace(
+            road, overtaking_side_neighbour=dataclasses.replace(found, **turned)
+        )
+    end, last = 0.0, float(road.lane_centres[0])
     while end + _LOOK <= road.length and _waypoint(carla, place, road, end + _LOOK, last):
         end += _LOOK
     return dataclasses.replace(road, lanes=lanes), end
@@ -278,9 +280,9 @@ def _road_there(carla: Any, place: Any, road: Road) -> tuple[Road, float]:
 
 def _all_centres(road: Road) -> list[float]:
     """`d` of the middle of each lane, that of oncoming traffic last [m]."""
-    beyond, edge = road.fast_side_neighbour, float(road.boundaries[-1])
-    other = [edge + road.side * 0.5 * beyond.width] if beyond is not None else []
-    return [*map(float, road.centres), *(other if road.is_two_way else [])]
+    beyond, edge = road.overtaking_side_neighbour, float(road.lane_boundaries[-1])
+    other = [edge + road.overtaking_sign * 0.5 * beyond.width] if beyond is not None else []
+    return [*map(float, road.lane_centres), *(other if road.is_two_way else [])]
 
 
 def _lane_there(carla: Any, place: Any, road: Road, lane: Lane, s: float, d: float) -> Lane:

@@ -67,7 +67,7 @@ def fresh_world(client: Any, road: Road, *, delta: float = TICK) -> Any:
 
 def _loaded_world(client: Any, road: Road) -> Any:
     name = MAPS.get(road.name)
-    if name is None and (road.bends or road.is_two_way):
+    if name is None and (road.is_curved or road.is_two_way):
         return client.generate_opendrive_world(write_opendrive(road_of_map(road)))
     here = client.get_world().get_map().name.rsplit("/", 1)[-1]
     if name is None or here == name:

@@ -280,9 +280,9 @@ _NO_MARK, _SOLID, _BROKEN = 0, 1, 2
 
 def _lane_borders(road: Road) -> list[float]:
     """Lateral position `d` of the borders of all lanes, the oncoming one last [m]."""
-    borders = road.boundaries.tolist()
-    if road.is_two_way and (opposing_lane := road.fast_side_neighbour) is not None:
-        borders.append(borders[-1] + road.side * opposing_lane.width)
+    borders = road.lane_boundaries.tolist()
+    if road.is_two_way and (opposing_lane := road.overtaking_side_neighbour) is not None:
+        borders.append(borders[-1] + road.overtaking_sign * opposing_lane.width)
     return borders
 
 
@@ -290,11 +290,11 @@ def _sampled(road: Road) -> Lanes:
     """Samples of the driving lanes of a straight road with right-hand traffic, both directions."""
     stations = np.arange(0.5 * _SAMPLE, road.length, _SAMPLE)
     borders = _lane_borders(road)
-    centre_marks = _fast_edge_marks(road, stations)
+    centre_marks = _overtaking_edge_marks(road, stations)
     tables: list[dict[str, NDArray[Any]]] = []
     for k, (start, end) in enumerate(itertools.pairwise(borders)):
         is_oncoming = k == road.num_lanes
-        lane = road.fast_side_neighbour if is_oncoming else road.lanes[k]
+        lane = road.overtaking_side_neighbour if is_oncoming else road.lanes[k]
         assert lane is not None
         # Stations grow in the direction of travel of the lane.
         s = road.length - stations if is_oncoming else stations
@@ -323,9 +323,9 @@ def _sampled(road: Road) -> Lanes:
     return Lanes(**columns)
 
 
-def _fast_edge_marks(road: Road, stations: NDArray[np.float64]) -> NDArray[np.int64]:
+def _overtaking_edge_marks(road: Road, stations: NDArray[np.float64]) -> NDArray[np.int64]:
     """Drawn mark on the fast side of the driving lanes at each station, shape (station,)."""
-    starts, marks = zip(*road.fast_edge_marks, strict=True)
+    starts, marks = zip(*road.overtaking_edge_marks, strict=True)
     drawn = np.array([drawn_mark(mark.value) for mark in marks])
     return drawn[np.searchsorted(starts, stations, side="right") - 1]
 

@@ -122,7 +122,7 @@ def _open_ground(name: str) -> Road:
         kind="unknown",
         driving_side=DrivingSide.RIGHT,
         lanes=(lane,),
-        edge_d=0.0,
+        kerb_edge_d=0.0,
         length=_OPEN_GROUND,
         x0=0.0,
         y0=0.0,

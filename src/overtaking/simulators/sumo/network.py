@@ -88,8 +88,8 @@ def network(road: Road, ahead: float, friction: Sequence[float], before: float =
 
 def lateral_borders(road: Road) -> list[float]:
     """Borders of all lanes, that of oncoming traffic the last, towards the fast side [m]."""
-    borders: list[float] = (road.side * road.boundaries).tolist()
-    beyond = road.fast_side_neighbour
+    borders: list[float] = (road.overtaking_sign * road.lane_boundaries).tolist()
+    beyond = road.overtaking_side_neighbour
     if beyond is not None and has_two_directions(road):
         borders.append(borders[-1] + beyond.width)
     return borders

@@ -127,9 +127,9 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
     road, half = scenario.road, 0.5 * scenario.vehicles.length[row].astype(np.float64)[:, None]
     front, d, speed, drift, accel, angle, signals = raw
     back = np.where(oncoming(scenario, row), -1.0, 1.0)[:, None]  # From the front to the middle.
-    s, left = front - back * half, road.side * d
+    s, left = front - back * half, road.overtaking_sign * d
     x, y = road.to_world(s, left)
-    heading = road.heading_at(s) + road.side * np.radians(_NORTH - angle)
+    heading = road.heading_at(s) + road.overtaking_sign * np.radians(_NORTH - angle)
     # Lateral acceleration is what the lateral speed changed by since the frame before.
     sideways = np.diff(drift, axis=1, prepend=drift[:, :1]) / frame_time
     filled = scenario.vehicles.valid[row][:, None]
@@ -141,7 +141,7 @@ def _values(scenario: Scenario, row: int, raw: F64, frame_time: float) -> dict[s
         "speed": np.sqrt(speed * speed + drift * drift),
         "heading": heading - np.rint(heading / (2.0 * np.pi)) * (2.0 * np.pi),  # In (-pi, pi].
         "accel_lon": accel,
-        "accel_lat": road.side * sideways,
+        "accel_lat": road.overtaking_sign * sideways,
     }
     values = {
         name: to_integers(name, np.asarray(value) * (1.0 / STATE_RESOLUTION[name]), "SUMO")
@@ -160,7 +160,7 @@ def _lights(road: Road, signals: F64) -> NDArray[np.int64]:
     """Indicators and stop lamps; SUMO's right is our slow side."""
     bits = signals.astype(np.int64)
     fast, slow = Lights.INDICATOR_LEFT.value, Lights.INDICATOR_RIGHT.value
-    if road.side < 0:
+    if road.overtaking_sign < 0:
         fast, slow = slow, fast
     lit = np.where(bits & _LEFT, fast, 0) + np.where(bits & _RIGHT, slow, 0)
     return lit + np.where(bits & _BRAKE, Lights.BRAKE.value, 0)

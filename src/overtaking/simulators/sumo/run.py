@@ -155,7 +155,7 @@ class _Simulation:
         self.borders = lateral_borders(road)
         self.centres = [0.5 * (low + high) for low, high in pairwise(self.borders)]
         self.comes = set(np.flatnonzero(oncoming(traffic.scenario, row)).tolist())
-        has_limits = road.course is not None and road.course.limits
+        has_limits = road.course is not None and road.course.speed_limit_spans
         self.limits = road_parameters(road) if has_limits else None
         self.lanes: dict[int, int] = {}
         self.watch = Watch(settled=float(model_constants().settled_offset))

@@ -52,7 +52,7 @@ def lane_friction(scenario: Scenario) -> F32:
 
 def _drainage_path(road: Road) -> F32:
     """How far water has run from the fast edge, the crown, to the middle of each lane [m]."""
-    reach = np.abs(road.centres - road.boundaries[-1]).astype(np.float32)
+    reach = np.abs(road.lane_centres - road.lane_boundaries[-1]).astype(np.float32)
     if has_two_directions(road):
         reach = np.append(reach, reach[-1])
     return np.maximum(reach, constant("model.water.min_drainage_path"))

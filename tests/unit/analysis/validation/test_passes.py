@@ -96,9 +96,10 @@ def test_a_pass_is_timed_from_when_the_line_is_crossed_until_the_ego_is_back():
 def test_a_pass_is_too_fast_by_the_limit_of_its_place(start: float, direction: int, too_fast: bool):
     lower = SpeedLimitSpan(start=start, stop=1400.0, speed=20.0, direction=direction)
     runs = made()
-    assert not runs.road.course or not runs.road.course.limits
+    assert not runs.road.course or not runs.road.course.speed_limit_spans
     road = dataclasses.replace(
-        runs.road, course=dataclasses.replace(runs.road.course or RoadCourse(), limits=(lower,))
+        runs.road,
+        course=dataclasses.replace(runs.road.course or RoadCourse(), speed_limit_spans=(lower,)),
     )
     (one,) = passes.passes(runs.replace(scenario=runs.scenario.replace(road=road)))
     assert one.too_fast == too_fast

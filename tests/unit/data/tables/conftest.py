@@ -61,9 +61,11 @@ def states(source: Source, shape: tuple[int, int, int], road: Road) -> States:
     lane = source.integers(np.uint8, shape, low=0, high=road.num_lanes + 1)
     lane[lane == road.num_lanes + 1] = 255
     # Outside the lanes, which side it is follows from the position.
-    borders_mm = np.rint(np.array([*road.boundaries, road.boundaries[-1] + 2]) * 1000)
-    d = np.where(lane == 255, road.boundaries[0] * 1000 - road.side * 500, 0.0)
-    d = np.where(lane != 255, borders_mm[np.minimum(lane, road.num_lanes)] + road.side * 500, d)
+    borders_mm = np.rint(np.array([*road.lane_boundaries, road.lane_boundaries[-1] + 2]) * 1000)
+    d = np.where(lane == 255, road.lane_boundaries[0] * 1000 - road.overtaking_sign * 500, 0.0)
+    d = np.where(
+        lane != 255, borders_mm[np.minimum(lane, road.num_lanes)] + road.overtaking_sign * 500, d
+    )
     drawn = {name: source.integers(kind, shape) for name, kind in STATE_DTYPES.items()}
     drawn |= {"d": d.astype(np.int32), "lane": lane}
     drawn["speed"] = source.integers(np.int32, shape, low=0)

@@ -367,7 +367,7 @@ def test_of_a_bicycle_overtaken_too_near_and_too_fast_both_are_told():
 
 
 def test_where_there_is_no_lane_on_the_left_its_width_is_nil():
-    road = dataclasses.replace(two_way_road(), fast_side_neighbour=None)
+    road = dataclasses.replace(two_way_road(), overtaking_side_neighbour=None)
     ((change,),) = remedies("L16", crossing(road=road))
     width = overtake().trajectories.scenario.vehicles.width[0, 0]
     assert change.actual == 0.0

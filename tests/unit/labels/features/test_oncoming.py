@@ -98,7 +98,9 @@ def test_the_line_and_the_sight_are_those_of_the_place():
         return CentreLineSpan(mark=RoadMark.SOLID, start=start, stop=400.0)
 
     # The attempt begins at 100 m; the ego is over the line beyond 114 m.
-    ahead, here = (at_the_attempt(RoadCourse(lines=(solid(start),))) for start in (110.0, 80.0))
+    ahead, here = (
+        at_the_attempt(RoadCourse(centre_line_spans=(solid(start),))) for start in (110.0, 80.0)
+    )
     assert ahead.crossable[0]
     assert not ahead.comes[0]
     assert not here.crossable[0]

@@ -108,7 +108,7 @@ def test_who_might_come_unseen_drives_at_the_limit_of_its_direction():
     def available(direction: int) -> float:
         lower = SpeedLimitSpan(start=0.0, stop=600.0, speed=15.0, direction=direction)
         measured = oncoming_measures(
-            along_course(RoadCourse(sight=((0.0, 400.0),), limits=(lower,)))
+            along_course(RoadCourse(sight=((0.0, 400.0),), speed_limit_spans=(lower,)))
         )
         return float(measured.time_available[0])
 
@@ -118,7 +118,9 @@ def test_who_might_come_unseen_drives_at_the_limit_of_its_direction():
 
 def test_the_limit_up_to_the_end_of_a_road_is_that_of_those_who_come_from_behind_it():
     lower = SpeedLimitSpan(start=0.0, stop=5000.0, speed=15.0)
-    measured = oncoming_measures(along_course(RoadCourse(limits=(lower,), sight=((0.0, 6000.0),))))
+    measured = oncoming_measures(
+        along_course(RoadCourse(speed_limit_spans=(lower,), sight=((0.0, 6000.0),)))
+    )
     assert measured.time_available[0] == pytest.approx(6000.0 / (30.0 + 15.0))
 
 
@@ -144,7 +146,7 @@ def test_logic_and_python_say_the_same_of_simulations_on_roads_with_lower_limits
         SpeedLimitSpan(start=start, stop=stop, speed=share * road.speed_limit, direction=1)
         for start, stop, share in stretches
     )
-    course = dataclasses.replace(road.course or RoadCourse(), limits=lower)
+    course = dataclasses.replace(road.course or RoadCourse(), speed_limit_spans=lower)
     recorded = simulate_on(profile, dataclasses.replace(road, course=course))
     with lawyer() as reasoner:
         said = judged(reasoner, group_of(recorded))

@@ -108,7 +108,7 @@ def test_the_whole_width_of_any_road_is_in_the_picture():
     for lanes in (1, 3, 5, 8):
         road = wide_road(lanes=lanes, width=4.5)
         film = Film(api.simulate(scenario([Vehicle(s=100.0)], road=road, horizon=0.5)))
-        for border in road.boundaries:
+        for border in road.lane_boundaries:
             assert 0 < film.view.y(border) < film.view.height
 
 

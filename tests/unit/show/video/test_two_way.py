@@ -17,8 +17,8 @@ from overtaking.show.video.road import dash_period
 from overtaking.show.video.view import SCENE_TOP
 
 COURSE = RoadCourse(
-    lines=(CentreLineSpan(start=200.0, stop=400.0, mark=RoadMark.SOLID),),
-    places=(RoadZone(kind=ZoneKind.CREST, start=700.0, stop=800.0),),
+    centre_line_spans=(CentreLineSpan(start=200.0, stop=400.0, mark=RoadMark.SOLID),),
+    zones=(RoadZone(kind=ZoneKind.CREST, start=700.0, stop=800.0),),
     sight=((0.0, 500.0),),
 )
 
@@ -43,7 +43,7 @@ def test_the_line_between_the_directions_is_solid_where_it_is(side: str):
     made = film(side=side)
     frame = 250  # The ego is at 375 m.
     picture, period = pixels(made, frame), dash_period(made.view.scale)
-    row = SCENE_TOP + made.view.y(float(made.scene.road.boundaries[-1]))
+    row = SCENE_TOP + made.view.y(float(made.scene.road.lane_boundaries[-1]))
     gaps = {True: [], False: []}
     for number in range(10, 60):
         s = (number + 0.7) * period / made.view.scale  # Between two dashes.

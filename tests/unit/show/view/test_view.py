@@ -167,7 +167,7 @@ def test_a_road_that_bends_or_rises_says_so():
         y0=0.0,
         heading=0.0,
         length=500.0,
-        course=RoadCourse(line=line, grade=((0.0, 0.0), (500.0, 0.05))),
+        course=RoadCourse(segments=line, grade=((0.0, 0.0), (500.0, 0.05))),
     )
     found = course_of(road)
     assert found is not None

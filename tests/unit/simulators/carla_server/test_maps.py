@@ -219,7 +219,7 @@ def test_two_maps_of_one_name_are_refused():
 
 def test_a_vehicle_reads_the_limit_where_it_is():
     base = known_map("motorway")
-    course = RoadCourse(limits=(SpeedLimitSpan(start=100.0, stop=200.0, speed=20.0),))
+    course = RoadCourse(speed_limit_spans=(SpeedLimitSpan(start=100.0, stop=200.0, speed=20.0),))
     road = dataclasses.replace(base.ground.road, course=course)
     found = dataclasses.replace(base, ground=dataclasses.replace(base.ground, road=road))
     poses = (found.pose(Motion(s, -2.0, 0.0, 0.0, 0.0, 0.0), 0.0) for s in (99.0, 150.0, 201.0))
@@ -244,7 +244,7 @@ def test_a_two_way_road_has_spawn_points_lanes_and_limits_of_both_directions():
         False,
     ]
     course = RoadCourse(
-        limits=(
+        speed_limit_spans=(
             SpeedLimitSpan(start=0.0, stop=900.0, speed=20.0),
             SpeedLimitSpan(start=900.0, stop=2000.0, speed=10.0, direction=-1),
         )
