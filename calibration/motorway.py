@@ -32,12 +32,12 @@ SEARCH_SEED, CHECK_SEED = PLAN["fitted_with"], PLAN["judged_with"]
 
 FITTED = (
     "time_gap",
-    "gap_acceptance",
-    "passing_gain",
-    "pull_out_time",
+    "gap_demand_factor",
+    "min_speed_gain",
+    "pull_out_ttc",
     "return_time_gap",
     "lane_change_duration",
-    "right_bias",
+    "keep_right_bias",
 )
 """Parameters of drivers that were fitted by a factor; beside them the spread of `cruise_factor`,
 the spacing of the profile and the constant `lane_change.free_ahead_time`."""

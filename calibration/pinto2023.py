@@ -63,11 +63,11 @@ class Searched:
 
 SEARCHED = (
     Searched("time.horizon_s", 10.0, 20.0, 2.0),
-    Searched("traffic.lead_speed_exponent", 1.5, 6.0, 0.8),
+    Searched("traffic.leader_speed_exponent", 1.5, 6.0, 0.8),
     Searched("starts.min_gap_m", 3.0, 20.0, 4.0),
     Searched("weather.pushes.sight_m", 20.0, 120.0, 20.0),
     Searched("drivers.fixed.lane_change_duration_s", 2.0, 6.0, 0.8),
-    Searched("drivers.fixed.passing_gain_mps", 0.0, 3.0, 0.5),
+    Searched("drivers.fixed.min_speed_gain_mps", 0.0, 3.0, 0.5),
 )
 """What may be moved, and within which limits; the rest of the profile and its drivers stay."""
 

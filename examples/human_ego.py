@@ -49,7 +49,7 @@ class HumanEgo:
         start, back = self.starts(observation, view, looks), self.returns(observation, view, looks)
         time_indicating = ego.time_indicating + self.given.constants.decision
         sure = (looks & (ego.gives_way == 0)) | view.told
-        shown = time_indicating > observation.vehicle.signal_time
+        shown = time_indicating > observation.vehicle.indicator_lead_time
         now = (shown | ((observation.passing.return_urgency > 0) & back)) & sure
         out = np.where(now, ot.Move.PULL_OUT, ot.Move.INDICATE_PULL_OUT)
         home = np.where(now, ot.Move.RETURN, ot.Move.INDICATE_RETURN)
@@ -61,10 +61,10 @@ class HumanEgo:
         c, driver = self.given.constants, observation.vehicle
         ego, leader = observation.ego, observation.leader
         impatience = maximum(exp(-(ego.time_waiting * driver.inverse_patience)), c.patience_floor)
-        demand = driver.gap_acceptance * impatience
+        demand = driver.gap_demand_factor * impatience
         six_neighbours = slice(len(NeighbourRole))  # Without oncoming vehicles.
         # In pinto2023 the ego is told to change lanes, as in the study, and looks at no gap.
-        told = driver.gap_acceptance <= 0
+        told = driver.gap_demand_factor <= 0
         two_way = self.given.road.two_way
         return View(
             who=EGO_SLOT,
@@ -82,7 +82,7 @@ class HumanEgo:
             impatience=impatience,
             room_left=observation.passing.tall_vehicle_gap_factor if two_way else np.float32(1.0),
             told=told,
-            ordered=told & (leader.is_detected > 0) & (leader.closing_speed > driver.passing_gain),
+            ordered=told & (leader.is_detected > 0) & (leader.closing_speed > driver.min_speed_gain),
             command=np.zeros_like(demand),
         )
 

@@ -40,11 +40,11 @@ within two standard deviations or the limits that `vehicle_classes.toml` states.
 semitrailer have the numbers of `semitrailer` in [constants](constants.md).
 """
 DRIVERS = """\
-A profile draws its drivers from a *population*. Each driver has a hidden *temper*, uniform from 0
-(careful) to 1 (reckless) unless the specification narrows it. A population gives each parameter one
-distribution for careful and one for reckless drivers; a temper in between interpolates between the
-two (the median of a lognormal on a logarithmic scale). Draws are truncated at 2.5 standard
-deviations and at the limits in brackets.
+A profile draws its drivers from a *population*. Each driver has a hidden *driving style*, uniform
+from 0 (careful) to 1 (reckless) unless the specification narrows it. A population gives each
+parameter one distribution for careful and one for reckless drivers; a style in between interpolates
+between the two (the median of a lognormal on a logarithmic scale). Draws are truncated at 2.5
+standard deviations and at the limits in brackets.
 """
 UNUSED = """\
 No profile of the package draws from this population. A specification of your own can name it:
@@ -120,7 +120,7 @@ def _population(name: str, profiles: list[str]) -> str:
     return section(
         f"Population {name}",
         f"Profiles: {users}." if profiles else UNUSED.format(name=name),
-        table(header, [_of_temper(name, trait) for trait in ALL_TRAITS]),
+        table(header, [_distributions(name, trait) for trait in ALL_TRAITS]),
         table(*_factors(name)),
     )
 
@@ -210,7 +210,7 @@ def _reason(entries: Mapping[str, Entry], name: str) -> tuple[str, ...]:
     return f"`{name}`", ", ".join(origins), " · ".join(reasons)
 
 
-def _of_temper(population: str, name: str) -> tuple[str, ...]:
+def _distributions(population: str, name: str) -> tuple[str, ...]:
     entries = all_quantities("drivers.toml")
     careful, reckless = (entries[f"{population}.{end}.{name}"] for end in ("careful", "reckless"))
     origins = dict.fromkeys(source_link(entry.source) for entry in (careful, reckless))

@@ -218,7 +218,7 @@ PRESSED = {
     "traffic.held_up": 1.0,
     "traffic.flow_vph": [200.0, 400.0],
     "traffic.slow_share": 0.2,
-    "drivers.temper": [0.7, 1.0],
+    "drivers.driving_style": [0.7, 1.0],
 }
 """Reckless drivers on a busy two-way road, held up by somebody."""
 SCENES = (

@@ -87,7 +87,7 @@ def test_roads_with_several_limits_have_no_issue(tmp_path: Path):
 
 def test_roads_and_scenarios_with_two_directions_bends_and_slopes_have_no_issue(tmp_path: Path):
     world = scenario(
-        pair(420.0, gap_acceptance=0.0),
+        pair(420.0, gap_demand_factor=0.0),
         road=on(known_road("rural"), *BENDS, grade=HILLS),
         horizon=9.0,
     )

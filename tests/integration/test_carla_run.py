@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.ci, needs_wheel]
 
-FAST_EGO = {"desired_speed": 33.3, "passing_gain": 1.0, "accel": 1.8, "lane_change_duration": 4.0}
+FAST_EGO = {"desired_speed": 33.3, "min_speed_gain": 1.0, "accel": 1.8, "lane_change_duration": 4.0}
 
 
 @pytest.fixture(autouse=True)

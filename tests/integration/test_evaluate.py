@@ -81,7 +81,7 @@ def test_weighted_rates_are_those_that_brute_force_finds():
         {
             "name": "dense nights",
             "share": 0.5,
-            "powers": {"density": 0.3, "ego_temper": 0.3},
+            "powers": {"density": 0.3, "ego_driving_style": 0.3},
             "parts": {"sun": [0.0, 0.5]},
         }
     ]

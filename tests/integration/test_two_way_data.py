@@ -13,7 +13,7 @@ PROFILE = "rural"
 SHORT = {"time.horizon_s": 20.0, "time.attempt_deadline_s": 18.0, "traffic.held_up": 1.0}
 PASSES = SHORT | {
     "time.horizon_s": 35.0,
-    "drivers.temper": [0.9, 1.0],
+    "drivers.driving_style": [0.9, 1.0],
     "traffic.types": {"M": 1.0, "T": 1.0},
     "traffic.ego_types": {"M": 1.0},
 }

@@ -45,11 +45,11 @@ def specifications(draw):
     overrides = {
         "traffic.vehicles": [fewest, draw(st.integers(fewest, SLOT_CAPACITIES[0]))],
         "traffic.speed_kmh": [low, draw(st.floats(low, 150.0))],
-        "traffic.lead_speed_kmh": [low, draw(st.floats(low, 150.0))],
-        "traffic.lead_speed_exponent": draw(st.floats(0.5, 4.0)),
+        "traffic.leader_speed_kmh": [low, draw(st.floats(low, 150.0))],
+        "traffic.leader_speed_exponent": draw(st.floats(0.5, 4.0)),
         "traffic.spawn_s_m": [zone[0], zone[1] + 50.0],
         "starts.min_gap_m": draw(st.floats(3.0, 15.0)),
-        "drivers.temper": draw(st.sampled_from([[0.0, 1.0], [1.0, 1.0], [0.2, 0.4]])),
+        "drivers.driving_style": draw(st.sampled_from([[0.0, 1.0], [1.0, 1.0], [0.2, 0.4]])),
         "weather.mode": draw(st.sampled_from(["presets", "independent"])),
     }
     if overrides["weather.mode"] == "presets":
@@ -106,8 +106,8 @@ def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
     assert np.all(lane[:, 0] < TOWN06.num_lanes - 1)
     low, high = given_spec.traffic.spawn_s_m
     assert np.all((s[valid] > low - 1e-3) & (s[valid] < high + 1e-3))
-    slowest = min(given_spec.traffic.speed_kmh[0], given_spec.traffic.lead_speed_kmh[0])
-    fastest = max(given_spec.traffic.speed_kmh[1], given_spec.traffic.lead_speed_kmh[1])
+    slowest = min(given_spec.traffic.speed_kmh[0], given_spec.traffic.leader_speed_kmh[0])
+    fastest = max(given_spec.traffic.speed_kmh[1], given_spec.traffic.leader_speed_kmh[1])
     speed_kmh = batch.start_speed[valid] * 3.6
     assert np.all((speed_kmh > slowest - 1e-3) & (speed_kmh < fastest + 1e-3))
     half = 0.5 * batch.vehicles.length

@@ -151,13 +151,13 @@ def truck(lane: int, driver: dict[str, float]) -> Vehicle:
 
 def lane_changes() -> Iterable[Scene]:
     """Others who weigh a lane change, or give one up."""
-    eager = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 0.0}
+    eager = {"lane_change_threshold": 0.1, "politeness": 0.0, "keep_right_bias": 0.0}
     yield Scene(
         name="nobody gains on the slow side above 60 km/h",
         vehicles=[ELSEWHERE, car(1000.0, 2, **eager, desired_speed=33.0), ahead(40.0, 2, 20.0)],
     )
     for threshold in np.arange(0.6, 2.2, 0.2):
-        weighs = {"politeness": 0.5, "right_bias": 0.0, "safe_decel": 30.0, "decel": 3.0}
+        weighs = {"politeness": 0.5, "keep_right_bias": 0.0, "safe_decel": 30.0, "decel": 3.0}
         yield Scene(
             name="a truck behind a slow car considers who is coming fast behind it",
             vehicles=[
@@ -166,7 +166,7 @@ def lane_changes() -> Iterable[Scene]:
             ],
         )  # fmt: skip
     for threshold in np.arange(4.4, 6.8, 0.3):
-        weighs = {"politeness": 0.8, "right_bias": 2.0, "safe_decel": 9.0}
+        weighs = {"politeness": 0.8, "keep_right_bias": 2.0, "safe_decel": 9.0}
         yield Scene(
             name="a truck considers letting a follower by",
             vehicles=[
@@ -175,7 +175,7 @@ def lane_changes() -> Iterable[Scene]:
             ],
         )  # fmt: skip
 
-    slow = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 3.0}
+    slow = {"lane_change_threshold": 0.1, "politeness": 0.0, "keep_right_bias": 3.0}
     slow |= {"safe_decel": 0.02, "accel": 0.25, "decel": 0.25}
     for gap in (58.0, 60.0, 62.0, 64.0):
         halted = Vehicle(
@@ -186,7 +186,7 @@ def lane_changes() -> Iterable[Scene]:
             vehicles=[ELSEWHERE, car(1000.0, 1, 5.0, **slow), halted],
         )
 
-    waits = {"lane_change_threshold": 0.1, "politeness": 0.0, "signal_time": 1.5}
+    waits = {"lane_change_threshold": 0.1, "politeness": 0.0, "indicator_lead_time": 1.5}
     yield Scene(
         name="two side by side signal for the lane between them",
         vehicles=[
@@ -214,7 +214,7 @@ def retreats() -> Iterable[Scene]:
 
 def overtakes() -> Iterable[Scene]:
     """Egos on a road of one direction."""
-    keen = {"passing_gain": 1.0, "desired_speed": 30.0}
+    keen = {"min_speed_gain": 1.0, "desired_speed": 30.0}
     for gap in np.arange(38.0, 58.0, 2.0):
         yield Scene(
             name="the ego lets somebody by whom it would make brake hard",
@@ -262,7 +262,7 @@ def overtakes() -> Iterable[Scene]:
             weather=weather,
         )
     comes_in = HEEDLESS | {"lane_change_threshold": 0.1, "bias": 5.0, "safe_decel": 30.0}
-    comes_in |= {"signal_time": 9.5, "desired_speed": 23.4}
+    comes_in |= {"indicator_lead_time": 9.5, "desired_speed": 23.4}
     for offset in np.arange(-12.0, -5.0, 1.0):
         third = Vehicle(kind="MC", s=1000.0 + offset, lane=2, speed=23.4, driver=comes_in)
         yield Scene(
@@ -278,10 +278,10 @@ def overtakes() -> Iterable[Scene]:
 # --- A lane in each direction -------------------------------------------------------------------
 
 KEEN = {
-    "desired_speed": 27.0, "passing_gain": 1.0, "patience": 10.0, "lane_change_duration": 4.0,
+    "desired_speed": 27.0, "min_speed_gain": 1.0, "patience": 10.0, "lane_change_duration": 4.0,
     "return_time_gap": 0.8, "reaction_time": 0.8,
 }  # fmt: skip
-BOLD = KEEN | {"gap_acceptance": 0.1}
+BOLD = KEEN | {"gap_demand_factor": 0.1}
 """Spares next to no time."""
 
 
@@ -332,7 +332,7 @@ def meetings() -> Iterable[Scene]:
     for s in np.arange(2820.0, 2910.0, 10.0):
         yield Scene(
             name="the ego falls back, and who comes is hidden again",
-            vehicles=pair(11.0, oncomer(s + 635.0, 55.0), s=s, need_factor=0.4),
+            vehicles=pair(11.0, oncomer(s + 635.0, 55.0), s=s, passing_time_factor=0.4),
         )
     for room in (9.0, 14.0, 20.0, 30.0, 45.0, 70.0):
         for gap in np.arange(500.0, 1300.0, 100.0):
@@ -355,7 +355,7 @@ def views() -> Iterable[Scene]:
         for s in (*np.arange(2030.0, 2100.0, 10.0), *np.arange(2100.0, 2600.0, 75.0)):
             yield Scene(
                 name="the line may not be crossed, here or soon",
-                vehicles=pair(25.0, s=s, heeds_lines=heeds),
+                vehicles=pair(25.0, s=s, heeds_solid_lines=heeds),
             )
 
 
@@ -418,9 +418,11 @@ def rules() -> Iterable[Scene]:
             vehicles=[
                 along(100.0), along(1085.0),
                 Vehicle(
-                    s=1000.0, speed=18.0, driver=BOLD | {"signal_time": 3.0, "time_gap": 4.0}
+                    s=1000.0,
+                    speed=18.0,
+                    driver=BOLD | {"indicator_lead_time": 3.0, "time_gap": 4.0},
                 ),
-                Vehicle(s=980.0, speed=19.0, driver=BOLD | {"signal_time": time}),
+                Vehicle(s=980.0, speed=19.0, driver=BOLD | {"indicator_lead_time": time}),
             ],
         )  # fmt: skip
     for edge, name in ((0.4 - 0.9, "this"), (7.4 + 0.9, "the other")):
@@ -435,7 +437,12 @@ def rules() -> Iterable[Scene]:
                 ego, along(1020.0, 18.0, **races), along(1062.0, 20.0), oncomer(1000.0 + gap, 28.0)
             ],
         )  # fmt: skip
-    near = BOLD | {"need_factor": 0.4, "return_time_gap": 0.1, "min_gap": 2.5, "time_gap": 0.9}
+    near = BOLD | {
+        "passing_time_factor": 0.4,
+        "return_time_gap": 0.1,
+        "min_gap": 2.5,
+        "time_gap": 0.9,
+    }
     for gap in np.arange(550.0, 610.0, 6.0):
         ego = Vehicle(s=1000.0, speed=20.0, body={"max_speed": 29.0}, driver=near)
         yield Scene(
@@ -446,7 +453,7 @@ def rules() -> Iterable[Scene]:
 
 def comes_in() -> Scene:
     """Somebody pulls out before an oncomer."""
-    hurried = BOLD | {"need_factor": 0.08, "desired_speed": 30.0, "gap_acceptance": 0.01}
+    hurried = BOLD | {"passing_time_factor": 0.08, "desired_speed": 30.0, "gap_demand_factor": 0.01}
     return Scene(
         name="somebody comes in the lane of the ego",
         vehicles=[
@@ -458,7 +465,7 @@ def comes_in() -> Scene:
 
 def doubts() -> Scene:
     """Somebody who does not signal sets out and gives up, and would like to again."""
-    driver = BOLD | {"need_factor": 0.25, "uses_indicator": 0.0, "signal_time": 1.4}
+    driver = BOLD | {"passing_time_factor": 0.25, "uses_indicator": 0.0, "indicator_lead_time": 1.4}
     return Scene(
         name="somebody sets out, gives up at once, and doubts",
         vehicles=[
@@ -483,9 +490,9 @@ def given_up() -> Iterable[Scene]:
 
 def hidden() -> Scene:
     """Somebody changes lanes slowly, and a truck in the new lane hides the old leader."""
-    slow = {"passing_gain": 1.0, "desired_speed": 30.0, "lane_change_duration": 11.0}
+    slow = {"min_speed_gain": 1.0, "desired_speed": 30.0, "lane_change_duration": 11.0}
     slow |= {"time_gap": 0.4, "safe_decel": 30.0, "decel": 8.0, "accel": 3.0}
-    slow |= {"reaction_time": 1.3, "gap_acceptance": 0.2}
+    slow |= {"reaction_time": 1.3, "gap_demand_factor": 0.2}
     tall = {"desired_speed": 27.0, "start_d": -5.85, "max_speed": 40.0}
     return Scene(
         name="a truck near the line hides the leader of the lane that the ego leaves",
@@ -555,7 +562,10 @@ def limited(road: Road, *limits: SpeedLimitSpan) -> Road:
 def obedient(gap: float, speed: float = 25.0, respect: float = 1.0, **driver: float) -> Vehicle:
     """A car so far before the lower limit, whose driver would like to be faster."""
     return car(
-        LOWER.start - gap, 1, speed, **{"desired_speed": 27.0, "limit_respect": respect} | driver
+        LOWER.start - gap,
+        1,
+        speed,
+        **{"desired_speed": 27.0, "speed_limit_compliance": respect} | driver,
     )
 
 
@@ -578,7 +588,7 @@ def lower_limits() -> Iterable[Scene]:
                 vehicles=[ELSEWHERE, obedient(150.0, caution=caution, respect=0.6)],
                 weather=sky,
             )
-    top = {"desired_speed": 40.0, "limit_respect": 0.2}
+    top = {"desired_speed": 40.0, "speed_limit_compliance": 0.2}
     yield Scene(
         name="a truck is as fast as it can be, whatever the limit",
         vehicles=[ELSEWHERE, Vehicle(kind="T", s=1900.0, lane=1, speed=24.0, driver=top)],
@@ -590,10 +600,10 @@ def lower_limits() -> Iterable[Scene]:
     yield Scene(
         name="somebody leaves the stretch", vehicles=[ELSEWHERE, obedient(-170.0, speed=15.0)]
     )
-    eager = {"lane_change_threshold": 0.1, "politeness": 0.0, "right_bias": 0.0}
+    eager = {"lane_change_threshold": 0.1, "politeness": 0.0, "keep_right_bias": 0.0}
     for gap, lane in ((150.0, 1), (15.0, 2)):
         speed = 25.0 if lane == 1 else 16.0
-        given = eager | {"desired_speed": 27.0, "limit_respect": 1.0}
+        given = eager | {"desired_speed": 27.0, "speed_limit_compliance": 1.0}
         yield Scene(
             name="nobody changes lanes for the limit",
             vehicles=[ELSEWHERE, car(LOWER.start - gap, lane, speed, **given)],
@@ -603,7 +613,7 @@ def lower_limits() -> Iterable[Scene]:
             name="somebody behind a slow car weighs another lane by the limit",
             vehicles=[ELSEWHERE, obedient(gap, 20.0, **eager), obedient(gap - 40.0, 14.0)],
         )
-    bold = {"passing_gain": 0.5, "desired_speed": 27.0, "limit_respect": 0.9}
+    bold = {"min_speed_gain": 0.5, "desired_speed": 27.0, "speed_limit_compliance": 0.9}
     weak = Vehicle(s=1600.0, lane=1, speed=20.0, body={"max_speed": 26.0}, driver=bold)
     yield Scene(
         name="an ego that is no faster passes before the lower limit",
@@ -621,7 +631,7 @@ def lower_limits() -> Iterable[Scene]:
 
 def limits_of_each_way() -> Iterable[Scene]:
     """Both directions of a road, on which only one has a lower limit; and a pass before it."""
-    respects = {"desired_speed": 27.0, "limit_respect": 1.0}
+    respects = {"desired_speed": 27.0, "speed_limit_compliance": 1.0}
     yield Scene(
         name="who comes slows down, who goes does not",
         vehicles=[along(1900.0, 25.0, **respects), oncomer(2350.0, 25.0, **respects)],
@@ -629,7 +639,7 @@ def limits_of_each_way() -> Iterable[Scene]:
     for gap in (700.0, 300.0):
         yield Scene(
             name="somebody passes before a lower limit",
-            vehicles=pair(25.0, oncomer(4000.0), s=4300.0 - gap, limit_respect=0.8),
+            vehicles=pair(25.0, oncomer(4000.0), s=4300.0 - gap, speed_limit_compliance=0.8),
         )
 
 

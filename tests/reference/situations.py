@@ -48,7 +48,7 @@ ROUGH = {
     "weather.wind_percent": [60.0, 100.0],
     "weather.fog_probability": 0.4,
     "weather.fog_percent": [30.0, 100.0],
-    "drivers.temper": [0.6, 1.0],
+    "drivers.driving_style": [0.6, 1.0],
     "starts.allow_doomed": True,
     "starts.min_gap_m": 3.0,
     "traffic.vehicles": [4, 6],
@@ -194,9 +194,9 @@ SITUATIONS = (
         share=24,
         overrides={"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0}
         | {"traffic.vehicles": [6, 8], "traffic.speed_kmh": [50.0, 66.0]}
-        | {"traffic.lead_speed_kmh": [50.0, 55.0], "traffic.spawn_s_m": [50.0, 150.0]}
+        | {"traffic.leader_speed_kmh": [50.0, 55.0], "traffic.spawn_s_m": [50.0, 150.0]}
         | {"starts.min_gap_m": 3.0, "starts.allow_doomed": True}
-        | {"drivers.fixed": {"lane_change_threshold_mps2": 0.02, "right_bias_mps2": 0.0}},
+        | {"drivers.fixed": {"lane_change_threshold_mps2": 0.02, "keep_right_bias_mps2": 0.0}},
     ),
     Situation(
         name="branched",
@@ -207,7 +207,7 @@ SITUATIONS = (
         numbers=(1099511627976, 1099511627952, 1099511627811),
         overrides={"time.horizon_s": 15.0, "traffic.vehicles": [2, 5], "starts.allow_doomed": True}
         | {
-            "drivers.fixed": {"return_time_gap_s": 0.2, "gap_acceptance": 1.2, "time_gap_s": 1.8}
+            "drivers.fixed": {"return_time_gap_s": 0.2, "gap_demand_factor": 1.2, "time_gap_s": 1.8}
             | {"safe_decel_mps2": 0.3}
         },
     ),

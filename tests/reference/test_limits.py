@@ -56,7 +56,7 @@ def lone(road: Road, *, kind: str = "M", seconds: float = 70.0, **given: float) 
 
 
 def one(kind: str = "M", s: float = 100.0, speed: float = HIGH, **driver: float) -> Vehicle:
-    driver = {"desired_speed": 28.0, "limit_respect": 1.0} | driver
+    driver = {"desired_speed": 28.0, "speed_limit_compliance": 1.0} | driver
     return Vehicle(kind=kind, s=s, lane=1, speed=speed, driver=driver)
 
 
@@ -94,7 +94,7 @@ def test_nobody_is_let_go_before_the_stretch_ends():
     "sky", [{}, {"rain": 100.0}, {"fog": 85.0, "night": 1.0, "sun_altitude": -0.5}]
 )
 def test_a_stretch_is_driven_as_a_road_that_has_its_limit(respect: float, sky: dict[str, float]):
-    driver = {"limit_respect": respect, "caution": 0.7}
+    driver = {"speed_limit_compliance": respect, "caution": 0.7}
     there = [one(s=850.0, speed=LOW, **driver)]
     long = village(dataclasses.replace(TOWN, stop=5000.0))
     everywhere = dataclasses.replace(long, speed_limit=LOW, course=None)
@@ -171,7 +171,7 @@ def test_left_and_right_are_the_same():
 def test_each_direction_has_its_own_limits():
     rural = known_road("rural")
     road = limited(rural, dataclasses.replace(TOWN, direction=-1))
-    obeys = {"desired_speed": 28.0, "limit_respect": 1.0}
+    obeys = {"desired_speed": 28.0, "speed_limit_compliance": 1.0}
     pair = [
         Vehicle(s=200.0, speed=HIGH, driver=obeys),
         Vehicle(s=1900.0, lane=1, speed=HIGH, driver=obeys),
@@ -186,7 +186,7 @@ def test_each_direction_has_its_own_limits():
 
 
 def test_who_passes_wants_to_only_where_the_limit_lets_it():
-    eager = {"passing_gain": 3.0, "desired_speed": 28.0}
+    eager = {"min_speed_gain": 3.0, "desired_speed": 28.0}
     slow = Vehicle(s=890.0, lane=1, speed=12.9, driver={"desired_speed": 12.9})
     pulls = [one(s=860.0, speed=12.9, **eager), slow]
     run, free = (
@@ -214,7 +214,7 @@ def test_another_driver_sees_the_same_bits_on_both_engines():
 def test_nobody_starts_faster_than_the_limits_at_and_ahead_of_the_start_let_it(profile: str):
     batch = on_limits(profile, 32)
     comes = batch.start_lane == batch.road.num_lanes
-    respects, valid = batch.drivers.limit_respect, batch.vehicles.valid
+    respects, valid = batch.drivers.speed_limit_compliance, batch.vehicles.valid
     free, start = batch.drivers.desired_speed, batch.start_speed
     for turned in (False, True):
         here = batch.start_s if not turned else np.float32(batch.road.length) - batch.start_s

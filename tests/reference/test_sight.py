@@ -156,7 +156,7 @@ def test_both_engines_see_equally_far():
     """Behind bends and crests, from cars and from a truck, both ways: the same bits."""
     road = bent((1000.0, 0.0, 0.0), (LENGTH, 1 / 300, 1 / 300),
                 grade=((0.0, 0.05), (1100.0, 0.05), (1300.0, -0.05)))  # fmt: skip
-    near, far = (pair(gap, gap_acceptance=0.0) for gap in (180.0, 400.0))
+    near, far = (pair(gap, gap_demand_factor=0.0) for gap in (180.0, 400.0))
     far[0] = dataclasses.replace(far[0], kind="T")
     world = scenario(near, far, road=road, horizon=6.0, num_slots=3)
     expected = reference.simulate(world)

@@ -105,7 +105,7 @@ def turned(road: Road) -> Road:
 def test_who_comes_overtakes_as_who_goes_seen_from_the_other_end():
     """On a road whose sight and line change: what one direction sees is what the other would."""
     there = road(is_open=False)
-    keen, van = pair(gap_acceptance=0.5, lead=15.0)
+    keen, van = pair(gap_demand_factor=0.5, lead=15.0)
     starts = np.arange(1000.0, 3000.0, 400.0)
     far = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
     goes = [
@@ -131,7 +131,7 @@ def test_who_comes_overtakes_as_who_goes_seen_from_the_other_end():
 
 
 def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
-    keen = {"lead": 24.0, "desired_speed": 33.0, "gap_acceptance": 0.0}
+    keen = {"lead": 24.0, "desired_speed": 33.0, "gap_demand_factor": 0.0}
     gaps = np.arange(725.0, 775.0, 5.0)
     many = simulated(*(pair(gap, comes=70.0, **keen) for gap in gaps))
     hit = np.flatnonzero(many.contacts.partner[:, 0] == 2)

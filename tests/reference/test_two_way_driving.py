@@ -93,7 +93,7 @@ def test_the_built_in_ego_as_a_policy_leaves_the_same_trace():
 @pytest.mark.ci
 def test_it_leaves_the_same_trace_where_it_gives_up():
     gaps = np.arange(200.0, 1500.0, 25.0)
-    scenes = [pair(gap, comes=75.0, gap_acceptance=0.2) for gap in gaps]
+    scenes = [pair(gap, comes=75.0, gap_demand_factor=0.2) for gap in gaps]
     world = scenario(*scenes, road=road(), horizon=20.0)
     expected = engine.run(world, parameters(world))
     assert (expected.stage == Stage.ABORT).any()

@@ -9,7 +9,7 @@ from overtaking.model.trajectories import Lights, Stage
 
 
 def test_who_meets_an_overtaker_flashes_brakes_and_moves_aside():
-    run = simulated(pair(420.0, gap_acceptance=0.0, lead=15.0), horizon=12.0)
+    run = simulated(pair(420.0, gap_demand_factor=0.0, lead=15.0), horizon=12.0)
     lights, lateral = run.states.lights[0, 2], run.states.d[0, 2] / 1e3
     flashing = np.flatnonzero(lights & Lights.HIGH_BEAM)
     assert len(flashing)
@@ -22,7 +22,7 @@ def test_who_meets_an_overtaker_flashes_brakes_and_moves_aside():
 def test_the_ego_brakes_and_moves_over_for_who_comes_in_its_lane():
     # A van that comes is passed by one that does not look far: it reckons with half of its need.
     scenes = [
-        with_an_oncomer_that_overtakes(gap, gap_acceptance=0.0, desired_speed=40.0)
+        with_an_oncomer_that_overtakes(gap, gap_demand_factor=0.0, desired_speed=40.0)
         for gap in np.arange(300.0, 700.0, 20.0)
     ]
     run = simulated(*scenes, horizon=20.0)

@@ -27,7 +27,7 @@ def test_who_heeds_lines_starts_no_pass_where_a_solid_line_is_announced():
     )
     on = dataclasses.replace(road(), course=course)
     heeds = np.array([True, False])
-    scenes = [pair(patience=1e6, gap_acceptance=0.3, heeds_lines=one) for one in heeds]
+    scenes = [pair(patience=1e6, gap_demand_factor=0.3, heeds_solid_lines=one) for one in heeds]
     for shift in (begins - announced - 1000.0 + 30.0, -200.0):
         placed = [[dataclasses.replace(one, s=one.s + shift) for one in scene] for scene in scenes]
         run = engine.simulate(scenario(*placed, road=on, horizon=15.0))
@@ -49,7 +49,7 @@ def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
         centre_line_spans=(CentreLineSpan(start=1200.0, stop=8000.0, mark=RoadMark.SOLID),)
     )
     on = dataclasses.replace(road(), course=course)
-    scenes = [pair(gap_acceptance=0.3, heeds_lines=one) for one in (True, False)]
+    scenes = [pair(gap_demand_factor=0.3, heeds_solid_lines=one) for one in (True, False)]
     runs = [engine.simulate(scenario(scene, road=on, horizon=25.0)) for scene in scenes]
     out = [in_the_other_lane(run, 0) for run in runs]
     assert out[0][0] == out[1][0]
@@ -59,7 +59,7 @@ def test_who_heeds_lines_hurries_to_be_back_before_one_and_takes_no_small_gap():
 
 
 def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():
-    scenes = [pair(gap_acceptance=asked) for asked in (0.4, 0.9, 1.6)]
+    scenes = [pair(gap_demand_factor=asked) for asked in (0.4, 0.9, 1.6)]
     world = scenario(*scenes, road=road())
     trust = parameters(world).vehicle[VEHICLE_FIELDS.index("unseen_trust"), EGO_SLOT]
     expected = float(constant("model.oncoming.assumed_sight_factor")) / np.sqrt([0.4, 0.9, 1.6])
@@ -69,7 +69,7 @@ def test_who_is_content_with_small_gaps_trusts_the_unseen_road_farther():
 def test_trust_decides_where_the_road_is_not_seen_and_nowhere_else():
     course = RoadCourse(sight=((0.0, 400.0),))
     for on, limited in ((dataclasses.replace(road(), course=course), True), (road(), False)):
-        world = scenario(pair(600.0, gap_acceptance=0.4), road=on, horizon=3.0)
+        world = scenario(pair(600.0, gap_demand_factor=0.4), road=on, horizon=3.0)
         given = parameters(world)
         goes = [
             (engine.run(world, with_ego(given, unseen_trust=trust)).stage == Stage.PULL_OUT).any()

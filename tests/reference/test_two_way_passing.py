@@ -24,7 +24,7 @@ from overtaking.world.step_parameters import VEHICLE_FIELDS, parameters
 
 
 def test_the_ego_waits_for_who_comes_and_goes_behind_it():
-    run = simulated(pair(300.0), pair(gap_acceptance=0.5), pair(900.0), horizon=40.0)
+    run = simulated(pair(300.0), pair(gap_demand_factor=0.5), pair(900.0), horizon=40.0)
     starts = [np.flatnonzero(stage == Stage.PULL_OUT)[:1] for stage in run.stage]
     assert all(len(first) for first in starts)
     met = np.flatnonzero(run.states.s[0, 2] < run.states.s[0, 0])[0]
@@ -55,7 +55,7 @@ def test_who_follows_one_that_overtakes_waits():
     ego = Vehicle(s=800.0, speed=17.0, driver={"desired_speed": 17.0})
     leader = Vehicle(kind="L", s=1100.0, speed=14.0, driver={"desired_speed": 14.0})
     keen = [
-        Vehicle(s=1100.0 - back, speed=15.0, driver=KEEN | {"gap_acceptance": 0.5})
+        Vehicle(s=1100.0 - back, speed=15.0, driver=KEEN | {"gap_demand_factor": 0.5})
         for back in (30.0, 55.0)
     ]
     run = simulated([ego, leader, *keen], horizon=60.0)
@@ -79,7 +79,8 @@ def least_accepted(duration: float) -> tuple[float, float]:
     """Least time to an oncomer that an ego takes, and what it asks for over what it needs."""
     gaps = np.arange(300.0, 1400.0, 10.0)
     scenes = [
-        pair(gap, lane_change_duration=duration, patience=1e6, gap_acceptance=0.4) for gap in gaps
+        pair(gap, lane_change_duration=duration, patience=1e6, gap_demand_factor=0.4)
+        for gap in gaps
     ]
     world = scenario(*scenes, road=road(), horizon=15.0, index=[9] * len(gaps))
     given = parameters(world)
@@ -88,7 +89,7 @@ def least_accepted(duration: float) -> tuple[float, float]:
     rows, frame = np.flatnonzero(out.any(axis=1)), out.argmax(axis=1)
     time, _, _ = meeting(run, rows, frame[rows])
     of = dict(zip(VEHICLE_FIELDS, given.vehicle[:, 0, 0], strict=True))
-    return float(time.min()), float(of["need_factor"] * (1.0 + of["spare"]))
+    return float(time.min()), float(of["passing_time_factor"] * (1.0 + of["spare"]))
 
 
 def test_the_time_that_a_pass_needs_has_a_whole_change_of_lane_in_it():

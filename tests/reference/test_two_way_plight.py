@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 
 def test_an_ego_that_meets_an_unusually_fast_one_falls_back():
-    scenes = [pair(gap, comes=75.0, gap_acceptance=0.2) for gap in np.arange(200.0, 1500.0, 25.0)]
+    scenes = [
+        pair(gap, comes=75.0, gap_demand_factor=0.2) for gap in np.arange(200.0, 1500.0, 25.0)
+    ]
     run = simulated(*scenes, horizon=20.0)
     aborted = (run.stage == Stage.ABORT).any(axis=1)
     assert aborted.any()
@@ -33,7 +35,7 @@ def test_an_ego_that_meets_an_unusually_fast_one_falls_back():
 
 def test_another_that_meets_an_unusually_fast_one_falls_back():
     gaps = np.arange(300.0, 1500.0, 50.0)
-    scenes = [with_another(gap, comes=70.0, gap_acceptance=0.1) for gap in gaps]
+    scenes = [with_another(gap, comes=70.0, gap_demand_factor=0.1) for gap in gaps]
     run = simulated(*scenes, horizon=30.0)
     s, last = run.states.s, run.num_frames - 1
     tried = [row for row, away in enumerate(beyond(run, 2)) if len(away)]
@@ -47,7 +49,7 @@ def test_another_that_meets_an_unusually_fast_one_falls_back():
 
 def test_nobody_returns_beside_another_however_short_of_time():
     scenes = [
-        platoon(room, gap, gap_acceptance=0.0)
+        platoon(room, gap, gap_demand_factor=0.0)
         for room in (8.0, 15.0, 25.0, 40.0)
         for gap in np.arange(550.0, 1150.0, 50.0)
     ]
@@ -92,7 +94,7 @@ def test_nobody_stays_beside_another_with_neither_time_nor_room():
         "traffic.held_up": 1.0,
         "traffic.flow_vph": [200.0, 400.0],
         "traffic.slow_share": 0.2,
-        "drivers.temper": [0.7, 1.0],
+        "drivers.driving_style": [0.7, 1.0],
     }
     world = ScenarioSource(load_specification("rural", pressed), load_road("rural"), 5).sample(
         np.arange(192, 448)
@@ -104,7 +106,7 @@ def test_nobody_stays_beside_another_with_neither_time_nor_room():
 
 
 def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
-    first, leader, comes = pair(620.0, gap_acceptance=0.2, comes=28.0, need_factor=0.8)
+    first, leader, comes = pair(620.0, gap_demand_factor=0.2, comes=28.0, passing_time_factor=0.8)
     slow = Vehicle(kind="M", s=leader.s + 120.0, speed=8.0, driver={"desired_speed": 8.0})
     run = simulated([first, leader, slow, comes], horizon=20.0)
     out = in_the_other_lane(run, 0)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
 
 KEEN = {
-    "desired_speed": 27.0, "passing_gain": 1.0, "patience": 10.0, "lane_change_duration": 4.5,
-    "return_time_gap": 0.8, "reaction_time": 0.8, "gap_acceptance": 0.7,
+    "desired_speed": 27.0, "min_speed_gain": 1.0, "patience": 10.0, "lane_change_duration": 4.5,
+    "return_time_gap": 0.8, "reaction_time": 0.8, "gap_demand_factor": 0.7,
 }  # fmt: skip
 
 
@@ -51,7 +51,7 @@ def simulated(
 def with_another(*gaps: float, comes: float = 25.0, **driver: float) -> list[Vehicle]:
     """The ego follows far behind another, who is held up by a van; others come from distances."""
     ego = Vehicle(s=800.0, speed=17.0, driver={"desired_speed": 17.0})
-    another, leader, *others = pair(*gaps, comes=comes, **{"gap_acceptance": 0.5, **driver})
+    another, leader, *others = pair(*gaps, comes=comes, **{"gap_demand_factor": 0.5, **driver})
     return [ego, leader, another, *others]
 
 
@@ -60,19 +60,19 @@ def with_an_oncomer_that_overtakes(gap: float, **driver: float) -> list[Vehicle]
     ego = Vehicle(s=1000.0, speed=22.0, driver={"desired_speed": 22.0})
     another, leader = (
         dataclasses.replace(one, s=1000.0 + gap + (1035.0 - one.s), lane=1)
-        for one in pair(**{"gap_acceptance": 0.5, **driver})
+        for one in pair(**{"gap_demand_factor": 0.5, **driver})
     )
     return [ego, leader, another]
 
 
 SCENES = (
     with_another(700.0),
-    with_another(500.0, comes=60.0, gap_acceptance=0.2),
-    with_an_oncomer_that_overtakes(900.0, gap_acceptance=0.2),
+    with_another(500.0, comes=60.0, gap_demand_factor=0.2),
+    with_an_oncomer_that_overtakes(900.0, gap_demand_factor=0.2),
     pair(300.0),
-    pair(900.0, gap_acceptance=0.0),
-    pair(250.0, gap_acceptance=0.0),
-    pair(560.0, 640.0, comes=38.0, gap_acceptance=0.3),
+    pair(900.0, gap_demand_factor=0.0),
+    pair(250.0, gap_demand_factor=0.0),
+    pair(560.0, 640.0, comes=38.0, gap_demand_factor=0.3),
     pair(),
 )
 

@@ -28,10 +28,10 @@ SAME_NAME = (
 CALM_DRIVER: dict[str, float] = dict.fromkeys(batch_fields(DriverTraits), 1.0) | {
     "desired_speed": 30.0, "time_gap": 1.2, "min_gap": 2.0, "accel": 1.5, "decel": 2.0,
     "reaction_time": 0.0, "caution": 0.0, "politeness": 0.2, "lane_change_threshold": 1e9,
-    "right_bias": 0.2, "safe_decel": 4.0, "lane_change_duration": 5.0, "passing_gain": 1e6,
-    "patience": 1e6, "pull_out_time": 5.0, "gap_acceptance": 1.0, "return_time_gap": 1.0,
-    "signal_time": 0.0, "uses_indicator": 1.0, "checks_blind_spot": 1.0, "limit_respect": 0.0,
-    "need_factor": 0.85,
+    "keep_right_bias": 0.2, "safe_decel": 4.0, "lane_change_duration": 5.0, "min_speed_gain": 1e6,
+    "patience": 1e6, "pull_out_ttc": 5.0, "gap_demand_factor": 1.0, "return_time_gap": 1.0,
+    "indicator_lead_time": 0.0, "uses_indicator": 1.0, "checks_blind_spot": 1.0,
+    "speed_limit_compliance": 0.0, "passing_time_factor": 0.85,
 }  # fmt: skip
 """A driver who stays in lane and never overtakes, unless told otherwise."""
 

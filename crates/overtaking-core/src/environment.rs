@@ -193,7 +193,7 @@ pub fn course<S: Simd, const N: usize>(state: &mut State<'_, S, N>, w: &World<'_
 #[inline(always)]
 fn adapted_speed<S: Simd, const N: usize>(w: &World<'_, S, N>, i: usize, limit: V<S>) -> V<S> {
     let (p, q) = (&w.p[i], &w.q);
-    let wanted = p.free_speed - p.limit_respect * at_least(p.free_speed - limit, 0.0);
+    let wanted = p.free_speed - p.speed_limit_compliance * at_least(p.free_speed - limit, 0.0);
     let excess = at_least(wanted - q.rain_slowing - q.stoppable_speed, 0.0);
     wanted - p.caution * (q.rain_slowing + excess)
 }

@@ -66,13 +66,13 @@ fn look<'a, S: Simd, const N: usize>(
         exp(-(state.waited[i] * own.inverse_patience)),
         w.c.patience_floor,
     );
-    let demand = own.gap_acceptance * impatience;
+    let demand = own.gap_demand_factor * impatience;
     let never = mind.looks & !mind.looks;
     let (mut told, mut ordered, mut command) = (never, never, splat(w.simd, 0.0));
     if i == EGO {
         told = is_told(w);
         let faster = faster(state, w, near);
-        ordered = told & believed.detected[LEAD] & faster.simd_gt(own.passing_gain);
+        ordered = told & believed.detected[LEAD] & faster.simd_gt(own.min_speed_gain);
         command = w.q.command;
     }
     let bounded = own.safe_decel / at_least(demand, LEAST_DEMAND);
@@ -101,7 +101,7 @@ fn look<'a, S: Simd, const N: usize>(
 /// Whether the ego is told to change lanes, as in the study: it demands no gap.
 #[inline(always)]
 pub fn is_told<S: Simd, const N: usize>(w: &World<'_, S, N>) -> M<S> {
-    w.p[EGO].gap_acceptance.simd_le(0.0)
+    w.p[EGO].gap_demand_factor.simd_le(0.0)
 }
 
 /// By how much the ego is in truth faster than its leader, which decides where it is told.
@@ -139,8 +139,8 @@ fn their_braking<S: Simd, const N: usize>(
 #[inline(always)]
 fn wants_to_pass<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>) -> M<S> {
     let own = view.own;
-    let slower = (view.desired - view.leader_speed).simd_gt(own.passing_gain * view.impatience);
-    let soon = view.gap[LEAD].simd_lt(own.pull_out_time * view.closing[LEAD]);
+    let slower = (view.desired - view.leader_speed).simd_gt(own.min_speed_gain * view.impatience);
+    let soon = view.gap[LEAD].simd_lt(own.pull_out_ttc * view.closing[LEAD]);
     let kept = own.time_gap * view.room_left;
     let near = w.c.close_time_gap * kept * view.speed + own.min_gap;
     let close = view.gap[LEAD].simd_lt(near);
@@ -162,7 +162,7 @@ fn may_pull_out<S: Simd, const N: usize>(w: &World<'_, S, N>, view: &View<'_, S>
         return rear & !view.detected[FAST_LEAD];
     }
     let gain = ((view.speed - view.closing[FAST_LEAD]) - view.leader_speed)
-        .simd_gt(own.passing_gain * view.impatience);
+        .simd_gt(own.min_speed_gain * view.impatience);
     let far = view.gap[FAST_LEAD].simd_gt(view.gap[LEAD] + c.waiting_time_gap * view.speed);
     front & rear & (gain | far | !view.detected[FAST_LEAD])
 }
@@ -270,7 +270,7 @@ pub fn intend<S: Simd, const N: usize>(
     let wanted = chosen(looks | told, seen, held.simd_lt(0.0));
     let back = slower_lane & (wanted | command.simd_eq(forced_decision::RETURN));
     signal(state, w, i, start, back);
-    let ready = state.signalled[i].simd_gt(view.own.signal_time);
+    let ready = state.signalled[i].simd_gt(view.own.indicator_lead_time);
     let danger = heeds & must_abort(w, view, SLOW_LEAD, SLOW_REAR);
     let mut abort = can_abort(state, w, i) & (danger | command.simd_eq(forced_decision::CANCEL));
     let danger = heeds

@@ -251,7 +251,7 @@ fn decide<S: Simd, const N: usize>(
     let same = wanted.simd_eq(state.wanted[i]) & wanted.simd_ne(0.0);
     put(&mut state.wanted_time[i], looks & !same, splat(w.simd, 0.0));
     put(&mut state.wanted[i], looks, wanted);
-    looks & same & state.wanted_time[i].simd_ge(w.p[i].signal_time)
+    looks & same & state.wanted_time[i].simd_ge(w.p[i].indicator_lead_time)
 }
 
 /// 1 towards the fast side, -1 towards the slow side, 0 for neither.

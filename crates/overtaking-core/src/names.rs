@@ -16,11 +16,11 @@ lane_fields! {
         truck, shelters, spray, loom_width, contrast, inverse_tail_lamp, inverse_head_lamp, lights,
         desired_speed, pass_speed, time_gap, min_gap, accel, decel, interaction, overspeed_exponent,
         hardest_decel, reaction_ticks, urgent_ticks, attention, most_friction, politeness,
-        threshold, bias, safe_decel, lane_change_duration, passing_gain, inverse_patience,
-        pull_out_time, gap_acceptance, return_time_gap, signal_time, uses_indicator,
+        threshold, bias, safe_decel, lane_change_duration, min_speed_gain, inverse_patience,
+        pull_out_ttc, gap_demand_factor, return_time_gap, indicator_lead_time, uses_indicator,
         checks_blind_spot, start_s, start_d, start_speed, start_lane, direction, makes_room,
-        passed_factor, need_factor, unseen_trust, spare, heeds_lines, limit, free_speed,
-        limit_respect, caution,
+        passed_factor, passing_time_factor, unseen_trust, spare, heeds_solid_lines, limit,
+        free_speed, speed_limit_compliance, caution,
     }
 }
 

@@ -168,7 +168,7 @@ pub fn obey<S: Simd, const N: usize>(
             cancels,
         ]
     } else {
-        let shown = state.signalled[EGO].simd_gt(w.p[EGO].signal_time);
+        let shown = state.signalled[EGO].simd_gt(w.p[EGO].indicator_lead_time);
         [shown, side.simd_lt(0.0), side.simd_gt(0.0)]
     };
     let mut gives_up = can_abort(state, w, EGO);

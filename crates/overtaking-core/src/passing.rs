@@ -50,7 +50,7 @@ fn top_speed<S: Simd, const N: usize>(
 ) -> V<S> {
     let wanted = max(state.pass_speed(w, i), leader + w.c.passing_surplus);
     let excess = at_least(wanted - state.limit(w, i), 0.0);
-    let heeded = wanted - w.p[i].limit_respect * excess;
+    let heeded = wanted - w.p[i].speed_limit_compliance * excess;
     min(heeded, w.p[i].max_speed)
 }
 
@@ -116,7 +116,7 @@ pub fn may_meet<S: Simd, const N: usize>(
     let way = gap + bodies + returns;
     let top = top_speed(state, w, i, leader);
     let gaining = time_to_pass(state, w, i, way, (speed, speed - leader), leader);
-    let need = own.need_factor * (gaining + own.lane_change_duration);
+    let need = own.passing_time_factor * (gaining + own.lane_change_duration);
     let closing = coming.closing + 0.5 * at_least(top - speed, 0.0);
     let spare = own.spare * at_least(impatience, c.spare_kept);
     let enough = seen_ahead(own, coming).simd_gt(need * (1.0 + spare) * closing);
@@ -124,7 +124,7 @@ pub fn may_meet<S: Simd, const N: usize>(
     let least = 2.0 * own.half_length + c.squeeze_gap + returns;
     let room = room.simd_gt(least + c.fit_share * own.time_gap * leader);
     let solid = is_solid(state, w, i, splat(w.simd, c.line_ahead));
-    enough & coming.sure & room & !(solid & own.heeds_lines.simd_gt(0.0))
+    enough & coming.sure & room & !(solid & own.heeds_solid_lines.simd_gt(0.0))
 }
 
 /// Gap that driver `i` finds between the vehicle in a slot and the one ahead of it.

@@ -84,9 +84,9 @@ pub fn looks_around<S: Simd, const N: usize>(
         return p.valid.simd_eq(p.valid);
     }
     let signalled = if w.road.lets_overtake(i) {
-        state.signalled[i].simd_gt(p.signal_time)
+        state.signalled[i].simd_gt(p.indicator_lead_time)
     } else {
-        state.wanted_time[i].simd_ge(p.signal_time)
+        state.wanted_time[i].simd_ge(p.indicator_lead_time)
     };
     let looks = state.wanted[i].simd_ne(0.0) & signalled;
     if decision.is_multiple_of(c.glance_moving as u32) {

@@ -61,7 +61,8 @@ pub fn weigh<S: Simd, const N: usize>(
     let yields = (gives_up | trapped | state.yields[i].simd_gt(0.0)) & out;
     let beyond = (out | in_stage(state, i, stage::RETURN)) & !yields;
     let pressed = beyond & ((there - rest).simd_lt(c.calm_margin) | cramped);
-    let late = is_solid(state, w, i, at_least(speed, 0.0) * rest) & own.heeds_lines.simd_gt(0.0);
+    let late =
+        is_solid(state, w, i, at_least(speed, 0.0) * rest) & own.heeds_solid_lines.simd_gt(0.0);
     // What is still gained on another while the brakes come on, and with them.
     let gained = |faster: V<S>| {
         let faster = at_least(faster, 0.0);

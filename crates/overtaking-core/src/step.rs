@@ -129,7 +129,7 @@ fn turn_head<S: Simd, const N: usize>(
     let changing = state.path_time[i].simd_lt(state.path_duration[i]);
     // Who is told or forced to change lanes may do so at any time; what it passes by is recorded.
     let forced = w.q.command.simd_gt(0.0);
-    let told = (w.p[EGO].gap_acceptance.simd_le(0.0) | forced).any_true();
+    let told = (w.p[EGO].gap_demand_factor.simd_le(0.0) | forced).any_true();
     let is_asked = i == EGO && (any_time || told);
     is_asked || (*looks | changing).any_true()
 }

@@ -183,7 +183,7 @@ class DriverTraits(Batch):
     lane_change_threshold: Annotated[
         F32, FieldSpec("Threshold of the lane-change model MOBIL", "m/s^2", 0.0, _DISABLED)
     ]
-    right_bias: Annotated[
+    keep_right_bias: Annotated[
         F32,
         FieldSpec("Bias of the lane-change model MOBIL towards the slow side", "m/s^2", 0.0, 10.0),
     ]
@@ -193,7 +193,7 @@ class DriverTraits(Batch):
     lane_change_duration: Annotated[
         F32, FieldSpec("Time from lane centre to lane centre", "s", 0.1, 100.0)
     ]
-    passing_gain: Annotated[
+    min_speed_gain: Annotated[
         F32,
         FieldSpec(
             "Speed wanted above the leader's before overtaking is worth it", "m/s", 0.0, _DISABLED
@@ -203,7 +203,7 @@ class DriverTraits(Batch):
         F32,
         FieldSpec("Time of waiting over which demands fall by a factor e", "s", 0.01, _DISABLED),
     ]
-    pull_out_time: Annotated[
+    pull_out_ttc: Annotated[
         F32,
         FieldSpec(
             "Time to collision with the leader at which a flying overtake pulls out",
@@ -212,14 +212,14 @@ class DriverTraits(Batch):
             _DISABLED,
         ),
     ]
-    gap_acceptance: Annotated[
+    gap_demand_factor: Annotated[
         F32, FieldSpec("Factor on the gaps and times demanded of the target lane", "1", 0.0, 100.0)
     ]
     return_time_gap: Annotated[
         F32,
         FieldSpec("Net time gap left to the overtaken vehicle before returning", "s", 0.0, 60.0),
     ]
-    signal_time: Annotated[
+    indicator_lead_time: Annotated[
         F32, FieldSpec("How long the indicator is on before moving over", "s", 0.0, 60.0)
     ]
     uses_indicator: Annotated[Mask, FieldSpec("Whether the indicator is used at all")]
@@ -227,10 +227,10 @@ class DriverTraits(Batch):
         F32,
         FieldSpec("Share of lane changes that a look over the shoulder precedes", "1", 0.0, 1.0),
     ]
-    limit_respect: Annotated[
+    speed_limit_compliance: Annotated[
         F32, FieldSpec("Share of the speed above the limit that is given up", "1", 0.0, 1.0)
     ]
-    need_factor: Annotated[
+    passing_time_factor: Annotated[
         F32,
         FieldSpec(
             "Time that passing against oncoming traffic is believed to take, over what it takes",
@@ -240,7 +240,7 @@ class DriverTraits(Batch):
             since=5,
         ),
     ]
-    heeds_lines: Annotated[
+    heeds_solid_lines: Annotated[
         Mask,
         FieldSpec("Whether solid lines between the directions are heeded when passing", since=5),
     ]

@@ -172,10 +172,10 @@ def sample_traits(
     stream = block.slot_streams(Stream.DRIVER, kind.shape[1])
     population = load_population(section.population)
     driving_style = stream.uniform()
-    driving_style[:, EGO_SLOT] = transform("ego_temper", driving_style[:, EGO_SLOT])
+    driving_style[:, EGO_SLOT] = transform("ego_driving_style", driving_style[:, EGO_SLOT])
     for slot in range(EGO_SLOT + 1, driving_style.shape[1]):
-        driving_style[:, slot] = transform("others_temper", driving_style[:, slot])
-    driving_style = scale_to_range(driving_style, *section.temper)
+        driving_style[:, slot] = transform("others_driving_style", driving_style[:, slot])
+    driving_style = scale_to_range(driving_style, *section.driving_style)
     traits = {
         name: _trait(name, population, driving_style, stream, transform)
         for name in population.careful
@@ -225,7 +225,7 @@ def max_placed_desired_speed(people: DriversSection, traffic: PlacedTraffic) -> 
     gain = max(end["speed_over_leader"].high for end in (population.careful, population.reckless))
     cruise = max_cruise_factor(people)
     drawn_speed = mps_from_kmh(traffic.speed_kmh[1])
-    lead = cruise * mps_from_kmh(traffic.lead_speed_kmh[1])
+    lead = cruise * mps_from_kmh(traffic.leader_speed_kmh[1])
     return max(cruise * drawn_speed, lead + gain)
 
 

@@ -125,7 +125,7 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
     horizon = specification.time.horizon_s
     lane_speeds = [mps_from_kmh(lane.speed_kmh) for lane in flow.lanes]
     speed_range = max(lane_speeds) - min(lane_speeds) + 2.0 * APPROACH_MARGIN
-    speed_factor = max(lane.wish for lane in flow.lanes)
+    speed_factor = max(lane.speed_factor for lane in flow.lanes)
     speed_factor *= max_cruise_factor(specification.drivers)
     max_speed = speed_factor * mps_from_kmh(max(flow.free_speed_kmh.values()))
     density_ratio = max(lane.density for lane in flow.lanes)
@@ -208,7 +208,7 @@ def desired_speeds(flow: FlowTraffic, cruise_factor: F32, kind: U8, lane: U8) ->
         lane: Lanes, the same shape.
     """
     free = [mps_from_kmh(flow.free_speed_kmh.get(name, 1.0)) for name in VEHICLE_CLASS_NAMES]
-    factors = [flow_lane.wish for flow_lane in flow.lanes]
+    factors = [flow_lane.speed_factor for flow_lane in flow.lanes]
     return np.array(free, np.float32)[kind] * cruise_factor * np.array(factors, np.float32)[lane]
 
 

@@ -180,7 +180,7 @@ def _check_speeds(spec: Specification, traffic: PlacedTraffic) -> None:
     for key, low, weights in (
         ("speed_kmh", traffic.speed_kmh[0], traffic.types),
         ("speed_kmh", traffic.speed_kmh[0], traffic.ego_types),
-        ("lead_speed_kmh", traffic.lead_speed_kmh[0], traffic.types),
+        ("leader_speed_kmh", traffic.leader_speed_kmh[0], traffic.types),
     ):
         for name, weight in weights.items():
             top = float(top_speeds()[VEHICLE_CLASS_NAMES.index(name)])
@@ -196,10 +196,10 @@ def _check_speeds(spec: Specification, traffic: PlacedTraffic) -> None:
 
 def _speed(traffic: PlacedTraffic, u: F32, kind: U8, *, is_leader: bool) -> F32:
     """Speed between the limits of the specification and of the vehicle [m/s]."""
-    low_kmh, high_kmh = traffic.lead_speed_kmh if is_leader else traffic.speed_kmh
+    low_kmh, high_kmh = traffic.leader_speed_kmh if is_leader else traffic.speed_kmh
     low, high = np.float32(mps_from_kmh(low_kmh)), np.float32(mps_from_kmh(high_kmh))
     if is_leader:
-        u = power(u, np.full_like(u, traffic.lead_speed_exponent))
+        u = power(u, np.full_like(u, traffic.leader_speed_exponent))
     return scale_to_range(u, low, minimum(np.full_like(u, high), top_speeds()[kind]))
 
 

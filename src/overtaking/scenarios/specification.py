@@ -57,14 +57,14 @@ PROPOSAL_UNIFORMS = (
     "flow",
     "start",
     "held_up",
-    "ego_temper",
-    "ego_heeds_lines",
-    "others_temper",
+    "ego_driving_style",
+    "ego_heeds_solid_lines",
+    "others_driving_style",
 )
 """Uniform numbers that a proposal may transform. Small values of `rains` and `foggy` mean rain and
 fog. Only two-way roads have `flow`, `start` (the ego's station), `held_up` (small: the ego is held
-up) and `ego_heeds_lines` (large: the ego ignores lines). `others_temper` is transformed for each of
-the other drivers separately."""
+up) and `ego_heeds_solid_lines` (large: the ego ignores lines). `others_driving_style` is
+transformed for each of the other drivers separately."""
 
 PROPOSAL_NORMALS = tuple(
     f"ego_{trait}"
@@ -72,14 +72,14 @@ PROPOSAL_NORMALS = tuple(
         "time_gap",
         "reaction_time",
         "lane_change_duration",
-        "passing_gain",
+        "min_speed_gain",
         "patience",
-        "pull_out_time",
-        "gap_acceptance",
+        "pull_out_ttc",
+        "gap_demand_factor",
         "return_time_gap",
-        "signal_time",
+        "indicator_lead_time",
         "cruise_factor",
-        "need_factor",
+        "passing_time_factor",
     )
 )
 """Standard normal numbers that a proposal may transform: traits of the ego, normal or lognormal."""
@@ -410,14 +410,14 @@ class DriversSection(Section):
 
     Attributes:
         population: A population of the knowledge base.
-        temper: Range of the drivers' temper, 0 careful to 1 reckless.
+        driving_style: Range of the driving style, 0 careful to 1 reckless.
         fixed: Parameters that are the same for everyone.
         scale: Factors on the drawn traits of all drivers, by the names of
             `model.vehicles.DriverTraits`.
     """
 
     population: PopulationName
-    temper: Annotated[tuple[Share, Share], AfterValidator(check_ascending)] = (0.0, 1.0)
+    driving_style: Annotated[tuple[Share, Share], AfterValidator(check_ascending)] = (0.0, 1.0)
     fixed: FixedTraits = FixedTraits()
     scale: Annotated[dict[str, Factor], AfterValidator(_scalable)] | None = None
 

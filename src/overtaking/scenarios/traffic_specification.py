@@ -38,8 +38,8 @@ class PlacedTraffic(Section):
         ego_types: Weights of the ego's vehicle types; never a two-wheeler.
         colours: Weights of the colours.
         speed_kmh: Range of the speeds that vehicles come with.
-        lead_speed_kmh: The same for the vehicle ahead of the ego ...
-        lead_speed_exponent: ... which is low + (high - low) u^exponent with u uniform.
+        leader_speed_kmh: The same for the vehicle ahead of the ego ...
+        leader_speed_exponent: ... which is low + (high - low) u^exponent with u uniform.
         spawn_x_m: World x between which the centres of the vehicles start, or
         spawn_s_m: position along the road between which they start; exactly one of the two.
         ego_lanes: Lanes that the ego may start in, 0 the slowest; all but the fastest if not given.
@@ -50,8 +50,8 @@ class PlacedTraffic(Section):
     ego_types: Annotated[Types, AfterValidator(check_four_wheels)]
     colours: Colours
     speed_kmh: SpeedRange
-    lead_speed_kmh: SpeedRange
-    lead_speed_exponent: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
+    leader_speed_kmh: SpeedRange
+    leader_speed_exponent: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
     spawn_x_m: WorldRange | None = None
     spawn_s_m: RoadRange | None = None
     ego_lanes: (
@@ -83,13 +83,13 @@ class FlowLane(Section):
         types: Weights of the vehicle types in it.
         speed_kmh: Mean speed of its traffic, by which the ends of the traffic stay out of the ego's
             sight.
-        wish: Factor on the desired speed that drivers of a vehicle class have on average.
+        speed_factor: Factor on the desired speed that drivers of a vehicle class have on average.
     """
 
     density: Factor
     types: Types
     speed_kmh: SpeedKmh
-    wish: Annotated[float, Field(gt=0.5, lt=2.0)] = 1.0
+    speed_factor: Annotated[float, Field(gt=0.5, lt=2.0)] = 1.0
 
 
 class FlowTraffic(Section):
@@ -160,7 +160,7 @@ class TwoWayTraffic(Section):
         oncoming: Most vehicles of the other direction.
         flow_vph: Vehicles per hour and direction, the mean of both, uniform.
         split: Share of the busier direction, uniform; either may be it.
-        least_headway_s: Least time between two arrivals; the rest is exponential.
+        min_headway_s: Least time between two arrivals; the rest is exponential.
         held_up: Share of the egos that follow the vehicle ahead in a platoon at the start; for the
             others the first headway is drawn like all headways.
         types: Weights of the vehicle types.
@@ -181,7 +181,7 @@ class TwoWayTraffic(Section):
     oncoming: _CountFromZero
     flow_vph: Annotated[tuple[_PerHour, _PerHour], AfterValidator(check_ascending)]
     split: Annotated[tuple[Share, Share], AfterValidator(check_ascending)] = (0.5, 0.5)
-    least_headway_s: Annotated[float, Field(ge=0.5, le=5.0)] = 1.5
+    min_headway_s: Annotated[float, Field(ge=0.5, le=5.0)] = 1.5
     held_up: Share = 0.0
     types: Types
     ego_types: Types
@@ -224,7 +224,7 @@ class TwoWayTraffic(Section):
                 key="ego_types",
                 got=two_wheelers,
             )
-        longest = 3600.0 / self.least_headway_s
+        longest = 3600.0 / self.min_headway_s
         if 2.0 * self.flow_vph[1] * self.split[1] > 0.9 * longest:
             raise specification_error(
                 f"less than {0.9 * longest:g} vehicles per hour in the busier direction",

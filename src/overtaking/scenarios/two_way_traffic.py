@@ -228,7 +228,7 @@ def _arrivals(block: SampleBlock, traffic: TwoWayTraffic, stream: RandomStream) 
     speed = _typical_speed(traffic)
     own, oncoming = (
         ArrivalProcess(
-            min_headway=traffic.least_headway_s,
+            min_headway=traffic.min_headway_s,
             mean_headway=np.float32(3600.0) / flow,
             speed=speed,
         )
@@ -250,7 +250,7 @@ def _own_direction_stations(
     """
     u = block.proposal.transform("held_up", stream.uniform())
     is_held_up = u < np.float32(traffic.held_up)
-    platoon_headway = scale_to_range(stream.uniform(), traffic.least_headway_s, MAX_PLATOON_HEADWAY)
+    platoon_headway = scale_to_range(stream.uniform(), traffic.min_headway_s, MAX_PLATOON_HEADWAY)
     stations, front, rear = [ego_s], ego_s, ego_s
     for rank in range(traffic.ahead):
         headway = arrivals.next_headway(stream)

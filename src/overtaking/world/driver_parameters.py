@@ -99,7 +99,7 @@ def desired_speed_factors(scenario: Scenario, conditions: SceneConditions) -> De
     traits, slowing = scenario.drivers, weather_slowing(scenario, conditions)
     return DesiredSpeedFactors(
         free=traits.desired_speed,
-        speed_limit_compliance=traits.limit_respect,
+        speed_limit_compliance=traits.speed_limit_compliance,
         caution=traits.caution,
         rain_slowing=slowing["rain_slowing"][:, None],
         stoppable=slowing["stoppable_speed"][:, None],
@@ -268,7 +268,7 @@ def _limits(context: StepContext) -> FieldArrays:
 def _lane_changes(context: StepContext) -> FieldArrays:
     """Incentives and durations of lane changes."""
     traits = context.scenario.drivers
-    threshold, gain = traits.lane_change_threshold, traits.passing_gain
+    threshold, gain = traits.lane_change_threshold, traits.min_speed_gain
     if not context.effects.mobil:
         # The ego still overtakes.
         threshold = np.full_like(threshold, _NEVER)
@@ -276,8 +276,8 @@ def _lane_changes(context: StepContext) -> FieldArrays:
     min_duration = min_change_duration_by_friction(context)[:, None]
     return {
         "threshold": threshold,
-        "passing_gain": gain,
-        "bias": traits.right_bias,
+        "min_speed_gain": gain,
+        "bias": traits.keep_right_bias,
         "lane_change_duration": maximum(traits.lane_change_duration, min_duration),
     }
 
@@ -335,7 +335,7 @@ def _visible_range(conditions: SceneConditions, lamp_intensity: np.float32) -> _
 
 def _passing(scenario: Scenario) -> FieldArrays:
     """Time reserve that each driver demands, and its trust that the road beyond sight is free."""
-    demand = scenario.drivers.gap_acceptance
+    demand = scenario.drivers.gap_demand_factor
     sight_factor = constant("model.oncoming.assumed_sight_factor")
     return {
         "unseen_trust": sight_factor / np.sqrt(maximum(demand, _MIN_DEMAND)),

@@ -102,12 +102,12 @@ class VehicleParameters(NamedTuple):
     bias: F32
     safe_decel: F32
     lane_change_duration: F32
-    passing_gain: F32
+    min_speed_gain: F32
     inverse_patience: F32
-    pull_out_time: F32
-    gap_acceptance: F32
+    pull_out_ttc: F32
+    gap_demand_factor: F32
     return_time_gap: F32
-    signal_time: F32
+    indicator_lead_time: F32
     uses_indicator: F32
     checks_blind_spot: F32
     start_s: F32
@@ -117,13 +117,13 @@ class VehicleParameters(NamedTuple):
     direction: F32
     makes_room: F32
     passed_factor: F32
-    need_factor: F32
+    passing_time_factor: F32
     unseen_trust: F32
     spare: F32
-    heeds_lines: F32
+    heeds_solid_lines: F32
     limit: F32
     free_speed: F32
-    limit_respect: F32
+    speed_limit_compliance: F32
     caution: F32
 
     def of(self, slot: int | slice) -> "VehicleParameters":

@@ -29,8 +29,8 @@ from overtaking.simulators.sumo.network import network
 
 pytestmark = needs_sumo
 
-STAYS = {"passing_gain": 1e6, "signal_time": 1.0}
-OVERTAKES = {"desired_speed": 33.0, "passing_gain": 1.0, "lane_change_duration": 5.0}
+STAYS = {"min_speed_gain": 1e6, "indicator_lead_time": 1.0}
+OVERTAKES = {"desired_speed": 33.0, "min_speed_gain": 1.0, "lane_change_duration": 5.0}
 
 
 def sampled(count, seed=1, first=0):
@@ -421,7 +421,7 @@ def test_sumos_ego_overtakes_on_the_lane_of_others_when_they_are_past():
 
 
 def test_drivers_slow_down_to_a_lower_limit_and_speed_up_behind_it(without_errors):
-    obeys = STAYS | {"desired_speed": 28.0, "limit_respect": 1.0}
+    obeys = STAYS | {"desired_speed": 28.0, "speed_limit_compliance": 1.0}
     road = limited(wide_road(), SpeedLimitSpan(start=600.0, stop=900.0, speed=15.0))
     world = scenario([Vehicle(s=100.0, lane=1, speed=25.0, driver=obeys)], road=road, horizon=60.0)
     run = sumo.simulate(world)
@@ -434,7 +434,7 @@ def test_drivers_slow_down_to_a_lower_limit_and_speed_up_behind_it(without_error
 
 
 def test_who_comes_slows_down_by_the_limits_of_its_own_direction(without_errors):
-    obeys = STAYS | {"desired_speed": 28.0, "limit_respect": 1.0}
+    obeys = STAYS | {"desired_speed": 28.0, "speed_limit_compliance": 1.0}
     lower = SpeedLimitSpan(start=600.0, stop=900.0, speed=15.0, direction=-1)
     road = limited(known_road("rural"), lower)
     pair = [

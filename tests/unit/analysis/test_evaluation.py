@@ -25,7 +25,7 @@ NIGHTS = [
     {
         "name": "nights",
         "share": 0.5,
-        "powers": {"ego_temper": 0.35},
+        "powers": {"ego_driving_style": 0.35},
         "parts": {"sun": [0.0, 0.5]},
         "shifts": {"ego_time_gap": -0.5},
     }
@@ -79,13 +79,13 @@ def test_weighted_shares_are_those_that_brute_force_knows(drawn):
     )
     edge = scenes.weather.sun_altitude[low].max()
     assert abs((met.weather.sun_altitude <= edge).mean() - 0.5) < 4.0 * error
-    for one in ("time_gap", "reaction_time", "gap_acceptance"):
+    for one in ("time_gap", "reaction_time", "gap_demand_factor"):
         own, theirs = (getattr(each.drivers, one)[:, 0] for each in (scenes, met))
         assert tuple(stats.ks_2samp(own, theirs))[1] > 1e-3
 
 
 def test_a_component_that_bends_the_ego_only_changes_nothing():
-    ego = [{"name": "ego", "share": 0.4, "powers": {"ego_temper": 0.3}}]
+    ego = [{"name": "ego", "share": 0.4, "powers": {"ego_driving_style": 0.3}}]
     spec = profiles.load_specification("motorway", {"proposal": ego, "traffic.vehicles": [2, 3]})
     some = ScenarioSource(scenes_of(spec), load_road(spec.road), 1).sample(
         np.arange(50, dtype=np.uint64)

@@ -49,7 +49,7 @@ MIRRORED = WINDING.mirror()
 
 def run_on(place: Road) -> Trajectories:
     """An ego that overtakes although somebody comes, and one beyond."""
-    scene = pair(520.0, 800.0, gap_acceptance=0.0)
+    scene = pair(520.0, 800.0, gap_demand_factor=0.0)
     return engine.simulate(scenario(scene, road=place, horizon=14.0))
 
 

@@ -106,15 +106,15 @@ RECKLESS_HAVE_LESS = {
     "caution",
     "politeness",
     "lane_change_threshold",
-    "right_bias",
+    "keep_right_bias",
     "lane_change_duration",
-    "passing_gain",
+    "min_speed_gain",
     "patience",
-    "pull_out_time",
-    "gap_acceptance",
+    "pull_out_ttc",
+    "gap_demand_factor",
     "return_time_gap",
-    "signal_time",
-    "limit_respect",
+    "indicator_lead_time",
+    "speed_limit_compliance",
     "uses_indicator",
     "checks_blind_spot",
 }
@@ -129,15 +129,15 @@ RECKLESS_HAVE_MORE = {
 
 
 @pytest.mark.parametrize("name", ALL_TRAITS)
-def test_temper_moves_a_parameter_in_its_direction(name):
-    careful = traits(20_000, temper=(0.0, 0.1))[name]
-    reckless = traits(20_000, temper=(0.9, 1.0))[name]
+def test_the_driving_style_moves_a_parameter_in_its_direction(name):
+    careful = traits(20_000, driving_style=(0.0, 0.1))[name]
+    reckless = traits(20_000, driving_style=(0.9, 1.0))[name]
     if name in RECKLESS_HAVE_LESS:
         assert reckless.mean() < careful.mean()
     elif name in RECKLESS_HAVE_MORE:
         assert reckless.mean() > careful.mean()
     else:
-        assert name in {"reaction_time", "need_factor", "heeds_lines"}
+        assert name in {"reaction_time", "passing_time_factor", "heeds_solid_lines"}
         np.testing.assert_array_equal(reckless, careful)
 
 
@@ -145,36 +145,42 @@ def test_rural_drivers_misjudge_what_a_pass_takes_as_was_measured():
     # Off by 20 to 52 %, and six in ten to eight in ten too low (Gordon and Mast 1968).
     kinds = np.full((60_000, 1), VehicleKind.M, np.uint8)
     block = block_of(DriversSection(population="rural"), 60_000)
-    need = sample_traits(block, kinds)["need_factor"]
+    need = sample_traits(block, kinds)["passing_time_factor"]
     assert 0.6 < (need < 1.0).mean() < 0.8
     error = np.abs(need.astype(np.float64) - 1.0)
     assert 0.15 < np.median(error) < 0.20 < np.quantile(error, 0.7) < np.quantile(error, 0.99) < 0.6
 
 
-def test_one_temper_ties_the_parameters_of_a_driver_together(car_drivers):
-    accel = car_drivers["accel"]  # A linear function of the temper.
-    for name in ("time_gap", "pull_out_time", "gap_acceptance", "limit_respect", "patience"):
+def test_one_driving_style_ties_the_parameters_of_a_driver_together(car_drivers):
+    accel = car_drivers["accel"]  # A linear function of the driving style.
+    for name in (
+        "time_gap",
+        "pull_out_ttc",
+        "gap_demand_factor",
+        "speed_limit_compliance",
+        "patience",
+    ):
         assert spearman(accel, car_drivers[name]) < -0.5
     assert abs(spearman(accel, car_drivers["reaction_time"])) < 0.02
 
 
 def test_noise_of_two_parameters_is_independent():
-    same_temper = traits(20_000, temper=(0.5, 0.5))
-    noisy = [values for values in same_temper.values() if np.ptp(values) > 0.1]
+    same_style = traits(20_000, driving_style=(0.5, 0.5))
+    noisy = [values for values in same_style.values() if np.ptp(values) > 0.1]
     assert len(noisy) > 10
     correlation = np.corrcoef(np.stack(noisy)) - np.eye(len(noisy))
     assert np.abs(correlation).max() < 5 / np.sqrt(20_000)
 
 
-def test_at_one_temper_a_lognormal_has_the_median_between_the_ends():
-    middle = traits(temper=(0.5, 0.5))["patience"]
+def test_at_one_driving_style_a_lognormal_has_the_median_between_the_ends():
+    middle = traits(driving_style=(0.5, 0.5))["patience"]
     assert np.median(middle) == pytest.approx(np.sqrt(30.0 * 5.0), rel=0.02)
     assert np.log(middle).std() == pytest.approx(0.4, rel=0.03)
 
 
 def test_yes_or_no_is_as_likely_as_the_file_says():
-    careful = traits(temper=(0.0, 0.0))
-    reckless = traits(temper=(1.0, 1.0))
+    careful = traits(driving_style=(0.0, 0.0))
+    reckless = traits(driving_style=(1.0, 1.0))
     for drawn, end in ((careful, "careful"), (reckless, "reckless")):
         for name in ("uses_indicator", "wants_to_overtake"):
             share = getattr(load_population("mixed"), end)[name].parameter("probability")
@@ -183,8 +189,8 @@ def test_yes_or_no_is_as_likely_as_the_file_says():
 
 
 def test_limits_hold_at_both_ends():
-    for end, temper in (("careful", (0.0, 0.0)), ("reckless", (1.0, 1.0))):
-        drawn = traits(20_000, temper=temper)
+    for end, driving_style in (("careful", (0.0, 0.0)), ("reckless", (1.0, 1.0))):
+        drawn = traits(20_000, driving_style=driving_style)
         for name in ALL_TRAITS:
             entry = getattr(load_population("mixed"), end)[name]
             assert drawn[name].min() >= entry.low - 1e-5
@@ -211,7 +217,7 @@ def test_comfortable_braking_is_in_proportion_to_the_class(car_drivers):
         np.testing.assert_allclose(drawn, factor * car_drivers["decel"][:1_000], rtol=1e-5)
 
 
-FLAGS = {"uses_indicator", "heeds_lines"}
+FLAGS = {"uses_indicator", "heeds_solid_lines"}
 ALL_FIXED = dict.fromkeys(FixedTraits.model_fields, 0.5)
 
 
@@ -252,10 +258,10 @@ def test_factors_keep_drivers_within_what_they_may_have(name, trait):
 
 
 def test_a_factor_on_what_is_fixed_keeps_it_within_what_drivers_may_have():
-    fixed = {"signal_time_s": 30.0}
-    assert DriversSection(population="mixed", fixed=fixed, scale={"signal_time": 2.0})
+    fixed = {"indicator_lead_time_s": 30.0}
+    assert DriversSection(population="mixed", fixed=fixed, scale={"indicator_lead_time": 2.0})
     with pytest.raises(ValidationError, match="factor that keeps 30 to 30 within 0 to 60 s"):
-        DriversSection(population="mixed", fixed=fixed, scale={"signal_time": 2.1})
+        DriversSection(population="mixed", fixed=fixed, scale={"indicator_lead_time": 2.1})
 
 
 def test_the_egos_of_the_study_want_to_be_faster_than_their_leader(pinto):

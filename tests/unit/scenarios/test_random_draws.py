@@ -197,7 +197,7 @@ def test_rural_risk_has_more_who_misjudge_and_heed_no_line_and_weighs_them_back(
     risk = ScenarioSource(load_specification("rural-risk"), road, 1).sample(NUMBERS[:8000])
     weight = risk.weight
     assert weight.max() <= 1.0 / 0.36 + 1e-9
-    for unusual in (lambda who: ~who.heeds_lines, lambda who: who.need_factor < 0.6):
+    for unusual in (lambda who: ~who.heeds_solid_lines, lambda who: who.passing_time_factor < 0.6):
         enriched, plain = (unusual(who)[:, EGO_SLOT] for who in (risk.drivers, natural))
         assert enriched.mean() > 2.0 * plain.mean()
         spread = np.hypot((weight * enriched).std(), plain.std()) / np.sqrt(len(weight))

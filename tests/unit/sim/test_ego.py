@@ -25,8 +25,8 @@ from overtaking.world.step_parameters import parameters
 CAR = 4.4
 
 EAGER = {
-    "desired_speed": 33.0, "passing_gain": 1.0, "patience": 1000.0, "pull_out_time": 6.0,
-    "gap_acceptance": 1.0, "return_time_gap": 1.0, "signal_time": 1.0,
+    "desired_speed": 33.0, "min_speed_gain": 1.0, "patience": 1000.0, "pull_out_ttc": 6.0,
+    "gap_demand_factor": 1.0, "return_time_gap": 1.0, "indicator_lead_time": 1.0,
 }  # fmt: skip
 """A driver who overtakes whoever is slower."""
 
@@ -75,7 +75,7 @@ def test_it_passes_in_the_next_lane_and_returns_with_room():
 
 
 def test_it_signals_before_it_moves_and_the_other_way_to_return():
-    ran = told(ego(signal_time=1.5), other(80.0, 0, 20.0))
+    ran = told(ego(indicator_lead_time=1.5), other(80.0, 0, 20.0))
     lights = ran.states.lights[0, 0].astype(int)
     out, back = first(ran, Stage.PULL_OUT), first(ran, Stage.RETURN)
     left, right = Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT
@@ -123,7 +123,7 @@ def test_impatience_takes_smaller_gaps():
     convoy = [other(10.0 - 56.0 * k, 1, 26.0) for k in range(6)]
     leader = other(40.0, 0, 20.0)
     patient, impatient = (
-        told(ego(speed=21.0, patience=patience, gap_acceptance=2.0), leader, *convoy)
+        told(ego(speed=21.0, patience=patience, gap_demand_factor=2.0), leader, *convoy)
         for patience in (1e4, 2.0)
     )
     # All six are past after a minute at 5 m/s more; patience of 2 s does not last for them.
@@ -135,7 +135,7 @@ def test_a_danger_that_comes_up_behind_makes_it_give_up_early():
     # A car at 48 m/s, out of sight of the mirror (150 m) when the ego sets out, and an ego that
     # takes its time and does not want to be the reason for braking.
     racer = other(-205.0, 1, 48.0)
-    timid = ego(speed=22.0, signal_time=0.1, lane_change_duration=9.0, safe_decel=2.0)
+    timid = ego(speed=22.0, indicator_lead_time=0.1, lane_change_duration=9.0, safe_decel=2.0)
     world = scenario([timid, other(30.0, 0, 20.0), racer], road=wide_road(), horizon=30.0)
     ran = engine.run(world, parameters(world, dataclasses.replace(CLEAR_MINDED, range=True)))
     assert stages(ran)[:3] == [Stage.FOLLOW, Stage.PULL_OUT, Stage.ABORT]
@@ -224,7 +224,7 @@ def test_it_pulls_out_only_where_there_is_room_and_a_gain(around, allowed: bool)
 
 def test_the_longest_wait_does_not_ask_more_of_others_than_an_emergency_does():
     # Demanding a tenth of the gap alone, it would let the other brake by 40 m/s^2.
-    m, view = view_of(ego(gap_acceptance=0.1, safe_decel=4.0))
+    m, view = view_of(ego(gap_demand_factor=0.1, safe_decel=4.0))
     assert float(view.demand[0]) == pytest.approx(0.1, rel=1e-5)
     assert float(view.imposes[0]) == pytest.approx(6.0)
     assert float(m.given.constants.most_imposed) == pytest.approx(6.0)
@@ -257,7 +257,7 @@ def test_a_branch_can_forbid_the_overtake():
 
 
 def test_a_branch_can_force_it_on_who_does_not_want_to():
-    content = (ego(passing_gain=1e6), other(80.0, 0, 25.0))
+    content = (ego(min_speed_gain=1e6), other(80.0, 0, 25.0))
     ran = branched(ForcedDecision.PULL_OUT, 2.0, *content)
     # It takes effect at the first instant that allows it, after the indicator has been on.
     assert first(ran, Stage.PULL_OUT) * 0.05 == pytest.approx(3.0, abs=0.11)
@@ -278,8 +278,8 @@ def test_a_branch_can_force_the_return_into_the_other_who_makes_room_only_if_war
     # A lorry that is 1.5 m/s faster by its governor: beside the other for many seconds.
     slow = ego(
         speed=25.0,
-        passing_gain=0.1,
-        pull_out_time=60.0,
+        min_speed_gain=0.1,
+        pull_out_ttc=60.0,
         uses_indicator=signals,
         lane_change_duration=4.0,
     )

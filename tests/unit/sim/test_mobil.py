@@ -19,7 +19,7 @@ from overtaking.world.step_parameters import parameters
 if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
 
-WILLING = {"lane_change_threshold": 0.1, "right_bias": 0.2, "politeness": 0.2}
+WILLING = {"lane_change_threshold": 0.1, "keep_right_bias": 0.2, "politeness": 0.2}
 FAR_AWAY = Vehicle(s=5000.0, lane=0)
 """The ego, which does not change lanes by MOBIL, where it is in nobody's way."""
 
@@ -61,7 +61,9 @@ def test_on_an_empty_road_everybody_keeps_to_the_slow_side():
 
 def test_nobody_moves_over_before_having_wanted_to_for_as_long_as_they_signal():
     slow = car(45.0, 1, 20.0, desired_speed=20.0)
-    m = moment([FAR_AWAY, car(0.0, 1, 30.0, signal_time=0.5), slow], road=wide_road(lanes=3))
+    m = moment(
+        [FAR_AWAY, car(0.0, 1, 30.0, indicator_lead_time=0.5), slow], road=wide_road(lanes=3)
+    )
     moved = []
     for _ in range(5):
         decide(m)
@@ -72,7 +74,9 @@ def test_nobody_moves_over_before_having_wanted_to_for_as_long_as_they_signal():
 
 def test_who_changes_their_mind_begins_to_wait_anew():
     slow = car(45.0, 1, 20.0, desired_speed=20.0)
-    m = moment([FAR_AWAY, car(0.0, 1, 30.0, signal_time=0.5), slow], road=wide_road(lanes=3))
+    m = moment(
+        [FAR_AWAY, car(0.0, 1, 30.0, indicator_lead_time=0.5), slow], road=wide_road(lanes=3)
+    )
     decide(m)
     decide(m)
     m.state.s[2] += 900.0
@@ -110,7 +114,7 @@ def test_above_60_kmh_nobody_gains_by_the_slow_side():
     # slow traffic.
     for speed, step in ((25.0, 0.0), (14.0, -1.0)):
         blocked = car(30.0, 1, speed - 6.0, desired_speed=speed - 6.0)
-        beside = changed(car(0.0, 1, speed, right_bias=0.0), blocked, lanes=2)[0]
+        beside = changed(car(0.0, 1, speed, keep_right_bias=0.0), blocked, lanes=2)[0]
         assert beside == step
 
 
@@ -119,7 +123,7 @@ def test_politeness_lets_a_follower_by():
     leader = car(60.0, 1, 28.0, desired_speed=28.0)
     slow = car(300.0, 0, 28.0, desired_speed=28.0)
     behind = car(-22.0, 1, 33.0)
-    own = {"right_bias": 0.0, "desired_speed": 28.0}
+    own = {"keep_right_bias": 0.0, "desired_speed": 28.0}
     rude = changed(car(0.0, 1, 28.0, politeness=0.0, **own), leader, slow, behind, lanes=2)
     polite = changed(car(0.0, 1, 28.0, politeness=1.0, **own), leader, slow, behind, lanes=2)
     assert rude[0] == 0.0

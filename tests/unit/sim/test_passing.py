@@ -63,7 +63,11 @@ def test_who_heeds_the_limit_heeds_it_as_much_while_passing():
     leader = np.arange(8.0, 40.0, 4.0, dtype=np.float32)
     limit, surplus = np.float32(25.0), np.float32(10.0)
     careless, half, heedful = (
-        top_speed(m.p.of(0)._replace(limit=limit, limit_respect=np.float32(share)), surplus, leader)
+        top_speed(
+            m.p.of(0)._replace(limit=limit, speed_limit_compliance=np.float32(share)),
+            surplus,
+            leader,
+        )
         for share in (0.0, 0.5, 1.0)
     )
     np.testing.assert_array_equal(careless, np.maximum(leader + surplus, m.p.of(0).pass_speed))

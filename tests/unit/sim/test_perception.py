@@ -308,7 +308,7 @@ def test_everybody_looks_around_once_a_second_but_not_in_the_first_one():
 
 
 def test_who_has_signalled_for_long_enough_looks_once_more_and_who_moves_over_looks_often():
-    m = moment([Vehicle(), Vehicle(s=50.0, driver={"signal_time": 2.0})])
+    m = moment([Vehicle(), Vehicle(s=50.0, driver={"indicator_lead_time": 2.0})])
     m.state.wanted[1], m.state.wanted_time[1] = 1.0, 1.9
     assert not looks(m, 3).any()
     m.state.wanted_time[1] = 2.0

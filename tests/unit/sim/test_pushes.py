@@ -65,7 +65,7 @@ def test_pushes_go_where_the_wind_blows_to_on_either_side_of_the_road(is_mirrore
 
 def test_vehicles_drift_to_the_side_of_the_wind_and_are_steered_back():
     """Paired with the same simulations without pushes, before anybody meets anybody."""
-    changes = {"traffic.vehicles": [2, 2], "drivers.fixed.passing_gain_mps": 100.0}
+    changes = {"traffic.vehicles": [2, 2], "drivers.fixed.min_speed_gain_mps": 100.0}
     changes |= {"weather.pushes.sight_m": 1000.0, "starts.allow_doomed": False}
     calm = ot.simulate(drawn("HardRainNoon", **changes, **{"weather.pushes.accel_mps2": 0.0}))
     windy = ot.simulate(drawn("HardRainNoon", **changes, **{"weather.pushes.accel_mps2": 2.0}))

@@ -58,28 +58,44 @@ def test_empty_slots_have_no_vehicle():
 
 def test_a_driver_who_respects_the_limit_gives_up_that_share_of_the_excess():
     limit = scenario([Vehicle()]).road.speed_limit
-    drivers = ({"desired_speed": limit + 10.0, "limit_respect": share} for share in (0.0, 0.4, 1.0))
+    drivers = (
+        {"desired_speed": limit + 10.0, "speed_limit_compliance": share}
+        for share in (0.0, 0.4, 1.0)
+    )
     traffic = Traffic.of(scenario(*[[Vehicle(driver=one)] for one in drivers]))
     factors = [speed_factor(traffic, row, 0, 0) for row in range(3)]
     assert factors == pytest.approx([(limit + 10) / limit, (limit + 6) / limit, 1.0])
 
 
 def test_impatient_and_greedy_drivers_are_more_eager():
-    calm = {"passing_gain": 3.0, "gap_acceptance": 1.25, "patience": 30.0, "signal_time": 2.0}
-    rash = {"passing_gain": 0.5, "gap_acceptance": 0.5, "patience": 5.0, "signal_time": 0.0}
+    calm = {
+        "min_speed_gain": 3.0,
+        "gap_demand_factor": 1.25,
+        "patience": 30.0,
+        "indicator_lead_time": 2.0,
+    }
+    rash = {
+        "min_speed_gain": 0.5,
+        "gap_demand_factor": 0.5,
+        "patience": 5.0,
+        "indicator_lead_time": 0.0,
+    }
     (one, other), _ = read(scenario([Vehicle(driver=calm), Vehicle(driver=rash)]))
     for name in ("lcSpeedGain", "lcAssertive"):
         assert float(one.get(name)) < float(other.get(name))
     assert float(one.get("lcAssertive")) == pytest.approx(0.8)
     assert float(one.get("lcTimeToImpatience")) == 30.0
     # Who would gain exactly what it asks for reaches SUMO's threshold of 0.2 in a second.
-    gained = calm["passing_gain"] / 30.0
+    gained = calm["min_speed_gain"] / 30.0
     assert float(one.get("lcSpeedGain")) * gained == pytest.approx(0.2)
 
 
 def test_a_lower_limit_on_the_way_lowers_the_speed_wanted_by_the_same_share():
     limit = scenario([Vehicle()]).road.speed_limit
-    drivers = ({"desired_speed": limit + 10.0, "limit_respect": share} for share in (0.0, 0.4, 1.0))
+    drivers = (
+        {"desired_speed": limit + 10.0, "speed_limit_compliance": share}
+        for share in (0.0, 0.4, 1.0)
+    )
     traffic = Traffic.of(scenario(*[[Vehicle(driver=one)] for one in drivers]))
     factors = [speed_factor(traffic, row, 0, 0, np.float32(limit - 5.0)) for row in range(3)]
     wanted = [limit + 10.0, limit + 4.0, limit - 5.0]

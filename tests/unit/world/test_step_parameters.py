@@ -133,10 +133,12 @@ def test_in_thick_fog_a_cautious_driver_can_stop_within_sight():
 
 
 def test_respect_for_the_limit_gives_up_its_share_of_the_excess():
-    assert wanted({}, limit=30.0, limit_respect=0.0) == pytest.approx(40.0)
-    assert wanted({}, limit=30.0, limit_respect=0.7) == pytest.approx(33.0)
-    assert wanted({}, limit=30.0, limit_respect=1.0) == pytest.approx(30.0)
-    assert wanted({}, limit=30.0, limit_respect=1.0, desired_speed=25.0) == pytest.approx(25.0)
+    assert wanted({}, limit=30.0, speed_limit_compliance=0.0) == pytest.approx(40.0)
+    assert wanted({}, limit=30.0, speed_limit_compliance=0.7) == pytest.approx(33.0)
+    assert wanted({}, limit=30.0, speed_limit_compliance=1.0) == pytest.approx(30.0)
+    assert wanted({}, limit=30.0, speed_limit_compliance=1.0, desired_speed=25.0) == pytest.approx(
+        25.0
+    )
 
 
 def test_nobody_wants_to_drive_faster_than_the_vehicle_can():

@@ -210,16 +210,22 @@ _Trait = tuple[str, str, str, float, Values]
 _TRAITS: tuple[_Trait, ...] = (
     ("desired_speed", "speed wanted", "km/h", _KMH, _both(60.0, 1.0)),
     ("time_gap", "time gap wanted", "s", 1.0, _both(3.0, 0.1)),
-    ("gap_acceptance", "factor on the gaps demanded", "", 1.0, _both(3.0, 0.1)),
+    ("gap_demand_factor", "factor on the gaps demanded", "", 1.0, _both(3.0, 0.1)),
     ("return_time_gap", "time gap left when returning", "s", 1.0, _both(3.0, 0.1)),
-    ("signal_time", "indicator on before moving", "s", 1.0, _both(3.0, 0.1)),
+    ("indicator_lead_time", "indicator on before moving", "s", 1.0, _both(3.0, 0.1)),
     ("lane_change_duration", "duration of a lane change", "s", 1.0, _both(3.0, 0.1)),
     ("reaction_time", "reaction time", "s", 1.0, _both(1.0, 0.05)),
 )
 """Trait, words, unit, the unit in SI units, and changes that are tried."""
 
 _OF_TWO_WAYS: tuple[_Trait, ...] = (
-    ("need_factor", "time believed for a pass, over what it takes", "", 1.0, _both(1.0, 0.05)),
+    (
+        "passing_time_factor",
+        "time believed for a pass, over what it takes",
+        "",
+        1.0,
+        _both(1.0, 0.05),
+    ),
 )
 """The same, of drivers on two-way roads."""
 

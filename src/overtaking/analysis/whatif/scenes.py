@@ -95,7 +95,7 @@ class Scene:
         return branch(drawn(self.data, int(self.scenario.index[0]), change))
 
     def traits_of(self, name: str) -> dict[str, float]:
-        """The traits of the ego's driver, drawn from the same numbers with another temper.
+        """The traits of the ego's driver, drawn from the same numbers with another driving style.
 
         Args:
             name: A name in `DRIVERS`.
@@ -107,8 +107,8 @@ class Scene:
             raise ConfigError.unknown_choice(
                 what="driver", where="what if", choices=DRIVERS, got=name
             )
-        tempers = {"drivers.temper": [DRIVERS[name]] * 2}
-        theirs = drawn(self.data, int(self.scenario.index[0]), overrides=tempers).drivers
+        style = {"drivers.driving_style": [DRIVERS[name]] * 2}
+        theirs = drawn(self.data, int(self.scenario.index[0]), overrides=style).drivers
         rows = {field: getattr(theirs, field)[0, EGO_SLOT] for field in theirs.__slots__}
         return {field: one.item() for field, one in rows.items()}
 

@@ -144,7 +144,7 @@ def at_limits(state: State, given: Parameters, p: Fields, q: SimulationParameter
         return p
     turned = p.direction < 0
     wish = DesiredSpeedFactors(
-        p.free_speed, p.limit_respect, p.caution, q.rain_slowing, q.stoppable_speed
+        p.free_speed, p.speed_limit_compliance, p.caution, q.rain_slowing, q.stoppable_speed
     )
     allowed, coming = (
         allowed_speed(c, road, s, turned) for s in (state.s, state.s + c.decision * state.vx)

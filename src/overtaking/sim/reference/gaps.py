@@ -110,12 +110,12 @@ def look(
     waited = state.waited[who] * own.inverse_patience
     impatience = maximum(exp(-waited), given.constants.patience_floor)
     gap, closing = believed.gap[:, who], believed.closing[:, who]
-    demand = own.gap_acceptance * impatience
+    demand = own.gap_demand_factor * impatience
     told = ordered = np.zeros(demand.shape, bool)
     if who == EGO_SLOT:
         told = is_told(p)
         seen = told & believed.detected[LEAD, who]
-        ordered = seen & (faster(state, near) > own.passing_gain)
+        ordered = seen & (faster(state, near) > own.min_speed_gain)
     bounded = minimum(own.safe_decel / maximum(demand, _LEAST_DEMAND), given.constants.most_imposed)
     return View(
         who=who,
@@ -139,7 +139,7 @@ def look(
 
 def is_told(p: Fields) -> Mask:
     """Whether the ego is told to change lanes, as in the study: it demands no gap."""
-    return p.of(EGO_SLOT).gap_acceptance <= 0
+    return p.of(EGO_SLOT).gap_demand_factor <= 0
 
 
 def faster(state: State, near: Neighbours) -> F32:
@@ -162,8 +162,8 @@ def their_braking(given: Parameters, view: View, gap: F32, closing: F32) -> F32:
 def wants_to_pass(given: Parameters, view: View) -> Mask:
     """Whether the leader is slow enough, and near enough, that an overtake is wanted now."""
     own = view.own
-    slower = own.desired_speed - view.leader_speed > own.passing_gain * view.impatience
-    soon = view.gap[LEAD] < own.pull_out_time * view.closing[LEAD]
+    slower = own.desired_speed - view.leader_speed > own.min_speed_gain * view.impatience
+    soon = view.gap[LEAD] < own.pull_out_ttc * view.closing[LEAD]
     kept = own.time_gap * view.room_left
     near = given.constants.close_time_gap * kept * view.speed + own.min_gap
     close = view.gap[LEAD] < near
@@ -184,7 +184,7 @@ def may_pull_out(given: Parameters, view: View) -> Mask:
     if given.road.two_way:
         return rear & ~view.detected[FAST_LEAD]
     next_speed = view.speed - view.closing[FAST_LEAD]
-    gain = next_speed - view.leader_speed > own.passing_gain * view.impatience
+    gain = next_speed - view.leader_speed > own.min_speed_gain * view.impatience
     far = view.gap[FAST_LEAD] > view.gap[LEAD] + c.waiting_time_gap * view.speed
     return front & rear & (gain | far | ~view.detected[FAST_LEAD])
 
@@ -273,7 +273,7 @@ def intend(
     start = _starts(state, given, p, moment, view, arrived)
     back = _turns_back(state, given, p, q, view, passed, looks, plight)
     signal(state, given, who, start, back)
-    ready = state.signalled[who] > view.own.signal_time
+    ready = state.signalled[who] > view.own.indicator_lead_time
     sure = (looks & ~moment.waits[who]) | view.told
     abort = _gives_up(state, given, view, looks)
     remain = _stays_out(state, given, view, looks)

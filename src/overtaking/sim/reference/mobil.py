@@ -159,7 +159,7 @@ def decide(state: State, p: Fields, wanted: F32, looks: Mask) -> Mask:
     restarts = others & ~same
     state.wanted_time = np.where(restarts, np.float32(0.0), state.wanted_time)
     state.wanted = np.where(others, wanted, state.wanted)
-    return others & same & (state.wanted_time >= p.signal_time)
+    return others & same & (state.wanted_time >= p.indicator_lead_time)
 
 
 def claimed(state: State) -> Claims:

@@ -144,7 +144,7 @@ def _side(orders: Orders) -> F32:
 def _now(state: State, p: Fields, orders: Orders) -> Mask:
     """Whether the ego moves over now: when told to, or once it has signalled for its usual time."""
     if (move := orders.of("move")) is None:
-        return state.signalled[EGO_SLOT] > p.signal_time[EGO_SLOT]
+        return state.signalled[EGO_SLOT] > p.indicator_lead_time[EGO_SLOT]
     return (move == np.float32(Move.PULL_OUT)) | (move == np.float32(Move.RETURN))
 
 

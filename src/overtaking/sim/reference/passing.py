@@ -53,8 +53,9 @@ def time_to_gain(way: F32, faster: F32, top: F32, accel: F32) -> F32:
 def reckoned_accel(c: ModelConstants, own: Fields, speed: F32, top: F32) -> F32:
     """The acceleration that drivers reckon with on the way up to a speed [m/s^2].
 
-    What they like to use, and no more than the engine leaves halfway. How they misjudge the time
-    that follows is `need_factor`, which has a source; what the vehicle does, its driver knows.
+    It is the acceleration that they like to use, limited to what the engine can give halfway. The
+    trait `passing_time_factor`, which has a source, is their error about the resulting time; they
+    know what their vehicle can do.
 
     Args:
         c: Constants of the model.
@@ -79,7 +80,7 @@ def top_speed(own: Fields, surplus: np.float32, leader: F32) -> F32:
         leader: Speed of the other [m/s].
     """
     wanted = maximum(own.pass_speed, leader + surplus)
-    heeded = wanted - own.limit_respect * maximum(wanted - own.limit, _ZERO)
+    heeded = wanted - own.speed_limit_compliance * maximum(wanted - own.limit, _ZERO)
     return minimum(heeded, own.max_speed)
 
 
@@ -220,13 +221,13 @@ def may_meet(
     way = ahead.gap + bodies + returns
     top = top_speed(own, c.passing_surplus, leader)
     gaining = time_to_pass(c, own, way, speed, speed - leader, leader)
-    need = own.need_factor * (gaining + own.lane_change_duration)
+    need = own.passing_time_factor * (gaining + own.lane_change_duration)
     closing = ahead.closing + _HALF * maximum(top - speed, _ZERO)
     spare = own.spare * maximum(impatience, c.spare_kept)
     enough = ahead.seen > need * (np.float32(1.0) + spare) * closing
     least = _TWO * own.half_length + c.squeeze_gap + returns
     room = ahead.room > least + c.fit_share * own.time_gap * leader
-    return enough & ahead.sure & room & ~(ahead.solid & (own.heeds_lines > 0))
+    return enough & ahead.sure & room & ~(ahead.solid & (own.heeds_solid_lines > 0))
 
 
 def room_ahead(state: State, p: Fields, slot: F32, who: Who) -> F32:

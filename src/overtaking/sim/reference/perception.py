@@ -73,9 +73,9 @@ def looks_around(state: State, given: Parameters, p: Fields, decision: int) -> M
     regular = regular & (decision >= interval)
     early = state.path_time < c.abort_until * state.path_duration
     regular = regular | (early & (decision % int(c.glance_moving) == 0))
-    signalled = state.wanted_time >= p.signal_time
+    signalled = state.wanted_time >= p.indicator_lead_time
     who = slice(None) if given.road.two_way else EGO_SLOT  # Who overtakes as the ego does.
-    signalled[who] = state.signalled[who] > p.signal_time[who]
+    signalled[who] = state.signalled[who] > p.indicator_lead_time[who]
     looks = regular | ((state.wanted != 0) & signalled)
     # Who is in the lane of others looks all the time.
     return looks | ((state.lane >= np.float32(1.0)) & given.road.two_way)

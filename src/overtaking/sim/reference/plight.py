@@ -111,7 +111,9 @@ def weigh(
     yields = (gives_up | trapped | (state.yields[who] > 0)) & out
     beyond = (out | in_stage(state, who, Stage.RETURN)) & ~yields
     pressed = beyond & ((there - rest < c.calm_margin) | cramped)
-    late = is_solid(state, given, p, who, maximum(speed, _ZERO) * rest) & (own.heeds_lines > 0)
+    late = is_solid(state, given, p, who, maximum(speed, _ZERO) * rest) & (
+        own.heeds_solid_lines > 0
+    )
     # Another than the target may be ahead in the lane, as that one may have pulled out itself.
     front = believed.gap[SLOW_LEAD, who]
     front = front - _gained(c, believed.closing[SLOW_LEAD, who], brake)

@@ -84,7 +84,7 @@ _KEEP_RIGHT_TIME = 5.0
 """Time after which SL2015 keeps right where nothing is in the way, over `lcKeepRight` [s]."""
 
 _DECISION_TIME = 1.0
-"""Time of the decision to overtake at a gain of exactly `passing_gain` [s]; our choice."""
+"""Time of the decision to overtake at a gain of exactly `min_speed_gain` [s]; our choice."""
 
 _LEAST_SIGNAL_TIME = 0.5
 """Keeps `lcKeepRight` within ten times its default without a signal [s]; our choice."""
@@ -128,7 +128,7 @@ class Traffic:
 def _under(scenario: Scenario, limit: np.float32) -> F32:
     """Speed that drivers want under a limit, (simulation, vehicle) [m/s]."""
     p = scenario.drivers
-    return p.desired_speed - p.limit_respect * np.maximum(p.desired_speed - limit, ZERO)
+    return p.desired_speed - p.speed_limit_compliance * np.maximum(p.desired_speed - limit, ZERO)
 
 
 def routes(traffic: Traffic, row: int, ahead: float = 0.0, before: float = BEHIND) -> str:
@@ -288,8 +288,8 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
     """Parameters of SL2015."""
     p = traffic.scenario.drivers
     speed, accel = lateral_limits(traffic.scenario, row, slot)
-    gain = max(float(p.passing_gain[row, slot]), _LEAST)
-    signal_time = max(float(p.signal_time[row, slot]), _LEAST_SIGNAL_TIME)
+    gain = max(float(p.min_speed_gain[row, slot]), _LEAST)
+    indicator_lead_time = max(float(p.indicator_lead_time[row, slot]), _LEAST_SIGNAL_TIME)
     wanted = _SPEED_GAIN_THRESHOLD * float(traffic.desired_speed[row, slot])
     return {
         "laneChangeModel": "SL2015",
@@ -297,11 +297,11 @@ def _changing(traffic: Traffic, row: int, slot: int) -> Attributes:
         "maxSpeedLat": speed,
         "lcAccelLat": accel,
         "lcSpeedGain": wanted / (gain * _DECISION_TIME),
-        "lcSpeedGainLookahead": p.pull_out_time[row, slot],
+        "lcSpeedGainLookahead": p.pull_out_ttc[row, slot],
         # With an empty lane beside it, the ego returns after the time for which it signals.
-        "lcKeepRight": _KEEP_RIGHT_TIME / signal_time if slot == EGO_SLOT else 1.0,
+        "lcKeepRight": _KEEP_RIGHT_TIME / indicator_lead_time if slot == EGO_SLOT else 1.0,
         "lcKeepRightAcceptanceTime": constant("model.overtaking.stay_time"),
-        "lcAssertive": 1.0 / max(float(p.gap_acceptance[row, slot]), _LEAST),
+        "lcAssertive": 1.0 / max(float(p.gap_demand_factor[row, slot]), _LEAST),
         "lcTimeToImpatience": p.patience[row, slot],
         "lcCooperative": min(max(float(p.politeness[row, slot]), 0.0), 1.0),
     }

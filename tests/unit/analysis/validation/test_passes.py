@@ -34,7 +34,7 @@ BY_NAME = {one.name: one for one in (*PASSES, HEAD_ON)}
 @cache
 def driven() -> Trajectories:
     """An ego that is told to pass a truck, and does; somebody comes."""
-    told = {"gap_acceptance": 0.0, "desired_speed": 30.0, "passing_gain": 1.0}
+    told = {"gap_demand_factor": 0.0, "desired_speed": 30.0, "min_speed_gain": 1.0}
     vehicles = [
         Vehicle(s=1000.0, speed=EGO, driver=told),
         Vehicle(kind="T", s=1050.0, speed=LEADER, driver={"desired_speed": LEADER}),

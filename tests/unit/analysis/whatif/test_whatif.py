@@ -104,12 +104,12 @@ def test_who_stays_never_begins(data: ot.Dataset, begun: int):
     assert pull_out(ot.whatif.counterfactual(data, begun, stay=True).told[1].run) is None
 
 
-def test_a_careful_driver_has_the_traits_of_a_careful_temper(data: ot.Dataset, begun: int):
+def test_a_careful_driver_has_the_traits_of_a_careful_driving_style(data: ot.Dataset, begun: int):
     found = ot.whatif.counterfactual(data, begun, driver="careful")
     branched = found.told[1].run.branch_origin
     assert branched is not None
     (change,) = branched.changes
-    careful = WET | {"drivers.temper": [0.0, 0.0]}
+    careful = WET | {"drivers.driving_style": [0.0, 0.0]}
     drivers = ot.sample(
         "pinto2023-physical", num_simulations=1, seed=7, first_scenario=begun, overrides=careful
     ).drivers
@@ -307,8 +307,8 @@ def test_who_knows_what_a_pass_takes_would_not_have_collided(data: ot.Dataset):
     least = found["ego: time believed for a pass, over what it takes"].least
     assert least is not None
     assert least > 0.0
-    value = float(drawn.drivers.need_factor[0, 0]) + least
-    run = ot.branch(drawn, changes=[ot.Intervention(traits={"need_factor": value})])
+    value = float(drawn.drivers.passing_time_factor[0, 0]) + least
+    run = ot.branch(drawn, changes=[ot.Intervention(traits={"passing_time_factor": value})])
     assert class_of(ot.label(run), "paper") not in [kind.title for kind in ACCIDENTS]
 
 
