@@ -44,7 +44,7 @@ def draw_twin(twin: Twin, policy: str | None = None) -> Figure:
     across, speed, gap = figure.subplots(3, 1, sharex=True)
     for simulation, labelled, look in zip(twin.told, twin.labelled, _LOOKS, strict=True):
         tracks = VehicleTracks.from_trajectories(simulation.run, events=twin.labelled[0].events)
-        sign = int(simulation.run.road.side)
+        sign = int(simulation.run.road.overtaking_sign)
         name = f"{simulation.title}: {words(class_of(labelled, policy))}"
         ego_d = tracks.d[EGO_ROW]
         across.plot(tracks.time, (ego_d - ego_d[0]) * sign, label=name, **look)
