@@ -34,7 +34,7 @@ def raw(found, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     tracks, road, window = found.recording.tracks, found.road, found.windows[number]
     rows = np.arange(tracks.row(window.ego, window.first), tracks.row(window.ego, window.last) + 1)
     angle = tracks.heading[rows] - road.heading_at(tracks.s[rows])
-    across = road.side * tracks.d[rows]
+    across = road.overtaking_sign * tracks.d[rows]
     half_length, half_width = tracks.length[window.ego] / 2, tracks.width[window.ego] / 2
     reach = half_length * np.abs(np.sin(angle)) + half_width * np.abs(np.cos(angle))
     return across, across + reach, np.cos(angle)

@@ -64,7 +64,7 @@ def by_hand(data, number):
     turned = ego.heading_rad.to_numpy() - np.arctan2(direction[1], direction[0])
     half = 0.5 * bodies.loc[0, ["length_m", "width_m"]].to_numpy(dtype=float)
     reach = ego.d_m + np.abs(np.sin(turned)) * half[0] + np.abs(np.cos(turned)) * half[1]
-    beyond = np.flatnonzero(reach > road.boundaries[-1] + 0.05)
+    beyond = np.flatnonzero(reach > road.lane_boundaries[-1] + 0.05)
     comes = bodies.index[bodies.start_lane_id == road.overtaking_side_neighbour.lane_id]
     nearest, times = np.full(len(ego), np.inf), np.full(len(ego), np.nan)
     for slot in comes:

@@ -84,7 +84,7 @@ def test_a_diagram_shows_the_same_stations_and_positions(
         )
         road = labelled.trajectories.road
         along = tracks.s_from_moving_mark(shown.reference_speed)
-        across = (tracks.d - road.boundaries[0]) * int(road.side)
+        across = (tracks.d - road.lane_boundaries[0]) * int(road.overtaking_sign)
         for track in shown.tracks:
             index = tracks.row_of(track.slot)
             is_recorded = tracks.is_recorded[index]

@@ -101,7 +101,7 @@ def test_the_road_reaches_as_far_as_the_vehicles(runs, tmp_path):
     back = read_opendrive(tmp_path / "simulation-000007.xodr")
     assert back.length == pytest.approx(71.0 + runs.road.length + 450.0, abs=1.0)
     assert back.to_world(0.0, 0.0) == pytest.approx(runs.road.to_world(-71.0, 0.0))
-    assert back.lane_centres == pytest.approx(runs.road.centres)
+    assert back.lane_centres == pytest.approx(runs.road.lane_centres)
 
 
 def test_vehicles_come_and_go_with_the_recording(runs, tmp_path):

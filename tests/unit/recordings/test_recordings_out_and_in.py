@@ -56,7 +56,7 @@ def same_lane(run, again, *, within_mm):
     count, slots = int(run.num_frames[0]), int(run.scenario.num_vehicles[0])
     before, after = (each.states.lane[0, :slots, :count] for each in (run, again))
     across = run.states.d[0, :slots, :count, None] * 1e-3
-    off_line = np.abs(across - np.asarray(run.road.boundaries)).min(axis=-1)
+    off_line = np.abs(across - np.asarray(run.road.lane_boundaries)).min(axis=-1)
     assert off_line[before != after].max(initial=0.0) <= within_mm * 1e-3
     assert (before != after).mean() < 0.01
 

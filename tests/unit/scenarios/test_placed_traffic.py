@@ -148,7 +148,7 @@ def test_slot_1_is_the_next_ahead_of_the_ego(pinto):
 
 def test_starts_lie_in_the_zone_of_the_study(pinto):
     valid = pinto.vehicles.valid
-    centres = pinto.road.centres[np.minimum(pinto.start_lane, 4)]
+    centres = pinto.road.lane_centres[np.minimum(pinto.start_lane, 4)]
     x, y = pinto.road.to_world(pinto.start_s, centres)
     assert x[valid].min() > 320 - 0.01
     assert x[valid].max() < 450 + 0.01
