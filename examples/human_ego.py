@@ -82,7 +82,9 @@ class HumanEgo:
             impatience=impatience,
             room_left=observation.passing.tall_vehicle_gap_factor if two_way else np.float32(1.0),
             told=told,
-            ordered=told & (leader.is_detected > 0) & (leader.closing_speed > driver.min_speed_gain),
+            ordered=told
+            & (leader.is_detected > 0)
+            & (leader.closing_speed > driver.min_speed_gain),
             command=np.zeros_like(demand),
         )
 
