@@ -60,7 +60,7 @@ def steps(scenario: ot.Scenario, hold: int) -> int:
 def drives(scenario: ot.Scenario) -> int:
     """The same through the public function, with what it records."""
     answer = np.zeros((scenario.num_simulations, 2))
-    run = ot.drive(scenario, lambda _: answer, observe="human")
+    run = ot.drive(scenario, lambda _: answer, observation="human")
     return int(run.num_frames.sum()) * scenario.frame_interval_ms // 50
 
 

@@ -39,7 +39,12 @@ def main() -> int:
     given = options.parse_args()
     before = load_note()
     envs = OvertakingVectorEnv(
-        given.profile, given.envs, observe="human", hold=given.hold, reward="progress", labels=False
+        given.profile,
+        given.envs,
+        observation="human",
+        action_repeat=given.hold,
+        reward="progress",
+        labels=False,
     )
     envs.reset(seed=1)
     wish, memory, ended = np.zeros((given.envs, 2)), list[float](), 0

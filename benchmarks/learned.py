@@ -75,7 +75,9 @@ def driven(profile: str, scenes: int, models: list[Path]) -> dict[str, Columns]:
         stay = ot.branch(batch, 0, decision=ot.ForcedDecision.STAY)
         runs = {"human": ot.simulate(batch), "stay": stay}
         for name, policy in policies.items():
-            runs[name] = ot.drive(batch, policy, observe="truth", action="decision", hold=HOLD)
+            runs[name] = ot.drive(
+                batch, policy, observation="truth", action="decision", action_repeat=HOLD
+            )
         for name, run in runs.items():
             parts.setdefault(name, []).append(columns(run, stay))
         print(f"{profile}: {first + PIECE} scenes", file=sys.stderr, flush=True)

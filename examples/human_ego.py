@@ -1,7 +1,7 @@
-r"""The ego of this package as a policy: the driver to begin with when you write your own.
+r"""The ego of this package as a function: the driver to begin with when you write your own.
 
-    overtaking drive motorway --policy examples/human_ego.py:HumanEgo \
-        --observe human --action decision -n 100 --out data/human
+    overtaking drive motorway --driver examples/human_ego.py:HumanEgo \
+        --observation human --action decision -n 100 --out data/human
 
 It decides when to signal, pull out, give up and return, from what the driver of the scenario
 believes. So it drives like the built-in ego, bit for bit. Change a line, and it does not.
@@ -148,7 +148,7 @@ def main() -> None:
     """Compare it with the built-in ego."""
     scenes = ot.sample("pinto2023-physical", num_simulations=100, seed=1)
     ours = ot.simulate(scenes)
-    runs = ot.drive(scenes, HumanEgo(), observe="human", action="decision")
+    runs = ot.drive(scenes, HumanEgo(), observation="human", action="decision")
     same = (runs.trace_hash == ours.trace_hash).all(axis=1)
     print("100 scenes of pinto2023-physical, percepts to decisions")
     print(f"  same trace as the built-in ego: {same.sum()}")

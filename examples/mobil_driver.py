@@ -1,7 +1,7 @@
 r"""The driver of the other vehicles of this package, at the ego's wheel: IIDM and MOBIL.
 
-    overtaking drive motorway --policy examples/mobil_driver.py:MobilDriver \
-        --observe human -n 100 --out data/mobil
+    overtaking drive motorway --driver examples/mobil_driver.py:MobilDriver \
+        --observation human -n 100 --out data/mobil
 
 It follows and changes lanes by the functions that the others use, from what the driver of the
 scenario believes. What it does not do is give up a lane change that has begun.
@@ -66,7 +66,7 @@ class MobilDriver:
 def main() -> None:
     """Say how it fares beside the built-in ego in the same scenes."""
     scenes = ot.sample("motorway", num_simulations=40, seed=1)
-    runs = ot.drive(scenes, MobilDriver(), observe="human")
+    runs = ot.drive(scenes, MobilDriver(), observation="human")
     print("40 scenes of motorway     like the others  built-in")
     labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]
     for outcome in ot.Outcome:

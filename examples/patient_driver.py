@@ -2,8 +2,8 @@ r"""A driver of one's own in twenty lines: pulls out into gaps of five seconds, 
 
 It keeps its speed where it can:
 
-    overtaking drive motorway --policy examples/patient_driver.py:patient \
-        --observe human --action speed_lane -n 100 --out data/patient
+    overtaking drive motorway --driver examples/patient_driver.py:patient \
+        --observation human --action speed_lane -n 100 --out data/patient
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ def patient(observation: ot.Observation) -> NDArray[np.float64]:
 def main() -> None:
     """Say how it fares beside the built-in ego in the same scenes."""
     scenes = ot.sample("pinto2023-physical", num_simulations=200, seed=1)
-    runs = ot.drive(scenes, patient, observe="human", action="speed_lane")
+    runs = ot.drive(scenes, patient, observation="human", action="speed_lane")
     print("200 scenes of pinto2023-physical   patient  built-in")
     labels = [ot.label(each).labels for each in (runs, ot.simulate(scenes))]
     for outcome in ot.Outcome:

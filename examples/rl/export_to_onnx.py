@@ -1,7 +1,8 @@
 r"""Write a trained driver as an ONNX file, which needs neither PyTorch nor this folder to drive.
 
     python examples/rl/export_to_onnx.py learned.zip learned.onnx
-    overtaking evaluate motorway --policy learned.onnx --observe truth --action decision --hold 20
+    overtaking evaluate motorway --driver learned.onnx --observation truth \
+        --action decision --action-repeat 20
 
 Bounds, scales and the rule that guards it become a part of the network: it takes the numbers of an
 observation as they are, and answers a `Move`.

@@ -120,7 +120,7 @@ class AnyRoad(FlattenExtractor):
 
 
 class Learned:
-    """A trained network as a policy of `overtaking.drive`: observe the truth, answer `decision`.
+    """A trained network as a driver for `overtaking.drive`: observe the truth, answer `decision`.
 
     Args:
         path: What `train` has saved.
@@ -190,9 +190,9 @@ def _environments(profile: str, seed: int) -> VecNormalize:
         ENVS,
         seed=seed,
         first=FIRST,
-        observe="truth",
+        observation="truth",
         action="decision",
-        hold=HOLD,
+        action_repeat=HOLD,
         reward=soon_back,
         scaled=True,
     )
@@ -209,7 +209,9 @@ def main() -> None:
     given = options.parse_args()
     train(given.steps, given.seed, given.profiles).save(given.out)
     scenes = ot.sample(given.profiles[0], num_simulations=100, seed=1)
-    runs = ot.drive(scenes, Learned(given.out), observe="truth", action="decision", hold=HOLD)
+    runs = ot.drive(
+        scenes, Learned(given.out), observation="truth", action="decision", action_repeat=HOLD
+    )
     labels = ot.label(runs)
     print(f"100 scenes: {labels.events.has_attempt.sum()} overtakes begun", end=", ")
     print(f"{labels.events.is_completed.sum()} completed", end=", ")

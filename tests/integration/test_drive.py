@@ -33,7 +33,7 @@ def wants_to_pass(observation: ot.Observation) -> np.ndarray:
 
 
 def driver(**changes: object) -> ot.Driver:
-    return ot.Driver(policy=wants_to_pass, observe="human", **changes)
+    return ot.Driver(function=wants_to_pass, observation="human", **changes)
 
 
 def made(out: Path, keep: str, **given: object) -> ot.Dataset:
@@ -55,7 +55,7 @@ def test_a_data_set_of_a_policy_is_one_like_any_other(tmp_path):
     data = made(tmp_path / "frames", "frames")
     few = made(tmp_path / "features", "features")
     scenario = ot.sample("pinto2023-physical", num_simulations=20, seed=3, overrides=SHORT)
-    run = ot.drive(scenario, wants_to_pass, observe="human")
+    run = ot.drive(scenario, wants_to_pass, observation="human")
     for one in (0, 7, 19):
         for kept in (data[one], few[one]):  # Of the second only what was done is kept.
             np.testing.assert_array_equal(kept.trace_hash[0], run.trace_hash[one])
@@ -87,7 +87,7 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
             + (most - least) * observation.uniform_numbers()[:, [k % 4 for k in range(len(parts))]]
         )
 
-    one = ot.Driver(policy=draws, observe="truth", action=action, hold=5)
+    one = ot.Driver(function=draws, observation="truth", action=action, action_repeat=5)
     data = ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=3,
@@ -98,7 +98,7 @@ def test_every_action_is_restored_from_its_table(tmp_path, action):
         driver=one,
     )
     scenario = ot.sample("pinto2023-physical", num_simulations=3, seed=3, overrides=SHORT)
-    run = ot.drive(scenario, draws, observe="truth", action=action, hold=5)
+    run = ot.drive(scenario, draws, observation="truth", action=action, action_repeat=5)
     assert run.actions
     for number in range(3):
         again = data[number]  # Simulated with what the table holds.
@@ -119,7 +119,7 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
             raise RuntimeError("tired")
         return np.full((len(observation.is_running), 2), 99.0)
 
-    one = ot.Driver(policy=brutal, observe="truth", hold=10)
+    one = ot.Driver(function=brutal, observation="truth", action_repeat=10)
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8, "driver": one}
     with pytest.raises(DriverError):
         ot.generate_dataset(
@@ -135,7 +135,7 @@ def test_clipped_answers_are_counted_in_the_manifest(tmp_path):
         **given,
     )
     scenario = ot.sample("pinto2023-physical", num_simulations=20, seed=3, overrides=SHORT)
-    run = ot.drive(scenario, brutal, observe="truth", hold=10)
+    run = ot.drive(scenario, brutal, observation="truth", action_repeat=10)
     assert run.actions
     assert run.actions.num_clipped is not None
     parts = [run.actions.num_clipped[first : first + 8].sum() for first in (0, 8, 16)]
@@ -166,7 +166,7 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
         return wants_to_pass(observation)
 
     given = {"keep": "features", "overrides": SHORT, "shard_size": 8}
-    tiring = ot.Driver(policy=tired, observe="human")
+    tiring = ot.Driver(function=tired, observation="human")
     with pytest.raises(DriverError, match=r"simulation 16 .*at 0.00 s.*RuntimeError in .*: tired"):
         ot.generate_dataset(
             "pinto2023-physical",
@@ -193,7 +193,7 @@ def test_a_policy_that_fails_loses_nothing_that_was_written(tmp_path):
 
 
 @pytest.mark.ci
-def test_another_policy_does_not_complete_it(tmp_path):
+def test_another_driver_does_not_complete_it(tmp_path):
     made(tmp_path / "data", "features")
     with pytest.raises(DatasetError, match="policy"):
         ot.generate_dataset(
@@ -204,7 +204,7 @@ def test_another_policy_does_not_complete_it(tmp_path):
             keep="features",
             overrides=SHORT,
             shard_size=8,
-            driver=driver(hold=2),
+            driver=driver(action_repeat=2),
             resume=True,
         )
     with pytest.raises(DatasetError, match="overtaking drive --resume"):
@@ -213,8 +213,8 @@ def test_another_policy_does_not_complete_it(tmp_path):
 
 def test_the_command_drives(tmp_path, capsys):
     (tmp_path / "mine.py").write_text(POLICY, encoding="utf-8")
-    words = ["drive", "pinto2023-physical", "--policy", f"{tmp_path / 'mine.py'}:steady", "-n", "4"]
-    words += ["--observe", "truth", "--out", str(tmp_path / "data")]
+    words = ["drive", "pinto2023-physical", "--driver", f"{tmp_path / 'mine.py'}:steady", "-n", "4"]
+    words += ["--observation", "truth", "--out", str(tmp_path / "data")]
     words += [word for pair in SHORT.items() for word in ("--set", "{}={}".format(*pair))]
     assert main([*words, "--json", "--quiet"]) == 0
     assert json.loads(capsys.readouterr().out)["simulations"] == 4
@@ -242,7 +242,7 @@ def test_the_command_drives(tmp_path, capsys):
 def test_words_that_cannot_be_used_are_one_line(tmp_path, workdir, capsys, policy, observe, says):
     (workdir / "broken.py").write_text("def policy(:")
     (workdir / "late.py").write_text("raise ZeroDivisionError('at once')")
-    words = ["drive", "--policy", policy, "--observe", observe, "-n", "2"]
+    words = ["drive", "--driver", policy, "--observation", observe, "-n", "2"]
     assert main([*words, "--out", str(tmp_path / "data")]) == 2
     error = capsys.readouterr().err
     assert says in error

@@ -42,7 +42,7 @@ CALLS: dict[str, Callable[[ot.Dataset], Any]] = {
     ),
     "enough": lambda data: ot.whatif.sufficient_changes(data, _first(data, "Success_I")),
     "evaluate": lambda _: ot.evaluate(
-        "rules", "pinto2023-physical", num_simulations=4, against=["stay"]
+        "rules", "pinto2023-physical", num_simulations=4, references=["stay"]
     ),
     "fan": lambda data: ot.whatif.outcome_fan(data, 0),
     "law_curve": lambda data: api.tolerance_curve(data.path),

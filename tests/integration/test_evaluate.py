@@ -31,9 +31,9 @@ ARGUMENTS = ["--set", "time.horizon_s=12.0", "--set", "time.attempt_deadline_s=1
 
 def test_the_built_in_ego_as_a_policy_does_not_differ_from_it():
     name = f"{EXAMPLES / 'human_ego.py'}:HumanEgo"
-    ego = api.policy_of(name, "human", action="decision", hold=1)
+    ego = api.resolve_driver(name, "human", action="decision", action_repeat=1)
     found = ot.evaluate(
-        ego, "pinto2023-physical", num_simulations=24, seed=3, against=["human"], overrides=SHORT
+        ego, "pinto2023-physical", num_simulations=24, seed=3, references=["human"], overrides=SHORT
     )
     assert found.drivers == ("HumanEgo", "human")
     assert {one.pairs for one in found.contrasts} == {0}
@@ -60,16 +60,16 @@ def test_rates_are_those_of_the_labels():
 def test_a_profile_of_the_package_stands_for_its_risky_one():
     road = {**SHORT, "traffic.vehicles": [2, 4]}
     risky = ot.evaluate(
-        "stay", "motorway", num_simulations=4, seed=1, against=["human"], overrides=road
+        "stay", "motorway", num_simulations=4, seed=1, references=["human"], overrides=road
     )
     met = ot.evaluate(
         "stay",
         "motorway",
         num_simulations=4,
         seed=1,
-        against=["human"],
+        references=["human"],
         overrides=road,
-        as_met=True,
+        natural=True,
     )
     assert (risky.profile, met.profile) == ("motorway-risk", "motorway")
     assert met.effective == pytest.approx(4.0)
@@ -102,9 +102,14 @@ def test_clipped_answers_are_counted_and_told():
     def hasty(observation: ot.Observation) -> np.ndarray:
         return np.tile([300.0, 0.0], (len(observation.is_running), 1))
 
-    driver = ot.Driver(policy=hasty, observe="truth", action="speed_lane", hold=20)
+    driver = ot.Driver(function=hasty, observation="truth", action="speed_lane", action_repeat=20)
     found = ot.evaluate(
-        driver, "pinto2023-physical", num_simulations=6, seed=1, against=["stay"], overrides=SHORT
+        driver,
+        "pinto2023-physical",
+        num_simulations=6,
+        seed=1,
+        references=["stay"],
+        overrides=SHORT,
     )
     counts = found.values()["counts"]
     assert counts[found.policy]["clipped"] > 6
@@ -113,7 +118,7 @@ def test_clipped_answers_are_counted_and_told():
 
 
 def test_the_page_and_what_the_command_prints(tmp_path, capsys):
-    words = ["evaluate", "pinto2023-physical", "--policy", "rules", "-n", "30", *ARGUMENTS]
+    words = ["evaluate", "pinto2023-physical", "--driver", "rules", "-n", "30", *ARGUMENTS]
     assert main([*words, "--out", str(tmp_path), "--films", "1", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["policy"] == "rules"
@@ -137,18 +142,21 @@ def test_the_page_and_what_the_command_prints(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--policy", "nobody.py:f"], "--policy: driver"),
-        (["--policy", "json:dumps"], "--observe"),
-        (["--policy", "rules", "--against", "humn,stay"], "--against: driver: expected human, "),
-        (["--policy", "rules", "--against", "human,sty"], "expected stay, "),
-        (["--policy", "rule", "--observe", "human"], "--policy: driver: expected rules, "),
-        (["--policy", "rules", "--against", "no_module:f"], "--against: driver: "),
-        (["--policy", "json:dmps", "--observe", "human"], "expected json:dumps, "),
-        (["--policy", "json:", "--observe", "human"], "--policy: driver: "),
-        (["--policy", "nobody.py:f", "--observe", "human"], "policy"),
-        (["--policy", "human"], "each once"),
-        (["--policy", "rules", "--benchmark", "nothing"], "overtake"),
-        (["--policy", "rules", "--benchmark", "overtake", "-n", "5"], "fixes them"),
+        (["--driver", "nobody.py:f"], "--driver: driver"),
+        (["--driver", "json:dumps"], "--observation"),
+        (
+            ["--driver", "rules", "--references", "humn,stay"],
+            "--references: driver: expected human, ",
+        ),
+        (["--driver", "rules", "--references", "human,sty"], "expected stay, "),
+        (["--driver", "rule", "--observation", "human"], "--driver: driver: expected rules, "),
+        (["--driver", "rules", "--references", "no_module:f"], "--references: driver: "),
+        (["--driver", "json:dmps", "--observation", "human"], "expected json:dumps, "),
+        (["--driver", "json:", "--observation", "human"], "--driver: driver: "),
+        (["--driver", "nobody.py:f", "--observation", "human"], "driver"),
+        (["--driver", "human"], "each once"),
+        (["--driver", "rules", "--benchmark", "nothing"], "overtake"),
+        (["--driver", "rules", "--benchmark", "overtake", "-n", "5"], "fixes them"),
     ],
 )
 def test_what_cannot_be_evaluated_is_one_line(words, said, capsys):
@@ -165,7 +173,7 @@ def test_a_policy_that_fails_is_told_with_scene_and_time():
 
     with pytest.raises(DriverError, match="simulation 0"):
         ot.evaluate(
-            ot.Driver(policy=breaks, observe="human"),
+            ot.Driver(function=breaks, observation="human"),
             "pinto2023-physical",
             num_simulations=4,
             seed=1,
@@ -201,18 +209,23 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
     pytest.importorskip("onnxruntime")
     path = tmp_path / "linear.onnx"
     same = network(path, width)
-    driver = api.driver_of(str(path), "truth", action="accel_lane", hold=4)
+    driver = api.load_driver(str(path), "truth", action="accel_lane", action_repeat=4)
     assert driver.digest
     scenes = ot.sample("pinto2023-physical", num_simulations=8, seed=1, overrides=SHORT)
-    options = {"observe": "truth", "hold": 4}
-    runs = [ot.drive(scenes, one, **options) for one in (driver.policy, same)]
+    options = {"observation": "truth", "action_repeat": 4}
+    runs = [ot.drive(scenes, one, **options) for one in (driver.function, same)]
     first, second = (one.actions for one in runs)
     assert first is not None
     assert second is not None
     difference = first.values.astype(int) - second.values
     assert np.abs(difference).max() <= 1  # A step of rounding.
     found = ot.evaluate(
-        driver, "pinto2023-physical", num_simulations=8, seed=1, against=["stay"], overrides=SHORT
+        driver,
+        "pinto2023-physical",
+        num_simulations=8,
+        seed=1,
+        references=["stay"],
+        overrides=SHORT,
     )
     assert found.policy == "linear.onnx"
     assert found.digest == driver.digest
@@ -222,9 +235,11 @@ def test_the_network_of_the_examples_overtakes_and_signals_before(repository: Pa
     pytest.importorskip("onnxruntime")
     path = repository / "examples" / "rl" / "learned.onnx"
     assert path.stat().st_size < 100_000
-    driver = api.driver_of(str(path), "truth", action="decision", hold=20)
+    driver = api.load_driver(str(path), "truth", action="decision", action_repeat=20)
     scenes = ot.sample("pinto2023-physical", num_simulations=60, seed=11)
-    runs = ot.drive(scenes, driver.policy, observe="truth", action="decision", hold=20)
+    runs = ot.drive(
+        scenes, driver.function, observation="truth", action="decision", action_repeat=20
+    )
     events = ot.label(runs).events
     assert events.has_attempt.sum() > 30
     assert events.is_completed.sum() > 10
@@ -252,19 +267,19 @@ def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
         (tmp_path / "none.onnx", "a file that can be read"),
     ):
         with pytest.raises(ConfigError, match=said):
-            api.driver_of(str(path), "human", action="accel_lane", hold=1)
+            api.load_driver(str(path), "human", action="accel_lane", action_repeat=1)
 
 
 def test_an_unknown_reference_in_python_names_the_argument():
     with pytest.raises(ConfigError, match=r"against: expected human or .*, got humn"):
-        ot.evaluate("rules", "pinto2023-physical", num_simulations=4, against=["humn"])
+        ot.evaluate("rules", "pinto2023-physical", num_simulations=4, references=["humn"])
 
 
 @pytest.mark.parametrize(
     ("words", "drawn", "has_note"),
     [
         (["rural"], "rural-risk", True),
-        (["rural", "--as-met"], "rural", False),
+        (["rural", "--natural"], "rural", False),
         (["rural-risk"], "rural-risk", False),
         (["pinto2023-physical"], "pinto2023-physical", False),
     ],
@@ -272,14 +287,24 @@ def test_an_unknown_reference_in_python_names_the_argument():
 def test_output_and_page_name_the_profile_of_the_drawn_scenes(
     words, drawn, has_note, tmp_path, capsys
 ):
-    command = ["evaluate", *words, "--policy", "stay", "--against", "human", "-n", "8", *ARGUMENTS]
+    command = [
+        "evaluate",
+        *words,
+        "--driver",
+        "stay",
+        "--references",
+        "human",
+        "-n",
+        "8",
+        *ARGUMENTS,
+    ]
     assert main([*command, "--json", "--out", str(tmp_path / "page"), "--films", "0"]) == 0
     output = capsys.readouterr()
     values = json.loads(output.out)
     assert (values["profile"], values["asked_profile"]) == (drawn, words[0])
     assert values["law_policy"] == "default"
     note = f"drawn from {drawn}, in which dangerous scenes are more frequent"
-    assert (note in output.err and "--as-met" in output.err) == has_note
+    assert (note in output.err and "--natural" in output.err) == has_note
     page = next((tmp_path / "page").glob("*.html")).read_text()
     assert f"8 scenes of {drawn}" in page
     assert (note in page) == has_note

@@ -44,7 +44,7 @@ def driven_hashes(seed: int) -> list[list[int]]:
     def stay(observation: ot.Observation) -> np.ndarray:
         return np.zeros((len(observation.is_running), 2))
 
-    return ot.drive(scenarios, stay, observe="truth").trace_hash.tolist()
+    return ot.drive(scenarios, stay, observation="truth").trace_hash.tolist()
 
 
 def write_data_set(folder: Path) -> str:

@@ -105,7 +105,7 @@ def test_a_driver_holds_its_answers_for_an_integer_of_any_library(kind: str):
     def stay(observation: ot.Observation) -> Any:
         return np.zeros((len(observation.is_running), 2))
 
-    driver = ot.Driver(policy=stay, observe="truth", hold=INTEGER_TYPES[kind](5))
-    assert (driver.hold, type(driver.hold)) == (5, int)
-    with pytest.raises(ot.OvertakingError, match="hold"):
-        ot.Driver(policy=stay, observe="truth", hold=True)
+    driver = ot.Driver(function=stay, observation="truth", action_repeat=INTEGER_TYPES[kind](5))
+    assert (driver.action_repeat, type(driver.action_repeat)) == (5, int)
+    with pytest.raises(ot.OvertakingError, match="action_repeat"):
+        ot.Driver(function=stay, observation="truth", action_repeat=True)

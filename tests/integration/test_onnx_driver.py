@@ -130,7 +130,7 @@ def of_shape(path: Path, shape: list[int]) -> Path:
 def load_error(path: Path) -> str:
     """The message with which a file is refused."""
     with pytest.raises(ConfigError) as caught:
-        api.driver_of(str(path), "truth", action="accel_lane", hold=1)
+        api.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
     message = str(caught.value)
     assert "\n" not in message
     assert path.name in message
@@ -139,10 +139,10 @@ def load_error(path: Path) -> str:
 
 def drive_error(path: Path) -> str:
     """The message with which a drive ends."""
-    driver = api.driver_of(str(path), "truth", action="accel_lane", hold=1)
+    driver = api.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
     scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     with pytest.raises(DriverError) as caught:
-        ot.drive(scenes, driver.policy, observe="truth")
+        ot.drive(scenes, driver.function, observation="truth")
     message = str(caught.value)
     assert "\n" not in message
     assert path.name in message
@@ -182,11 +182,11 @@ def test_a_network_that_ends_for_zeros_only_is_stopped_in_the_drive(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     path = looping(tmp_path / "loop.onnx", if_nonzero=True)
-    driver = api.driver_of(str(path), "truth", action="accel_lane", hold=1)
+    driver = api.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
     monkeypatch.setattr(networks, "TIMEOUT_S", 1.0)
     scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     with pytest.raises(DriverError, match=r"loop\.onnx.*within 1 s"):
-        ot.drive(scenes, driver.policy, observe="truth")
+        ot.drive(scenes, driver.function, observation="truth")
 
 
 @pytest.mark.parametrize("shape", [[], [3, 0], [3, 50], [2, 2], [3, 2, 1], [2]])
@@ -250,11 +250,11 @@ def test_a_process_that_is_killed_ends_one_drive_and_starts_again_for_the_next(t
     path = linear(tmp_path / "linear.onnx")
     driver = networks.OnnxDriver(path)
     scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
-    actions = ot.drive(scenes, driver, observe="truth").actions
+    actions = ot.drive(scenes, driver, observation="truth").actions
     os.kill(process_id(driver), signal.SIGKILL)
     with pytest.raises(DriverError, match=r"linear\.onnx.*SIGKILL"):
-        ot.drive(scenes, driver, observe="truth")
-    again = ot.drive(scenes, driver, observe="truth").actions
+        ot.drive(scenes, driver, observation="truth")
+    again = ot.drive(scenes, driver, observation="truth").actions
     assert actions is not None
     assert again is not None
     assert np.array_equal(actions.values, again.values)

@@ -199,7 +199,7 @@ def test_a_group_asked_to_end_says_one_line_and_leaves_nobody(by, named, script)
 
 def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
     settings = {
-        "simulations": 60,
+        "num_simulations": 60,
         "shard_size": 20,
         "balance": ClassBalance(policy="paper", allows_missing=True, candidates=400),
         "road": load_road("motorway"),

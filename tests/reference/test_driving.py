@@ -140,7 +140,7 @@ ONE_WAY = [
 ]
 """Policies do not drive among oncoming traffic."""
 
-HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
+HUMAN = Driver(function=HumanEgo(), observation="human", action="decision")
 
 
 @pytest.mark.parametrize("profile", ONE_WAY)
@@ -189,7 +189,8 @@ def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does(
     mobil.reset(scenario)
     expected = branch(scenario, 0, decision=ForcedDecision.STAY)
     stays = Driver(
-        policy=lambda observation: mobil(observation) * np.float32([1.0, 0.0]), observe="human"
+        function=lambda observation: mobil(observation) * np.float32([1.0, 0.0]),
+        observation="human",
     )
     found = drive(scenario, stays, engine.run)
     both = expected.frame_mask & found.frame_mask
@@ -200,7 +201,7 @@ def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does(
 
 def test_the_driver_of_the_others_changes_lanes_by_mobil():
     scenario = scenes(48, "motorway")
-    found = drive(scenario, Driver(policy=MobilDriver(), observe="human"), engine.run)
+    found = drive(scenario, Driver(function=MobilDriver(), observation="human"), engine.run)
     began = (found.stage == Stage.PULL_OUT).any(axis=1)
     assert 3 <= began.sum() < 24
     assert not (found.stage == Stage.CRASHED).any()

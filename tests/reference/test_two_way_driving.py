@@ -34,7 +34,7 @@ from .situations import difference
 from .test_driving import random_actions
 
 LEVELS = [name for name, available in _core.simd_levels() if available]
-HUMAN = Driver(policy=HumanEgo(), observe="human", action="decision")
+HUMAN = Driver(function=HumanEgo(), observation="human", action="decision")
 
 
 def rural(numbers, seed: int = 7, **changes: object):
@@ -141,7 +141,7 @@ def observed(observe, *scenes, on=None, horizon: float = 8.0):
     """
     world = scenario(*scenes, road=on or road(), horizon=horizon)
     eyes = Seeing()
-    run = drive(world, Driver(policy=eyes, observe=observe, action="decision"), engine.run)
+    run = drive(world, Driver(function=eyes, observation=observe, action="decision"), engine.run)
     _, neighbours, passing = split_observation(np.stack(eyes.tables))
     roles = {
         role: NeighbourColumns._make(np.moveaxis(neighbours[:, :, index], -1, 0))
@@ -222,7 +222,7 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
 @pytest.mark.ci
 def test_the_shipped_rules_pass_where_nobody_comes_and_wait_where_somebody_does():
     world = scenario(pair(), pair(300.0), road=road(), horizon=25.0)
-    driver = Driver(policy=policies.rules, observe="human", action="decision")
+    driver = Driver(function=policies.rules, observation="human", action="decision")
     run = drive(world, driver, engine.run)
     starts = [np.flatnonzero(stage == Stage.PULL_OUT) for stage in run.stage]
     assert len(starts[0])

@@ -23,8 +23,8 @@ def make_env(mode: str):
     return OvertakingVectorEnv(
         "pinto2023-physical",
         4,
-        hold=10,
-        observe="truth",
+        action_repeat=10,
+        observation="truth",
         reward="overtake_once",
         labels=True,
         overrides=SHORT,

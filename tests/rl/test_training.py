@@ -26,7 +26,7 @@ PROFILE = "pinto2023-physical"
 def vec_env(count: int = 4, **settings: Any):
     from overtaking.gym.stable_baselines import StableBaselinesVecEnv
 
-    given = {"observe": "truth", "hold": 10, "overrides": SHORT}
+    given = {"observation": "truth", "action_repeat": 10, "overrides": SHORT}
     return StableBaselinesVecEnv(PROFILE, count, seed=3, **(given | settings))
 
 
@@ -37,7 +37,11 @@ def test_stable_baselines_accepts_an_environment(action):
 
     from overtaking.gym import OvertakingEnv
 
-    check_env(OvertakingEnv(PROFILE, observe="human", action=action, hold=10, overrides=SHORT))
+    check_env(
+        OvertakingEnv(
+            PROFILE, observation="human", action=action, action_repeat=10, overrides=SHORT
+        )
+    )
 
 
 def test_who_has_ended_begins_at_once_and_is_told_of():
@@ -73,7 +77,7 @@ def test_a_driver_learns_to_avoid_accidents(tmp_path: Path):
     model.save(tmp_path / "learned.zip")
     scenes = ot.sample(PROFILE, num_simulations=20, seed=1)
     runs = [
-        ot.drive(scenes, Learned(path), observe="truth", action="decision", hold=HOLD)
+        ot.drive(scenes, Learned(path), observation="truth", action="decision", action_repeat=HOLD)
         for path in [tmp_path / "learned.zip"] * 2
     ]
     np.testing.assert_array_equal(runs[0].trace_hash, runs[1].trace_hash)
@@ -89,11 +93,13 @@ def test_a_network_in_onnx_drives_as_the_trained_one(tmp_path: Path):
     model = train(4096, seed=2)
     model.save(tmp_path / "learned.zip")
     export(model, tmp_path / "learned.onnx")
-    driver = api.driver_of(str(tmp_path / "learned.onnx"), "truth", action="decision", hold=HOLD)
+    driver = api.load_driver(
+        str(tmp_path / "learned.onnx"), "truth", action="decision", action_repeat=HOLD
+    )
     scenes = ot.sample(PROFILE, num_simulations=40, seed=1)
     runs = [
-        ot.drive(scenes, policy, observe="truth", action="decision", hold=HOLD)
-        for policy in (Learned(tmp_path / "learned.zip"), driver.policy)
+        ot.drive(scenes, policy, observation="truth", action="decision", action_repeat=HOLD)
+        for policy in (Learned(tmp_path / "learned.zip"), driver.function)
     ]
     np.testing.assert_array_equal(runs[0].trace_hash, runs[1].trace_hash)
     assert str(tmp_path).encode() not in (tmp_path / "learned.onnx").read_bytes()

@@ -10,10 +10,10 @@ from overtaking.api.data import (
     relabel_dataset,
     resume_dataset,
 )
-from overtaking.api.driving import drive, driver_of
+from overtaking.api.driving import drive, load_driver
 from overtaking.api.evaluating import (
     evaluate,
-    policy_of,
+    resolve_driver,
     run_benchmark,
     write_evaluation,
 )
@@ -75,7 +75,6 @@ __all__ = [
     "counterfactual",
     "dataset_statistics",
     "drive",
-    "driver_of",
     "entity_relationship_diagram",
     "evaluate",
     "explain",
@@ -93,15 +92,16 @@ __all__ = [
     "list_opendrive_roads",
     "literature",
     "load_dataset",
+    "load_driver",
     "measure_limits",
     "outcome_fan",
     "plot",
-    "policy_of",
     "prove",
     "relabel_dataset",
     "replay",
     "reproduce_study",
     "resimulate_branch",
+    "resolve_driver",
     "resume_dataset",
     "rules",
     "run_benchmark",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
-from overtaking.api.driving import driven_by, record_of
+from overtaking.api.driving import driver_record, simulator_with_driver
 from overtaking.api.rules import load_pack
 from overtaking.api.simulating import label
 from overtaking.core.errors import ConfigError, DatasetError
@@ -67,8 +67,8 @@ def generate_dataset(
         overrides: Dotted keys of the specification with other values, as in `reading.spec`.
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
-        driver: A policy that replaces every ego's driver, with one of `BRANCHING`; asked by this
-            process alone.
+        driver: A driver of one's own for every ego, with one of `BRANCHING`; this process alone
+            calls it.
         shard_size: Simulations a file; what suits the simulator if left out.
         balance: Which classes get equal shares, and the treatment of a class that is too rare;
             None for natural shares.
@@ -97,7 +97,7 @@ def generate_dataset(
         KeyboardInterrupt: Ctrl-C; the same holds.
     """
     spec = profiles.load_specification(profile, overrides)
-    chosen = simulator_of(simulator) if driver is None else driven_by(driver, simulator)
+    chosen = simulator_of(simulator) if driver is None else simulator_with_driver(driver, simulator)
     recipe = Recipe(
         spec=spec,
         road=sampler.extend_road(spec, road_of(road or spec.road)),
@@ -106,7 +106,7 @@ def generate_dataset(
         keep=_keep(keep),
         shard_size=chosen.shard_size if shard_size is None else shard_size,
         balance=balance,
-        policy=None if driver is None else record_of(driver),
+        policy=None if driver is None else driver_record(driver),
     )
     location = location_of(out)
     return writing.generate(
@@ -169,9 +169,9 @@ def resume_dataset(
         raise DatasetError(
             what="data set",
             where=str(out),
-            expected="one without a policy",
+            expected="one whose egos the model drives",
             got=f"one that {begun.policy.name} drives",
-            next_step="complete it with that policy: overtaking drive --resume",
+            next_step="complete it with that driver: overtaking drive --resume",
         )
     return generate_dataset(
         begun.spec,

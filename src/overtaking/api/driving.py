@@ -1,4 +1,4 @@
-"""A driver of one's own in the world."""
+"""Simulations in which a driver of one's own drives the ego."""
 
 import dataclasses
 import importlib
@@ -17,94 +17,121 @@ from overtaking.model.checks import check_arguments
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.sim import driving
-from overtaking.sim.driving import Driver
-from overtaking.sim.observation import Policy
+from overtaking.sim.driving import OBSERVATION_SOURCES, Driver
+from overtaking.sim.observation import DriverFunction
 from overtaking.sim.sensor import Sensor
 
 
 @check_arguments
 def drive(
     scenario: Scenario,
-    policy: Any,
+    driver: Any,
     *,
-    observe: str | Sensor,
-    action: str = "accel_lane",
-    hold: int = 1,
+    observation: str | Sensor | None = None,
+    action: str | None = None,
+    action_repeat: int | None = None,
     simulator: str = "engine",
 ) -> Trajectories:
-    """Simulate a batch in which a policy drives every ego; the others drive as ever.
+    """Simulate a batch in which a driver of one's own drives every ego.
+
+    The other vehicles keep the drivers of the model.
 
     Args:
         scenario: A batch of scenarios.
-        policy: A function from an `Observation` of all simulations to an array with an action for
-            each.
-        observe: What it observes: `human` for what the model's driver believes, `truth` for the
-            state of the world, or a `Sensor`.
-        action: What it answers: `accel_lane`, `speed_lane`, `accel_steer`, `trajectory` or
-            `decision`; with the indicator as a part of it, `accel_move` or `accel_steer_signal`.
-        hold: Decisions for which an answer holds, 20 a second.
+        driver: A function from an `Observation` of all simulations to an array with an action for
+            each, or a `Driver`, which states the next three arguments itself.
+        observation: Required with a function. What it observes: `human` for what the model's driver
+            believes, `truth` for the state of the world, or a `Sensor`.
+        action: What it answers: `accel_lane` (the default), `speed_lane`, `accel_steer`,
+            `trajectory` or `decision`; with the indicator as a part of it, `accel_move` or
+            `accel_steer_signal`.
+        action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200; 1 by
+            default.
         simulator: One of `BRANCHING`; the results are the same, bit for bit.
 
     Returns:
-        The batch, with what the policy did as `actions`; simulated with them again it is the same.
+        The batch, with the actions of the driver as `actions`; a simulation with these actions
+        gives the same batch.
 
     Raises:
         ConfigError: An argument cannot be used, or the scenario cannot be run.
-        PolicyError: The policy raises, or answers what is no action.
+        DriverError: The driver raises an exception, or its answer is not an action.
     """
     run = module_of(simulator, BRANCHING).run
     check_runnable(scenario, "drive")
-    driver = Driver(policy=policy, observe=observe, action=action, hold=hold)
+    settings: dict[str, Any] = {
+        "observation": observation,
+        "action": action,
+        "action_repeat": action_repeat,
+    }
+    stated = {name: value for name, value in settings.items() if value is not None}
+    if isinstance(driver, Driver) and stated:
+        raise ConfigError(
+            what=", ".join(stated),
+            where="drive",
+            expected="no value beside a Driver, which states it",
+            got=", ".join(map(str, stated.values())),
+            next_step="leave it out, or give the function of the driver",
+        )
+    if not isinstance(driver, Driver):
+        if observation is None:
+            raise ConfigError(
+                what="observation",
+                where="drive",
+                expected=f"{', '.join(OBSERVATION_SOURCES)} or a Sensor",
+                got=None,
+                next_step="state it, because results depend on it",
+            )
+        driver = Driver(function=driver, **stated)
     return driving.drive(scenario, driver, run, simulator)
 
 
-def driven_by(driver: Driver, simulator: str) -> Simulator:
-    """The simulator in which a policy drives every ego."""
+def simulator_with_driver(driver: Driver, simulator: str) -> Simulator:
+    """The simulator in which a driver of one's own drives every ego."""
     base = simulator_of(simulator)
     run = module_of(simulator, BRANCHING).run
     asks = partial(driving.drive, driver=driver, run=run, simulator=simulator)
-    # A policy may keep a state of its own, so it is asked by one process, one batch at a time.
+    # A driver may keep a state of its own, so one process calls it, one batch at a time.
     return dataclasses.replace(base, simulate=asks, threads=1, shares_world=True)
 
 
-def record_of(driver: Driver) -> PolicyRecord:
-    """What a manifest says of a driver."""
-    sensor = driver.observe
+def driver_record(driver: Driver) -> PolicyRecord:
+    """The record of a driver in a manifest."""
+    sensor = driver.observation
     return PolicyRecord(
-        name=driver.title,
+        name=driver.display_name,
         version=driver.version,
         digest=driver.digest,
         observe=dataclasses.asdict(sensor) if isinstance(sensor, Sensor) else sensor,
         action=driver.action,
-        hold=driver.hold,
+        hold=driver.action_repeat,
     )
 
 
-def driver_of(
-    policy: str, observe: str, *, action: str, hold: int, option: str = "--policy"
+def load_driver(
+    name: str, observation: str, *, action: str, action_repeat: int, option: str = "--driver"
 ) -> Driver:
-    """The driver that the options of a command name.
+    """Load the driver that the options of a command name.
 
     Args:
-        policy: `module:name` or `file.py:name` of a function, or of a class of policies; or the
-            path of an ONNX file.
-        observe: `human`, `truth`, or a TOML file with the numbers of a sensor.
+        name: `module:name` or `file.py:name` of a function, or of a class of drivers; or the path
+            of an ONNX file.
+        observation: `human`, `truth`, or a TOML file with the numbers of a sensor.
         action: As in `Driver`.
-        hold: As in `Driver`.
-        option: Option of the command line that names the policy, for messages.
+        action_repeat: As in `Driver`.
+        option: Option of the command line that names the driver, for messages.
 
     Raises:
-        ConfigError: There is no such policy or sensor, or another word cannot be used.
+        ConfigError: No such driver or sensor exists, or another argument cannot be used.
         MissingExtraError: It is an ONNX file, and the extra `onnx` is not installed.
     """
-    is_file = observe.endswith(".toml")
-    sees = Sensor.read(observe) if is_file else observe
+    is_file = observation.endswith(".toml")
     driver = Driver(
-        policy=load_policy(policy, option),
-        observe=sees,
+        function=load_driver_function(name, option),
+        observation=Sensor.read(observation) if is_file else observation,
         action=action,
-        hold=hold,
-        name=policy,
+        action_repeat=action_repeat,
+        name=name,
     )
     _check_num_parts(driver)
     return driver
@@ -113,7 +140,7 @@ def driver_of(
 def _check_num_parts(driver: Driver) -> None:
     """Refuse a network whose output has more or fewer parts than the action."""
     parts = driver.control.parts
-    num_parts = getattr(driver.policy, "num_parts", len(parts))
+    num_parts = getattr(driver.function, "num_parts", len(parts))
     if num_parts != len(parts):
         raise ConfigError(
             what=f"output for --action {driver.action}",
@@ -124,15 +151,17 @@ def _check_num_parts(driver: Driver) -> None:
         )
 
 
-def load_policy(name: str, option: str = "--policy", shipped: Iterable[str] = ()) -> Policy:
-    """Load a policy from a module, a Python file or an ONNX file.
+def load_driver_function(
+    name: str, option: str = "--driver", builtin: Iterable[str] = ()
+) -> DriverFunction:
+    """Load the function of a driver from a module, a Python file or an ONNX file.
 
-    A class is called without arguments, and the object is the policy.
+    A class is called without arguments, and the object is the driver.
 
     Args:
         name: `module:name`, `file.py:name` or `file.onnx`.
         option: Option of the command line that has this name, for messages.
-        shipped: Names of the drivers that the command offers as well, for messages.
+        builtin: Names of the drivers that the command offers as well, for messages.
 
     Raises:
         ConfigError: No such module, file, function or driver exists.
@@ -144,37 +173,37 @@ def load_policy(name: str, option: str = "--policy", shipped: Iterable[str] = ()
         return OnnxDriver(Path(name))
     where, _, attribute = name.rpartition(":")
     if not where or not attribute:
-        shipped_names = ", ".join(nearest_first(name, shipped))
-        raise _unknown_policy(name, option, f"{shipped_names or 'a policy'}, {_FORMS}")
+        builtin_names = ", ".join(nearest_first(name, builtin))
+        raise _unknown_driver(name, option, f"{builtin_names or 'a driver'}, {_FORMS}")
     try:
         module = _module(where)
     except Exception as error:  # The module of another author may raise anything.
         message = f"{name} ({type(error).__name__}: {error})"
-        raise _unknown_policy(message, option, _FORMS) from error
-    functions = [key for key, value in vars(module).items() if _may_be_policy(key, value)]
+        raise _unknown_driver(message, option, _FORMS) from error
+    functions = [key for key, value in vars(module).items() if _may_be_driver(key, value)]
     if not hasattr(module, attribute):
         nearest = nearest_first(attribute, functions)[:_MOST_LISTED]
         listed = ", ".join(f"{where}:{function}" for function in nearest)
         expected = listed or f"{_FORMS}; {where} has none"
-        raise _unknown_policy(f"{name} ({where} has no {attribute})", option, expected)
-    policy = getattr(module, attribute)
+        raise _unknown_driver(f"{name} ({where} has no {attribute})", option, expected)
+    function = getattr(module, attribute)
     try:
-        return policy() if isinstance(policy, type) else policy
+        return function() if isinstance(function, type) else function
     except Exception as error:  # The constructor may raise anything, too.
         message = f"{name} ({type(error).__name__}: {error})"
-        raise _unknown_policy(message, option, "a class without arguments") from error
+        raise _unknown_driver(message, option, "a class without arguments") from error
 
 
 _FORMS = "module:name or file.py:name of a function, or a file.onnx"
 _MOST_LISTED = 5
 
 
-def _may_be_policy(name: str, value: object) -> bool:
-    """Whether a message may propose an attribute of a module as a policy."""
+def _may_be_driver(name: str, value: object) -> bool:
+    """Whether a message may propose an attribute of a module as a driver."""
     return callable(value) and not name.startswith("_")
 
 
-def _unknown_policy(name: str, option: str, expected: str) -> ConfigError:
+def _unknown_driver(name: str, option: str, expected: str) -> ConfigError:
     return ConfigError(
         what="driver",
         where=option,

@@ -27,28 +27,28 @@ if TYPE_CHECKING:
 
 HUMAN, STAY = "human", "stay"
 
-SHIPPED: Mapping[str, Driver | None] = {
+BUILTIN_DRIVERS: Mapping[str, Driver | None] = {
     HUMAN: None,
-    STAY: Driver(policy=policies.stay, observe="human", action="decision", name=STAY),
-    "rules": Driver(policy=policies.rules, observe="human", action="decision", name="rules"),
+    STAY: Driver(function=policies.stay, observation="human", action="decision", name=STAY),
+    "rules": Driver(function=policies.rules, observation="human", action="decision", name="rules"),
 }
 """Drivers that are part of the package; None is the model's own."""
 
-AGAINST = (HUMAN, STAY)
+DEFAULT_REFERENCES = (HUMAN, STAY)
 
-RISK = "-risk"
-"""What the name of a profile ends with that draws more of where something goes wrong."""
+RISK_SUFFIX = "-risk"
+"""End of the name of a profile that draws dangerous scenes more often."""
 
 
 @check_arguments
 def evaluate(
-    policy: str | Driver,
+    driver: str | Driver,
     profile: Profile = "motorway-risk",
     *,
     num_simulations: Count = 1000,
     seed: Seed = 1,
-    against: Sequence[str | Driver] = AGAINST,
-    as_met: bool = False,
+    references: Sequence[str | Driver] = DEFAULT_REFERENCES,
+    natural: bool = False,
     overrides: Mapping[str, Any] | None = None,
     road: str | Path | Road | None = None,
     progress: ProgressCallback | None = None,
@@ -57,12 +57,13 @@ def evaluate(
     """Compare a driver with others in the same scenes.
 
     Args:
-        policy: The driver: a `Driver`, or the name of one of `SHIPPED`.
-        profile: What scenes to draw; of a profile of the package its `-risk` one, if there is one.
+        driver: A `Driver`, or the name of one of `BUILTIN_DRIVERS`.
+        profile: Profile of the scenes, as in `sample`. For a profile of the package that has a
+            variant with the suffix `-risk`, the scenes are drawn from that one.
         num_simulations: Number of scenes, 1 to 1,000,000.
         seed: Seed of their random numbers, 0 <= seed < 2**64.
-        against: Drivers to compare it with, each with another name.
-        as_met: Whether to draw scenes of the profile that is named, as they are met.
+        references: Drivers to compare it with, each with another name.
+        natural: Whether to draw scenes of the named profile itself, as often as they occur.
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
         progress: Called with the number of simulations that are done, and of all.
@@ -74,23 +75,23 @@ def evaluate(
 
     Raises:
         ConfigError: The specification, a number or a name cannot be used.
-        PolicyError: A policy raises, or answers what is no action.
+        DriverError: A driver raises an exception, or its answer is not an action.
     """
     from overtaking.analysis.evaluation.run import evaluate as run
     from overtaking.analysis.evaluation.words import risk_note
 
-    here, *others = _contestants([policy, *against])
-    risk_profile = None if as_met else _risk_profile(profile)
+    evaluated, *others = _compared_drivers([driver, *references])
+    risk_profile = None if natural else _risk_profile(profile)
     spec = profiles.load_specification(risk_profile or profile, overrides)
     if risk_profile is not None and say is not None:
         say(risk_note(str(profile), risk_profile))
-    (stay,) = _contestants([STAY])
+    (stay,) = _compared_drivers([STAY])
     evaluation = run(
         spec,
         road_of(road or spec.road),
         num_simulations,
         seed,
-        policy=here,
+        policy=evaluated,
         references=others,
         stay=stay,
         progress=progress,
@@ -102,30 +103,30 @@ def evaluate(
 
 @check_arguments
 def run_benchmark(
-    policy: str | Driver,
+    driver: str | Driver,
     benchmark: str | Path,
     *,
-    against: Sequence[str | Driver] = AGAINST,
+    references: Sequence[str | Driver] = DEFAULT_REFERENCES,
     progress: ProgressCallback | None = None,
 ) -> "BenchmarkResult":
     """Compare a driver with others in the scenes of a benchmark, whose numbers are fixed.
 
     Args:
-        policy: The driver, as in `evaluate`.
+        driver: As in `evaluate`.
         benchmark: Its name, or a TOML file.
-        against: Drivers to compare it with.
+        references: Drivers to compare it with.
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
         ConfigError: There is no such benchmark, or a profile or the model is not the one that it
             was made with; or as in `evaluate`.
-        PolicyError: A policy raises, or answers what is no action.
+        DriverError: A driver raises an exception, or its answer is not an action.
     """
     from overtaking.analysis.evaluation.benchmark import read, run
 
-    here, *others = _contestants([policy, *against])
-    (stay,) = _contestants([STAY])
-    return run(read(benchmark), here, others, stay, road_of, progress)
+    evaluated, *others = _compared_drivers([driver, *references])
+    (stay,) = _compared_drivers([STAY])
+    return run(read(benchmark), evaluated, others, stay, road_of, progress)
 
 
 @show_progress
@@ -166,63 +167,65 @@ def write_evaluation(
     ]
 
 
-def policy_of(
-    name: str, observe: str | None, *, action: str, hold: int, option: str = "--policy"
+def resolve_driver(
+    name: str, observation: str | None, *, action: str, action_repeat: int, option: str = "--driver"
 ) -> str | Driver:
-    """The driver that words name: one of `SHIPPED`, or as in `driver_of`.
+    """The driver that the options of a command name: a built-in one, or as in `load_driver`.
 
     Args:
         name: Its name.
-        observe: What it observes; needed unless it is shipped.
+        observation: What it observes; needed unless the driver is one of `BUILTIN_DRIVERS`.
         action: What it answers.
-        hold: Decisions for which an answer holds.
+        action_repeat: Number of decisions for which an action holds.
         option: Option of the command line that names the driver, for messages.
 
     Raises:
-        ConfigError: There is no such policy or sensor, or it is not stated what it observes.
+        ConfigError: No such driver or sensor exists, or `observation` is missing.
     """
-    from overtaking.api.driving import driver_of, load_policy
+    from overtaking.api.driving import load_driver, load_driver_function
 
-    if name in SHIPPED:
+    if name in BUILTIN_DRIVERS:
         return name
-    if observe is None:
-        load_policy(name, option, SHIPPED)  # Reports an unknown name before the missing option.
+    if observation is None:
+        # An unknown name is reported before the missing option.
+        load_driver_function(name, option, BUILTIN_DRIVERS)
         raise ConfigError(
-            what="--observe",
+            what="--observation",
             where="evaluate",
             expected=f"human, truth or the file of a sensor, for {option} {name}",
             got="nothing",
-            next_step=f"add --observe, or choose a shipped driver: {', '.join(SHIPPED)}",
+            next_step=f"add --observation, or choose one of {', '.join(BUILTIN_DRIVERS)}",
         )
     if ":" not in name and not name.endswith(".onnx"):
-        load_policy(name, option, SHIPPED)  # Raises; the message lists the shipped drivers.
-    return driver_of(name, observe, action=action, hold=hold, option=option)
+        # This raises; the message lists the built-in drivers.
+        load_driver_function(name, option, BUILTIN_DRIVERS)
+    return load_driver(name, observation, action=action, action_repeat=action_repeat, option=option)
 
 
 def _risk_profile(profile: Profile) -> str | None:
     """The profile of the package that draws dangerous scenes more often, if there is one."""
-    name = f"{profile}{RISK}" if isinstance(profile, str) else ""
+    name = f"{profile}{RISK_SUFFIX}" if isinstance(profile, str) else ""
     return name if name in profiles.profile_names() else None
 
 
-def _contestants(drivers: Sequence[str | Driver]) -> "list[Contestant]":
+def _compared_drivers(drivers: Sequence[str | Driver]) -> "list[Contestant]":
     """The contestant of each driver: the driver under evaluation first, then the references.
 
     Raises:
         ConfigError: No driver has such a name, or two drivers have the same name.
     """
     contestants = [
-        _contestant(driver, "against" if index else "policy")
+        _contestant(driver, "references" if index else "driver")
         for index, driver in enumerate(drivers)
     ]
     names = [contestant.name for contestant in contestants]
     if len(set(names)) < len(names):
         raise ConfigError(
-            what="policies",
+            what="drivers",
             where="evaluate",
-            expected="a policy and others, each once",
+            expected="a driver and references, each once",
             got=", ".join(names),
-            next_step="leave out the ones that repeat, or name others with --against",
+            next_step="leave out the ones that repeat, or name others with --references",
         )
     return contestants
 
@@ -233,21 +236,21 @@ def _contestant(driver: str | Driver, argument_name: str) -> "Contestant":
     engine = module_of("engine")
     if isinstance(driver, str):
         name = driver
-        if name not in SHIPPED:
-            names = nearest_first(name, SHIPPED)
+        if name not in BUILTIN_DRIVERS:
+            names = nearest_first(name, BUILTIN_DRIVERS)
             raise ConfigError.unknown_choice(
                 what=argument_name, where="evaluate", choices=names, got=name
             )
-        shipped = SHIPPED[name]
+        shipped = BUILTIN_DRIVERS[name]
         if shipped is None:  # The driver of the engine itself.
             return Contestant(name=name, simulate=engine.simulate)
         driver = shipped
     return Contestant(
-        name=driver.title.rpartition(":")[2].rpartition("/")[2],
-        source=driver.title,
+        name=driver.display_name.rpartition(":")[2].rpartition("/")[2],
+        source=driver.display_name,
         simulate=partial(_simulate, driver=driver),
         digest=driver.digest,
-        observe="sensor" if isinstance(driver.observe, Sensor) else driver.observe,
+        observe="sensor" if isinstance(driver.observation, Sensor) else driver.observation,
         action=driver.action,
     )
 

@@ -202,10 +202,10 @@ def doctor(output: Output, folder: options.CheckedFolder = Path()) -> int:
 
 COMMANDS: dict[options.Body, str] = {
     generate: "overtaking generate pinto2023-physical -n 276 --seed 1 --out data/pinto",
-    driving.drive: "overtaking drive motorway --policy my_driver.py:keep_gap --observe human "
+    driving.drive: "overtaking drive motorway --driver my_driver.py:keep_gap --observation human "
     "-n 100 --out data/mine",
-    evaluating.evaluate: "overtaking evaluate motorway --policy rules --against human,stay -n 200 "
-    "--out page",
+    evaluating.evaluate: "overtaking evaluate motorway --driver rules --references human,stay "
+    "-n 200 --out page",
     show: "overtaking show data/pinto 17",
     info: "overtaking info data/pinto",
     importing.import_recording: "overtaking import commonroad scene.xml --out data/scene",

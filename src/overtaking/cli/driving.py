@@ -1,21 +1,22 @@
-"""The command that puts a policy at the wheel."""
+"""The command that lets a driver of one's own drive every ego."""
 
 from typing import Annotated
 
 from overtaking.cli import options
 from overtaking.cli.output import Output
 
-Policy = Annotated[
+DriverName = Annotated[
     str,
     options.option(
-        "--policy MODULE:NAME",
-        "Policy: a function in a module or in a .py file, whose code is executed, or a .onnx file.",
+        "--driver MODULE:NAME",
+        "Driver of the ego: a function in a module or in a .py file, whose code is executed, or a "
+        ".onnx file.",
     ),
 ]
-Observe = Annotated[
+Observation = Annotated[
     str,
     options.option(
-        "--observe human|truth|FILE",
+        "--observation human|truth|FILE",
         "What it observes: what a human driver believes, the truth, or a sensor in a TOML file.",
     ),
 ]
@@ -27,26 +28,27 @@ Action = Annotated[
         "and accel_steer_signal have the indicator as a part.",
     ),
 ]
-Hold = Annotated[
-    int, options.option("--hold N", "Decisions for which an answer holds, 20 a second.", min=1)
+ActionRepeat = Annotated[
+    int,
+    options.option("--action-repeat N", "Decisions for which an action holds, 20 a second.", min=1),
 ]
 
 
 def drive(
     output: Output,
-    policy: Policy,
-    observe: Observe,
+    driver: DriverName,
+    observation: Observation,
     out: options.OutPlace,
     made: options.Making,
     road: options.RoadChoice,
     profile: options.ProfileWord = None,
     action: Action = "accel_lane",
-    hold: Hold = 1,
+    action_repeat: ActionRepeat = 1,
 ) -> None:
-    """Let a policy drive every ego, and write a labelled data set."""
+    """Let a driver of your own drive every ego, and write a labelled data set."""
     from overtaking import api
     from overtaking.cli import making
 
-    driver = api.driver_of(policy, observe, action=action, hold=hold)
+    loaded = api.load_driver(driver, observation, action=action, action_repeat=action_repeat)
     recipe = making.recipe(made, profile, road)
-    making.make(output, out, recipe | {"driver": driver}, made)
+    making.make(output, out, recipe | {"driver": loaded}, made)

@@ -23,22 +23,22 @@ Profile = Annotated[
         help=f"{options.PROFILE} Of a profile of the package, its -risk one.  [default: motorway]",
     ),
 ]
-Policy = Annotated[
+DriverName = Annotated[
     str,
     options.option(
-        "--policy NAME",
-        "Policy: human, stay or rules; module:name or file.py:name, whose code is executed; "
-        "or a file.onnx.",
+        "--driver NAME",
+        "Driver of the ego: human, stay or rules; module:name or file.py:name, whose code is "
+        "executed; or a file.onnx.",
     ),
 ]
-Against = Annotated[
+References = Annotated[
     str,
-    options.option("--against NAME[,NAME]", "Drivers to compare the policy with, as --policy."),
+    options.option("--references NAME[,NAME]", "Drivers to compare the driver with, as --driver."),
 ]
-Observe = Annotated[
+Observation = Annotated[
     str | None,
     options.option(
-        "--observe human|truth|FILE",
+        "--observation human|truth|FILE",
         "What it observes: what a human driver believes, the truth, or a sensor in a TOML file.",
     ),
 ]
@@ -54,8 +54,8 @@ Benchmark = Annotated[
         "--benchmark NAME|FILE", "Scenes of a benchmark, whose numbers are fixed: overtake."
     ),
 ]
-AsMet = Annotated[
-    bool, options.option("--as-met", "Draw scenes of PROFILE itself, not of its -risk profile.")
+Natural = Annotated[
+    bool, options.option("--natural", "Draw scenes of PROFILE itself, not of its -risk profile.")
 ]
 Films = Annotated[
     int, options.option("--films N", "How many of the worst scenes are filmed.", min=0, max=FILMS)
@@ -64,16 +64,16 @@ Films = Annotated[
 
 def evaluate(
     output: Output,
-    policy: Policy,
+    driver: DriverName,
     road: options.RoadChoice,
     profile: Profile = None,
-    against: Against = "human,stay",
-    observe: Observe = None,
+    references: References = "human,stay",
+    observation: Observation = None,
     action: driving.Action = "accel_lane",
-    hold: driving.Hold = 1,
+    action_repeat: driving.ActionRepeat = 1,
     num_simulations: NumSimulations = None,
     seed: options.Seed = None,
-    as_met: AsMet = False,
+    natural: Natural = False,
     benchmark: Benchmark = None,
     out: reproducing.Page = None,
     films: Films = FILMS,
@@ -89,28 +89,32 @@ def evaluate(
     from overtaking.cli import arguments
 
     arguments.limit_threads(threads)
-    here, *others = (
-        api.policy_of(name.strip(), observe, action=action, hold=hold, option=option)
+    evaluated, *others = (
+        api.resolve_driver(
+            name.strip(), observation, action=action, action_repeat=action_repeat, option=option
+        )
         for name, option in (
-            (policy, "--policy"),
-            *((name, "--against") for name in against.split(",")),
+            (driver, "--driver"),
+            *((name, "--references") for name in references.split(",")),
         )
     )
     scenes: dict[str, Any] = arguments.given(
         profile=profile,
         num_simulations=num_simulations,
         seed=seed,
-        as_met=as_met or None,
+        natural=natural or None,
         overrides=arguments.overrides(changes or [], None) or None,
         road=arguments.road(road),
     )
     with output.progress("simulations") as meter:
         if benchmark is not None:
             _refuse(scenes)
-            found = api.run_benchmark(here, benchmark, against=others, progress=meter)
+            found = api.run_benchmark(evaluated, benchmark, references=others, progress=meter)
         else:
             scenes = {"profile": "motorway", "num_simulations": NUM_SIMULATIONS} | scenes
-            found = api.evaluate(here, against=others, progress=meter, say=output.say, **scenes)
+            found = api.evaluate(
+                evaluated, references=others, progress=meter, say=output.say, **scenes
+            )
     values = found.values() | _written(output, found, out, films)
     output.page(values | output.duration, page_parts(found))
 

@@ -121,8 +121,12 @@ class Card:
             is_sensor = isinstance(policy.observe, dict)
             observe = "made.policy.observe"
             observe = f"overtaking.Sensor(**{observe})" if is_sensor else observe
-            rest = "action=made.policy.action, hold=made.policy.hold, name=made.policy.name"
-            words.append(f"driver=overtaking.Driver(policy=policy, observe={observe}, {rest})")
+            rest = (
+                "action=made.policy.action, action_repeat=made.policy.hold, name=made.policy.name"
+            )
+            words.append(
+                f"driver=overtaking.Driver(function=function, observation={observe}, {rest})"
+            )
         return "".join(f",\n        {one}" for one in words) + ("," if words else "")
 
     def _unknown(self) -> str:

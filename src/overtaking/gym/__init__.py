@@ -1,4 +1,4 @@
-"""Environments of Gymnasium in which a policy drives the ego; needs the extra [gym].
+"""Environments of Gymnasium in which an agent drives the ego; needs the extra [gym].
 
     import gymnasium
 

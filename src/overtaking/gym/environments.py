@@ -1,4 +1,4 @@
-"""Environments of Gymnasium in which a policy drives the ego.
+"""Environments of Gymnasium in which an agent drives the ego.
 
 All environments of an `OvertakingVectorEnv` run in one batch of the compiled engine. An
 `OvertakingEnv` is a batch of one.
@@ -31,7 +31,7 @@ from overtaking.model.trajectories import Stage
 from overtaking.scenarios import profiles
 from overtaking.scenarios.sampler import MAX_SEED
 from overtaking.sim.controls import CONTROLS
-from overtaking.sim.driving import MOST_HELD, OBSERVED
+from overtaking.sim.driving import MAX_ACTION_REPEAT, OBSERVATION_SOURCES
 from overtaking.world.constants import DECISIONS_PER_SECOND
 
 MAX_ENVS = 1_000_000
@@ -44,7 +44,7 @@ EnvStep = tuple[F32, NDArray[np.float64], Mask, Mask, Info]
 
 
 class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
-    """Environments in each of which a policy drives the ego, all in one batch.
+    """Environments in each of which an agent drives the ego, all in one batch.
 
     Episode k of environment i is simulation first + i + k n of the seed given to `reset`, with n
     environments. An episode terminates at an accident of the ego or when its overtake is over, and
@@ -59,9 +59,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     Args:
         profile: Profile of the scenarios, as in `overtaking.sample`.
         num_envs: Number of environments.
-        observe: `human` for what the model's driver perceives, or `truth`.
+        observation: `human` for what the model's driver perceives, or `truth`.
         action: Kind of the actions, as in `overtaking.drive`.
-        hold: Decisions for which an action holds, 20 a second.
+        action_repeat: Number of decisions for which an action holds, 20 a second.
         reward: A function, or a name in `REWARDS`; None for 0.
         labels: Whether each simulation is labelled at its end. Labels cost more than all steps of
             an episode; some rewards need them.
@@ -86,9 +86,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         profile: Profile,
         num_envs: int = 1,
         *,
-        observe: str = "human",
+        observation: str = "human",
         action: str = "accel_lane",
-        hold: int = 1,
+        action_repeat: int = 1,
         reward: str | RewardFunction | None = None,
         labels: bool = False,
         scaled: bool = False,
@@ -99,10 +99,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         render_mode: str | None = None,
     ) -> None:
         """Check the arguments; `reset` draws the first scenarios."""
-        check_choice(observe, OBSERVED, what="observe", where="gym")
+        check_choice(observation, OBSERVATION_SOURCES, what="observation", where="gym")
         check_choice(action, CONTROLS, what="action", where="gym")
         num_envs = check_whole_number(num_envs, 1, MAX_ENVS, what="num_envs", where="gym")
-        hold = check_whole_number(hold, 1, MOST_HELD, what="hold", where="gym")
+        action_repeat = check_whole_number(
+            action_repeat, 1, MAX_ACTION_REPEAT, what="action_repeat", where="gym"
+        )
         first = check_whole_number(first, 0, MAX_INDEX, what="first", where="gym")
         self._reward = _find_reward(reward, labels=labels)
         _check_render_mode(render_mode)
@@ -111,7 +113,10 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             spec, road_of(road or spec.road), num_envs=num_envs, first=first
         )
         self._settings = EpisodeSettings(
-            num_envs=num_envs, action=action, hold=hold, observes_truth=observe == "truth"
+            num_envs=num_envs,
+            action=action,
+            action_repeat=action_repeat,
+            observes_truth=observation == "truth",
         )
         self._with_labels, self._scaled = labels, scaled
         self._episodes: EpisodeBatch | None = None
@@ -120,7 +125,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         self.metadata = {
             "autoreset_mode": self.autoreset_mode,
             "render_modes": list(RENDER_MODES),
-            "render_fps": _frames_per_second(hold),
+            "render_fps": _frames_per_second(action_repeat),
         }
         self.single_observation_space = observation_space(scaled=scaled)
         self.single_action_space = action_space(action)
@@ -333,7 +338,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 
 
 class OvertakingEnv(Env[F32, Any]):
-    """An environment in which a policy drives the ego.
+    """An environment in which an agent drives the ego.
 
     Arguments, episodes and `info` are as in `OvertakingVectorEnv`. The engine computes sixteen
     environments at a time, so the vector environment is faster for training.
@@ -485,12 +490,12 @@ def _parse_autoreset_mode(mode: str | AutoresetMode) -> AutoresetMode:
     raise ConfigError.unknown_choice(what="autoreset_mode", where="gym", choices=names, got=mode)
 
 
-def _frames_per_second(hold: int) -> int:
+def _frames_per_second(action_repeat: int) -> int:
     """Pictures per second at which a film runs in real time.
 
     The number is whole because Gymnasium's video recorders take whole numbers only.
     """
-    return max(1, round(float(DECISIONS_PER_SECOND) / hold))
+    return max(1, round(float(DECISIONS_PER_SECOND) / action_repeat))
 
 
 def _check_option_names(options: Mapping[str, Any], allowed: Iterable[str]) -> None:

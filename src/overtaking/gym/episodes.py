@@ -128,13 +128,13 @@ class EpisodeSettings:
     Attributes:
         num_envs: Number of environments.
         action: Kind of the actions, a name in `CONTROLS`.
-        hold: Decisions for which an action holds, 20 a second.
+        action_repeat: Decisions for which an action holds, 20 a second.
         observes_truth: Whether the true state is observed, not what the driver perceives.
     """
 
     num_envs: int
     action: str
-    hold: int
+    action_repeat: int
     observes_truth: bool
 
 
@@ -225,14 +225,14 @@ class EpisodeBatch:
 
     def step(self, action: F64) -> None:
         """Carry out actions, shape (env, part), for as long as they hold."""
-        control, hold = CONTROLS[self._settings.action], self._settings.hold
+        control, action_repeat = CONTROLS[self._settings.action], self._settings.action_repeat
         self.num_step_decisions = np.zeros(self._settings.num_envs, np.int64)
         if control.plan is None:
-            self._carry_out(action, hold)
+            self._carry_out(action, action_repeat)
             return
         # A planned path becomes pedals and wheel angle anew at every decision.
         follow_plan = control.plan(action, self.observation)
-        for decision in range(hold):
+        for decision in range(action_repeat):
             observation = self._observation_at(decision / float(DECISIONS_PER_SECOND))
             self._carry_out(follow_plan(observation), 1)
 

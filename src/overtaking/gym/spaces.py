@@ -110,7 +110,7 @@ def flatten_observation(observation: EgoObservation, *, scaled: bool = False) ->
     """The numbers of an observation for a network, shape (simulation, `OBSERVATION_COLUMNS`).
 
     Args:
-        observation: Observation of environments, or of the policies of `overtaking.drive`.
+        observation: Observation of environments, or of the drivers of `overtaking.drive`.
         scaled: Whether to divide each by its scale.
     """
     return clip_observation(observation.table, scaled=scaled)
@@ -162,6 +162,6 @@ def clip_actions(actions: Any, action: str, rows: int) -> tuple[NDArray[np.float
             where="step",
             expected=f"finite numbers of shape ({rows}, {len(parts)})",
             got=values.tolist() if has_shape else f"shape {values.shape}",
-            next_step="correct the policy",
+            next_step="correct the agent",
         )
     return limited(values, parts)

@@ -133,8 +133,8 @@ def _before(source: Scenario | Trajectories) -> BranchOrigin:
             what="simulation",
             where="branch",
             expected="one in which the model drives the ego",
-            got="one with the actions of a policy, which would not answer a change",
-            next_step="drive the changed scenario with that policy",
+            got="one with the actions of a driver, which would not react to a change",
+            next_step="drive the changed scenario with that driver",
         )
     return source.branch_origin or BranchOrigin(scenario=source.scenario, changes=())
 

@@ -1,4 +1,4 @@
-"""What a policy may answer, and how that becomes the action that is carried out and recorded."""
+"""The actions of a driver, and how an answer becomes the action that is recorded."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _, _LANE = ACTION_KINDS["accel_lane"]
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """A way in which a policy drives.
+    """A way in which a driver drives.
 
     Attributes:
         parts: The numbers of an answer.
@@ -105,4 +105,4 @@ CONTROLS: Final = {
     "accel_move": Control(ACTION_KINDS["accel_move"], "accel_move"),
     "accel_steer_signal": Control(ACTION_KINDS["accel_steer_signal"], "accel_steer_signal"),
 }
-"""What a policy may answer, by name; the first is what is meant if none is named."""
+"""The actions that a driver may answer, by name; the first one is the default."""

@@ -1,4 +1,4 @@
-"""Another driver of the ego: a policy that is asked at decisions, in a batch of simulations."""
+"""A driver of the user's that drives the ego of every simulation of a batch."""
 
 import hashlib
 import inspect
@@ -25,76 +25,80 @@ from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
 from overtaking.sim.branch import Run
 from overtaking.sim.controls import CONTROLS, Control
-from overtaking.sim.observation import Observation, Policy
+from overtaking.sim.observation import DriverFunction, Observation
 from overtaking.sim.reference.stepper import SteppedObservation
 from overtaking.sim.sensor import Sensing, Sensor
 from overtaking.sim.stepping import stepper
 from overtaking.world.constants import DECISIONS_PER_SECOND, SUBSTEPS
 from overtaking.world.step_parameters import Parameters, parameters
 
-OBSERVED = ("human", "truth")
-"""What is observed without a sensor: percepts of the model, or the state of the world."""
+OBSERVATION_SOURCES = ("human", "truth")
+"""Observations without a sensor: the beliefs of the model's driver, or the state of the world."""
 
-MOST_HELD = 200
-"""Most decisions for which an answer can hold."""
+MAX_ACTION_REPEAT = 200
+"""Largest number of decisions for which an action holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """A policy in the place of the ego's driver, and what it observes and answers.
+    """A function that drives the ego, with its observations and actions.
 
     Attributes:
-        policy: Asked with an `Observation`, answers an array of shape (simulation, part). If it has
-            a method `reset`, that is given the scenarios before each batch.
-        observe: `human` for what the model's driver believes, `truth`, or a sensor.
+        function: Takes an `Observation` of all simulations, and returns actions of shape
+            (simulation, part). Its method `reset`, if it has one, takes the scenarios before each
+            batch.
+        observation: `human` for the beliefs of the model's driver, `truth` for the state of the
+            world, or a `Sensor`.
         action: What it answers, a name in `CONTROLS`.
-        hold: Decisions for which an answer holds, 20 a second.
+        action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200.
         name: Its name; that of the function if left out.
         version: Its version, if it has one.
     """
 
-    policy: Policy
-    observe: str | Sensor
+    function: DriverFunction
+    observation: str | Sensor
     action: str = next(iter(CONTROLS))
-    hold: int = 1
+    action_repeat: int = 1
     name: str = ""
     version: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse what no policy can observe or answer."""
-        if not callable(self.policy):
+        """Refuse a value that is out of its range."""
+        if not callable(self.function):
             raise ConfigError(
-                what="policy",
-                where="drive",
+                what="function",
+                where="Driver",
                 expected="a function of an observation",
-                got=self.policy,
+                got=self.function,
                 next_step="give a function, or an object with __call__",
             )
-        if not isinstance(self.observe, Sensor) and self.observe not in OBSERVED:
-            known = (*OBSERVED, "a sensor, on the command line its .toml file")
+        if not isinstance(self.observation, Sensor) and self.observation not in OBSERVATION_SOURCES:
+            known = (*OBSERVATION_SOURCES, "a sensor, on the command line its .toml file")
             raise ConfigError.unknown_choice(
-                what="observe", where="drive", choices=known, got=self.observe
+                what="observation", where="drive", choices=known, got=self.observation
             )
         check_choice(self.action, CONTROLS, what="action", where="drive")
-        hold = check_whole_number(self.hold, 1, MOST_HELD, what="hold", where="drive")
-        object.__setattr__(self, "hold", hold)
+        action_repeat = check_whole_number(
+            self.action_repeat, 1, MAX_ACTION_REPEAT, what="action_repeat", where="drive"
+        )
+        object.__setattr__(self, "action_repeat", action_repeat)
 
     @property
     def control(self) -> Control:
-        """What the policy answers."""
+        """The actions that the driver may answer."""
         return CONTROLS[self.action]
 
     @property
-    def title(self) -> str:
-        """Its name."""
-        one: Any = self.policy
+    def display_name(self) -> str:
+        """Name of the driver, or of its function."""
+        one: Any = self.function
         named = one if hasattr(one, "__qualname__") else type(one)
         return self.name or f"{named.__module__}:{named.__qualname__}"
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the file that the policy comes from, 64 digits; empty if unknown."""
-        one: Any = self.policy
+        """SHA-256 of the file that defines the function, 64 digits; empty if unknown."""
+        one: Any = self.function
         if isinstance(stated := getattr(one, "digest", None), str):
             return stated
         try:
@@ -105,28 +109,28 @@ class Driver:
 
 
 def drive(scenario: Scenario, driver: Driver, run: Run, simulator: str = "engine") -> Trajectories:
-    """Simulate a batch in which a policy drives every ego.
+    """Simulate a batch in which a driver of the user's drives every ego.
 
     Args:
         scenario: A batch of scenarios.
-        driver: The policy.
+        driver: The driver.
         run: `engine.run` or `reference.run`.
         simulator: Which of them, by name.
 
     Raises:
-        PolicyError: The policy raises, or answers what is no action.
+        DriverError: The driver raises an exception, or its answer is not an action.
     """
     given = parameters(scenario)
     return run(scenario, given, actions=asked(scenario, given, driver, simulator))
 
 
 def asked(scenario: Scenario, given: Parameters, driver: Driver, simulator: str) -> Actions:
-    """What a policy does in a batch; simulated with it, the batch is the one that it has seen.
+    """The actions of a driver in a batch; a simulation with these actions is the one it observed.
 
     Args:
         scenario: A batch of scenarios.
         given: Its parameters.
-        driver: The policy.
+        driver: The driver.
         simulator: `engine` or `reference`; both let it do the same.
     """
     last = int(given.of_simulations.last_step.max(initial=0.0))
@@ -150,24 +154,24 @@ def _asked(
 
     Counts the answers that were beyond the limits.
     """
-    control, sensor, hold = driver.control, driver.observe, driver.hold
+    control, sensor, action_repeat = driver.control, driver.observation, driver.action_repeat
     is_true = sensor != "human"
-    if (reset := getattr(driver.policy, "reset", None)) is not None:
+    if (reset := getattr(driver.function, "reset", None)) is not None:
         reset(scenario)
     steps = stepper(given, control.kind, is_true=is_true, simulator=simulator)
     eyes = _Eyes(scenario, given, sensor if isinstance(sensor, Sensor) else None)
     observation, decision = eyes.look(steps.begin(), 0), 0
     while observation.is_running.any():
-        answer, num_clipped = limited(_answer(driver.policy, observation, control), control.parts)
+        answer, num_clipped = limited(_answer(driver.function, observation, control), control.parts)
         clipped += num_clipped
         if control.plan is None:
             values = rounded(answer, observation.is_running, ACTION_KINDS[control.kind])
-            yield decision, np.broadcast_to(values, (hold, *values.shape))
-            decision += hold
-            observation = eyes.look(steps.step(values, hold), decision)
+            yield decision, np.broadcast_to(values, (action_repeat, *values.shape))
+            decision += action_repeat
+            observation = eyes.look(steps.step(values, action_repeat), decision)
             continue
         track = control.plan(answer, observation)
-        for _ in range(hold):
+        for _ in range(action_repeat):
             values = rounded(track(observation), observation.is_running, ACTION_KINDS[control.kind])
             yield decision, values[None]
             decision += 1
@@ -198,16 +202,16 @@ class _Eyes:
         )
 
 
-def _answer(policy: Policy, observation: Observation, control: Control) -> F64:
-    """What a policy answers, shape (simulation, part).
+def _answer(function: DriverFunction, observation: Observation, control: Control) -> F64:
+    """The answer of a driver, shape (simulation, part).
 
     Raises:
-        PolicyError: It raises, or answers something else.
+        DriverError: The driver raises an exception, or its answer is not an action.
     """
     running = np.flatnonzero(observation.is_running)
     expected = (len(observation.is_running), len(control.parts))
     try:
-        answer: Any = np.asarray(policy(observation))
+        answer: Any = np.asarray(function(observation))
     except DriverError:
         raise  # It says already what is wrong; the message would be cut within another one.
     except Exception as error:
@@ -228,7 +232,7 @@ def _answer(policy: Policy, observation: Observation, control: Control) -> F64:
 
 
 def _line(error: Exception) -> str:
-    """The last line of the policy's file that an error came through, in words."""
+    """The last line of the driver's file in the traceback of an error, in words."""
     (_, *own) = traceback.extract_tb(error.__traceback__)  # The first one is ours.
     lines = [one.lineno for one in own if one.filename == own[0].filename]
     return f" in {Path(own[0].filename).name}, line {lines[-1]}" if own else ""
@@ -263,11 +267,11 @@ def _refused(
     first = int(observation.scenario.index[wrong[0]])
     others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
     return DriverError(
-        what="answer of the policy",
+        what="answer of the driver",
         where=f"simulation {first}{others} at {observation.time:.2f} s",
         expected=expected,
         got=got,
-        next_step="correct the policy; what is already written stays, and --resume goes on with it",
+        next_step="correct the driver; what is already written stays, and --resume goes on with it",
     )
 
 

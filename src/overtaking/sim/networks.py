@@ -1,4 +1,4 @@
-"""Policies in ONNX files, each of which is evaluated in a process of its own."""
+"""Drivers in ONNX files, each of which is evaluated in a process of its own."""
 
 import hashlib
 import time
@@ -33,7 +33,7 @@ _START_TIMEOUT_S = 120.0
 
 
 class OnnxDriver:
-    """A policy in an ONNX file: from float32 numbers to an action.
+    """A driver in an ONNX file: from float32 numbers to an action.
 
     The input is `Observation.table`, of shape (simulation, `OBSERVATION_SIZE`): the columns of the
     ego, of each neighbour, and of a pass. It may leave out the pass. The first output has
@@ -71,7 +71,7 @@ class OnnxDriver:
         """The action of each simulation.
 
         Raises:
-            PolicyError: The network fails, or exceeds its time or memory.
+            DriverError: The network fails, or exceeds its time or memory.
         """
         with self._lock:
             if self._worker is None:
@@ -160,7 +160,7 @@ def _driver_file_error(
     path: Path, expected: str, got: str, error: type[OvertakingError] = ConfigError
 ) -> OvertakingError:
     return error(
-        what="policy",
+        what="driver",
         where=str(path),
         expected=expected,
         got=got,

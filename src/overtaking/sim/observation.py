@@ -124,7 +124,7 @@ class Observation(EgoObservation):
         return uniform_numbers(self.scenario, stream, self.decision_index)
 
 
-Policy = Callable[[Observation], NDArray[np.floating | np.integer]]
+DriverFunction = Callable[[Observation], NDArray[np.floating | np.integer]]
 """From the observations of all simulations to an action for each."""
 
 

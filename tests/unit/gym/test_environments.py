@@ -28,7 +28,7 @@ from overtaking.sim.controls import CONTROLS
 
 SHORT = {"time.horizon_s": 8.0, "time.attempt_deadline_s": 6.0}
 PROFILE = "pinto2023-physical"
-QUICK = {"hold": 4, "overrides": SHORT}
+QUICK = {"action_repeat": 4, "overrides": SHORT}
 
 
 def made(count: int = 6, **settings) -> envs.OvertakingVectorEnv:
@@ -59,9 +59,9 @@ def episodes(env: envs.OvertakingVectorEnv, steps: int, seed: int = 5) -> list[d
 def test_gymnasium_accepts_it(action):
     env = gymnasium.make(
         f"overtaking/{PROFILE}-v0",
-        observe="truth",
+        observation="truth",
         action=action,
-        hold=10,
+        action_repeat=10,
         overrides=SHORT,
         render_mode="rgb_array",
     )
@@ -89,7 +89,10 @@ def test_an_episode_is_the_simulation_of_drive():
     most = max(one["index"] for one in ended)
     scenes = ot.sample(PROFILE, num_simulations=most + 1, seed=5, overrides=SHORT)
     run = ot.drive(
-        scenes, lambda seen: wish(envs.flatten_observation(seen)), observe="human", hold=4
+        scenes,
+        lambda seen: wish(envs.flatten_observation(seen)),
+        observation="human",
+        action_repeat=4,
     )
     labels = ot.label(run).labels
     place = labels.policies.index("default")
@@ -125,7 +128,7 @@ def test_what_is_seen_is_what_drive_shows():
         told.append(np.where(observation.is_running[:, None], numbers, np.nan))
         return wish(numbers)
 
-    ot.drive(scenes, policy, observe="human", hold=4)
+    ot.drive(scenes, policy, observation="human", action_repeat=4)
     for number in late:
         for k, numbers in enumerate(shown[number][:-1]):
             if k < len(told) and np.isfinite(told[k][number]).all():
@@ -140,7 +143,7 @@ def test_the_same_seed_gives_the_same_episodes():
 
 
 def test_actions_beyond_the_limits_are_counted_by_episode():
-    env = made(3, action="speed_lane", hold=10)
+    env = made(3, action="speed_lane", action_repeat=10)
     env.reset(seed=5)
     steps, counted = np.zeros(3, int), list[tuple[int, int]]()
     ended = np.zeros(3, bool)
@@ -235,9 +238,9 @@ def test_an_end_is_an_accident_an_overtake_or_the_clock():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"observe": "radar"},
+        {"observation": "radar"},
         {"action": "fly"},
-        {"hold": 0},
+        {"action_repeat": 0},
         {"reward": "money"},
         {"first": -1},
         {"count": 0},
@@ -310,9 +313,9 @@ def test_the_autoreset_mode_is_an_attribute_and_in_the_metadata(mode):
 @pytest.mark.parametrize("kind", INTEGER_TYPES)
 def test_seeds_and_numbers_are_integers_of_any_library(kind):
     convert = INTEGER_TYPES[kind]
-    settings = {"hold": convert(4), "first": convert(3), "overrides": SHORT}
+    settings = {"action_repeat": convert(4), "first": convert(3), "overrides": SHORT}
     env = envs.OvertakingVectorEnv(PROFILE, convert(3), **settings)
-    expected = envs.OvertakingVectorEnv(PROFILE, 3, hold=4, first=3, overrides=SHORT)
+    expected = envs.OvertakingVectorEnv(PROFILE, 3, action_repeat=4, first=3, overrides=SHORT)
     options = {"index": [convert(9), convert(8), convert(7)]}
     observations, info = env.reset(seed=convert(7), options=options)
     np.testing.assert_array_equal(observations, expected.reset(seed=7, options=options)[0])
@@ -453,7 +456,7 @@ def test_a_copy_of_a_single_environment_goes_on_as_the_original():
 
 def test_a_step_in_which_an_episode_ends_is_as_long_as_the_episode():
     """The last step of an episode of 8 s is 2 s long, although actions hold for 3 s."""
-    env = made(4, hold=60, reward=step_length, action="decision")
+    env = made(4, action_repeat=60, reward=step_length, action="decision")
     env.reset(seed=5)
     lengths = np.array([env.step(np.zeros(4, int))[1] for _ in range(3)])
     np.testing.assert_allclose(lengths[:2], 3.0)
@@ -469,7 +472,7 @@ def test_the_last_observation_is_that_of_the_end():
     """The last observation of an episode that ends within a step does not depend on `hold`."""
     last_observations = []
     for hold in (1, 20):
-        env = made(4, hold=hold, action="decision", autoreset_mode="DISABLED")
+        env = made(4, action_repeat=hold, action="decision", autoreset_mode="DISABLED")
         env.reset(seed=5)
         last = {}
         while len(last) < 4:
@@ -504,9 +507,11 @@ def test_a_picture_shows_the_present_state():
 def test_a_picture_is_that_of_the_film():
     """The road is drawn as `overtaking video` draws it at the same time."""
     scenes = ot.sample(PROFILE, num_simulations=1, seed=5, overrides=SHORT)
-    trajectories = ot.drive(scenes, lambda _: np.zeros((1, 1)), observe="human", action="decision")
+    trajectories = ot.drive(
+        scenes, lambda _: np.zeros((1, 1)), observation="human", action="decision"
+    )
     film = Film(trajectories, title="Simulation 0")
-    env = single_env(render_mode="rgb_array", action="decision", hold=20)
+    env = single_env(render_mode="rgb_array", action="decision", action_repeat=20)
     env.reset(seed=5)
     for _ in range(3):
         env.step(0)

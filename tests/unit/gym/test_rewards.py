@@ -90,7 +90,7 @@ def test_a_step_costs_its_own_length():
 
 def test_progress_of_an_environment_follows_from_its_observations():
     """The loss is the length of the step minus the time for its distance at the desired speed."""
-    env = made(8, reward="progress", action="decision", hold=10, overrides=None)
+    env = made(8, reward="progress", action="decision", action_repeat=10, overrides=None)
     index = [column.name for column in envs.OBSERVATION_COLUMNS].index("ego.s")
     before, _ = env.reset(seed=2)
     assert env._episodes
@@ -134,7 +134,9 @@ def stay_out(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
 )
 def test_overtake_once_and_the_label_agree(driver):
     """The reward follows the label also after a second pull-out with another target."""
-    env = made(50, hold=10, action="decision", reward="overtake_once", labels=True, overrides=None)
+    env = made(
+        50, action_repeat=10, action="decision", reward="overtake_once", labels=True, overrides=None
+    )
     observations, _ = env.reset(seed=3)
     clock, completed, rewarded = np.zeros(50, int), list[bool](), list[bool]()
     while len(completed) < 250:

@@ -30,7 +30,7 @@ def test_an_ego_that_another_driver_drove_does_the_same_again(scenario: ot.Scena
         accel = np.full(len(observation.is_running), 0.5 if observation.time < 1.0 else -1.0)
         return np.stack([accel, np.zeros_like(accel)], axis=1)
 
-    runs = ot.drive(scenario, brakes, observe="human", action="accel_lane")
+    runs = ot.drive(scenario, brakes, observation="human", action="accel_lane")
     told = beliefs(scenario, runs.actions)
     for one, frames in enumerate(runs.num_frames):
         position = EgoColumns._make(told.ego[:frames, one].T).s

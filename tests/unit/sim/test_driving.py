@@ -54,7 +54,7 @@ def speeds(run: ot.Trajectories) -> np.ndarray:
 
 
 def test_an_acceleration_is_carried_out_with_the_egos_jerk(scenes):
-    run = ot.drive(scenes, constant(-1.0, 0.0), observe="truth")
+    run = ot.drive(scenes, constant(-1.0, 0.0), observation="truth")
     accel = run.states.accel_lon[:, 0, 60:-1] * 1e-3
     sound = (run.collided_with == NO_VEHICLE) & run.frame_mask
     rolls = (speeds(run) > 2.0)[:, 60:-1] & sound[:, 60:-1]
@@ -63,7 +63,7 @@ def test_an_acceleration_is_carried_out_with_the_egos_jerk(scenes):
 
 
 def test_a_speed_is_reached(calm):
-    run = ot.drive(calm, constant(20.0, 0.0), observe="human", action="speed_lane")
+    run = ot.drive(calm, constant(20.0, 0.0), observation="human", action="speed_lane")
     sound = run.contacts.time[:, 0] == 0
     assert sound.sum() >= 4
     end = speeds(run)[np.arange(6), run.num_frames - 1]
@@ -71,7 +71,7 @@ def test_a_speed_is_reached(calm):
 
 
 def test_a_wish_for_a_lane_is_signalled_first_and_ends_in_its_middle(scenes):
-    run = ot.drive(scenes, constant(0.0, 1.0), observe="human")
+    run = ot.drive(scenes, constant(0.0, 1.0), observation="human")
     states = run.states
     for one in range(6):
         moved = np.flatnonzero(states.lane[one, 0] > states.lane[one, 0, 0])
@@ -94,7 +94,7 @@ def test_a_trajectory_is_followed(calm):
         points = [(ahead * t, aside) for t in times]
         return np.stack([number for pair in points for number in pair], axis=1)
 
-    run = ot.drive(calm, wave, observe="truth", action="trajectory", hold=4)
+    run = ot.drive(calm, wave, observation="truth", action="trajectory", action_repeat=4)
     last = run.num_frames - 1
     d = run.states.d[np.arange(6), 0] * 1e-3
     went = np.abs(d[np.arange(6), last] - d[:, 0])
@@ -131,7 +131,7 @@ def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
         ]
         return np.tile([0.2, move], (len(observation.is_running), 1))
 
-    run = ot.drive(silent, out, observe="human", action="accel_move")
+    run = ot.drive(silent, out, observation="human", action="accel_move")
     free = run.states.lane[:, 0, 0] < run.road.num_lanes - 1
     free &= (run.collided_with == NO_VEHICLE).all(axis=1)
     assert free.sum() >= 3
@@ -141,7 +141,7 @@ def test_a_move_beside_an_acceleration_is_shown_before_it_is_made(silent):
     assert (run.stage[free, 60] == Stage.PULL_OUT).all()
     # The scenario's drivers, who use none, show nothing.
     mute = ot.drive(
-        silent, lambda observation: out(observation)[:, 1], observe="human", action="decision"
+        silent, lambda observation: out(observation)[:, 1], observation="human", action="decision"
     )
     assert not shown(mute)[free].any()
     rolls = run.states.accel_lon[free, 0, 40:60] * 1e-3
@@ -155,12 +155,12 @@ def test_who_steers_shows_what_it_asks_for(silent):
         side = sides[observation.decision_index // 30 % 3]
         return np.tile([0.0, 0.0, side], (len(observation.is_running), 1))
 
-    run = ot.drive(silent, signals, observe="truth", action="accel_steer_signal")
+    run = ot.drive(silent, signals, observation="truth", action="accel_steer_signal")
     sound = (run.stage != Stage.CRASHED) & run.frame_mask
     wanted = np.broadcast_to(sides[np.arange(sound.shape[1]) // 30 % 3], sound.shape)
     assert sound.sum() > 300
     np.testing.assert_array_equal(shown(run)[sound], wanted[sound])
-    plain = ot.drive(silent, constant(0.0, 0.0), observe="truth", action="accel_steer")
+    plain = ot.drive(silent, constant(0.0, 0.0), observation="truth", action="accel_steer")
     assert not shown(plain)[:, :60].any()
     assert run.actions
     assert run.actions.kind == "accel_steer_signal"
@@ -175,7 +175,7 @@ def test_answers_beyond_the_limits_are_counted(scenes):
         answer[2, 1] = -3.0
         return answer
 
-    run = ot.drive(scenes, often, observe="human", hold=4)
+    run = ot.drive(scenes, often, observation="human", action_repeat=4)
     assert run.actions
     clipped = run.actions.num_clipped
     assert clipped is not None
@@ -186,17 +186,17 @@ def test_answers_beyond_the_limits_are_counted(scenes):
 
 
 def test_what_acts_is_what_is_recorded(scenes):
-    finer = ot.drive(scenes, constant(0.123_4, 0.0), observe="human")
-    rounded = ot.drive(scenes, constant(0.123, 0.0), observe="human")
+    finer = ot.drive(scenes, constant(0.123_4, 0.0), observation="human")
+    rounded = ot.drive(scenes, constant(0.123, 0.0), observation="human")
     np.testing.assert_array_equal(finer.trace_hash, rounded.trace_hash)
     assert finer.actions
     assert rounded.actions
     np.testing.assert_array_equal(finer.actions.values, rounded.actions.values)
     assert finer.actions.hashes == rounded.actions.hashes
-    other = ot.drive(scenes, constant(0.124, 0.0), observe="human")
+    other = ot.drive(scenes, constant(0.124, 0.0), observation="human")
     assert other.actions
     assert set(other.actions.hashes).isdisjoint(finer.actions.hashes)
-    far = ot.drive(scenes, constant(1e9, 0.0), observe="human")
+    far = ot.drive(scenes, constant(1e9, 0.0), observation="human")
     assert far.actions
     assert far.actions.values.max() == 20_000
 
@@ -208,7 +208,7 @@ def test_an_answer_holds(scenes):
         asked.append(observation.decision_index)
         return np.tile([0.01 * len(asked), 0.0], (6, 1))
 
-    run = ot.drive(scenes, policy, observe="human", hold=7)
+    run = ot.drive(scenes, policy, observation="human", action_repeat=7)
     assert asked == list(range(0, 121, 7))[: len(asked)]
     assert run.actions
     first = run.actions.values[:, :14, 0]
@@ -225,8 +225,8 @@ def test_a_policy_draws_the_same_in_every_batch(scenes):
             axis=1,
         )
 
-    whole = ot.drive(scenes, draws, observe="human")
-    part = ot.drive(scenes.select(slice(2, 4)), draws, observe="human")
+    whole = ot.drive(scenes, draws, observation="human")
+    part = ot.drive(scenes.select(slice(2, 4)), draws, observation="human")
     np.testing.assert_array_equal(part.trace_hash, whole.trace_hash[2:4])
 
 
@@ -266,22 +266,31 @@ def changes_its_mind(observation: ot.Observation) -> np.ndarray:
 )
 def test_what_is_no_answer_is_one_clear_error(scenes, policy, says):
     with pytest.raises(DriverError, match=says) as raised:
-        ot.drive(scenes, policy, observe="human")
+        ot.drive(scenes, policy, observation="human")
     assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"observe": "everything"}, {"action": "fly"}, {"hold": 0}, {"simulator": "sumo"}],
+    [{"observation": "everything"}, {"action": "fly"}, {"action_repeat": 0}, {"simulator": "sumo"}],
 )
 def test_an_argument_that_cannot_be_used_is_refused(scenes, wrong):
     with pytest.raises(ConfigError):
-        ot.drive(scenes, constant(0.0, 0.0), **({"observe": "human"} | wrong))
+        ot.drive(scenes, constant(0.0, 0.0), **({"observation": "human"} | wrong))
 
 
 def test_what_is_observed_is_never_assumed(scenes):
-    with pytest.raises(TypeError, match="observe"):
-        ot.drive(scenes, constant(0.0, 0.0))  # pyright: ignore[reportCallIssue]
+    with pytest.raises(ConfigError, match="observation: expected human, truth or a Sensor"):
+        ot.drive(scenes, constant(0.0, 0.0))
+
+
+def test_a_driver_states_its_observation_and_action_itself(scenes):
+    function = constant(10.0)
+    driver = ot.Driver(function=function, observation="truth", action="decision", action_repeat=4)
+    expected = ot.drive(scenes, function, observation="truth", action="decision", action_repeat=4)
+    assert (ot.drive(scenes, driver).trace_hash == expected.trace_hash).all()
+    with pytest.raises(ConfigError, match="action_repeat: expected no value beside a Driver"):
+        ot.drive(scenes, driver, action_repeat=4)
 
 
 def test_every_action_names_its_numbers():
@@ -361,5 +370,5 @@ class TestSensor:
             seen.append(float((observation.leader.is_detected > 0).mean()))
             return np.zeros((6, 2))
 
-        ot.drive(scenes, policy, observe=RADAR)
+        ot.drive(scenes, policy, observation=RADAR)
         assert 0.0 < np.mean(seen) < 1.0

@@ -32,7 +32,7 @@ def test_an_empty_batch_is_simulated_branched_and_labelled(profile, simulator):
 
 
 def test_a_driver_drives_an_empty_batch():
-    runs = ot.drive(empty_scenarios("rural"), stay, observe="truth")
+    runs = ot.drive(empty_scenarios("rural"), stay, observation="truth")
     assert ot.label(runs).labels.outcome.shape == (0,)
 
 

@@ -23,7 +23,7 @@ _RATES = (
     "events, of the gamma method."
 )
 _CONTRASTS = (
-    "Policy minus reference in the same scenes, with the 95 % interval of the paired bootstrap; "
+    "Driver minus reference in the same scenes, with the 95 % interval of the paired bootstrap; "
     "pairs are the scenes in which the two differ."
 )
 _CORRECTED = " Shown are differences whose p-value, corrected by Holm's method, is below 0.05."
@@ -149,7 +149,7 @@ def worst(found: Evaluation) -> Table:
     note = (
         "Contacts first, the fastest before the others; then departures, near-crashes and breaches."
     )
-    columns = {"scene": Style.TEXT, "what the policy does": Style.TEXT}
+    columns = {"scene": Style.TEXT, "what the driver does": Style.TEXT}
     return Table.of(
         name="worst",
         title=f"The worst scenes of {found.policy}",

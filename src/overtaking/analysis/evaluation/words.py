@@ -84,7 +84,7 @@ def risk_note(named: str, drawn: str) -> str:
     """
     return (
         f"Scenes are drawn from {drawn}, in which dangerous scenes are more frequent, and weights "
-        f"restore the rates of {named}. --as-met (as_met=True) draws scenes of {named} itself."
+        f"restore the rates of {named}. --natural (natural=True) draws scenes of {named} itself."
     )
 
 
@@ -95,7 +95,7 @@ def notes(found: Evaluation) -> list[str]:
         NO_CLAIM,
         f"Classes and breaches of the law are read under the policy {POLICY}.",
         "Legality is the verdict of a rule set, an interpretation for research, not legal advice.",
-        f"The policy observes: {found.observe}. One that observes as humans do is compared with "
+        f"The driver observes: {found.observe}. One that observes as humans do is compared with "
         "them on equal terms; one with a sensor or the truth is not.",
     ]
 
@@ -120,7 +120,7 @@ def warnings(found: Evaluation) -> list[str]:
             f"The weights leave {found.effective:,.0f} effective scenes of {found.simulations:,}."
         )
     if clipped := int(found.counts[found.policy]["clipped"]):
-        said.append(f"{clipped:,} answers of the policy were beyond the limits, and clipped.")
+        said.append(f"{clipped:,} answers of the driver were beyond the limits, and clipped.")
     return said
 
 

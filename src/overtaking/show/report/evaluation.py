@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 FILMS = "films"
 
 _CAPTIONS = {
-    "differences": "The primary endpoints: the policy minus each reference in the same scenes, "
+    "differences": "The primary endpoints: the driver minus each reference in the same scenes, "
     "with 95 % intervals. Full marks: a difference is shown; open ones: none is, or too few scenes "
     "differ.",
     "weathers": "The primary endpoints of each driver by weather, with 95 % intervals. A scene may "
@@ -87,7 +87,7 @@ def _facts(found: Evaluation, benchmark: str) -> list[tuple[str, str]]:
         ("largest weight", f"{100.0 * found.largest:.2g} %"),
         ("observes", found.observe),
         ("answers", found.action),
-        ("policy", found.source),
+        ("driver", found.source),
         ("its SHA-256", found.digest[:16]),
         ("model", found.model_version),
     ]

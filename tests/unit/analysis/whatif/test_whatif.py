@@ -324,7 +324,7 @@ def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
     def patient(observation: ot.Observation) -> np.ndarray:
         return np.zeros((len(observation.is_running), 2))
 
-    driver = ot.Driver(policy=patient, observe="truth")
+    driver = ot.Driver(function=patient, observation="truth")
     data = ot.generate_dataset(
         "pinto2023-physical", num_simulations=1, seed=1, out=tmp_path / "driven", driver=driver
     )
