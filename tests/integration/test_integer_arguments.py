@@ -92,9 +92,9 @@ def test_numbers_of_simulations_are_integers_of_any_library(kind: str, data: ot.
     assert data.verdict(convert(3)) == data.verdict(3)
     assert data[convert(3)].equals(data[3])
     assert data.scenario(convert(3)).equals(data.scenario(3))
-    change = ot.Intervention(frame=convert(5), vehicle=convert(1), faster=1.0)
+    change = ot.Intervention(frame=convert(5), slot=convert(1), speed_change=1.0)
     assert json.dumps(change.to_dict())
-    changes = [ot.Intervention(frame=5, vehicle=1, faster=1.0)]
+    changes = [ot.Intervention(frame=5, slot=1, speed_change=1.0)]
     assert ot.whatif.counterfactual(data, convert(0), changes=[change]) == ot.whatif.counterfactual(
         data, 0, changes=changes
     )

@@ -188,7 +188,7 @@ def values_of_twin(one: "Twin", policy: str | None) -> dict[str, Any]:
         "class_after": class_of(one.labelled[1], policy),
         "trace_hash_before": one.told[0].run.trace_hash[0].tobytes().hex(),
         "trace_hash_after": one.told[1].run.trace_hash[0].tobytes().hex(),
-        "changes": list(one.told[1].record.changes),
+        "interventions": list(one.told[1].record.interventions),
         "redrawn": one.told[1].record.redrawn,
         "pulls_out_before_s": one.begins[0],
         "pulls_out_after_s": one.begins[1],

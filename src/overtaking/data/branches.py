@@ -54,7 +54,9 @@ class Told(ContentEquality):
             title=self.title,
             index=int(self.run.scenario.index[0]),
             redrawn=self.redrawn and self.redrawn.to_dict(),
-            changes=tuple(one.to_dict() for one in branched.changes) if branched else (),
+            interventions=tuple(one.to_dict() for one in branched.interventions)
+            if branched
+            else (),
         )
 
 
@@ -146,7 +148,7 @@ def _again(data: Dataset, number: int) -> Trajectories:
     record = identity.branches[number]
     redrawn = None if record.redrawn is None else Intervention.from_dict(record.redrawn)
     scenario = drawn(data, record.index, redrawn)
-    return branch(scenario, changes=map(Intervention.from_dict, record.changes))
+    return branch(scenario, changes=map(Intervention.from_dict, record.interventions))
 
 
 def drawn(

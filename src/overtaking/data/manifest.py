@@ -122,14 +122,14 @@ class BranchRecord(_Record):
         title: What it is, in a few words.
         index: Number of the scenario among all that the specification and the seed give.
         redrawn: The change before anything was drawn that depends on it; null if there was none.
-        changes: The changes of the drawn scenario, as `model.scenario.Intervention.to_dict` writes
+        interventions: Those in the drawn scenario, as `model.scenario.Intervention.to_dict` writes
             them.
     """
 
     title: str
     index: Annotated[int, Field(ge=0, lt=2**64)]
     redrawn: dict[str, JsonValue] | None = None
-    changes: tuple[dict[str, JsonValue], ...] = ()
+    interventions: tuple[dict[str, JsonValue], ...] = ()
 
 
 class CellRecord(_Record):

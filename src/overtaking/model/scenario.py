@@ -137,26 +137,27 @@ class Intervention:
         decision: Forced on every ego, until an intervention at a later frame forces another one.
         weather: Weather from then on, shape (simulation,) or of one simulation for all.
         without: Factors removed from the weather: names in `model.weather.REMOVABLE_FACTORS`.
-        vehicle: Slot of the vehicle that the fields below change.
+        slot: Slot of the vehicle that the fields below change.
         traits: Traits of its driver, names in `model.vehicles.DriverTraits`, SI units.
-        ahead: Distance by which it is moved along the road, also in the memory of all drivers [m].
-        faster: Increase of its speed and of its desired speed [m/s].
-        removed: Whether it is removed. Drivers who have noticed it look anew at once.
+        position_change: Distance by which it moves forward along the road, also in the memory of
+            all drivers [m].
+        speed_change: Increase of its speed and of its desired speed [m/s].
+        remove: Whether to remove it. Drivers who have noticed it look anew at once.
     """
 
     frame: Annotated[int, FieldSpec(low=0, high=2**31 - 1)] = 0
     decision: ForcedDecision | None = None
     weather: Weather | None = None
     without: tuple[str, ...] = ()
-    vehicle: Annotated[int, FieldSpec(low=0, high=MAX_VEHICLES - 1)] = EGO_SLOT
+    slot: Annotated[int, FieldSpec(low=0, high=MAX_VEHICLES - 1)] = EGO_SLOT
     traits: Mapping[str, float] = field(default_factory=dict[str, float])
-    ahead: Annotated[float, FieldSpec(unit="m", low=-1e4, high=1e4)] = 0.0
-    faster: Annotated[float, FieldSpec(unit="m/s", low=-100.0, high=100.0)] = 0.0
-    removed: bool = False
+    position_change: Annotated[float, FieldSpec(unit="m", low=-1e4, high=1e4)] = 0.0
+    speed_change: Annotated[float, FieldSpec(unit="m/s", low=-100.0, high=100.0)] = 0.0
+    remove: bool = False
 
     def __post_init__(self) -> None:
         """Accept integers of NumPy."""
-        convert_integers(self, "frame", "vehicle")
+        convert_integers(self, "frame", "slot")
 
     def to_dict(self) -> dict[str, Any]:
         """Its changes as plain values, from which `from_dict` makes an equal intervention."""
@@ -166,11 +167,11 @@ class Intervention:
         if self.weather is not None:
             names = [field.name for field in dataclasses.fields(self.weather)]
             values["weather"] = {name: getattr(self.weather, name).tolist() for name in names}
-        for name in ("without", "traits", "ahead", "faster", "removed"):
+        for name in ("without", "traits", "position_change", "speed_change", "remove"):
             if value := getattr(self, name):
                 values[name] = list(value) if isinstance(value, tuple) else value
         if self.is_about_vehicle:
-            values["vehicle"] = self.vehicle
+            values["slot"] = self.slot
         return values
 
     @classmethod
@@ -191,7 +192,7 @@ class Intervention:
     @property
     def is_about_vehicle(self) -> bool:
         """Whether it changes a single vehicle."""
-        return bool(self.traits or self.ahead or self.faster or self.removed)
+        return bool(self.traits or self.position_change or self.speed_change or self.remove)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,11 +201,11 @@ class BranchOrigin(Batch):
 
     Attributes:
         scenario: The scenarios before any intervention.
-        changes: All interventions, in the order of their frames.
+        interventions: All of them, in the order of their frames.
     """
 
     scenario: Scenario
-    changes: tuple[Intervention, ...]
+    interventions: tuple[Intervention, ...]
 
 
 def _weather_arrays(columns: Mapping[str, list[Any]]) -> dict[str, Any]:

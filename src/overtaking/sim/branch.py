@@ -87,11 +87,11 @@ def branch(
     before = _before(source)
     first = Intervention(frame=frame, decision=decision, weather=weather)
     # The later of two that begin together is made on top of the earlier.
-    made = tuple(sorted((*before.changes, first, *changes), key=lambda one: one.frame))
+    made = tuple(sorted((*before.interventions, first, *changes), key=lambda one: one.frame))
     stages = versions(before.scenario, made)
     found = as_changed(run_versions(before.scenario, stages, run), before.scenario, stages, made)
     meant = tuple(one for one in made if one != Intervention(frame=one.frame))
-    branched = BranchOrigin(scenario=before.scenario, changes=meant)
+    branched = BranchOrigin(scenario=before.scenario, interventions=meant)
     return found.replace(branch_origin=branched if meant else None)
 
 
@@ -127,7 +127,7 @@ def run_versions(scenario: Scenario, versions: Sequence[Version], run: Run) -> T
 def _before(source: Scenario | Trajectories) -> BranchOrigin:
     """What a batch branches from, and the changes that were made already."""
     if isinstance(source, Scenario):
-        return BranchOrigin(scenario=source, changes=())
+        return BranchOrigin(scenario=source, interventions=())
     if source.actions is not None:
         raise ConfigError(
             what="simulation",
@@ -136,7 +136,7 @@ def _before(source: Scenario | Trajectories) -> BranchOrigin:
             got="one with the actions of a driver, which would not react to a change",
             next_step="drive the changed scenario with that driver",
         )
-    return source.branch_origin or BranchOrigin(scenario=source.scenario, changes=())
+    return source.branch_origin or BranchOrigin(scenario=source.scenario, interventions=())
 
 
 def versions(scenario: Scenario, changes: Iterable[Intervention]) -> list[Version]:
@@ -171,11 +171,11 @@ def changed(scenario: Scenario, change: Intervention) -> Scenario:
     if not change.is_about_vehicle:
         return found
     _check_vehicle(scenario, change)
-    slot, start, drivers = change.vehicle, scenario.start_s, _drivers(scenario.drivers, change)
-    speed = _moved(scenario.start_speed, slot, change.faster)
+    slot, start, drivers = change.slot, scenario.start_s, _drivers(scenario.drivers, change)
+    speed = _moved(scenario.start_speed, slot, change.speed_change)
     comes = _oncoming(scenario)[:, slot]
-    place = _moved(start, slot, np.where(comes, -change.ahead, change.ahead))
-    if change.removed:
+    place = _moved(start, slot, np.where(comes, -change.position_change, change.position_change))
+    if change.remove:
         place[:, slot] = _AWAY - _APART * np.float32(slot)
     return found.replace(drivers=drivers, start_s=place, start_speed=speed)
 
@@ -190,10 +190,10 @@ def _drivers(drivers: DriverTraits, change: Intervention) -> DriverTraits:
                 what="trait", where="branch", choices=fields_of_drivers, got=name
             )
         array = getattr(drivers, name).copy()
-        array[:, change.vehicle] = value
+        array[:, change.slot] = value
         found[name] = array
     drivers = drivers.replace(**found)
-    wish = _moved(drivers.desired_speed, change.vehicle, change.faster)
+    wish = _moved(drivers.desired_speed, change.slot, change.speed_change)
     return drivers.replace(desired_speed=np.where(wish < 0, np.float32(0.0), wish))
 
 
@@ -211,12 +211,12 @@ def _moved(values: F32, slot: int, by: ArrayLike) -> F32:
 
 def _check_vehicle(scenario: Scenario, change: Intervention) -> None:
     """Refuse a vehicle that a simulation lacks, and to remove the ego."""
-    slot, least = change.vehicle, int(scenario.num_vehicles.min(initial=scenario.num_slots))
+    slot, least = change.slot, int(scenario.num_vehicles.min(initial=scenario.num_slots))
     if slot >= least:
         raise ConfigError.out_of_range(
             what="vehicle", where="branch", low=0, high=least - 1, got=slot
         )
-    if change.removed and slot == EGO_SLOT:
+    if change.remove and slot == EGO_SLOT:
         raise ConfigError(
             what="vehicle",
             where="branch",
@@ -239,7 +239,7 @@ def as_changed(
     """
     begins = first
     for one in changes:
-        if one.frame == 0 and not one.removed:
+        if one.frame == 0 and not one.remove:
             begins = changed(begins, one)
     last = stages[-1].scenario
     kept = last.replace(start_s=begins.start_s, start_speed=begins.start_speed)
@@ -248,12 +248,12 @@ def as_changed(
 
 def _without_removed(run: Trajectories, changes: Sequence[Intervention]) -> Trajectories:
     """The recording without vehicles from when they are removed; nothing is said of them then."""
-    gone = [one for one in changes if one.removed]
+    gone = [one for one in changes if one.remove]
     if not gone:
         return run
     there = np.ones(run.states.s.shape, np.bool_)
     for one in gone:
-        there[:, one.vehicle, one.frame :] = False
+        there[:, one.slot, one.frame :] = False
     rows = {
         name: np.where(there, getattr(run.states, name), kind(0))
         for name, kind in STATE_DTYPES.items()

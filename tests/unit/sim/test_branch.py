@@ -67,12 +67,12 @@ def traffic():
 
 CHANGES = (
     Intervention(frame=20, decision=ForcedDecision.STAY),
-    Intervention(frame=30, vehicle=1, faster=-4.0),
+    Intervention(frame=30, slot=1, speed_change=-4.0),
     Intervention(frame=50, decision=ForcedDecision.PULL_OUT),
     Intervention(frame=60, without=("rain",)),
-    Intervention(frame=70, vehicle=2, ahead=-15.0),
+    Intervention(frame=70, slot=2, position_change=-15.0),
     Intervention(frame=80, traits={"time_gap": 0.5}),
-    Intervention(frame=120, vehicle=2, removed=True),
+    Intervention(frame=120, slot=2, remove=True),
 )
 
 
@@ -92,7 +92,7 @@ def test_a_branch_of_a_branch_is_a_branch_with_both_changes(cut: int):
     whole = branch(traffic(), changes=CHANGES)
     np.testing.assert_array_equal(both.trace_hash, whole.trace_hash)
     assert both.branch_origin is not None
-    assert both.branch_origin.changes == CHANGES
+    assert both.branch_origin.interventions == CHANGES
 
 
 def test_the_order_in_which_changes_are_given_does_not_matter():
@@ -110,7 +110,7 @@ def test_nothing_changed_is_the_undisturbed_simulation(run):
 def test_a_vehicle_is_moved_and_slowed_from_its_frame_on():
     before = engine.simulate(traffic()).states
     after = branch(
-        traffic(), changes=[Intervention(frame=40, vehicle=1, ahead=12.5, faster=-3.0)]
+        traffic(), changes=[Intervention(frame=40, slot=1, position_change=12.5, speed_change=-3.0)]
     ).states
     np.testing.assert_array_equal(after.s[0, :, :40], before.s[0, :, :40])
     assert after.s[0, 1, 40] - before.s[0, 1, 40] == 12_500
@@ -123,16 +123,16 @@ def test_a_change_at_the_start_is_another_start():
     place = moved.start_s.copy()
     place[0, 1] += np.float32(7.0)
     moved = moved.replace(start_s=place)
-    one = branch(traffic(), changes=[Intervention(vehicle=1, ahead=7.0)])
+    one = branch(traffic(), changes=[Intervention(slot=1, position_change=7.0)])
     np.testing.assert_array_equal(one.trace_hash, engine.simulate(moved).trace_hash)
 
 
 def test_who_is_removed_is_not_there_and_met_by_nobody():
-    run = branch(traffic(), changes=[Intervention(frame=100, vehicle=1, removed=True)])
+    run = branch(traffic(), changes=[Intervention(frame=100, slot=1, remove=True)])
     assert run.state_mask[0, 1, :100].all()
     assert not run.state_mask[0, 1, 100:].any()
     assert not run.states.s[0, 1, 100:].any()
-    alone = branch(traffic(), changes=[Intervention(vehicle=1, removed=True)])
+    alone = branch(traffic(), changes=[Intervention(slot=1, remove=True)])
     assert not alone.state_mask[0, 1].any()
     # Behind the slower leader it cannot drive as it wants; alone it does.
     assert engine.simulate(traffic()).states.speed[0, 0, 250] < 30_000
@@ -142,8 +142,8 @@ def test_who_is_removed_is_not_there_and_met_by_nobody():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (Intervention(vehicle=5, removed=True), "vehicle: expected 0 to 2, got 5"),
-        (Intervention(removed=True), "vehicle: expected another one than the ego"),
+        (Intervention(slot=5, remove=True), "vehicle: expected 0 to 2, got 5"),
+        (Intervention(remove=True), "vehicle: expected another one than the ego"),
         (Intervention(traits={"mood": 1.0}), "trait: expected .*desired_speed.*got mood"),
         (Intervention(without=("sun",)), "without: expected .*rain.*got sun"),
     ],

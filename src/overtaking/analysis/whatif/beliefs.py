@@ -126,9 +126,9 @@ def proposals(
     driven = many.scenario.start_speed + faster.astype(np.float32)
     drivers = _others(scene, many, stayed.states.lane[0, :, frame], speed + faster)
     scenario = many.scenario.replace(start_s=moved, start_speed=driven, drivers=drivers)
-    for one in scene.world.changes:  # Who was made another person is no other one.
+    for one in scene.world.interventions:  # Who was made another person is no other one.
         if one.frame <= frame and one.traits:
-            scenario = changed(scenario, Intervention(vehicle=one.vehicle, traits=one.traits))
+            scenario = changed(scenario, Intervention(slot=one.slot, traits=one.traits))
     return Futures(scenario=scenario, index=many.index, judged=judged)
 
 

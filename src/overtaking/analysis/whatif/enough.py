@@ -259,12 +259,12 @@ def _within_range(scenario: Scenario, name: str, size: float, steps: Values) -> 
 
 def _ahead(slot: int, scenario: Scenario, value: float) -> Intervention:
     del scenario
-    return Intervention(vehicle=slot, ahead=value)
+    return Intervention(slot=slot, position_change=value)
 
 
 def _faster(slot: int, scenario: Scenario, value: float) -> Intervention:
     del scenario
-    return Intervention(vehicle=slot, faster=_KMH * value)
+    return Intervention(slot=slot, speed_change=_KMH * value)
 
 
 def _drivable(scenario: Scenario, slot: int, steps: Values) -> Values:

@@ -114,7 +114,7 @@ def fan_of(
     check_choice(given, GIVEN, what="given", where="fan")
     policy = choose_policy(policy, scene.scenario.profile)
     policy_named(policy)
-    stayed = branch(scene.scenario, decision=ForcedDecision.STAY, changes=scene.world.changes)
+    stayed = branch(scene.scenario, decision=ForcedDecision.STAY, changes=scene.world.interventions)
     step = max(round(every * scene.rate), 1)
     frames = np.arange(0, _sound_frames(stayed), step)
     counts = np.zeros((len(frames), len(OvertakeClass)), np.int64)

@@ -38,7 +38,7 @@ def copies(world: BranchOrigin, frame: int, count: int) -> Futures:
         count: How many.
     """
     scenario = world.scenario
-    for one in world.changes:
+    for one in world.interventions:
         scenario = changed(scenario, one) if one.frame <= frame else scenario
     many = scenario.select(np.zeros(count, np.int64))
     return Futures(scenario=many, index=many.index + _APART * np.arange(count, dtype=np.uint64))
@@ -53,13 +53,13 @@ def started(world: BranchOrigin, frame: int, many: Futures) -> Trajectories:
         many: What the simulation is from there on, until the next change.
     """
     before = world.scenario.select(np.zeros(len(many.index), np.int64))
-    stays = (Intervention(decision=ForcedDecision.STAY), *world.changes)
+    stays = (Intervention(decision=ForcedDecision.STAY), *world.interventions)
     stages = [one for one in versions(before, stays) if one.frame < frame]
-    later = (one for one in world.changes if one.frame > frame)
+    later = (one for one in world.interventions if one.frame > frame)
     starts = (Intervention(frame=frame, decision=ForcedDecision.PULL_OUT), *later)
     stages += [
         replace(one, index=many.index, judged=many.judged)
         for one in versions(many.scenario, starts)
     ]
     # Places at the start are those before; what follows is judged by the people of the future.
-    return as_changed(run_versions(before, stages, engine.run), before, stages, world.changes)
+    return as_changed(run_versions(before, stages, engine.run), before, stages, world.interventions)

@@ -46,10 +46,12 @@ class Scene:
     @property
     def world(self) -> BranchOrigin:
         """Its scenario, and what is changed in it but the decisions of the ego."""
-        branched = self.run.branch_origin or BranchOrigin(scenario=self.run.scenario, changes=())
-        changes = (replace(one, decision=None) for one in branched.changes)
+        branched = self.run.branch_origin or BranchOrigin(
+            scenario=self.run.scenario, interventions=()
+        )
+        changes = (replace(one, decision=None) for one in branched.interventions)
         meant = tuple(one for one in changes if one != Intervention(frame=one.frame))
-        return branched.replace(changes=meant)
+        return branched.replace(interventions=meant)
 
     @property
     def rate(self) -> float:

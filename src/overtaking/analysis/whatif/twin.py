@@ -143,7 +143,7 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
         run, redrawn = scene.redrawn(first), first
     else:
         run, redrawn = scene.branch(*_changes(scene, wish, first)), None
-    made = run.branch_origin.changes if run.branch_origin else ()
+    made = run.branch_origin.interventions if run.branch_origin else ()
     told = (
         Told(title="as it was", run=scene.run),
         Told(title=wish.title, run=run, redrawn=redrawn),
@@ -260,11 +260,11 @@ def lamps_differ(before: Trajectories, after: Trajectories) -> float | None:
 def _words(change: Intervention) -> str:
     """Another change in a few words."""
     parts = [f"without {one}" for one in change.without]
-    who = "ego" if change.vehicle == EGO_SLOT else f"vehicle {change.vehicle}"
+    who = "ego" if change.slot == EGO_SLOT else f"vehicle {change.slot}"
     parts += [f"{who} with {name} {value:g}" for name, value in change.traits.items()]
-    parts += [f"{who} {change.ahead:+g} m"] if change.ahead else []
-    parts += [f"{who} {change.faster:+g} m/s"] if change.faster else []
-    parts += [f"without {who}"] if change.removed else []
+    parts += [f"{who} {change.position_change:+g} m"] if change.position_change else []
+    parts += [f"{who} {change.speed_change:+g} m/s"] if change.speed_change else []
+    parts += [f"without {who}"] if change.remove else []
     parts += [change.decision.name.lower().replace("_", " ")] if change.decision else []
     return ", ".join(parts)
 

@@ -108,7 +108,7 @@ def test_a_careful_driver_has_the_traits_of_a_careful_driving_style(data: ot.Dat
     found = ot.whatif.counterfactual(data, begun, driver="careful")
     branched = found.told[1].run.branch_origin
     assert branched is not None
-    (change,) = branched.changes
+    (change,) = branched.interventions
     careful = WET | {"drivers.driving_style": [0.0, 0.0]}
     drivers = ot.sample(
         "pinto2023-physical", num_simulations=1, seed=7, first_scenario=begun, overrides=careful
@@ -153,7 +153,7 @@ def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int
 
 
 def test_a_removed_vehicle_is_in_no_table_of_states(data: ot.Dataset, begun: int, tmp_path: Path):
-    gone = ot.branch(data[begun], changes=[ot.Intervention(frame=30, vehicle=1, removed=True)])
+    gone = ot.branch(data[begun], changes=[ot.Intervention(frame=30, slot=1, remove=True)])
     saved = ot.whatif.save_branches(data, {"without vehicle 1": gone}, tmp_path / "gone")
     states = saved.states(0)
     assert (states[states["vehicle"] == 1]["frame"] < 30).all()
@@ -178,9 +178,9 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
     """Before, at and after the start; what the branch lets the ego do is left out."""
     changes = [
         ot.Intervention(without=("rain",)),
-        ot.Intervention(frame=30, vehicle=2, ahead=15.0, faster=-3.0),
-        ot.Intervention(frame=40, vehicle=1, traits={"time_gap": 2.5}),
-        ot.Intervention(frame=60, vehicle=3, removed=True),
+        ot.Intervention(frame=30, slot=2, position_change=15.0, speed_change=-3.0),
+        ot.Intervention(frame=40, slot=1, traits={"time_gap": 2.5}),
+        ot.Intervention(frame=60, slot=3, remove=True),
     ]
     told = ot.branch(
         data[begun], changes=[*changes, ot.Intervention(frame=25, decision=STARTS[1].decision)]
@@ -216,8 +216,8 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
 ):
     """Who is gone is nowhere, and who was made another person stays that person."""
     changes = [
-        ot.Intervention(frame=5, vehicle=3, removed=True),
-        ot.Intervention(frame=10, vehicle=2, traits={"time_gap": 2.5}),
+        ot.Intervention(frame=5, slot=3, remove=True),
+        ot.Intervention(frame=10, slot=2, traits={"time_gap": 2.5}),
     ]
     saved = ot.whatif.save_branches(
         data, {"one": ot.branch(data[begun], changes=changes)}, tmp_path / "one"
