@@ -179,6 +179,7 @@ class Meter:
         self._begin = self._logged = time.monotonic()
         self._bar: Progress | None = None
         self._tasks: dict[str, TaskID] = {}
+        self._first_reports: dict[str, tuple[float, int]] = {}
 
     def __enter__(self) -> Self:
         """Begin the work."""
@@ -204,13 +205,29 @@ class Meter:
         if now - self._logged >= _LOG_INTERVAL:
             self._logged = now
             self._output.log("progress", what=what, done=done, total=total)
-        if self._output.quiet or not sys.stderr.isatty() or now - self._begin < _PATIENCE:
+        if self._output.quiet or not sys.stderr.isatty():
             return
         if self._bar is None:
+            if not self._is_worth_a_bar(what, done, total, now):
+                return
             self._bar = _bar()
         if what not in self._tasks:
             self._tasks[what] = self._bar.add_task(what, amount=amount, shows_rate=shows_rate)
         self._bar.update(self._tasks[what], completed=done, total=total, amount=amount)
+
+    def _is_worth_a_bar(self, what: str, done: int, total: int, now: float) -> bool:
+        """Whether the work takes long, by the time since its begin or by its speed so far.
+
+        The speed counts from the second report on. By then a command that loads many modules has
+        kept its user waiting, and a bar that waited again would come too late.
+        """
+        if now - self._begin >= _PATIENCE:
+            return True
+        first_time, first_done = self._first_reports.setdefault(what, (now, done))
+        if done <= first_done:
+            return False
+        time_left = (now - first_time) * (total - done) / (done - first_done)
+        return time_left >= _PATIENCE
 
 
 def _bar() -> Progress:

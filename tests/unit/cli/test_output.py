@@ -183,6 +183,20 @@ def test_the_share_of_a_file_that_is_read_has_a_bar_of_its_own(monkeypatch, caps
     assert not any(re.search(r"file read.*[0-9]/s", line) for line in lines)
 
 
+@pytest.mark.parametrize(("total", "has_bar"), [(10_000_000_000, True), (1_100_000, False)])
+def test_a_bar_waits_only_where_the_work_may_be_short(monkeypatch, capsys, total, has_bar):
+    monkeypatch.setattr("overtaking.cli.output._PATIENCE", 100.0)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with output() as out, out.progress("simulations") as meter:
+        meter.show_read_bytes(1_000_000, total)
+        assert capsys.readouterr().err == ""
+        time.sleep(0.05)
+        meter.show_read_bytes(1_050_000, total)
+        time.sleep(0.15)
+    assert ("file read" in capsys.readouterr().err) is has_bar
+
+
 def test_a_fault_of_the_program_is_in_the_log_with_its_traceback(tmp_path):
     path = tmp_path / "run.log"
     with pytest.raises(ZeroDivisionError), output(log=path, quiet=True):
