@@ -59,6 +59,9 @@ _TIME_SPAN = (
 
 _MAX_ANGLE_ERROR = 0.26  # Above the slip and noise of sound recordings, far below 90 degrees [rad].
 _MIN_LATERAL_SPEED = 0.1  # Slower movement across the road is mostly noise [m/s].
+_MAX_LATERAL_SHARE = 0.1  # Largest speed across a straight road, as a share of that along it.
+_ACCEL_NOISE = 0.2  # Smaller changes of speed are mostly noise [m/s^2].
+_YAW_RATE_NOISE = 0.02  # Smaller changes of heading are mostly noise [rad/s].
 _MIN_WAY = 1.0  # Movement over a shorter way has no reliable direction [m].
 
 _MAX_TRAFFIC_SPEED = 70.0  # Above the 95th percentile of the speeds of any traffic [m/s].
@@ -214,32 +217,34 @@ def _check_movement(rows: Rows, movement: _Movement) -> list[tuple[Check, str]]:
     return [(check, sentence) for check, sentences in checks for sentence in sentences]
 
 
-def _stated_speed(values: Mapping[str, F64]) -> tuple[str, F64] | None:
-    """Name of the quantities that state the speed, and the speed [m/s]; None without any."""
+def _stated_speeds(values: Mapping[str, F64]) -> dict[str, F64]:
+    """The speed that each of the stated quantities gives, by their names [m/s]."""
+    speeds: dict[str, F64] = {}
     if "speed" in values:
-        return "speed", np.abs(values["speed"])
+        speeds["speed"] = np.abs(values["speed"])
     if "vx" in values and "vy" in values:
-        return "vx and vy", np.hypot(values["vx"], values["vy"])
-    return None
+        speeds["vx and vy"] = np.hypot(values["vx"], values["vy"])
+    return speeds
 
 
 def _check_speeds(rows: Rows, movement: _Movement, derived: F64) -> list[str]:
     """Compare the stated speeds with the movement of the positions."""
-    stated = _stated_speed(rows.values)
-    if stated is None:
-        return []
-    name, speed = stated
-    ratio = _ratio(movement.mean(speed), derived)
-    if ratio is None or abs(math.log(ratio)) <= math.log1p(_MAX_DISAGREEMENT):
-        return []
+    sentences: list[str] = []
     high_speed = float(np.percentile(derived, 95.0))
-    culprit = ""
-    if high_speed > _MAX_TRAFFIC_SPEED:
-        culprit = f"; movement at {high_speed:.0f} m/s points to the unit of x and y"
-    elif high_speed * ratio > _MAX_TRAFFIC_SPEED:
-        culprit = f"; a speed of {high_speed * ratio:.0f} m/s points to the unit of {name}"
-    factor = _by_factor(ratio)
-    return [f"{name} and positions: the speeds are not those of the movement{factor}{culprit}"]
+    for name, speed in _stated_speeds(rows.values).items():
+        ratio = _ratio(movement.mean(speed), derived)
+        if ratio is None or abs(math.log(ratio)) <= math.log1p(_MAX_DISAGREEMENT):
+            continue
+        culprit = ""
+        if high_speed > _MAX_TRAFFIC_SPEED:
+            culprit = f"; movement at {high_speed:.0f} m/s points to the unit of x and y"
+        elif high_speed * ratio > _MAX_TRAFFIC_SPEED:
+            culprit = f"; a speed of {high_speed * ratio:.0f} m/s points to the unit of {name}"
+        sentences.append(
+            f"{name} and positions: the speeds are not those of the movement"
+            f"{_by_factor(ratio)}{culprit}"
+        )
+    return sentences
 
 
 def _ratio(stated: F64, derived: F64) -> float | None:
@@ -265,9 +270,17 @@ def _check_axes(rows: Rows, movement: _Movement, east: F64, north: F64) -> list[
         for name, axis, rate in (("vx", "x", east), ("vy", "y", north))
         if _cosine(stated[name], rate) < -_MIN_CORRELATION
     ]
-    same_axis = _cosine(stated["vx"], east), _cosine(stated["vy"], north)
-    other_axis = _cosine(stated["vx"], north), _cosine(stated["vy"], east)
-    if min(np.abs(other_axis)) > _MIN_CORRELATION > max(np.abs(same_axis)):
+    same_axis = (stated["vx"], east), (stated["vy"], north)
+    other_axis = (stated["vx"], north), (stated["vy"], east)
+    moves_on_same = any(abs(_cosine(*pair)) > _MIN_CORRELATION for pair in same_axis)
+    moves_on_other = [abs(_cosine(*pair)) > _MIN_CORRELATION for pair in other_axis]
+    # Along a straight road in the direction of an axis, the speed across it is mostly noise.
+    slow = _MAX_LATERAL_SHARE * max(map(_rms, stated.values()))
+    agrees = [
+        moves or max(_rms(speed), _rms(rate)) < slow
+        for moves, (speed, rate) in zip(moves_on_other, other_axis, strict=True)
+    ]
+    if not moves_on_same and any(moves_on_other) and all(agrees):
         return ["vx and vy: they are the changes of y and x; likely the two are swapped"]
     return sentences
 
@@ -403,9 +416,8 @@ def _check_accelerations(rows: Rows, movement: _Movement) -> list[str]:
     """Compare accelerations with changes of speed, and yaw rates with changes of heading."""
     values = rows.values
     pairs: list[tuple[str, str, F64]] = []
-    stated = _stated_speed(values)
-    if "accel_lon" in values and stated is not None:
-        pairs.append(("accel_lon", stated[0], stated[1]))
+    if "accel_lon" in values:
+        pairs += [("accel_lon", *speed) for speed in list(_stated_speeds(values).items())[:1]]
     pairs += [
         (f"a{axis}", f"v{axis}", values[f"v{axis}"])
         for axis in "xy"
@@ -415,26 +427,46 @@ def _check_accelerations(rows: Rows, movement: _Movement) -> list[str]:
         pairs.append(("yaw_rate", "heading", np.unwrap(values["heading"])))
     sentences: list[str] = []
     for name, source, quantity in pairs:
-        stated_rate, derived_rate = movement.mean(values[name]), movement.rate(quantity)
-        noise = (
-            0.02 if name == "yaw_rate" else 0.2
-        )  # Smaller rates are mostly noise [rad/s, m/s^2].
-        stated_rms, derived_rms = _rms(stated_rate), _rms(derived_rate)
-        if derived_rms < noise or stated_rms <= 0.0:
-            continue
-        cosine = float((stated_rate * derived_rate).mean() / (stated_rms * derived_rms))
-        if abs(cosine) < _MIN_CORRELATION:
-            continue
-        if cosine < 0.0:
+        noise = _YAW_RATE_NOISE if name == "yaw_rate" else _ACCEL_NOISE
+        fault = _compare_rates(movement.mean(values[name]), movement.rate(quantity), noise)
+        if fault == _OPPOSITE:
             sentences.append(f"{name} and {source}: likely {name} has the opposite sign")
-            continue
-        ratio = stated_rms / derived_rms
-        if abs(math.log(ratio)) > math.log1p(_MAX_ACCEL_DISAGREEMENT):
+        elif fault is not None:
             sentences.append(
                 f"{name} and {source}: {name} is not the change of {source} per second"
-                f"{_by_factor(ratio)}"
+                f"{_by_factor(fault)}"
             )
     return sentences
+
+
+_OPPOSITE = -1.0  # Stands for rates that have opposite signs.
+
+
+def _compare_rates(stated: F64, derived: F64, noise: float) -> float | None:
+    """The ratio of stated to derived rates; None if they agree or tell nothing.
+
+    In most traffic few vehicles brake or turn, so only the rows count in which one does.
+
+    Args:
+        stated: Rate that a column states, shape (pair,).
+        derived: Change per second of another column, same shape.
+        noise: Smaller derived rates are mostly noise.
+
+    Returns:
+        The ratio if it is beyond `_MAX_ACCEL_DISAGREEMENT`; `_OPPOSITE` for opposite signs.
+    """
+    is_clear = np.abs(derived) > noise
+    if is_clear.sum() < _MIN_ROWS or not stated[is_clear].any():
+        return None
+    stated, derived = stated[is_clear], derived[is_clear]
+    stated_rms, derived_rms = _rms(stated), _rms(derived)
+    cosine = float((stated * derived).mean() / (stated_rms * derived_rms))
+    if abs(cosine) < _MIN_CORRELATION:
+        return None
+    if cosine < 0.0:
+        return _OPPOSITE
+    ratio = stated_rms / derived_rms
+    return ratio if abs(math.log(ratio)) > math.log1p(_MAX_ACCEL_DISAGREEMENT) else None
 
 
 def _by_factor(ratio: float, factors: Mapping[float, str] = FACTORS) -> str:

@@ -13,6 +13,7 @@ from overtaking.core.representation import as_utf8
 from overtaking.model.road import DrivingSide
 from overtaking.recordings.column_map import ColumnMap, column_map
 from overtaking.recordings.examination import examine
+from overtaking.recordings.findings import Check
 from overtaking.recordings.recording import (
     NEVER_RECORDED,
     Recording,
@@ -139,6 +140,8 @@ def recording_of(
     if not ways.along:
         oncoming = ways.oncoming + ways.left_out
         got = f"{oncoming} oncoming ones" if oncoming else "none"
+        # Headings that are turned by more than 90 degrees make all vehicles oncoming ones.
+        got += "".join(f"; {one.detail}" for one in findings if one.check is Check.HEADINGS)
         raise refused(rows.where, "vehicles", "some that drive along the road", got)
     unknown = NEVER_RECORDED | {"weather"} | place.unknown
     unknown |= {"kinds"} if "type" not in columns.columns else frozenset()

@@ -101,6 +101,13 @@ def test_components_of_the_speed_in_another_unit_are_named_by_the_factor(frame, 
     assert f"likely the factor {factor:g} (" in warning
 
 
+def test_components_of_the_speed_are_compared_beside_a_right_speed(frame):
+    wrong = frame.assign(vx=frame.vx * 3.6, vy=frame.vy * 3.6)
+    warning = sentence(wrong, speed="v [m/s]", vx="vx [m/s]", vy="vy [m/s]")
+    assert warning.startswith("vx and vy and positions")
+    assert "likely the factor 3.6" in warning
+
+
 def test_positions_in_feet_are_found_by_speeds(frame):
     wrong = frame.assign(x=frame.x / 0.3048, y=frame.y / 0.3048)
     warning = sentence(wrong, speed="v [m/s]")
@@ -169,6 +176,42 @@ def test_accelerations_in_another_unit_are_named_by_the_factor(frame, factor):
     warning = sentences(wrong, vx="vx [m/s]", vy="vy [m/s]", ax="ax [m/s^2]", ay="ay [m/s^2]")
     assert warning
     assert all("likely the factor" in one for one in warning)
+
+
+def test_exchanged_components_of_the_speed_are_named_on_a_straight_road():
+    keeps_lane = [replace(mover, moves=()) for mover in MOVERS]
+    table = pd.DataFrame(states(keeps_lane))
+    swapped = table.assign(vx=table.vy, vy=table.vx)
+    assert "swapped" in sentence(swapped, vx="vx [m/s]", vy="vy [m/s]")
+
+
+def test_accelerations_in_another_unit_are_named_where_few_vehicles_brake(frame):
+    # One vehicle of five brakes at 1 m/s^2, for 3 s of 30.
+    braking = np.where(frame.id == 7, np.clip(frame.t - 10.0, 0.0, 3.0), 0.0)
+    after = np.where(frame.id == 7, np.clip(frame.t - 13.0, 0.0, None), 0.0)
+    table = frame.assign(
+        x=20.0 * frame.t - 0.5 * braking**2 - 3.0 * after,
+        y=1.0,
+        v=20.0 - braking,
+        a=np.where((braking > 0.0) & (after == 0.0), -1.0, 0.0),
+    )
+    columns = {"speed": "v [m/s]", "accel_lon": "a [m/s^2]"}
+    assert sentences(table, **columns) == []
+    warning = sentence(table.assign(a=table.a * 3.6), **columns)
+    assert "accel_lon is not the change of speed" in warning
+
+
+def test_an_error_about_oncoming_vehicles_names_headings_that_contradict_the_movement():
+    table = pd.DataFrame(states(MOVERS))
+    table["yaw"] += 150.0
+    columns = column_map(
+        {
+            "columns": {**COLUMNS, "heading": "yaw [deg]"},
+            "road": {"kind": "motorway", "borders_m": [0.0, 3.5, 7.0, 10.5], "heading_deg": 0},
+        }
+    )
+    with pytest.raises(ImportFormatError, match=r"oncoming ones; heading .* are 150 degrees off"):
+        recording_of(track_rows_from_table(table, columns), columns, "test")
 
 
 def test_a_yaw_rate_in_degrees_is_named(frame):
