@@ -74,10 +74,10 @@ demo: build  ## Generate the paper's 276 simulations twice, as it tells them and
 	@# A report is drawn on one core; the other one does the rest meanwhile.
 	$(BIN)/overtaking report --quiet $(DEMO) & report=$$!; \
 	  $(BIN)/overtaking reproduce pinto2023 --num-replicates 10 --seed $(SEED) --out $(DEMO)-study/reproduction && \
-	  $(BIN)/overtaking video $(DEMO) && wait $$report
+	  $(BIN)/overtaking film $(DEMO) && wait $$report
 	$(BIN)/overtaking show $(DEMO) 3
 	@echo "The study's experiment is in $(abspath $(DEMO))-study, the same scenes with physical weather in $(abspath $(DEMO)):"
-	@echo "tables, report/index.html, videos/; reproduction/index.html has the study, its experiment and ours side by side."
+	@echo "tables, report/index.html, films/; reproduction/index.html has the study, its experiment and ours side by side."
 
 test: checks test-python  ## Checks, then the tests of both languages but those of test-ci
 

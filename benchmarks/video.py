@@ -109,8 +109,8 @@ def measures(count: int) -> list[Measure]:
             "drawing": sum(map(drawing, films)) / frames * FRAMES,
             "encoding": sum(encoding(job, folder) for job in wanted) / frames * FRAMES,
         }
-        whole, busy = together(wanted, folder / "videos")
-        size = sum(path.stat().st_size for path in (folder / "videos").iterdir())
+        whole, busy = together(wanted, folder / "films")
+        size = sum(path.stat().st_size for path in (folder / "films").iterdir())
     cores = os.cpu_count() or 1
     note = f"{count} films, {frames} frames, {cores} processors, PyAV {av.__version__}"
     return [

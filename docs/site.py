@@ -73,7 +73,7 @@ def main() -> int:
 def view(path: Path) -> None:
     """The page of `overtaking view`, with the first simulations of a profile."""
     runs = overtaking.simulate(overtaking.sample("pinto2023-physical", num_simulations=12, seed=1))
-    overtaking.write_viewer_page(runs, path, simulations="all")
+    overtaking.write_viewer_page(runs, path, simulation_ids="all")
 
 
 def files() -> list[Path]:

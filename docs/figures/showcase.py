@@ -139,7 +139,7 @@ def views(data: Dataset, folder: Path) -> Iterator[tuple[str, bytes]]:
     from playwright.sync_api import sync_playwright
     from tests.support.serving import serving
 
-    page = overtaking.write_viewer_page(data, folder / "page.html", simulations=VIEWED)
+    page = overtaking.write_viewer_page(data, folder / "page.html", simulation_ids=VIEWED)
     with sync_playwright() as playwright, serving(data) as url:
         browser = playwright.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--no-sandbox", "--disable-gpu"]

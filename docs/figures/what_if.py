@@ -30,9 +30,9 @@ def main() -> None:
         film = TwinFilm(ot.whatif.counterfactual(data, NUMBER, without=["rain"]))
         picture = Image.fromarray(film.draw(round(SECOND * RATE)).rgb())
         picture.save(HERE / "twins.webp", quality=60)
-        for given in ("truth", "belief"):
-            found = ot.whatif.outcome_fan(data, NUMBER, given=given, futures=FUTURES)
-            path = HERE / f"fan-{given}.png"
+        for condition in ("truth", "belief"):
+            found = ot.whatif.outcome_fan(data, NUMBER, condition_on=condition, futures=FUTURES)
+            path = HERE / f"fan-{condition}.png"
             ot.plot(found, out=path)
             with Image.open(path) as drawn:
                 small = drawn.convert("RGB").quantize(64)

@@ -29,10 +29,8 @@ Data sets on disk, each in a folder:
 Pictures and pages:
 
     plot                    draw a figure of a data set or of a result
-    film                    film simulations
-    write_report            write figures and tables of a data set as one page
-    write_evaluation        write an evaluation as a page, with films of the worst scenes
-    write_reproduction      write a reproduction as one page
+    film                    film simulations, or a simulation above its twin
+    write_report            write a data set, an evaluation or a reproduction as a page
     write_viewer_page       write simulations as a page for a browser
     serve_viewer            show a data set in the browser of this machine
 
@@ -123,9 +121,7 @@ _HOMES = {
     "simulate": "overtaking.api.simulating",
     "dataset_statistics": "overtaking.api.results",
     "validate_profile": "overtaking.api.results",
-    "write_evaluation": "overtaking.api.evaluating",
     "write_report": "overtaking.api.results",
-    "write_reproduction": "overtaking.api.results",
     "serve_viewer": "overtaking.api.results",
     "write_viewer_page": "overtaking.api.results",
 }

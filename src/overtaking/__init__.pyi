@@ -10,7 +10,6 @@ from overtaking.api.data import resume_dataset as resume_dataset
 from overtaking.api.driving import drive as drive
 from overtaking.api.evaluating import evaluate as evaluate
 from overtaking.api.evaluating import run_benchmark as run_benchmark
-from overtaking.api.evaluating import write_evaluation as write_evaluation
 from overtaking.api.formats import export_dataset as export_dataset
 from overtaking.api.formats import import_recording as import_recording
 from overtaking.api.formats import label_recordings as label_recordings
@@ -22,7 +21,6 @@ from overtaking.api.results import serve_viewer as serve_viewer
 from overtaking.api.results import sql as sql
 from overtaking.api.results import validate_profile as validate_profile
 from overtaking.api.results import write_report as write_report
-from overtaking.api.results import write_reproduction as write_reproduction
 from overtaking.api.results import write_viewer_page as write_viewer_page
 from overtaking.api.simulating import branch as branch
 from overtaking.api.simulating import compare_simulators as compare_simulators

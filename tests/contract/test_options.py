@@ -24,8 +24,8 @@ def test_an_option_means_the_same_in_every_command():
             for word in option.split(", "):
                 meanings.setdefault(word, set()).add(f"{option}: {PAGE.meaning(text)}")
     different = {word: of for word, of in meanings.items() if len(of) > 1}
-    # A driver is one of one's own, one of CARLA's, or ours with another temper.
-    drivers = ("Driver of the ego", "our drivers", "temper")
+    # A driver controls the ego, or is one of ours or of CARLA's.
+    drivers = ("Driver of the ego", "our drivers")
     assert all(any(text in one for text in drivers) for one in different.pop("--driver"))
     assert different == {}
 

@@ -156,10 +156,10 @@ def test_the_same_is_found_however_few_frames_are_looked_at(data: Dataset):
 
 
 def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
-    found = overtaking.logic.ask(data, "simulation(S)", simulations=[3, 7])
+    found = overtaking.logic.ask(data, "simulation(S)", simulation_ids=[3, 7])
     assert (found.rows, found.num_asked) == ([(3,), (7,)], 2)
     with pytest.raises(ConfigError, match=f"expected 0 to {SIMULATIONS - 1}, got 99"):
-        overtaking.logic.ask(data, "simulation(S)", simulations=[99])
+        overtaking.logic.ask(data, "simulation(S)", simulation_ids=[99])
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
 )
 def test_what_is_no_question_is_refused_in_one_line(data: Dataset, query: str, message: str):
     with pytest.raises(ConfigError) as refused:
-        overtaking.logic.ask(data, query, simulations=[0])
+        overtaking.logic.ask(data, query, simulation_ids=[0])
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -197,11 +197,13 @@ def test_what_is_no_question_is_refused_in_one_line(data: Dataset, query: str, m
 def test_a_question_without_end_is_stopped(data: Dataset):
     endless = "X = 1..9000, Y = 1..9000, Z = 1..9000, (X+Y+Z)\\7 = 8"
     with pytest.raises(ConfigError, match="an answer within 1 s"):
-        overtaking.logic.ask(data, endless, simulations=[0], timeout_s=1.0)
+        overtaking.logic.ask(data, endless, simulation_ids=[0], timeout_s=1.0)
     with pytest.raises(ConfigError, match="at most 64 MiB of memory"):
-        overtaking.logic.ask(data, "X = 1..100000000", simulations=[0], memory_mib=64)
+        overtaking.logic.ask(data, "X = 1..100000000", simulation_ids=[0], memory_mib=64)
     with pytest.raises(ConfigError, match="an answer of at most 16 MiB"):
-        overtaking.logic.ask(data, "X = 1..200000", simulations=[0], memory_mib=128, max_rows=10**9)
+        overtaking.logic.ask(
+            data, "X = 1..200000", simulation_ids=[0], memory_mib=128, max_rows=10**9
+        )
 
 
 def test_nothing_beside_the_data_set_is_written(data: Dataset, workdir: Path):

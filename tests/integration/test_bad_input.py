@@ -228,7 +228,7 @@ NO_ROOM = ("--set", "traffic.spawn_s_m=0..20", "--set", "traffic.vehicles=6..6")
         (["export", "{data}", "--format", "asp", "--simulations", "99"], "99"),
         (["export", "{data}", "--format", "popper", "--about", "x"], "about"),
         (["report", "{data}", "--policy", "none"], "policy"),
-        (["video", "{data}", "--simulations", "1,99"], "99"),
+        (["film", "{data}", "--simulations", "1,99"], "99"),
     ],
     ids=lambda value: " ".join(value)[:40] if isinstance(value, list) else value,
 )
@@ -261,8 +261,8 @@ def test_a_number_of_simulations_that_nobody_waits_for(tmp_path, command):
 
 def test_ranges_that_are_endless_together(data, tmp_path):
     many = ",".join(["0-999999"] * 10_000)
-    video = ("video", data, "--simulations", many, "--out", tmp_path / "out")
-    refused(tmp_path, *video, says="more than 1000000 numbers")
+    film = ("film", data, "--simulations", many, "--out", tmp_path / "out")
+    refused(tmp_path, *film, says="more than 1000000 numbers")
 
 
 def test_resume_where_nothing_was_begun(tmp_path):

@@ -100,7 +100,7 @@ def test_films_name_the_default_policy(read: tuple[Dataset, str]):
 
 def test_page_opens_under_the_default_policy(read: tuple[Dataset, str], tmp_path: Path):
     data, policy = read
-    text = ot.write_viewer_page(data, tmp_path / "page.html", simulations=[0]).path.read_text()
+    text = ot.write_viewer_page(data, tmp_path / "page.html", simulation_ids=[0]).path.read_text()
     payload = re.search(r'id="data">(.*?)</script>', text, re.DOTALL)
     assert payload is not None
     assert json.loads(payload[1])["policy"] == policy
@@ -125,7 +125,7 @@ def test_other_functions_use_the_default_policy(
     assert api.tolerance_curve(data.path).policy == policy
     assert json.loads(run_command(capsys, "law", "curve", data.path, "--json"))["policy"] == policy
     if data.profile in profile_names():
-        assert ot.whatif.outcome_fan(data, 0, futures=1, every=10.0).policy == policy
+        assert ot.whatif.outcome_fan(data, 0, futures=1, interval=10.0).policy == policy
         twins = json.loads(run_command(capsys, "twin", data.path, "0", "--stay", "--json"))
         assert twins["policy"] == policy
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 SIMULATIONS = 1200
 CHOSEN = [0, 5, 6, 290]
-FORMATS = [one for one in api.EXPORTS if one != "popper"]
+FORMATS = [one for one in api.EXPORT_FORMATS if one != "popper"]
 """Popper's learner needs more examples than a few."""
 
 

@@ -95,9 +95,9 @@ def test_numbers_of_simulations_are_integers_of_any_library(kind: str, data: ot.
     change = ot.Intervention(frame=convert(5), slot=convert(1), speed_change=1.0)
     assert json.dumps(change.to_dict())
     changes = [ot.Intervention(frame=5, slot=1, speed_change=1.0)]
-    assert ot.whatif.counterfactual(data, convert(0), changes=[change]) == ot.whatif.counterfactual(
-        data, 0, changes=changes
-    )
+    assert ot.whatif.counterfactual(
+        data, convert(0), interventions=[change]
+    ) == ot.whatif.counterfactual(data, 0, interventions=changes)
 
 
 @pytest.mark.parametrize("kind", INTEGER_TYPES)

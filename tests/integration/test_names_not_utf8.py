@@ -119,7 +119,7 @@ def test_a_profile_and_a_map_are_read(dataset, tmp_path):
     profile.write_text('base = "motorway"\n')
     assert ot.sample(profile, num_simulations=2, seed=1).num_simulations == 2
     api.export_dataset(
-        ot.load_dataset(dataset), tmp_path / "out", file_format="openscenario", simulations=[0]
+        ot.load_dataset(dataset), tmp_path / "out", file_format="openscenario", simulation_ids=[0]
     )
     opendrive = next((tmp_path / "out").rglob("*.xodr")).rename(tmp_path / f"{NAME}.xodr")
     assert len(ot.list_opendrive_roads(opendrive)) == 1
@@ -134,7 +134,7 @@ def test_a_profile_and_a_map_are_read(dataset, tmp_path):
         lambda data, out: api.export_dataset(data, out, file_format="commonroad"),
         lambda data, out: ot.write_report(data, out),
         lambda data, out: ot.write_viewer_page(data, out),
-        lambda data, out: ot.film(data, out, simulations=[0]),
+        lambda data, out: ot.film(data, out, simulation_ids=[0]),
         lambda data, out: ot.relabel_dataset(shutil.copytree(data, out)),
     ],
 )

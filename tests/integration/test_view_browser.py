@@ -243,7 +243,7 @@ def test_the_road_is_drawn_and_changes_with_time(browser: Browser, path: Path):
 def test_who_wants_no_motion_sees_rain_that_stands_still(browser: Browser, tmp_path: Path):
     runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=40, seed=1))
     rainy = int(np.argmax(runs.scenario.weather.rain))
-    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulations=[rainy])
+    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulation_ids=[rainy])
     picture = "document.getElementById('road').toDataURL()"
     drawn: dict[str, list[str]] = {}
     for motion in ("no-preference", "reduce"):
@@ -307,7 +307,7 @@ def test_names_of_strangers_are_text(browser: Browser, tmp_path: Path):
     name = "</script><b id=evil>&amp;<!--"
     runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=2, seed=1))
     runs = runs.replace(scenario=runs.scenario.replace(profile=name))
-    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulations="all")
+    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulation_ids="all")
     with opened(browser, made.path) as page:
         assert page.locator("#evil").count() == 0
         assert name in page.inner_text(".facts")
@@ -320,7 +320,7 @@ def test_a_recording_that_knows_little_is_shown_too(browser: Browser, tmp_path: 
     present[0, 1:, : runs.num_frames[0] // 2] = False
     present[0, 1, -5:] = False
     runs = runs.replace(unknown=frozenset(unknown), is_recorded=present)
-    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulations="all")
+    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulation_ids="all")
     with opened(browser, made.path) as page:
         assert "not recorded" in page.inner_text("#board")
         assert "indicators" in page.inner_text(".facts")

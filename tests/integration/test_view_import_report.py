@@ -50,7 +50,7 @@ def test_an_exported_page_has_a_row_for_each_finding(
     browser: Browser, recorded: Dataset, tmp_path: Path
 ):
     page_file = tmp_path / "page.html"
-    ot.write_viewer_page(recorded, page_file, simulations=[0])
+    ot.write_viewer_page(recorded, page_file, simulation_ids=[0])
     with opened(browser, page_file, bypass_csp=True) as page:  # Else axe may not run in it.
         report = page.locator("main details.report").first
         expect(report.locator("summary")).to_have_text("Import report: 1 finding in the recording")
@@ -78,6 +78,6 @@ def test_the_page_of_a_server_shows_the_report_beside_all_simulations(
 
 def test_a_page_of_simulations_has_no_report(browser: Browser, tmp_path: Path):
     runs = ot.simulate(ot.sample("motorway", num_simulations=2, seed=1))
-    ot.write_viewer_page(runs, tmp_path / "page.html", simulations=[0])
+    ot.write_viewer_page(runs, tmp_path / "page.html", simulation_ids=[0])
     with opened(browser, tmp_path / "page.html") as page:
         expect(page.locator("details.report")).to_have_count(0)

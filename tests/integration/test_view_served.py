@@ -217,11 +217,11 @@ def test_futures_of_a_start_are_told_with_intervals(
     browser: Browser, url: str, key: Any, data: Dataset
 ):
     with at(browser, url, key, "#sim=3&t=1.5") as page:
-        for given, words in (("truth", "hindsight"), ("belief", "its decision")):
+        for condition, words in (("truth", "hindsight"), ("belief", "its decision")):
             page.keyboard.press("f")
             panel = page.locator(".stage .futures")
             expect(panel).to_contain_text(words)
-            fan = ot.whatif.outcome_fan(data, 3, given=given)
+            fan = ot.whatif.outcome_fan(data, 3, condition_on=condition)
             place = fan.time.tolist().index(1.5)
             for code in OvertakeClass:
                 share, (low, high) = fan.shares[place, code], fan.interval(code)[place]

@@ -40,7 +40,7 @@ def test_both_directions_are_drawn_and_told(tmp_path: Path, side: str):
     road = dataclasses.replace(two_way_road(), course=COURSE)
     made = rural(meeting(60.0), road=road if side == "right" else road.mirror())
     runs = made.trajectories
-    page_of = ot.write_viewer_page(runs, tmp_path / "page.html", simulations="all").path
+    page_of = ot.write_viewer_page(runs, tmp_path / "page.html", simulation_ids="all").path
     s = runs.states.s[0, 0] / 1000.0
     times = {
         is_solid: int(abs(s - place).argmin()) * runs.scenario.frame_interval_ms / 1000.0

@@ -78,7 +78,7 @@ def collisions(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ot.sample("pinto2023-physical", num_simulations=max(COLLISIONS) + 1, seed=1)
     )
     page_file = tmp_path_factory.mktemp("collisions") / "page.html"
-    return ot.write_viewer_page(batch, page_file, simulations=COLLISIONS).path
+    return ot.write_viewer_page(batch, page_file, simulation_ids=COLLISIONS).path
 
 
 def values_of_show(
@@ -321,7 +321,7 @@ def test_a_simulation_without_breaches_says_so(browser: Browser, tmp_path: Path)
     labelled = ot.label(ot.simulate(ot.sample("pinto2023-physical", num_simulations=200, seed=1)))
     is_broken = (labelled.findings.verdict == Verdict.ILLEGAL).any(axis=1)
     number = int(np.flatnonzero(~is_broken)[0])
-    page_file = ot.write_viewer_page(labelled, tmp_path / "page.html", simulations=[number]).path
+    page_file = ot.write_viewer_page(labelled, tmp_path / "page.html", simulation_ids=[number]).path
     with opened(browser, page_file) as page:
         assert "No rule is broken in this simulation." in seek(page, 3)
 
@@ -376,7 +376,7 @@ def test_a_page_opens_on_the_first_attempt(browser: Browser, tmp_path: Path):
     classes = labelled.labels.classes[:, 0]
     numbers = [*np.flatnonzero(classes == OvertakeClass.NO_ATTEMPT)[:1].tolist(), 7]
     assert classes[7] != OvertakeClass.NO_ATTEMPT
-    page_file = ot.write_viewer_page(labelled, tmp_path / "page.html", simulations=numbers).path
+    page_file = ot.write_viewer_page(labelled, tmp_path / "page.html", simulation_ids=numbers).path
     with opened(browser, page_file) as page:
         expect(page).to_have_title(re.compile(r"^Simulation 7,"))
 

@@ -42,7 +42,7 @@ def test_a_twin_is_told_saved_and_read_again(
     assert main(["show", str(folder), "1"]) == 0
     assert main(["info", str(folder)]) == 0
     capsys.readouterr()
-    total = said(capsys, "twin", data, "0", "--without", "rain", "--from", "start")
+    total = said(capsys, "twin", data, "0", "--without", "rain", "--effect", "total")
     assert total["effect"] == "total"
     assert total["redrawn"] == {"frame": 0, "without": ["rain"]}
 
@@ -59,7 +59,7 @@ def test_a_saved_branch_is_exported(data: str, tmp_path: Path, capsys: pytest.Ca
 
 
 def test_a_fan_and_what_would_be_enough_are_told(data: str, capsys: pytest.CaptureFixture[str]):
-    fan = said(capsys, "fan", data, "0", "--futures", "20", "--step", "4")
+    fan = said(capsys, "fan", data, "0", "--futures", "20", "--interval", "4")
     first = fan["instants"][0]
     assert first["futures"] == 20
     assert sum(one["share"] for one in first["shares"].values()) == pytest.approx(1.0)
@@ -67,7 +67,11 @@ def test_a_fan_and_what_would_be_enough_are_told(data: str, capsys: pytest.Captu
     goal = said(capsys, "enough", data, "0")
     assert goal["class"] == "Success_I"
     assert {one["unit"] for one in goal["quantities"]} >= {"m", "s", "km/h"}
-    for words in (["twin", data, "0"], ["fan", data, "0", "--step", "4"], ["enough", data, "0"]):
+    for words in (
+        ["twin", data, "0"],
+        ["fan", data, "0", "--interval", "4"],
+        ["enough", data, "0"],
+    ):
         assert main(words) == 0
         assert "imulation" in capsys.readouterr().out
 
@@ -76,12 +80,12 @@ def test_a_fan_and_what_would_be_enough_are_told(data: str, capsys: pytest.Captu
     ("words", "message"),
     [
         (["twin", "0", "--without", "snow"], "without: expected wind or rain"),
-        (["twin", "0", "--driver", "brave"], "driver: expected careful or average"),
-        (["twin", "0", "--at", "1e6"], "time: expected 0.0 to"),
-        (["twin", "0", "--from", "middle"], "--from: expected state or start"),
+        (["twin", "0", "--style", "brave"], "driving_style: expected careful or average"),
+        (["twin", "0", "--start-time", "1e6"], "time: expected 0.0 to"),
+        (["twin", "0", "--effect", "middle"], "effect: expected direct or total"),
         (["twin", "0", "--delay", "-1"], "delay: expected 0.0 to 60.0"),
         (["twin", "99"], "simulation: expected 0 to 5"),
-        (["fan", "0", "--given", "hope"], "given: expected truth or belief"),
+        (["fan", "0", "--condition-on", "hope"], "condition_on: expected truth or belief"),
         (["fan", "0", "--futures", "0"], "futures: expected 1 to"),
         (["enough", "0", "--goal", "fast"], "goal: expected lawful or safe"),
         (["enough", "0", "--policy", "mine"], "policy: expected paper or default"),

@@ -77,7 +77,7 @@ export interface BeliefColumns {
 
 // What becomes of an overtake that is begun at each instant.
 export interface Fan {
-  given: "truth" | "belief";
+  condition_on: "truth" | "belief";
   title: string;
   about: string;
   policy: string;

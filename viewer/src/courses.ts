@@ -79,8 +79,8 @@ export function courses(source: Source, waiting: Element, told: Told): Courses {
       ask(`${sim} ${key}`, isWanted, () => server.branch(sim, framed), (found) => (branches.set(key, found), told.grown()), () => ({ branches: state.branches.filter((one) => JSON.stringify(one) !== key) }));
     }
     if (state.fan && !fans.has(fanKey(state))) {
-      const [key, given] = [fanKey(state), state.fan];
-      ask(`${sim} ${key}`, () => isHere() && fanKey(state) === key, () => server.fan(sim, given, state.policy), (found) => (fans.set(key, found), told.grown()), () => ({ fan: null }));
+      const [key, conditionOn] = [fanKey(state), state.fan];
+      ask(`${sim} ${key}`, () => isHere() && fanKey(state) === key, () => server.fan(sim, conditionOn, state.policy), (found) => (fans.set(key, found), told.grown()), () => ({ fan: null }));
     }
   }
 

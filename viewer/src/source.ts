@@ -50,7 +50,7 @@ export interface Server {
   weathers: string[];
   beliefs: (number: number) => Promise<BeliefColumns>;
   branch: (number: number, changes: { what: string; frame: number }[]) => Promise<Branched>;
-  fan: (number: number, given: Fan["given"], policy: string) => Promise<Fan>;
+  fan: (number: number, conditionOn: Fan["condition_on"], policy: string) => Promise<Fan>;
   thumbnail: (number: number) => Promise<Thumbnail>;
   sql: (text: string) => Promise<Answer>;
 }
@@ -155,7 +155,7 @@ async function served(token: string | undefined): Promise<Source> {
         const told = await ask<Omit<Branched, "run"> & { run: Packed }>(`runs/${number}/branches`, { changes: named });
         return { ...told, run: unpack(told.run) };
       },
-      fan: (number, given, policy) => ask(`runs/${number}/fan`, { given, policy }),
+      fan: (number, conditionOn, policy) => ask(`runs/${number}/fan`, { condition_on: conditionOn, policy }),
       thumbnail: (number) => ask(`runs/${number}/thumbnail`),
       sql: (text) => ask("sql", { sql: text }),
     },

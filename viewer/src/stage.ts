@@ -48,7 +48,7 @@ export function stage(redraw: () => void): Stage {
     const { fan, words, state } = shown;
     futures.hidden = !fan;
     const place = fan && fan.instants.findLastIndex((one) => one.told_s <= state.t + 1e-6);
-    const key = fan ? `${fan.given} ${fan.policy} ${place} ${shown.run.values.simulation}` : "";
+    const key = fan ? `${fan.condition_on} ${fan.policy} ${place} ${shown.run.values.simulation}` : "";
     if (key === told) return;
     told = key;
     futures.replaceChildren(...(fan ? fanOverlay(fan, words, state.t) : []));

@@ -15,14 +15,13 @@ from overtaking.api.evaluating import (
     evaluate,
     resolve_driver,
     run_benchmark,
-    write_evaluation,
 )
 from overtaking.api.formats import (
-    EXPORTS,
+    EXPORT_FORMATS,
     export_dataset,
-    from_table,
     import_recording,
     label_recordings,
+    trajectories_from_table,
     write_column_map,
 )
 from overtaking.api.law import compare, explain, tolerance_curve
@@ -32,15 +31,12 @@ from overtaking.api.maps import list_opendrive_roads
 from overtaking.api.plotting import plot
 from overtaking.api.results import (
     dataset_statistics,
-    entity_relationship_diagram,
     film,
-    literature,
     reproduce_study,
     serve_viewer,
     sql,
     validate_profile,
     write_report,
-    write_reproduction,
     write_viewer_page,
 )
 from overtaking.api.simulating import (
@@ -53,18 +49,16 @@ from overtaking.api.simulating import (
 )
 from overtaking.api.whatif import (
     counterfactual,
-    film_twin,
     outcome_fan,
     resimulate_branch,
     save_branches,
-    save_twin,
     sufficient_changes,
 )
 from overtaking.data.load import Dataset
 
 __all__ = [
     "BRANCHING",
-    "EXPORTS",
+    "EXPORT_FORMATS",
     "SIMULATORS",
     "Dataset",
     "Profile",
@@ -75,13 +69,10 @@ __all__ = [
     "counterfactual",
     "dataset_statistics",
     "drive",
-    "entity_relationship_diagram",
     "evaluate",
     "explain",
     "export_dataset",
     "film",
-    "film_twin",
-    "from_table",
     "generate_dataset",
     "import_recording",
     "judged",
@@ -90,7 +81,6 @@ __all__ = [
     "learn_factors",
     "learn_rules",
     "list_opendrive_roads",
-    "literature",
     "load_dataset",
     "load_driver",
     "measure_limits",
@@ -107,7 +97,6 @@ __all__ = [
     "run_benchmark",
     "sample",
     "save_branches",
-    "save_twin",
     "serve",
     "serve_viewer",
     "simulate",
@@ -115,11 +104,10 @@ __all__ = [
     "sql",
     "sufficient_changes",
     "tolerance_curve",
+    "trajectories_from_table",
     "undecidable_rules",
     "validate_profile",
     "write_column_map",
-    "write_evaluation",
     "write_report",
-    "write_reproduction",
     "write_viewer_page",
 ]

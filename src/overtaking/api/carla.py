@@ -29,19 +29,19 @@ def measure_limits() -> "Limits":
 
 @check_arguments
 def replay(
-    data: Dataset | str | Path,
+    dataset: Dataset | str | Path,
     out: str | Path,
     *,
-    simulations: Iterable[int],
+    simulation_ids: Iterable[int],
     size: tuple[int, int] = (800, 450),
     progress: ProgressCallback | None = None,
 ) -> "list[Replayed]":
     """Play recorded simulations in CARLA pose by pose, and film them from behind and from above.
 
     Args:
-        data: The data set, or its folder; omitted frames are simulated again.
+        dataset: The data set, or its folder; omitted frames are simulated again.
         out: Folder for the films; made if missing. Each appears when it is complete.
-        simulations: Their numbers.
+        simulation_ids: Numbers of the simulations.
         size: Width and height of the pictures, even numbers [pixels].
         progress: Called with the number of simulations that are done, and of all.
 
@@ -57,11 +57,11 @@ def replay(
     from overtaking.recordings.opendrive_writer import write_opendrive
     from overtaking.simulators.carla import processes, replay
 
-    source = load_dataset(data)
-    folder, chosen = Path(out), list(simulations)
+    source = load_dataset(dataset)
+    folder, numbers = Path(out), list(simulation_ids)
     replay.check_size(size)
     films: list[Replayed] = []
-    for number in chosen:
+    for number in numbers:
         run = source.trajectory(number)
         job = replay.ReplayJob(
             run=run,
@@ -73,7 +73,7 @@ def replay(
         folder.mkdir(parents=True, exist_ok=True)
         films.append(processes.replay(job))
         if progress is not None:
-            progress(len(films), len(chosen))
+            progress(len(films), len(numbers))
     return films
 
 

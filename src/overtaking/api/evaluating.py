@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.api.choices import Count, Profile, Seed, module_of, road_of
 from overtaking.core.errors import ConfigError, nearest_first
-from overtaking.core.notebook import show_progress
 from overtaking.core.progress import ProgressCallback
-from overtaking.model.checks import check_argument, check_arguments
+from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.evaluation.run import Contestant
-    from overtaking.show.report.evaluation import Evaluated
 
 HUMAN, STAY = "human", "stay"
 
@@ -70,8 +68,8 @@ def evaluate(
         say: Called before the run with a sentence that names the `-risk` profile, if one is drawn.
 
     Returns:
-        Rates with intervals, differences, margins and the worst scenes; `write_evaluation` makes a
-        page of it.
+        Rates with intervals, differences, margins and the worst scenes; `write_report` makes a page
+        of it.
 
     Raises:
         ConfigError: The specification, a number or a name cannot be used.
@@ -127,44 +125,6 @@ def run_benchmark(
     evaluated, *others = _compared_drivers([driver, *references])
     (stay,) = _compared_drivers([STAY])
     return run(read(benchmark), evaluated, others, stay, road_of, progress)
-
-
-@show_progress
-def write_evaluation(
-    found: "Evaluation | BenchmarkResult",
-    out: str | Path,
-    *,
-    films: int = 10,
-    progress: ProgressCallback | None = None,
-) -> "list[Evaluated]":
-    """Write an evaluation as a page with figures, and films of the worst scenes.
-
-    Args:
-        found: What `evaluate` or `run_benchmark` returned; of a benchmark, each profile has a
-            page in a folder of its name.
-        out: Folder for the page; files of an earlier one are replaced.
-        films: How many of the worst scenes are filmed, 10 at most.
-        progress: Called with the number of films that are done, and of all.
-
-    Returns:
-        Where each page is, and what it could not show: without the extra `plots` it has no figures,
-        without `video` no films.
-
-    Raises:
-        OSError: A file cannot be written.
-    """
-    from overtaking.analysis.evaluation.benchmark import BenchmarkResult
-    from overtaking.analysis.evaluation.results import Evaluation
-    from overtaking.show.report.evaluation import write
-
-    check_argument(found, Evaluation | BenchmarkResult, "write_evaluation", "found")
-    folder = Path(check_argument(out, str | Path, "write_evaluation", "out"))
-    if isinstance(found, Evaluation):
-        return [write(found, folder, films=films, progress=progress)]
-    return [
-        write(one, folder / one.profile, films=films, benchmark=found.title, progress=progress)
-        for one in found.evaluations
-    ]
 
 
 def resolve_driver(

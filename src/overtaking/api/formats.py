@@ -1,4 +1,4 @@
-"""Formats of others: export data sets to them, import recordings from them."""
+"""Formats of other programs: data sets are exported to them, recordings are imported from them."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -21,11 +21,11 @@ from overtaking.model.road import Road
 from overtaking.model.trajectories import Trajectories
 from overtaking.recordings import export as recording_export
 
-EXPORTS = ("pinto2023", "commonroad", "highd", "openscenario", "asp", "prolog", "popper")
+EXPORT_FORMATS = ("pinto2023", "commonroad", "highd", "openscenario", "asp", "prolog", "popper")
 """The formats that a data set can be written in."""
 
-_OF_FACTS = ("every", "with_law")
-_EXPORT_OPTIONS = {"asp": _OF_FACTS, "prolog": _OF_FACTS, "popper": ("about",)}
+_FACT_OPTIONS = ("every", "with_law")
+_EXPORT_OPTIONS = {"asp": _FACT_OPTIONS, "prolog": _FACT_OPTIONS, "popper": ("about",)}
 """The options that some formats have."""
 
 _READER_OPTIONS: dict[str, Any] = {
@@ -45,47 +45,48 @@ _READER_OPTIONS: dict[str, Any] = {
 
 @check_arguments
 def export_dataset(
-    data: Dataset | str | Path,
+    dataset: Dataset | str | Path,
     out: str | Path,
     *,
-    file_format: str = EXPORTS[0],
-    simulations: Iterable[int] | None = None,
-    label: str | None = None,
+    file_format: str = EXPORT_FORMATS[0],
+    simulation_ids: Iterable[int] | None = None,
+    overtake_class: str | None = None,
     policy: str | None = None,
     progress: ProgressCallback | None = None,
     **options: Any,
 ) -> int:
-    """Write simulations of a data set in the format of another program or paper.
+    """Write simulations of a data set in the format of another program or of the paper.
 
     Args:
-        data: The data set, or its folder.
-        out: The paper's table is a file that ends in `.csv` or `.parquet`, replaced as a whole;
-            the other formats are a folder, which must not exist or be empty, with one scenario or
-            recording for each simulation, of `openscenario` with its road; of `asp` and `prolog`
-            with files of facts and a theory, of `popper` with its three files.
-        file_format: One of `EXPORTS`.
-        simulations: Numbers of the simulations to write, all by default.
-        label: A class that they must have, such as `Success_L`.
+        dataset: The data set, or its folder.
+        out: File or folder to write. The paper's table (`pinto2023`) is a file that ends in `.csv`
+            or `.parquet` and is replaced as a whole. The other formats are a folder, which must not
+            exist or be empty. It gets a scenario or recording for each simulation, with its road
+            for `openscenario`; files of facts and a theory for `asp` and `prolog`; the three files
+            of the learner for `popper`.
+        file_format: One of `EXPORT_FORMATS`.
+        simulation_ids: Numbers of the simulations to write, all by default.
+        overtake_class: Class of the simulations to write, such as `Success_L`; None for all.
         policy: The policy that decides about the class: `paper`, `default` or `strict`; None for
             the default of the profile.
         progress: Called with the number of simulations that are done, and of all.
-        options: Of `asp` and `prolog`: `every` is every how many frames positions are written;
-            `with_law=True` writes what only the law reads, too. Of `popper`: `about` is `legal`,
-            `collision` or `start`.
+        options: Of `asp` and `prolog`: `every`, the number of frames from one written position to
+            the next, and `with_law=True`, which adds the facts that only the law reads. Of
+            `popper`: `about`, which is `legal`, `collision` or `start`.
 
     Returns:
         Number of rows, states or facts written.
 
     Raises:
-        ConfigError: There is no such format, simulation, class or policy, no simulation is left,
-            the name does not fit the format, or the folder is taken.
+        ConfigError: A format, simulation, class or policy does not exist, no simulation is left,
+            the name of the file does not fit the format, or the folder is taken.
         DatasetError: The data set is not complete, or damaged.
         OSError: The file cannot be written.
     """
     target = folder_of(out, "export to")
-    _refuse_options(file_format, options)
-    source = load_dataset(data)
-    numbers = _chosen(source, simulations, label, policy)
+    _check_export_options(file_format, options)
+    source = load_dataset(dataset)
+    numbers = _selected_simulations(source, simulation_ids, overtake_class, policy)
     if file_format in ("asp", "prolog"):
         return _export_facts(source, target, file_format, numbers, progress, **options)
     if file_format == "popper":
@@ -98,65 +99,68 @@ def export_dataset(
             file_format=file_format,
             total=total,
             road=source.road,
-            events=_events(source) if file_format == "openscenario" else None,
+            events=_event_times(source) if file_format == "openscenario" else None,
             progress=progress,
         )
     from overtaking.recordings import pinto2023  # It loads pandas, which nothing else here needs.
 
     def tables() -> Iterator[pa.Table]:
-        done = 0
-        for some, trajectories in source.batches(numbers):
-            yield pinto2023.to_table(trajectories, some)
-            done += len(some)
+        num_done = 0
+        for simulation_ids, trajectories in source.batches(numbers):
+            yield pinto2023.to_table(trajectories, simulation_ids)
+            num_done += len(simulation_ids)
             if progress is not None:
-                progress(done, total)
+                progress(num_done, total)
 
     return pinto2023.write_table(tables(), target)
 
 
-def _events(data: Dataset) -> dict[int, dict[str, float]]:
-    """Instants of the events of each simulation [s]."""
-    found = defaultdict[int, dict[str, float]](dict)
-    rows = data.table("events").select(["simulation", "event", "time_ms"])
+def _event_times(dataset: Dataset) -> dict[int, dict[str, float]]:
+    """Times of the events of each simulation, by the name of the event [s]."""
+    event_times = defaultdict[int, dict[str, float]](dict)
+    rows = dataset.table("events").select(["simulation", "event", "time_ms"])
     for number, name, time in zip(*rows.to_pydict().values(), strict=True):
-        found[number][name] = time / 1000.0
-    return found
+        event_times[number][name] = time / 1000.0
+    return event_times
 
 
-def _chosen(
-    data: Dataset, simulations: Iterable[int] | None, label: str | None, policy: str | None
+def _selected_simulations(
+    dataset: Dataset,
+    simulation_ids: Iterable[int] | None,
+    overtake_class: str | None,
+    policy: str | None,
 ) -> NDArray[np.int64] | None:
     """The simulations to write, None for all.
 
     Raises:
-        ConfigError: There is no such simulation, class or policy, or none is left.
+        ConfigError: A simulation, class or policy does not exist, or no simulation is left.
     """
     from overtaking.data.choice import chosen
 
-    found = chosen(data, simulations, label, policy)
-    if found is not None and not found.size:
+    numbers = chosen(dataset, simulation_ids, overtake_class, policy)
+    if numbers is not None and not numbers.size:
         raise ConfigError(
             what="simulations",
             where="export",
             expected="at least one",
-            got=f"none of class {label}" if label else "none",
+            got=f"none of class {overtake_class}" if overtake_class else "none",
             next_step="choose others; overtaking stats counts the classes",
         )
-    return found
+    return numbers
 
 
-def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
-    """Refuse an unknown format, and an option that the format does not have."""
-    if file_format not in EXPORTS:
+def _check_export_options(file_format: str, options: Mapping[str, Any]) -> None:
+    """Check that the format exists and has these options."""
+    if file_format not in EXPORT_FORMATS:
         raise ConfigError.unknown_choice(
-            what="format", where="export", choices=EXPORTS, got=file_format
+            what="format", where="export", choices=EXPORT_FORMATS, got=file_format
         )
-    known = _EXPORT_OPTIONS.get(file_format, ())
-    for name in sorted(set(options) - set(known)):
+    option_names = _EXPORT_OPTIONS.get(file_format, ())
+    for name in sorted(set(options) - set(option_names)):
         raise ConfigError(
             what=f"option {name}",
             where=f"export to {file_format}",
-            expected=", ".join(known) or "none of those that some formats have",
+            expected=", ".join(option_names) or "none of those that some formats have",
             got=options[name],
             next_step="leave it out",
         )
@@ -164,7 +168,7 @@ def _refuse_options(file_format: str, options: Mapping[str, Any]) -> None:
 
 @check_arguments
 def _export_facts(
-    data: Dataset,
+    dataset: Dataset,
     out: Path,
     language: str,
     numbers: Any,
@@ -173,11 +177,11 @@ def _export_facts(
     every: int = 10,
     with_law: bool = False,
 ) -> int:
-    """Write chosen simulations as facts; see `export`."""
+    """Write selected simulations as facts; see `export_dataset`."""
     from overtaking.analysis.logic.export import write_facts
 
     return write_facts(
-        data,
+        dataset,
         out,
         language=language,
         chosen=numbers,
@@ -189,19 +193,19 @@ def _export_facts(
 
 @check_arguments
 def _export_popper(
-    data: Dataset,
+    dataset: Dataset,
     out: Path,
     numbers: Any,
     policy: str | None,
     *,
     about: str = "legal",
 ) -> int:
-    """Write what a data set holds about a target for the learner Popper; see `export`."""
+    """Write the examples of a data set for the learner Popper; see `export_dataset`."""
     from overtaking.analysis.learning.examples import examples_of
     from overtaking.analysis.learning.popper import write_popper
     from overtaking.analysis.learning.targets import target_of
 
-    target, examples = target_of(about), examples_of(data, policy)
+    target, examples = target_of(about), examples_of(dataset, policy)
     if numbers is not None:
         examples = examples.where(np.isin(examples.simulations, numbers))
     return write_popper(examples, target, out)
@@ -218,7 +222,7 @@ def import_recording(
     on_read: ProgressCallback | None = None,
     **options: Any,
 ) -> Dataset:
-    """Make a data set of a recording of others: every overtake in it becomes a simulation.
+    """Make a data set of a recording of real traffic: every overtake becomes a simulation.
 
     Args:
         file_format: `commonroad` (XML 2018b or 2020a), `exid`, `highd`, `ngsim`, `pinto2023` (the
@@ -238,7 +242,7 @@ def import_recording(
             its content; `only` maps columns to the value that they must have.
             `driving_side` ("right", "left") and `speed_limit` (in m/s, infinite for no limit)
             replace the values of the file.
-            `smooth=True` smooths tracks as Thiemann et al. (2008) do those of NGSIM.
+            `smooth=True` smooths tracks as Thiemann et al. (2008) smooth the tracks of NGSIM.
 
     Returns:
         The complete, labelled data set; its manifest counts what was found and measured, and its
@@ -349,7 +353,7 @@ def _with_road(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @check_arguments
-def from_table(
+def trajectories_from_table(
     table: Any,
     *,
     columns: str | Path | Mapping[str, Any],
@@ -367,13 +371,13 @@ def from_table(
         columns: Which column holds what, with units: the name of a map, a TOML file, its content,
             or its section `columns` such as `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
         road: The road in the axes of the table: a name, an OpenDRIVE file, or a `Road`. If left
-            out, what the map says of it; what that leaves open is inferred from the traffic.
+            out, the road that the map describes; missing facts are inferred from the traffic.
         driving_side: Side that traffic keeps to, "right" or "left"; replaces the side that the map
             states.
         speed_limit: Speed limit of the road [m/s], infinite for no limit; replaces the limit that
             the map or the road states.
         attempts_only: Whether vehicles that follow and never move left are left out.
-        vehicles: Vehicles of a simulation at most.
+        vehicles: Largest number of vehicles of a simulation.
         strict: Whether a table with findings is refused. (It is not the policy of that name.)
 
     Returns:

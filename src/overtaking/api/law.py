@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from overtaking.analysis.law.curve import Curve
     from overtaking.analysis.law.parting import Judged
 
-LAWS = ("pt", "de")
+DEFAULT_LAWS = ("pt", "de")
 """Laws that `compare` compares unless others are named."""
 
 
 @check_arguments
 def tolerance_curve(
-    data: str | Path,
+    dataset: str | Path,
     *,
-    law: str = LAWS[0],
+    law: str = DEFAULT_LAWS[0],
     policy: str | None = None,
     errors: MeasurementErrors | None = None,
     progress: ProgressCallback | None = None,
@@ -34,8 +34,8 @@ def tolerance_curve(
     """Count the completed overtakes that are legal as tolerances grow; nothing is written.
 
     Args:
-        data: Folder of a data set, or its URL.
-        law: What `rules.load_pack` takes.
+        dataset: Folder of a data set, or its URL.
+        law: `pt`, `de` or `module:NAME`, as in `load_pack`.
         policy: Name of a policy of the law; None for the default of the profile.
         errors: As in `label`.
         progress: Called with the number of simulations that are done, and of all.
@@ -46,16 +46,16 @@ def tolerance_curve(
     """
     from overtaking.analysis.law.curve import curve
 
-    pack, source = load_pack(law), load_dataset(data)
+    pack, source = load_pack(law), load_dataset(dataset)
     (law_policy,) = policies_for(pack, [choose_policy(policy, source.profile)])
-    judged = _judged(source, [pack], [[law_policy]], errors, progress)
-    return curve(((verdicts[0], case) for _, case, verdicts in judged), pack, law_policy)
+    batches = _judge_batches(source, [pack], [[law_policy]], errors, progress)
+    return curve(((verdicts[0], case) for _, case, verdicts in batches), pack, law_policy)
 
 
 @check_arguments
 def compare(
-    data: str | Path,
-    laws: Sequence[str] = LAWS,
+    dataset: str | Path,
+    laws: Sequence[str] = DEFAULT_LAWS,
     *,
     policies: Sequence[str] = ("paper", "default", "strict", "serious", "enforced"),
     errors: MeasurementErrors | None = None,
@@ -64,8 +64,8 @@ def compare(
     """Judge the same overtakes by several laws and find where they differ; nothing is written.
 
     Args:
-        data: Folder of a data set, or its URL.
-        laws: What `rules.load_pack` takes, for each law.
+        dataset: Folder of a data set, or its URL.
+        laws: `pt`, `de` or `module:NAME` for each law, as in `load_pack`.
         policies: Names of policies that every law has.
         errors: As in `label`.
         progress: Called with the number of simulations that are done, and of all.
@@ -76,37 +76,38 @@ def compare(
     """
     from overtaking.analysis.law.parting import compared
 
-    packs = [load_pack(one) for one in laws]
-    chosen = [policies_for(pack, policies) for pack in packs]
-    return compared(_judged(load_dataset(data), packs, chosen, errors, progress), packs, chosen)
+    packs = [load_pack(law) for law in laws]
+    law_policies = [policies_for(pack, policies) for pack in packs]
+    batches = _judge_batches(load_dataset(dataset), packs, law_policies, errors, progress)
+    return compared(batches, packs, law_policies)
 
 
-def _judged(
-    data: Dataset,
+def _judge_batches(
+    dataset: Dataset,
     packs: Sequence[Pack],
     policies: Sequence[Sequence[Policy]],
     errors: MeasurementErrors | None,
     progress: ProgressCallback | None,
 ) -> "Iterator[Judged]":
-    """A data set under each law, batch by batch."""
-    done = 0
-    for numbers, run in data.batches():
-        said = [
-            label(run, pack=pack, policies=of, errors=errors)
-            for pack, of in zip(packs, policies, strict=True)
+    """The labels of a data set by each law, batch by batch."""
+    num_done = 0
+    for numbers, trajectories in dataset.batches():
+        labelled = [
+            label(trajectories, pack=pack, policies=law_policies, errors=errors)
+            for pack, law_policies in zip(packs, policies, strict=True)
         ]
-        yield numbers, case_of(said[0]), said
-        done += len(numbers)
+        yield numbers, case_of(labelled[0]), labelled
+        num_done += len(numbers)
         if progress is not None:
-            progress(done, len(data))
+            progress(num_done, len(dataset))
 
 
 @check_arguments
 def explain(
-    data: str | Path,
-    simulation: int,
+    dataset: str | Path,
+    simulation_id: int,
     *,
-    law: str = LAWS[0],
+    law: str = DEFAULT_LAWS[0],
     policies: Sequence[str] | None = None,
     rules: Sequence[str] | None = None,
     errors: MeasurementErrors | None = None,
@@ -114,15 +115,16 @@ def explain(
     """Explain each verdict on one simulation in a paragraph.
 
     Args:
-        data: Folder of a data set, or its URL.
-        simulation: Its number.
-        law: What `rules.load_pack` takes.
+        dataset: Folder of a data set, or its URL.
+        simulation_id: Number of the simulation.
+        law: `pt`, `de` or `module:NAME`, as in `load_pack`.
         policies: As in `label`.
-        rules: Codes of the rules to tell of; None for all.
+        rules: Codes of the rules to explain; None for all.
         errors: As in `label`.
 
     Returns:
-        What `show.paragraphs.paragraphs` returns.
+        A dictionary for each rule and policy, with the code of the rule and the paragraph; see
+            `show.paragraphs.paragraphs`.
 
     Raises:
         ConfigError: There is no such law, policy or rule.
@@ -133,8 +135,8 @@ def explain(
     pack = load_pack(law)
     for code in rules or ():
         check_choice(code, pack.codes, what="rule", where=pack.name)
-    chosen = policies_for(pack, policies)
-    run = load_dataset(data).trajectory(simulation)
-    labelled = label(run, pack=pack, policies=chosen, errors=errors)
-    told = paragraphs(labelled, simulation, pack, chosen)
-    return [one for one in told if rules is None or one["rule"] in rules]
+    law_policies = policies_for(pack, policies)
+    trajectories = load_dataset(dataset).trajectory(simulation_id)
+    labelled = label(trajectories, pack=pack, policies=law_policies, errors=errors)
+    explanations = paragraphs(labelled, simulation_id, pack, law_policies)
+    return [row for row in explanations if rules is None or row["rule"] in rules]

@@ -1,4 +1,4 @@
-"""Rules and factors that decide an overtake, learned from a data set."""
+"""Rules and factors of overtakes, learned from a data set."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @check_arguments
 def learn_rules(
-    data: Dataset | str | Path,
+    dataset: Dataset | str | Path,
     about: str = "legal",
     *,
     policy: str | None = None,
@@ -29,13 +29,13 @@ def learn_rules(
     """Learn a few short rules from the state when an overtake begins.
 
     Args:
-        data: The data set, or its folder.
-        about: `legal`, `collision`, or `start`: that this is no time to begin.
+        dataset: The data set, or its folder.
+        about: Fact to predict: `legal`, `collision`, or `start` (now is no time to begin).
         policy: Which rules of law decide about the class: `paper`, `default` or `strict`; None
             for the default of the profile.
-        seed: Of the split into training and held-out simulations, and of the black box.
-        max_rules: How many rules at most.
-        max_conditions: How many conditions a rule may have.
+        seed: Seed of the split into training and held-out simulations, and of the black box.
+        max_rules: Largest number of rules, 1 or more.
+        max_conditions: Largest number of conditions of a rule, 1 or more.
         progress: Called with the number of rounds that are done, and of all.
 
     Returns:
@@ -43,7 +43,7 @@ def learn_rules(
         simulations, a black box and the speed limit alone.
 
     Raises:
-        ConfigError: There is no such target or policy, or a number cannot be used.
+        ConfigError: A target or policy does not exist, or a number is out of its range.
         DatasetError: The data set is not complete or damaged, or has too few examples.
         MissingExtraError: The extra `learn` is not installed.
     """
@@ -57,7 +57,7 @@ def learn_rules(
     check_in_range(max_rules, 1, what="--max-rules", where="learn")
     check_in_range(max_conditions, 1, what="--max-conditions", where="learn")
     return learned(
-        examples_of(load_dataset(data), policy),
+        examples_of(load_dataset(dataset), policy),
         target,
         seed=seed,
         max_rules=max_rules,
@@ -68,7 +68,7 @@ def learn_rules(
 
 @check_arguments
 def learn_factors(
-    data: Dataset | str | Path,
+    dataset: Dataset | str | Path,
     about: str = "outcome",
     *,
     features: Iterable[str] = (),
@@ -81,22 +81,23 @@ def learn_factors(
     """Rank the factors that decide, from the state when an overtake begins.
 
     Args:
-        data: The data set, or its folder.
-        about: `outcome` for the class; or `legal`, `collision`, `start`.
-        features: Factors or single attributes to use; all factors if none.
+        dataset: The data set, or its folder.
+        about: Fact to predict: `outcome` (the class), `legal`, `collision` or `start`.
+        features: Factors or single attributes to use; all factors if the list is empty.
         policy: Which rules of law decide about the class: `paper`, `default` or `strict`; None
             for the default of the profile.
-        seed: Of all choices.
-        repeats: How often the factors are ranked, each time on other simulations.
-        show_leakage: Whether to show what features would fake that are known only afterwards.
-        progress: Called with the number of models that are fitted, and of all.
+        seed: Seed of all random choices.
+        repeats: Number of rankings, each from other simulations, 1 or more.
+        show_leakage: Whether the result includes the accuracy that features known only afterwards
+            would feign.
+        progress: Called with the number of fitted models, and of all models.
 
     Returns:
         Three calibrated models on held-out simulations, and the factors in order, with
         the accuracy that each reaches together with those before it.
 
     Raises:
-        ConfigError: There is no such target, feature or policy, or a feature is known only
+        ConfigError: A target, feature or policy does not exist, or a feature is known only
             afterwards.
         DatasetError: The data set is not complete or damaged, or has too few examples.
         MissingExtraError: The extra `learn` is not installed.
@@ -111,7 +112,7 @@ def learn_factors(
     factors = leakage.chosen_factors(tuple(features))
     check_in_range(repeats, 1, what="--repeats", where="learn")
     target = None if about == "outcome" else target_of(about, others=("outcome",))
-    source = load_dataset(data)
+    source = load_dataset(dataset)
     return learned(
         examples_of(source, policy),
         factors,

@@ -1,4 +1,4 @@
-"""Questions in logic, and proofs from the law as a logic program."""
+"""Questions in logic, and proofs of breaches from the law as a logic program."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 @check_arguments
 def ask(
-    data: str | Path | Dataset,
+    dataset: str | Path | Dataset,
     query: str,
     *,
-    simulations: Iterable[int] | None = None,
-    label: str | None = None,
+    simulation_ids: Iterable[int] | None = None,
+    overtake_class: str | None = None,
     policy: str | None = None,
     every: int = 10,
     max_rows: int = 10_000,
@@ -31,36 +31,37 @@ def ask(
     """Ask a data set which simulations, vehicles and frames make a condition true.
 
     Args:
-        data: The data set, or its folder.
-        query: A condition in clingo's language, such as `overtakes(S,ego,P,F), night(S)`. Each
-            simulation is asked on its own; the query can neither read nor write anything else.
-        simulations: Numbers of the simulations to ask, all of them if left out.
-        label: A class that they must have.
+        dataset: The data set, or its folder.
+        query: A condition in clingo's language, such as `overtakes(S,ego,P,F), night(S)`. The
+            reasoner gets each simulation alone; the query cannot read or write anything else.
+        simulation_ids: Numbers of the simulations to ask, all of them if left out.
+        overtake_class: Class of the simulations to ask, such as `Success_L`; None for every class.
         policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
             default of the profile.
-        every: Every how many frames positions are looked at, beside those in which something
-            changes.
-        max_rows: How many answers to give at most.
-        timeout_s: How long the reasoner may take [s].
-        memory_mib: How much memory it may use [MiB]; the answers may take an eighth of it.
+        every: Number of frames from one position in the facts to the next; frames in which
+            something changes are always included.
+        max_rows: Largest number of answers.
+        timeout_s: Longest time of the reasoner [s].
+        memory_mib: Most memory of the reasoner [MiB]; the answers may take an eighth of it.
         progress: Called with the number of simulations that are done, and of all.
 
     Returns:
-        The variables of the query, and what they are.
+        The variables of the query as columns, and a row for each answer.
 
     Raises:
-        ConfigError: It is no query, there is no such simulation, or it needs more time or memory.
+        ConfigError: The query is no condition, a simulation does not exist, or the time or memory
+            is not enough.
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
     from overtaking.analysis.logic import ask as asking
     from overtaking.data.choice import chosen
 
-    source = load_dataset(data)
+    source = load_dataset(dataset)
     return asking.ask(
         source,
         query,
-        chosen=chosen(source, simulations, label, policy),
+        chosen=chosen(source, simulation_ids, overtake_class, policy),
         every=every,
         max_rows=max_rows,
         timeout_s=timeout_s,
@@ -70,18 +71,18 @@ def ask(
 
 
 @check_arguments
-def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
+def prove(dataset: str | Path | Dataset, simulation_id: int) -> "tuple[Proof, ...]":
     """Prove why a simulation breaks the law: facts and instances of rules, as clingo derived them.
 
     Args:
-        data: The data set, or its folder.
-        simulation: Number of the simulation.
+        dataset: The data set, or its folder.
+        simulation_id: Number of the simulation.
 
     Returns:
         A proof for each broken rule of those that are written as a logic program.
 
     Raises:
-        ConfigError: There is no such simulation.
+        ConfigError: The simulation does not exist.
         DatasetError: The data set is not complete or damaged.
         MissingExtraError: The extra `logic` is not installed.
     """
@@ -89,6 +90,6 @@ def prove(data: str | Path | Dataset, simulation: int) -> "tuple[Proof, ...]":
     from overtaking.analysis.logic.source import groups
     from overtaking.data.choice import chosen
 
-    source = load_dataset(data)
-    (group,) = groups(source, chosen(source, [simulation]))
+    source = load_dataset(dataset)
+    (group,) = groups(source, chosen(source, [simulation_id]))
     return proofs(group)

@@ -27,15 +27,15 @@ def plot(
             `evaluate`, `reproduce_study`, `learning.learn_factors`, `law.tolerance_curve`,
             `whatif.counterfactual` or `whatif.outcome_fan`; or the roads of
             `list_opendrive_roads`.
-        figure: Name of the figure, needed where the source has several. The figures of a data set
-            are those of its report, such as `classes` or `waiting-time`. The error for an unknown
+        figure: Name of the figure, needed where the source has several. A data set has the
+            figures of its report, such as `classes` or `waiting-time`. The error for an unknown
             name lists all names.
         out: File for the figure, replaced as a whole: `.svg`, `.pdf` or `.png` by its name.
         ax: Axes of Matplotlib to draw into; only for figures with single axes.
         width: `column` (3.5 inches, one column of a paper) or `page` (7.16 inches, both columns).
             The figure is laid out for this width; the size of its letters does not change.
-        policy: Which rules decide about the classes of a data set or of twins; None for the default
-            of the profile.
+        policy: Policy that decides about the classes of a data set or of twins; None for the
+            default of the profile.
 
     Returns:
         The Matplotlib figure; with `ax`, the figure that `ax` belongs to.

@@ -1,8 +1,8 @@
-"""Results from a data set or a profile: statistics, reports, films, queries."""
+"""Statistics, reports, films, pages and queries of data sets and results."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, overload
 
 from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
 from overtaking.api.data import load_dataset
@@ -12,17 +12,21 @@ from overtaking.data.load import Dataset
 from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import choose_policy
 from overtaking.model.batch import FieldSpec
-from overtaking.model.checks import check_argument, check_arguments
+from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Trajectories
 from overtaking.scenarios import profiles
 
 if TYPE_CHECKING:
     from overtaking.analysis.database.query import Answer
+    from overtaking.analysis.evaluation.benchmark import BenchmarkResult
+    from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.reproduction.run import Reproduction
     from overtaking.analysis.stats.results import Statistics
     from overtaking.analysis.validation.run import Validation
-    from overtaking.show.report.reproduction import Written
+    from overtaking.analysis.whatif.twin import Twin
+    from overtaking.show.report.evaluation import Evaluated
+    from overtaking.show.report.files import Written
     from overtaking.show.report.write import Report
     from overtaking.show.server.running import ViewServer
     from overtaking.show.video.produce import Video
@@ -31,7 +35,7 @@ if TYPE_CHECKING:
 
 @check_arguments
 def dataset_statistics(
-    data: Dataset | str | Path,
+    dataset: Dataset | str | Path,
     *,
     policy: str | None = None,
     reading: str | None = None,
@@ -40,7 +44,7 @@ def dataset_statistics(
     """The paper's tables, class frequencies and waiting times of a data set.
 
     Args:
-        data: The data set, or its folder.
+        dataset: The data set, or its folder.
         policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
             default of the profile.
         reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
@@ -53,15 +57,15 @@ def dataset_statistics(
     """
     from overtaking.analysis.stats.results import statistics as computed
 
-    source = load_dataset(data)
+    source = load_dataset(dataset)
     policy_name = choose_policy(policy, source.profile)
     frame = source.features(policy_name, reading=reading)
     return computed(frame, policy=policy_name, reading=reading, weighted=weighted)
 
 
-@check_arguments
+@overload
 def write_report(
-    data: Dataset | str | Path,
+    source: Dataset | str | Path,
     out: str | Path | None = None,
     *,
     policy: str | None = None,
@@ -69,82 +73,247 @@ def write_report(
     weighted: bool = False,
     learn: bool = False,
     progress: ProgressCallback | None = None,
-) -> "Report":
-    """Write figures, tables and associations of a data set as one page that needs no network.
+) -> "Report": ...
 
-    Args:
-        data: The data set, or its folder.
-        out: Folder for the page, its figures and tables; `report` in that of the data set if not
-            given. Files of an earlier report are replaced.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
-            default of the profile.
-        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
-        weighted: Whether to count each simulation by its importance weight.
-        learn: Whether to learn rules and factors too, which takes minutes.
-        progress: Called with the number of parts that are done, and of all.
 
-    Returns:
-        Where it is, and what it could not show: without the extra `plots` it has no figures,
-        without `stats` no associations, without `learn` nothing learned.
+@overload
+def write_report(
+    source: "Evaluation",
+    out: str | Path,
+    *,
+    films: int = 10,
+    progress: ProgressCallback | None = None,
+) -> "Evaluated": ...
 
-    Raises:
-        ConfigError: There is no such policy or reading.
-        DatasetError: The data set is not complete, or damaged.
-        OSError: A file cannot be written.
-    """
-    from overtaking.show.report.of_dataset import report_on
 
-    source = load_dataset(data)
-    return report_on(
-        source,
-        None if out is None else Path(out),
-        policy=policy,
-        reading=reading,
-        weighted=weighted,
-        is_learned=learn,
-        progress=progress,
-    )
+@overload
+def write_report(
+    source: "BenchmarkResult",
+    out: str | Path,
+    *,
+    films: int = 10,
+    progress: ProgressCallback | None = None,
+) -> "list[Evaluated]": ...
+
+
+@overload
+def write_report(source: "Reproduction", out: str | Path) -> "Written": ...
 
 
 @check_arguments
+def write_report(
+    source: Any,
+    out: str | Path | None = None,
+    *,
+    policy: str | None = None,
+    reading: str | None = None,
+    weighted: bool = False,
+    learn: bool = False,
+    films: Annotated[int, FieldSpec(low=0, high=10)] | None = None,
+    progress: ProgressCallback | None = None,
+) -> "Written | list[Evaluated]":
+    """Write a data set, an evaluation or a reproduction as a page that needs no network.
+
+    Args:
+        source: A data set or its folder, or a result of `evaluate`, `run_benchmark` or
+            `reproduce_study`. Each profile of a benchmark has a page in a folder of its name.
+        out: Folder for the page, its figures and tables; files of an earlier report are replaced.
+            Only the report on a data set has a default: the folder `report` of the data set.
+        policy: Policy that decides about the class: `paper`, `default` or `strict`; None for the
+            default of the profile. Only for data sets.
+        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`. Only
+            for data sets.
+        weighted: Whether each simulation counts by its importance weight. Only for data sets.
+        learn: Whether rules and factors are learned too, which takes minutes. Only for data sets.
+        films: Number of films of the worst scenes, 0 to 10; 10 if left out. Only for evaluations.
+        progress: Called with the number of parts or films that are done, and of all.
+
+    Returns:
+        Path of the page and remarks on missing parts: without the extra `plots` a page has no
+        figures, without `stats` no associations, without `learn` no learned rules, without `video`
+        no films.
+
+    Raises:
+        ConfigError: The source has no report, the policy or reading is unknown, or an option is
+            not for this source.
+        DatasetError: The data set is not complete, or damaged.
+        OSError: A file cannot be written.
+    """
+    if isinstance(source, Dataset | str | Path):
+        from overtaking.show.report.of_dataset import report_on
+
+        _check_unused("write_report", "a data set", films=films)
+        return report_on(
+            load_dataset(source),
+            None if out is None else Path(out),
+            policy=policy,
+            reading=reading,
+            weighted=weighted,
+            is_learned=learn,
+            progress=progress,
+        )
+    name = type(source).__name__
+    options = {"policy": policy, "reading": reading, "weighted": weighted, "learn": learn}
+    from overtaking.analysis.evaluation.benchmark import BenchmarkResult
+    from overtaking.analysis.evaluation.results import Evaluation
+    from overtaking.analysis.reproduction.run import Reproduction
+
+    if not isinstance(source, Evaluation | BenchmarkResult | Reproduction):
+        raise ConfigError(
+            what="source",
+            where="write_report",
+            expected="a data set, or what evaluate, run_benchmark or reproduce_study returned",
+            got=f"a {name}",
+            next_step="give one of them; plot draws figures of other results",
+        )
+    _check_unused("write_report", f"a {name}", **options)
+    if out is None:
+        raise ConfigError(
+            what="out",
+            where="write_report",
+            expected=f"a folder for the page on a {name}",
+            got="None",
+            next_step="name a folder",
+        )
+    folder = Path(out)
+    if isinstance(source, Reproduction):
+        from overtaking.show.report.reproduction import write_reproduction
+
+        _check_unused("write_report", f"a {name}", films=films)
+        return write_reproduction(source, folder)
+    return _write_evaluation(source, folder, 10 if films is None else films, progress)
+
+
+def _write_evaluation(
+    result: "Evaluation | BenchmarkResult",
+    folder: Path,
+    films: int,
+    progress: ProgressCallback | None,
+) -> "Evaluated | list[Evaluated]":
+    from overtaking.analysis.evaluation.results import Evaluation
+    from overtaking.show.report.evaluation import write
+
+    if isinstance(result, Evaluation):
+        return write(result, folder, films=films, progress=progress)
+    return [
+        write(
+            evaluation,
+            folder / evaluation.profile,
+            films=films,
+            benchmark=result.title,
+            progress=progress,
+        )
+        for evaluation in result.evaluations
+    ]
+
+
+def _check_unused(where: str, source: str, **options: Any) -> None:
+    """Refuse options that are set and do not apply to this kind of source."""
+    for name, value in options.items():
+        if value not in (None, False):
+            raise ConfigError(
+                what=name,
+                where=where,
+                expected=f"no such option for {source}",
+                got=value,
+                next_step="leave it out",
+            )
+
+
+@overload
 def film(
     source: Dataset | str | Path | Trajectories | LabelledTrajectories,
     out: str | Path | None = None,
     *,
-    simulations: Iterable[int] | str = "one-per-class",
+    simulation_ids: Iterable[int] | str = "one-per-class",
     policy: str | None = None,
     threads: int | None = None,
     progress: ProgressCallback | None = None,
-) -> "list[Video]":
-    """Film simulations from above, as mp4 files; each appears when it is complete.
+) -> "list[Video]": ...
+
+
+@overload
+def film(source: "Twin", out: str | Path, *, policy: str | None = None) -> Path: ...
+
+
+@check_arguments
+def film(
+    source: Any,
+    out: str | Path | None = None,
+    *,
+    simulation_ids: Iterable[int] | str = "one-per-class",
+    policy: str | None = None,
+    threads: int | None = None,
+    progress: ProgressCallback | None = None,
+) -> "list[Video] | Path":
+    """Film simulations from above, as mp4 files; each file appears when it is complete.
 
     Args:
-        source: A data set or its folder, trajectories of any origin, or what `label` returned. What
-            a data set did not keep is simulated again; trajectories are labelled first.
-        out: Folder for the files; if not given, `videos` in the folder of the data set, or in the
-            working folder.
-        simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
-            or `one-per-class`: the first of each class that lasts 2 s or more.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+        source: A data set or its folder, trajectories, the result of `label`, or a `Twin`, whose
+            two simulations appear one above the other. Frames that a data set does not keep
+            are simulated again. Trajectories are labelled first.
+        out: Folder for the films; `films` in the folder of the data set, or in the working folder,
+            if left out. For a twin the mp4 file, in a folder that exists.
+        simulation_ids: Numbers of the simulations, `all`, or `one-per-class`: the first simulation
+            of each class that lasts 2 s or more. Trajectories are counted from 0. Not for twins.
+        policy: Policy that decides about the class: `paper`, `default` or `strict`; None for the
             default of the profile. Breaches of other rules are grey.
-        threads: How many films are made beside each other; all processors if not given.
-        progress: Called with the number of films that are done, and of all.
+        threads: Number of films that are made at the same time; one per processor if left out. Not
+            for twins.
+        progress: Called with the number of films that are done, and of all. Not for twins.
+
+    Returns:
+        A `Video` for each simulation; for a twin, the path of its film.
 
     Raises:
-        ConfigError: There is no such simulation or policy.
+        ConfigError: The source cannot be filmed, or a simulation or policy does not exist.
         DatasetError: The data set is not complete or damaged, or the encoder failed.
         MissingExtraError: The extra `video` is not installed.
         OSError: A file cannot be written.
     """
     from overtaking.show.video import jobs, produce
 
-    runs = load_dataset(source) if isinstance(source, (str, Path)) else source
-    home = runs.path if isinstance(runs, Dataset) else Path()
-    folder = home / "videos" if out is None else Path(out)
-    chosen = simulations if isinstance(simulations, str) else list(simulations)
-    total = jobs.num_films(runs, chosen)
-    films = jobs.jobs(runs, chosen, policy)
+    if isinstance(source, str | Path):
+        source = load_dataset(source)
+    if not isinstance(source, Dataset | Trajectories | LabelledTrajectories):
+        selection = None if simulation_ids == "one-per-class" else simulation_ids
+        _check_unused("film", "a twin", simulation_ids=selection, threads=threads)
+        return _film_twin(source, out, policy)
+    home = source.path if isinstance(source, Dataset) else Path()
+    folder = home / "films" if out is None else Path(out)
+    selection = simulation_ids if isinstance(simulation_ids, str) else list(simulation_ids)
+    total = jobs.num_films(source, selection)
+    films = jobs.jobs(source, selection, policy)
     return produce.produce(films, folder, total=total, threads=threads, progress=progress)
+
+
+def _film_twin(twin: Any, out: str | Path | None, policy: str | None) -> Path:
+    """Film a simulation above its twin."""
+    from overtaking.analysis.whatif.twin import Twin
+    from overtaking.show.video.encode import require, write_film
+    from overtaking.show.video.twin import TwinFilm
+
+    if not isinstance(twin, Twin):
+        raise ConfigError(
+            what="source",
+            where="film",
+            expected="a data set, trajectories, what label returned, or a Twin",
+            got=f"a {type(twin).__name__}",
+            next_step="give one of them",
+        )
+    if out is None:
+        raise ConfigError(
+            what="out",
+            where="film",
+            expected="an mp4 file for the film of a twin",
+            got="None",
+            next_step="name a file",
+        )
+    require()
+    path, policy_name = Path(out), choose_policy(policy, twin.profile)
+    title = f"Simulation {twin.number} and its twin, policy {policy_name}"
+    write_film(TwinFilm(twin, policy), path, title=title)
+    return path
 
 
 @check_arguments
@@ -152,7 +321,7 @@ def write_viewer_page(
     source: Dataset | str | Path | Trajectories | LabelledTrajectories,
     out: str | Path,
     *,
-    simulations: Iterable[int] | str = "one-per-class",
+    simulation_ids: Iterable[int] | str = "one-per-class",
     policy: str | None = None,
     progress: ProgressCallback | None = None,
     say: Callable[[int], None] | None = None,
@@ -160,11 +329,12 @@ def write_viewer_page(
     """Write simulations as one page to look at in a browser, from disk and without a network.
 
     Args:
-        source: A data set or its folder, trajectories of any origin, or what `label` returned. What
-            a data set did not keep is simulated again; trajectories are labelled first.
+        source: A data set or its folder, trajectories of any origin, or the result of `label`.
+            Frames that a data set does not keep are simulated again. Trajectories are labelled
+            first.
         out: The file; an existing one is replaced as a whole.
-        simulations: Their numbers (for trajectories, their indices in the batch from 0 on), `all`,
-            or `one-per-class`: the first of each class that lasts 2 s or more.
+        simulation_ids: Numbers of the simulations, `all`, or `one-per-class`: the first simulation
+            of each class that lasts 2 s or more. Trajectories are counted from 0.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or
             `strict`; None for the default of the profile. The page can change it.
         progress: Called with the number of simulations that are done, and of all.
@@ -181,13 +351,13 @@ def write_viewer_page(
     from overtaking.show.view.write import write
 
     runs = load_dataset(source) if isinstance(source, (str, Path)) else source
-    chosen = simulations if isinstance(simulations, str) else list(simulations)
-    return write(runs, Path(out), chosen=chosen, policy=policy, progress=progress, say=say)
+    selection = simulation_ids if isinstance(simulation_ids, str) else list(simulation_ids)
+    return write(runs, Path(out), chosen=selection, policy=policy, progress=progress, say=say)
 
 
 @check_arguments
 def serve_viewer(
-    data: str | Path | Dataset,
+    dataset: str | Path | Dataset,
     *,
     policy: str | None = None,
     port: Annotated[int, FieldSpec(low=0, high=65535)] = 0,
@@ -196,11 +366,11 @@ def serve_viewer(
     """Show a whole data set in the browser of this machine.
 
     The server listens on the loopback address only, and writes nothing into the data set. Outside
-    an event loop the call ends when the process is interrupted. Inside a running event loop, such
-    as that of a notebook, it returns at once, and the server goes on in the background.
+    an event loop the call ends when the process is interrupted. Inside the event loop of a notebook
+    it returns at once, and the server goes on in the background.
 
     Args:
-        data: The data set, or its folder.
+        dataset: The data set, or its folder.
         policy: Which rules decide about the class when the page opens: `paper`, `default` or
             `strict`; None for the default of the profile. The page can change it.
         port: To listen on; 0 lets the system choose.
@@ -227,7 +397,7 @@ def serve_viewer(
     )
     from overtaking.show.server.running import serve
 
-    return serve(load_dataset(data), policy=policy, port=port, ready=ready)
+    return serve(load_dataset(dataset), policy=policy, port=port, ready=ready)
 
 
 @check_arguments
@@ -250,8 +420,8 @@ def validate_profile(
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
         progress: Called with the number of simulations that are done, and of all.
-        recordings: A recording in CommonRoad's format, or a folder of them: what the profile's
-            drivers do in traffic as dense as theirs is compared with what they show.
+        recordings: A recording in CommonRoad's format, or a folder of recordings. Their drivers are
+            compared with drivers of the profile in traffic of the same density.
 
     Returns:
         Each figure with its interval, target and verdict, and outcomes by weather; `plot` draws
@@ -293,7 +463,7 @@ def reproduce_study(
 
     Returns:
         Each number with its place among ours, what it is to us, and what the paper's label hides;
-        `write_reproduction` makes a page of it.
+        `write_report` makes a page of it.
 
     Raises:
         ConfigError: There is no such study, or a number cannot be used.
@@ -309,59 +479,10 @@ def reproduce_study(
     return run(spec, road_of(spec.road), num_replicates, seed, simulator_of("engine"), progress)
 
 
-def write_reproduction(found: "Reproduction", out: str | Path) -> "Written":
-    """Write a reproduction as one page that needs no network.
-
-    Args:
-        found: What `reproduce` returned.
-        out: Folder for the page, its figures and tables; files of an earlier one are replaced.
-
-    Returns:
-        Where it is, and what it could not show: without the extra `plots` it has no figures.
-
-    Raises:
-        OSError: A file cannot be written.
-    """
-    from overtaking.analysis.reproduction.run import Reproduction
-    from overtaking.show.report.reproduction import write_reproduction as write
-
-    check_argument(found, Reproduction, "write_reproduction", "found")
-    return write(found, Path(check_argument(out, str | Path, "write_reproduction", "out")))
-
-
-@check_arguments
-def literature(
-    table: str,
-    *,
-    wanted: Iterable[str] = (),
-    own: str | Path | Dataset | None = None,
-    is_corrected: bool = True,
-) -> dict[str, Any]:
-    """The source paper's tables of the literature, with corrections and sources.
-
-    Args:
-        table: `systems`, `datasets`, `factors` or `studies`.
-        wanted: What a data set must have, such as `night` or `boxes3d`.
-        own: A data set of one's own to put below the others.
-        is_corrected: Whether corrections are applied; if not, values are as printed.
-
-    Returns:
-        `rows` by the names of their columns, and `references` by their ids.
-
-    Raises:
-        ConfigError: There is no such table, or no such thing can be wanted.
-        DatasetError: One's own data set is not complete or damaged.
-    """
-    from overtaking.analysis.literature.answers import answer
-
-    data = None if own is None else load_dataset(own)
-    return answer(table, wanted=tuple(wanted), own=data, is_corrected=is_corrected)
-
-
 @check_arguments
 def sql(
-    data: str | Path | Dataset,
-    sql: str,
+    dataset: str | Path | Dataset,
+    query: str,
     *,
     max_rows: int = 10_000,
     timeout_s: float = 60.0,
@@ -370,8 +491,8 @@ def sql(
     """Ask a data set a question in SQL (DuckDB's), which reads its tables and nothing else.
 
     Args:
-        data: The data set, or its folder.
-        sql: One SELECT, DESCRIBE, SUMMARIZE or SHOW. The tables have their own names; the source
+        dataset: The data set, or its folder.
+        query: One SELECT, DESCRIBE, SUMMARIZE or SHOW. The tables have their own names; the source
             paper's entities are views, such as `paper.EgoVehicle`.
         max_rows: How many rows to give at most.
         timeout_s: How long it may take [s].
@@ -387,30 +508,7 @@ def sql(
     """
     from overtaking.analysis.database import query as asking
 
-    source = load_dataset(data)
-    return asking.query(source, sql, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib)
-
-
-@check_arguments
-def entity_relationship_diagram(form: str = "svg", out: str | Path | None = None) -> str:
-    """The diagram of the tables of a data set, drawn from their schemas.
-
-    Args:
-        form: `svg` or `mermaid`.
-        out: File to write it to; it appears whole or not at all.
-
-    Returns:
-        The diagram.
-
-    Raises:
-        ConfigError: There is no such form.
-        OSError: The file cannot be written.
-    """
-    from overtaking.analysis.database.diagram import diagram
-
-    text = diagram(form)
-    if out is not None:
-        from overtaking.core.files import write_atomically
-
-        write_atomically(Path(out), text.encode())
-    return text
+    source = load_dataset(dataset)
+    return asking.query(
+        source, query, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib
+    )

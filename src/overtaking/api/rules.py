@@ -1,4 +1,4 @@
-"""Rules of law of one's own: what a rule and a pack are, and what rules may look at.
+"""Rules of law, packs of rules, and the functions that rules call.
 
 A rule is a function of a case, with its description; a pack is a list of rules:
 
@@ -116,65 +116,68 @@ def load_pack(law: str | Pack) -> Pack:
     """Load a pack of rules.
 
     Args:
-        law: A pack, `pt` for the Portuguese one or `de` for the German one, or `module:name` of one
-            in a Python module that is installed or in the working folder. Its code is run.
+        law: A pack; `pt` for the Portuguese pack, `de` for the German one; or `module:NAME` of a
+            pack in a Python module that is installed or in the working folder. The module is run.
 
     Raises:
-        ConfigError: There is no such module or pack, or two of its rules have the same code.
+        ConfigError: The module or pack does not exist, or two of its rules have the same code.
     """
     if isinstance(law, Pack):
-        return _sound(law)
+        return _check_pack(law)
     if law in PACKS:
         return PACKS[law]
     module, colon, name = law.partition(":")
     if not (module and colon and name):
-        raise _refused(law, "pt, de, or MODULE:NAME", "another form")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
+        raise _law_error(law, "pt, de, or MODULE:NAME", "another form")
+    working_folder = str(Path.cwd())
+    if working_folder not in sys.path:
+        sys.path.append(working_folder)
     try:
-        found = getattr(importlib.import_module(module), name, None)
-    except Exception as error:  # Whatever the code of others raises, it is one line here.
-        raise _refused(law, "a module that can be imported", f"{error!r}") from None
-    if not isinstance(found, Pack):
-        raise _refused(law, f"a Pack called {name}", type(found).__name__)
-    return _sound(found)
+        pack = getattr(importlib.import_module(module), name, None)
+    except Exception as error:  # The module of another author may raise anything.
+        raise _law_error(law, "a module that can be imported", f"{error!r}") from None
+    if not isinstance(pack, Pack):
+        raise _law_error(law, f"a Pack called {name}", type(pack).__name__)
+    return _check_pack(pack)
 
 
 def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy, ...]:
     """The policies that decide about classes.
 
-    A pack of this package has policies of its own. Of another pack they are those of the Portuguese
-    one whose rules it has; without any there is one, `all`, that requires every rule about the
-    ego's duty.
+    A pack of this package has policies of its own. Another pack gets each Portuguese policy whose
+    rules it has. Without such a policy it gets one, `all`, that requires every rule about a duty of
+    the ego.
 
     Args:
         pack: The pack.
-        names: Which of its policies; None for those that data sets store.
+        names: Names of policies of the pack; None for the policies that data sets store.
 
     Raises:
         ConfigError: The pack has no policy of a name.
     """
-    own = policies_of_package(pack.name) if pack.name in PACKS else ()
-    fitting = own or tuple(one for one in POLICIES if {*one.required} <= {*pack.codes})
+    package_policies = policies_of_package(pack.name) if pack.name in PACKS else ()
+    applicable = package_policies or tuple(
+        policy for policy in POLICIES if {*policy.required} <= {*pack.codes}
+    )
     duties = tuple(rule.code for rule in pack.rules if rule.of_ego)
-    known = {one.name: one for one in fitting or (Policy(name="all", required=duties),)}
+    policies = applicable or (Policy(name="all", required=duties),)
+    by_name = {policy.name: policy for policy in policies}
     if names is None:
-        return tuple(one for one in known.values() if one.name in STORED or not own)
+        return tuple(policy for policy in policies if policy.name in STORED or not package_policies)
     for name in names:
-        check_choice(name, known, what="policy", where=pack.name)
-    return tuple(known[name] for name in names)
+        check_choice(name, by_name, what="policy", where=pack.name)
+    return tuple(by_name[name] for name in names)
 
 
-def _sound(pack: Pack) -> Pack:
-    """A pack whose rules can be told apart."""
+def _check_pack(pack: Pack) -> Pack:
+    """The pack, after a check that it has rules and that their codes differ."""
     if not pack.rules or len({*pack.codes}) < len(pack.rules):
-        got = ", ".join(pack.codes) or "no rules"
-        raise _refused(pack.name, "one rule or more, each with a code of its own", got)
+        codes = ", ".join(pack.codes) or "no rules"
+        raise _law_error(pack.name, "one rule or more, each with a code of its own", codes)
     return pack
 
 
-def _refused(law: str, expected: str, got: str) -> ConfigError:
+def _law_error(law: str, expected: str, got: str) -> ConfigError:
     return ConfigError(
         what="law",
         where=law,

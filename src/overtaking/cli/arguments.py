@@ -217,7 +217,7 @@ def chosen(asked: Chosen, where: str) -> dict[str, Any]:
         asked: The options.
         where: The command.
     """
-    return given(**asdict(asked) | {"simulations": numbers(asked.simulations, where)})
+    return given(**asdict(asked) | {"simulation_ids": numbers(asked.simulation_ids, where)})
 
 
 def _numbers(part: str, where: str) -> range:

@@ -140,7 +140,7 @@ def replay(
     numbers = arguments.numbers(simulations, "carla replay") or []
     pixels = arguments.picture_size(size)
     with output.progress("simulations") as meter:
-        films = api.replay(data, out, simulations=numbers, size=pixels, progress=meter)
+        films = api.replay(data, out, simulation_ids=numbers, size=pixels, progress=meter)
     files = [
         {"file": str(path), "frames": film.num_frames} for film in films for path in film.files
     ]

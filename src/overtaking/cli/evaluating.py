@@ -140,14 +140,15 @@ def _written(
     if out is None:
         return {}
     with output.progress("films") as meter:
-        made = api.write_evaluation(found, out, films=films, progress=meter)
-    for one in made:
-        output.say(f"{one.path}: {len(one.figures)} figures, {len(one.films)} films")
-        for text in one.remarks:
+        made = api.write_report(found, out, films=films, progress=meter)
+    pages = made if isinstance(made, list) else [made]
+    for page in pages:
+        output.say(f"{page.path}: {len(page.figures)} figures, {len(page.films)} films")
+        for text in page.remarks:
             output.say(text)
     return {
-        "pages": [str(one.path) for one in made],
-        "missing": [text for one in made for text in one.remarks],
+        "pages": [str(page.path) for page in pages],
+        "missing": [text for page in pages for text in page.remarks],
     }
 
 

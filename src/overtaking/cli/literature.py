@@ -42,9 +42,9 @@ Wanted = dataclasses.make_dataclass(
 
 def systems(output: Output, as_printed: AsPrinted = False) -> None:
     """List driving systems: SAE level, comfort and safety."""
-    from overtaking import api
+    from overtaking.analysis.literature.answers import answer
 
-    found = api.literature("systems", is_corrected=not as_printed)
+    found = answer("systems", is_corrected=not as_printed)
     rows = [
         (row["name"], _mark(row, "sae_level"), row["comfort"], row["safety"], row["does"])
         for row in found["rows"]
@@ -61,18 +61,20 @@ def datasets(
 ) -> None:
     """List driving data sets with the properties you need."""
     from overtaking import api
+    from overtaking.analysis.literature.answers import answer
 
+    dataset = None if own is None else api.load_dataset(own)
     words = [word for word, is_wanted in dataclasses.asdict(wanted).items() if is_wanted]
-    found = api.literature("datasets", wanted=words, own=own, is_corrected=not as_printed)
+    found = answer("datasets", wanted=words, own=dataset, is_corrected=not as_printed)
     header = ("data set", "year", "scenes", "hours", "frames", "3D", "seen in", "roads")
     output.result(found, lambda _: _drawn(header, [_dataset(row) for row in found["rows"]], found))
 
 
 def factors(output: Output) -> None:
     """List factors of the difficulty of driving, with our columns."""
-    from overtaking import api
+    from overtaking.analysis.literature.answers import answer
 
-    found = api.literature("factors")
+    found = answer("factors")
     rows = [
         (row["name"], row["kind"], row["acts"], ", ".join(row["columns"]) or "none")
         for row in found["rows"]
@@ -82,9 +84,9 @@ def factors(output: Output) -> None:
 
 def studies(output: Output) -> None:
     """List studies of overtaking decisions, with our columns."""
-    from overtaking import api
+    from overtaking.analysis.literature.answers import answer
 
-    found = api.literature("studies")
+    found = answer("studies")
     rows = [
         (
             row["name"] if number == 0 else "",

@@ -313,8 +313,8 @@ EveryFrames = Annotated[
 class Chosen:
     """The options that choose simulations of a data set, and frames of them."""
 
-    simulations: ChosenSimulations = None
-    label: ChosenClass = None
+    simulation_ids: ChosenSimulations = None
+    overtake_class: ChosenClass = None
     policy: Policy = None
     every: EveryFrames = None
 
@@ -328,7 +328,7 @@ WithLaw = Annotated[
 class Shown:
     """The options that choose simulations to look at."""
 
-    simulations: Annotated[str | None, option("--simulations LIST", SIMULATIONS)] = None
+    simulation_ids: Annotated[str | None, option("--simulations LIST", SIMULATIONS)] = None
     one_per_class: Annotated[
         bool,
         option(

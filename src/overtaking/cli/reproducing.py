@@ -56,7 +56,7 @@ def reproduce(
         )
     values = found.values()
     if out is not None:
-        made = api.write_reproduction(found, out)
+        made = api.write_report(found, out)
         values |= {"page": str(made.path), "missing": list(made.remarks)}
         for text in (f"{made.path}: {len(made.figures)} figures", *made.remarks):
             output.say(text)

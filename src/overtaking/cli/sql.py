@@ -55,9 +55,13 @@ def sql(
 
 def er(output: Output, drawn: Drawn = "svg", out: Target = None) -> None:
     """Draw the entity-relationship diagram of the tables."""
-    from overtaking import api
+    from overtaking.analysis.database.diagram import diagram
+    from overtaking.core.files import check_output_path, write_atomically
 
-    picture = api.entity_relationship_diagram(drawn, out)
+    picture = diagram(drawn)
+    if out is not None:
+        check_output_path(out)
+        write_atomically(out, picture.encode())
     values = {"format": drawn, "file": None if out is None else str(out)}
     if out is None:
         output.text(values | {"diagram": picture}, picture)

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import options
+from overtaking.cli.film import choice
 from overtaking.cli.output import Output
-from overtaking.cli.video import choice
 from overtaking.core.errors import ConfigError
 from overtaking.core.representation import format_count
 
@@ -50,7 +50,7 @@ def _serve(output: Output, data: str, shown: options.Shown, port: int, *, opens:
 
     from overtaking import api
 
-    if shown.simulations is not None or shown.one_per_class or shown.every:
+    if shown.simulation_ids is not None or shown.one_per_class or shown.every:
         raise ConfigError(
             what="choice",
             where="view",
@@ -74,7 +74,7 @@ def _write(output: Output, data: str, shown: options.Shown, export: Path) -> Non
         page = api.write_viewer_page(
             data,
             export,
-            simulations=choice(shown, "view"),
+            simulation_ids=choice(shown, "view"),
             policy=shown.policy,
             progress=meter,
             say=lambda size: output.say(f"the page takes {_amount(size)}: {export}"),

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from overtaking.cli import arguments, options
 from overtaking.cli.output import Output
-from overtaking.core.errors import check_choice
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -21,10 +20,10 @@ Without = Annotated[
         "night, glare; several with commas.",
     ),
 ]
-Temper = Annotated[
+DrivingStyle = Annotated[
     str | None,
     options.option(
-        "--driver TEMPER", "Another temper of the driver: careful, average or reckless."
+        "--style STYLE", "Another driving style of the ego: careful, average or reckless."
     ),
 ]
 Stay = Annotated[bool, options.option("--stay", "The ego never begins an overtake.")]
@@ -32,15 +31,18 @@ Delay = Annotated[
     float | None,
     options.option("--delay S", "Delay of the attempt, without regard to the gaps [s]."),
 ]
-At = Annotated[
-    float, options.option("--at S", "From when on weather, driver or --stay are different [s].")
+StartTime = Annotated[
+    float,
+    options.option(
+        "--start-time S", "Time from which weather, driving style or --stay are different [s]."
+    ),
 ]
-From = Annotated[
+EffectName = Annotated[
     str,
     options.option(
-        "--from WHERE",
-        "state: go on from the state at that time (direct effect); start: draw again what depends "
-        "on weather or driver, from the same random numbers (total effect).",
+        "--effect direct|total",
+        "direct: continue from the state at the start time; total: draw speeds and distances at "
+        "the start again for the changed weather or driver, from the same random numbers.",
     ),
 ]
 Film = Annotated[
@@ -50,16 +52,18 @@ Save = Annotated[
     Path | None,
     options.option("--out FOLDER", f"{options.OUT} A new folder, for both as a data set."),
 ]
-Given = Annotated[
+ConditionOn = Annotated[
     str,
     options.option(
-        "--given WHAT",
+        "--condition-on truth|belief",
         "truth: the others as they are, which is hindsight; belief: people and unnoticed vehicles "
         "drawn anew, in agreement with what the ego notices.",
     ),
 ]
 Futures = Annotated[int, options.option("--futures N", "Futures at each instant.")]
-Every = Annotated[float, options.option("--step S", "Time between two instants [s].")]
+Interval = Annotated[
+    float, options.option("--interval S", "Time from one instant to the next [s].")
+]
 Goal = Annotated[
     str,
     options.option(
@@ -75,11 +79,11 @@ def twin(
     data: options.Data,
     simulation: options.Number,
     without: Without = None,
-    driver: Temper = None,
+    driving_style: DrivingStyle = None,
     stay: Stay = False,
     delay: Delay = None,
-    at: At = 0.0,
-    start: From = "state",
+    start_time: StartTime = 0.0,
+    effect: EffectName = "direct",
     policy: options.Policy = None,
     film: Film = None,
     plot: options.Plot = None,
@@ -91,17 +95,16 @@ def twin(
     """
     from overtaking import api
 
-    check_choice(start, ("state", "start"), what="--from", where="twin")
     figure = arguments.figure_file(plot)
     found = api.counterfactual(
         data,
         simulation,
         without=[one.strip() for one in without.split(",")] if without else (),
-        driver=driver,
+        driving_style=driving_style,
         stay=stay,
         delay=delay,
-        at=at,
-        from_start=start == "start",
+        start_time=start_time,
+        effect=effect,
     )
     values = values_of_twin(found, policy)
     files = []
@@ -109,9 +112,9 @@ def twin(
         api.plot(found, out=figure, policy=policy)
         files.append(figure)
     if film is not None:
-        files.append(api.film_twin(found, film, policy=policy))
+        files.append(api.film(found, film, policy=policy))
     if out is not None:
-        files.append(api.save_twin(data, found, out).path)
+        files.append(api.save_branches(data, found, out).path)
     values["files"] = [str(one) for one in files]
     output.result(values, lambda _: render_twin(values))
 
@@ -120,9 +123,9 @@ def fan(
     output: Output,
     data: options.Data,
     simulation: options.Number,
-    given: Given = "truth",
+    condition_on: ConditionOn = "truth",
     futures: Futures = 25,
-    every: Every = 0.5,
+    interval: Interval = 0.5,
     policy: options.Policy = None,
     plot: options.Plot = None,
 ) -> None:
@@ -138,9 +141,9 @@ def fan(
         found = api.outcome_fan(
             data,
             simulation,
-            given=given,
+            condition_on=condition_on,
             futures=futures,
-            every=every,
+            interval=interval,
             policy=policy,
             progress=meter,
         )
@@ -249,7 +252,7 @@ def render_fan(values: dict[str, Any]) -> "RenderableType":
     from rich.text import Text
 
     from overtaking.cli.tables import drawn_rows
-    from overtaking.show.futures import GIVEN_WORDS
+    from overtaking.show.futures import CONDITION_TEXTS
 
     names = list(values["instants"][0]["shares"]) if values["instants"] else []
     header = ["told [s]>", "pulls out [s]>", "futures>", *(f"{name} [%]>" for name in names)]
@@ -258,7 +261,7 @@ def render_fan(values: dict[str, Any]) -> "RenderableType":
         begun = "-" if one["pulls_out_s"] is None else f"{one['pulls_out_s']:.2f}"
         cells = [_share(one["shares"][name]) for name in names]
         rows.append([f"{one['told_s']:.2f}", begun, str(one["futures"]), *cells])
-    about = GIVEN_WORDS[values["given"]]
+    about = CONDITION_TEXTS[values["condition_on"]]
     head = f"P(class | start at t) of simulation {values['simulation']}, {about}"
     return Group(Text(head), drawn_rows(header, rows))
 

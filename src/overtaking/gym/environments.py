@@ -71,7 +71,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         road: A road instead of the profile's.
         autoreset_mode: Reaction to the end of an episode: a member of Gymnasium's
             `AutoresetMode`, or its name, such as `SAME_STEP`.
-        render_mode: With `rgb_array`, `render` returns the pictures of `overtaking video`;
+        render_mode: With `rgb_array`, `render` returns the pictures of `overtaking film`;
             with None it draws nothing.
 
     Raises:
@@ -216,7 +216,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         return self._observe(episodes), reward, terminated, truncated, info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Draw the present state of each environment, as `overtaking video` draws it.
+        """Draw the present state of each environment, as `overtaking film` draws it.
 
         Returns:
             A picture of shape (height, width, 3) for each environment; None if the environments
@@ -407,7 +407,7 @@ class OvertakingEnv(Env[F32, Any]):
         )
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw the present state, as `overtaking video` draws it.
+        """Draw the present state, as `overtaking film` draws it.
 
         Returns:
             A picture of shape (height, width, 3); None if the environment was made without a render

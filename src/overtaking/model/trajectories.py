@@ -357,8 +357,8 @@ class Trajectories(IdentityBatch):
     def from_table(cls, table: Any, **options: Any) -> "Trajectories":
         """The overtakes in a table of states, of any columns, units and rate.
 
-        It takes the arguments of `overtaking.api.from_table`: `columns`, `road`, `driving_side`,
-        `speed_limit`, `attempts_only`, `vehicles` and `strict`.
+        The arguments `columns`, `road`, `driving_side`, `speed_limit`, `attempts_only`, `vehicles`
+        and `strict` are those of `overtaking.api.formats.trajectories_from_table`.
 
         Args:
             table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
@@ -369,7 +369,7 @@ class Trajectories(IdentityBatch):
             ImportFormatError: The table cannot be used; the message names row and column.
         """
         # By name, as the root does: a noun imports no reader (docs/adr/0040).
-        return import_module("overtaking.api.formats").from_table(table, **options)
+        return import_module("overtaking.api.formats").trajectories_from_table(table, **options)
 
     @property
     def import_report(self) -> Any:

@@ -1,4 +1,4 @@
-"""The futures of a simulation as plain values, and what they are given in words."""
+"""The futures of a simulation as plain values, and texts for what they have in common."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from overtaking.model.verdicts import OvertakeClass
 if TYPE_CHECKING:
     from overtaking.analysis.whatif.fan import Fan
 
-GIVEN_WORDS = {
+CONDITION_TEXTS = {
     "truth": "the others as they are: hindsight",
     "belief": "by what the ego notices at its start: its decision",
 }
-"""What the futures share: names in `analysis.whatif.fan.GIVEN`."""
+"""What the futures share: names in `analysis.whatif.fan.CONDITIONS`."""
 
 
-def fan_title(given: str) -> str:
+def fan_title(condition_on: str) -> str:
     """The heading of a figure of shares over the instants."""
-    return f"P(class | start at t), {GIVEN_WORDS[given]}"
+    return f"P(class | start at t), {CONDITION_TEXTS[condition_on]}"
 
 
 def values_of_fan(one: Fan) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def values_of_fan(one: Fan) -> dict[str, Any]:
         )
     return {
         "simulation": one.number,
-        "given": one.given,
+        "condition_on": one.condition_on,
         "policy": one.policy,
         "pulled_out_s": one.actual,
         "instants": instants,

@@ -505,7 +505,7 @@ def test_a_picture_shows_the_present_state():
 
 @pytest.mark.ci
 def test_a_picture_is_that_of_the_film():
-    """The road is drawn as `overtaking video` draws it at the same time."""
+    """The road is drawn as `overtaking film` draws it at the same time."""
     scenes = ot.sample(PROFILE, num_simulations=1, seed=5, overrides=SHORT)
     trajectories = ot.drive(
         scenes, lambda _: np.zeros((1, 1)), observation="human", action="decision"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from overtaking.analysis.evaluation.endpoints import PRIMARY
 from overtaking.analysis.evaluation.run import evaluate
+from overtaking.analysis.result_methods import Reportable
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError
 from overtaking.core.files import read_toml
@@ -69,7 +70,7 @@ class Benchmark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchmarkResult(CompactRepr, ContentEquality):
+class BenchmarkResult(CompactRepr, ContentEquality, Reportable):
     """The evaluations of a benchmark.
 
     Attributes:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.evaluation.bootstrap import FEW, LEVEL
 from overtaking.analysis.evaluation.endpoints import POLICY
+from overtaking.analysis.result_methods import Plottable, Reportable
 from overtaking.core.equality import ContentEquality
 from overtaking.core.representation import CompactRepr, json_values
 
@@ -162,7 +163,7 @@ class Worst(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluation(CompactRepr, ContentEquality):
+class Evaluation(CompactRepr, ContentEquality, Plottable, Reportable):
     """A policy beside references in the same scenes.
 
     Attributes:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.analysis.result_methods import Plottable
 from overtaking.core.equality import ContentEquality
 from overtaking.core.units import mps_from_kmh
 from overtaking.labels.law.policies import breaches, duration
@@ -34,7 +35,7 @@ unit in which it is told; and its values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curve(ContentEquality):
+class Curve(ContentEquality, Plottable):
     """Legal overtakes under one policy.
 
     Attributes:

@@ -13,6 +13,7 @@ from overtaking.analysis.learning.examples import Examples, refuse_too_few
 from overtaking.analysis.learning.models import MODELS, Model, Outcomes, Split
 from overtaking.analysis.learning.scores import grouped_interval
 from overtaking.analysis.learning.targets import Target, is_ended
+from overtaking.analysis.result_methods import Plottable
 from overtaking.analysis.stats.columns import ALL_CLASSES
 from overtaking.core.arrays import F64, I64
 from overtaking.core.equality import ContentEquality
@@ -92,7 +93,7 @@ class Leakage(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FactorsFound(CompactRepr, ContentEquality):
+class FactorsFound(CompactRepr, ContentEquality, Plottable):
     """Models and factors of a target.
 
     Attributes:

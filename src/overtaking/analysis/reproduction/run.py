@@ -30,6 +30,7 @@ from overtaking.analysis.reproduction.variants import (
     other_starts,
     pushed,
 )
+from overtaking.analysis.result_methods import Plottable, Reportable
 from overtaking.core.equality import ContentEquality
 from overtaking.core.errors import ConfigError, check_in_range
 from overtaking.core.progress import ProgressCallback, ProgressCounter
@@ -151,7 +152,7 @@ class Comparison(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reproduction(CompactRepr, ContentEquality):
+class Reproduction(CompactRepr, ContentEquality, Plottable, Reportable):
     """A study and our replicates of its data set.
 
     Attributes:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pandas as pd
 
+from overtaking.analysis.result_methods import Plottable
 from overtaking.analysis.stats.columns import CENSORED, COLLISION, NO_ATTEMPT, NUMERIC
 from overtaking.analysis.stats.leaks import Leak, leaks
 from overtaking.analysis.stats.sample import Sample, prepare
@@ -18,7 +19,7 @@ _DECENT_SHARE = 0.3  # Below this share of effective simulations, weighted numbe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Statistics(CompactRepr, ContentEquality):
+class Statistics(CompactRepr, ContentEquality, Plottable):
     """The statistics of a labelled data set.
 
     Attributes:

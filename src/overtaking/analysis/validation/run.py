@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from overtaking.analysis.result_methods import Plottable
 from overtaking.analysis.validation import (
     accidents,
     changes,
@@ -76,7 +77,7 @@ class Stratum(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Validation(CompactRepr, ContentEquality):
+class Validation(CompactRepr, ContentEquality, Plottable):
     """The figures of a profile, its classes by weather, and its weights.
 
     Attributes:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.analysis.result_methods import Plottable
 from overtaking.analysis.whatif.beliefs import Percept, proposals
 from overtaking.analysis.whatif.futures import copies, started
 from overtaking.analysis.whatif.scenes import Scene, pull_out
@@ -21,7 +22,7 @@ from overtaking.model.trajectories import Stage, Trajectories
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.sim.branch import branch
 
-GIVEN = ("truth", "belief")
+CONDITIONS = ("truth", "belief")
 """What the futures share: the others as they are, or what the ego believes of them."""
 
 TOO_FEW = 20
@@ -32,12 +33,12 @@ _TRIES = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fan(ContentEquality):
+class Fan(ContentEquality, Plottable):
     """The futures of one simulation.
 
     Attributes:
         number: Its number in its data set.
-        given: A name in `GIVEN`.
+        condition_on: A name in `CONDITIONS`.
         policy: The policy that decides about the classes.
         asked: Futures that were asked for at each instant.
         time: When the ego has to begin, while it is sound in its lane, shape (instant,) [s].
@@ -49,7 +50,7 @@ class Fan(ContentEquality):
     """
 
     number: int
-    given: str
+    condition_on: str
     policy: str
     asked: int
     time: NDArray[np.float64]
@@ -85,7 +86,7 @@ class Fan(ContentEquality):
 def fan_of(
     scene: Scene,
     *,
-    given: str = "truth",
+    condition_on: str = "truth",
     futures: int = 25,
     every: float = 0.5,
     policy: str | None = None,
@@ -99,8 +100,9 @@ def fan_of(
 
     Args:
         scene: The simulation.
-        given: `truth`: all are as they are, and only what is drawn at later decisions differs, such
-            as gusts and errors of judgement. The first future has the simulation's own numbers.
+        condition_on: `truth`: all are as they are, and only what is drawn at later decisions
+            differs, such as gusts and errors of judgement. The first future has the simulation's
+            own numbers.
             `belief`: also other people, other places of vehicles that the ego has not noticed, and
             other errors of the ego; kept are worlds in which it notices the same when it begins.
         futures: At each instant.
@@ -111,7 +113,7 @@ def fan_of(
     Raises:
         ConfigError: There is no such policy.
     """
-    check_choice(given, GIVEN, what="given", where="fan")
+    check_choice(condition_on, CONDITIONS, what="condition_on", where="fan")
     policy = choose_policy(policy, scene.scenario.profile)
     policy_named(policy)
     stayed = branch(scene.scenario, decision=ForcedDecision.STAY, changes=scene.world.interventions)
@@ -120,7 +122,7 @@ def fan_of(
     counts = np.zeros((len(frames), len(OvertakeClass)), np.int64)
     begun, tried = np.full(len(frames), np.nan), np.zeros(len(frames), np.int64)
     for place, frame in enumerate(frames.tolist()):
-        run, tried[place] = _futures(scene, stayed, frame, given, futures)
+        run, tried[place] = _futures(scene, stayed, frame, condition_on, futures)
         if run is not None:
             labels = label(run).labels
             codes = labels.classes[:, labels.policies.index(policy)]
@@ -132,7 +134,7 @@ def fan_of(
     actual = scene.pull_out
     return Fan(
         number=scene.number,
-        given=given,
+        condition_on=condition_on,
         policy=policy,
         asked=futures,
         time=frames / scene.rate,
@@ -151,11 +153,11 @@ def _sound_frames(stayed: Trajectories) -> int:
 
 
 def _futures(
-    scene: Scene, stayed: Trajectories, frame: int, given: str, count: int
+    scene: Scene, stayed: Trajectories, frame: int, condition_on: str, count: int
 ) -> tuple[Trajectories | None, int]:
     """The futures of a start at a frame, None if there are none; and how many were tried."""
     world = scene.world
-    if given == "truth":
+    if condition_on == "truth":
         return started(world, frame, copies(world, frame, count)), count
     percept = Percept.of(started(world, frame, copies(world, frame, 1)))
     if percept is None:

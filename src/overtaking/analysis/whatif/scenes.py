@@ -17,8 +17,8 @@ from overtaking.sim.branch import branch
 SIMULATED_BY = ("engine", "reference")
 """The simulators whose simulations can go on in another way."""
 
-DRIVERS = {"careful": 0.0, "average": 0.5, "reckless": 1.0}
-"""Tempers of a driver by name, from 0 to 1."""
+DRIVING_STYLES = {"careful": 0.0, "average": 0.5, "reckless": 1.0}
+"""Driving styles by name, from 0 (careful) to 1 (reckless)."""
 
 _MS_PER_S = 1000.0
 
@@ -67,7 +67,7 @@ class Scene:
         """The frame at a time [s].
 
         Raises:
-            ConfigError: The simulation has ended then.
+            ConfigError: The simulation ends before.
         """
         frame, last = round(time * self.rate), int(self.run.num_frames[0]) - 1
         if not 0 <= frame <= last:
@@ -100,16 +100,16 @@ class Scene:
         """The traits of the ego's driver, drawn from the same numbers with another driving style.
 
         Args:
-            name: A name in `DRIVERS`.
+            name: A name in `DRIVING_STYLES`.
 
         Raises:
             ConfigError: There is no such name.
         """
-        if name not in DRIVERS:
+        if name not in DRIVING_STYLES:
             raise ConfigError.unknown_choice(
-                what="driver", where="what if", choices=DRIVERS, got=name
+                what="driving_style", where="what if", choices=DRIVING_STYLES, got=name
             )
-        style = {"drivers.driving_style": [DRIVERS[name]] * 2}
+        style = {"drivers.driving_style": [DRIVING_STYLES[name]] * 2}
         theirs = drawn(self.data, int(self.scenario.index[0]), overrides=style).drivers
         rows = {field: getattr(theirs, field)[0, EGO_SLOT] for field in theirs.__slots__}
         return {field: one.item() for field, one in rows.items()}

@@ -7,9 +7,10 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from overtaking.analysis.result_methods import Plottable
 from overtaking.analysis.whatif.scenes import Scene, pull_out
 from overtaking.core.equality import ContentEquality
-from overtaking.core.errors import ConfigError
+from overtaking.core.errors import ConfigError, check_choice
 from overtaking.data.branches import Told
 from overtaking.labels.label import LabelledTrajectories, label
 from overtaking.model.scenario import ForcedDecision, Intervention
@@ -56,7 +57,7 @@ class Parting(ContentEquality):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Twin(ContentEquality):
+class Twin(ContentEquality, Plottable):
     """A simulation and its twin.
 
     Attributes:
@@ -93,53 +94,60 @@ class Wish:
 
     Attributes:
         without: What is taken away from the weather, names in `model.weather.REMOVABLE_FACTORS`.
-        driver: Temper of the ego's driver, a name in `scenes.DRIVERS`; None for its own.
+        driving_style: Driving style of the ego, from `scenes.DRIVING_STYLES`; None for its own.
         stays: Whether the ego never begins an overtake.
         delay: By how much later it begins the overtake; None for not at all [s].
-        changes: Other changes.
+        interventions: Other changes.
     """
 
     without: tuple[str, ...] = ()
-    driver: str | None = None
+    driving_style: str | None = None
     stays: bool = False
     delay: float | None = None
-    changes: tuple[Intervention, ...] = ()
+    interventions: tuple[Intervention, ...] = ()
 
     @property
     def title(self) -> str:
         """It in a few words."""
         parts = [f"without {one}" for one in self.without]
-        parts += [f"{self.driver} driver"] if self.driver else []
+        parts += [f"{self.driving_style} driver"] if self.driving_style else []
         parts += ["staying in the lane"] if self.stays else []
         parts += [f"starting {self.delay:g} s later"] if self.delay is not None else []
-        parts += [_words(one) for one in self.changes]
+        parts += [_words(one) for one in self.interventions]
         return ", ".join(parts) or "nothing changed"
 
 
-def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = False) -> Twin:
+def twin_of(
+    scene: Scene, wish: Wish, *, start_time: float = 0.0, effect: str = Effect.DIRECT
+) -> Twin:
     """A simulation and its twin.
 
     Args:
         scene: The simulation.
-        wish: What is different.
-        at: From when on, for what is not about the start of the overtake [s].
-        from_start: Whether what depends on weather and driver is drawn again.
+        wish: The changes.
+        start_time: Time from which weather, driver and `stays` differ [s].
+        effect: `direct` or `total`, see `Effect`.
 
     Raises:
-        ConfigError: There is no such weather, driver or time; or no start to delay.
+        ConfigError: A name of weather, driving style or effect is unknown, the simulation ends
+            before `start_time`, the ego begins no overtake that can be delayed, or the total effect
+            of the changes is not defined.
     """
-    if from_start and (at or wish.stays or wish.delay is not None or wish.changes):
+    check_choice(effect, [*Effect], what="effect", where="twin")
+    is_total = effect == Effect.TOTAL
+    is_drawn = not (wish.stays or wish.delay is not None or wish.interventions)
+    if is_total and (start_time or not is_drawn):
         raise ConfigError(
             what="change",
-            where="twin from the start",
+            where="total effect",
             expected="weather or driver, from which other things are drawn",
             got="a change that nothing is drawn from, or a time",
-            next_step="leave out --from start, or take --without or --driver alone",
+            next_step="choose the direct effect, or change only weather or driving style",
         )
-    frame = scene.frame_at(at)
-    traits = scene.traits_of(wish.driver) if wish.driver else {}
+    frame = scene.frame_at(start_time)
+    traits = scene.traits_of(wish.driving_style) if wish.driving_style else {}
     first = Intervention(frame=frame, without=wish.without, traits=traits)
-    if from_start:
+    if is_total:
         run, redrawn = scene.redrawn(first), first
     else:
         run, redrawn = scene.branch(*_changes(scene, wish, first)), None
@@ -151,7 +159,7 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
     return Twin(
         number=scene.number,
         title=wish.title,
-        effect=Effect.TOTAL if from_start else Effect.DIRECT,
+        effect=Effect(effect),
         since=min((one.frame for one in made), default=0) / scene.rate,
         told=told,
         labelled=(label(scene.run), label(run)),
@@ -163,7 +171,7 @@ def twin_of(scene: Scene, wish: Wish, *, at: float = 0.0, from_start: bool = Fal
 
 def _changes(scene: Scene, wish: Wish, first: Intervention) -> list[Intervention]:
     """What is different from which frame on."""
-    changes = [*wish.changes, *([first] if first.without or first.traits else [])]
+    changes = [*wish.interventions, *([first] if first.without or first.traits else [])]
     if wish.stays:
         changes.append(Intervention(frame=first.frame, decision=ForcedDecision.STAY))
     if wish.delay is not None:

@@ -131,7 +131,7 @@ def _draw_shares(axes: Axes, one: Fan) -> None:
         )  # fmt: skip
     axes.set_ylim(-0.02, 1.02)
     axes.set_ylabel(f"share, 95 % interval\n(policy {one.policy})")
-    title = fan_title(one.given)
+    title = fan_title(one.condition_on)
     axes.set_title(fill(title, _TITLE_LETTERS) if is_narrow() else title, pad=16)
     if one.counts.any():
         if is_narrow():

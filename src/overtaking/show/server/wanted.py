@@ -76,7 +76,7 @@ class Branch(_Asked):
 class Futures(_Asked):
     """Outcomes of an overtake that begins at each instant; without a policy, the page's policy."""
 
-    given: Literal["truth", "belief"] = "truth"
+    condition_on: Literal["truth", "belief"] = "truth"
     policy: Name | None = None
 
 

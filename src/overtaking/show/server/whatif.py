@@ -17,7 +17,7 @@ from overtaking.scenarios.random_draws import RandomStream
 from overtaking.scenarios.specification import PresetWeather
 from overtaking.scenarios.weather_sampling import draw_weather
 from overtaking.show.contrast import contrast
-from overtaking.show.futures import GIVEN_WORDS, fan_title, values_of_fan
+from overtaking.show.futures import CONDITION_TEXTS, fan_title, values_of_fan
 from overtaking.show.view.pack import pack
 from overtaking.show.wording import words
 from overtaking.sim import branch as branching
@@ -99,12 +99,12 @@ def futures(scene: Scene, asked: Futures) -> dict[str, Any]:
     every = max(math.ceil(frames / _MOST_INSTANTS), round(_EVERY_S * scene.rate))
     found = fan_of(
         scene,
-        given=asked.given,
+        condition_on=asked.condition_on,
         futures=_FUTURES,
         every=every / scene.rate,
         policy=asked.policy,
     )
-    heading = {"title": fan_title(found.given), "about": GIVEN_WORDS[found.given]}
+    heading = {"title": fan_title(found.condition_on), "about": CONDITION_TEXTS[found.condition_on]}
     return values_of_fan(found) | heading
 
 

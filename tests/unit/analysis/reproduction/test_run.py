@@ -189,7 +189,7 @@ def test_a_paper_in_the_middle_is_nearer_than_all_and_one_far_away_is_farther_th
 
 @pytest.fixture(scope="module")
 def made(found: Reproduction, tmp_path_factory: pytest.TempPathFactory) -> Written:
-    return ot.write_reproduction(found, tmp_path_factory.mktemp("reproduction"))
+    return ot.write_report(found, tmp_path_factory.mktemp("reproduction"))
 
 
 def test_the_page_is_whole_offline_and_holds_every_number(found: Reproduction, made: Written):
@@ -207,7 +207,7 @@ def test_the_page_is_whole_offline_and_holds_every_number(found: Reproduction, m
 
 
 def test_the_same_numbers_make_the_same_page(found: Reproduction, made: Written, tmp_path: Path):
-    again = ot.write_reproduction(found, tmp_path)
+    again = found.write_report(tmp_path)
     assert again.path.read_bytes() == made.path.read_bytes()
 
 
@@ -243,7 +243,7 @@ from pathlib import Path
 found = util.find_spec
 util.find_spec = lambda name, *rest: None if name == "matplotlib" else found(name, *rest)
 import overtaking as ot
-made = ot.write_reproduction(ot.reproduce_study("pinto2023", num_replicates=1), Path(sys.argv[1]))
+made = ot.write_report(ot.reproduce_study("pinto2023", num_replicates=1), Path(sys.argv[1]))
 print(len(made.figures), *made.remarks, sep="|")
 """
 

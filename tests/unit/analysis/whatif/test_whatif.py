@@ -56,13 +56,13 @@ def test_a_twin_with_nothing_changed_has_the_same_hash(data: ot.Dataset, begun: 
         assert found.parting is None
         hashes = [one.run.trace_hash for one in found.told]
         np.testing.assert_array_equal(*hashes)
-    total = ot.whatif.counterfactual(data, begun, without=["fog"], from_start=True)
+    total = ot.whatif.counterfactual(data, begun, without=["fog"], effect="total")
     np.testing.assert_array_equal(total.told[1].run.trace_hash, data[begun].trace_hash)
 
 
 def test_direct_and_total_effects_differ_in_the_start(data: ot.Dataset, begun: int):
     direct = ot.whatif.counterfactual(data, begun, without=["rain"])
-    total = ot.whatif.counterfactual(data, begun, without=["rain"], from_start=True)
+    total = ot.whatif.counterfactual(data, begun, without=["rain"], effect="total")
     assert (direct.effect, total.effect) == ("direct", "total")
     was = data[begun].states.s[0, :, 0]
     np.testing.assert_array_equal(direct.told[1].run.states.s[0, : len(was), 0], was)
@@ -78,7 +78,7 @@ def test_direct_and_total_effects_differ_in_the_start(data: ot.Dataset, begun: i
 
 
 def test_the_frame_of_the_parting_is_the_first_that_differs(data: ot.Dataset, begun: int):
-    found = ot.whatif.counterfactual(data, begun, without=["rain"], at=1.0)
+    found = ot.whatif.counterfactual(data, begun, without=["rain"], start_time=1.0)
     assert found.parting is not None
     one, two = (told.run.states for told in found.told)
     frame = found.parting.frame
@@ -105,7 +105,7 @@ def test_who_stays_never_begins(data: ot.Dataset, begun: int):
 
 
 def test_a_careful_driver_has_the_traits_of_a_careful_driving_style(data: ot.Dataset, begun: int):
-    found = ot.whatif.counterfactual(data, begun, driver="careful")
+    found = ot.whatif.counterfactual(data, begun, driving_style="careful")
     branched = found.told[1].run.branch_origin
     assert branched is not None
     (change,) = branched.interventions
@@ -119,19 +119,19 @@ def test_a_careful_driver_has_the_traits_of_a_careful_driving_style(data: ot.Dat
 
 
 def test_what_cannot_be_drawn_again_is_refused(data: ot.Dataset, begun: int):
-    for wish in ({"stay": True}, {"delay": 1.0}, {"without": ["rain"], "at": 1.0}):
-        with pytest.raises(ConfigError, match="twin from the start"):
-            ot.whatif.counterfactual(data, begun, from_start=True, **wish)
-    with pytest.raises(ConfigError, match=r"driver: expected .*careful"):
-        ot.whatif.counterfactual(data, begun, driver="brave")
+    for wish in ({"stay": True}, {"delay": 1.0}, {"without": ["rain"], "start_time": 1.0}):
+        with pytest.raises(ConfigError, match="total effect"):
+            ot.whatif.counterfactual(data, begun, effect="total", **wish)
+    with pytest.raises(ConfigError, match=r"driving_style: expected .*careful"):
+        ot.whatif.counterfactual(data, begun, driving_style="brave")
 
 
-@pytest.mark.parametrize("from_start", [False, True])
+@pytest.mark.parametrize("effect", ["direct", "total"])
 def test_saved_twins_are_simulated_again_from_their_manifest(
-    data: ot.Dataset, begun: int, tmp_path: Path, from_start: bool
+    data: ot.Dataset, begun: int, tmp_path: Path, effect: str
 ):
-    found = ot.whatif.counterfactual(data, begun, without=["rain"], from_start=from_start)
-    saved = ot.whatif.save_twin(data, found, tmp_path / "twin")
+    found = ot.whatif.counterfactual(data, begun, without=["rain"], effect=effect)
+    saved = ot.whatif.save_branches(data, found, tmp_path / "twin")
     for number, told in enumerate(found.told):
         again = ot.whatif.resimulate_branch(saved, number)
         np.testing.assert_array_equal(again.trace_hash, told.run.trace_hash)
@@ -146,7 +146,7 @@ def test_saved_twins_are_simulated_again_from_their_manifest(
 
 def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int, tmp_path: Path):
     first = ot.whatif.counterfactual(data, begun, without=["rain"])
-    saved = ot.whatif.save_twin(data, first, tmp_path / "twin")
+    saved = ot.whatif.save_branches(data, first, tmp_path / "twin")
     second = ot.whatif.counterfactual(saved, 1, stay=True)
     both = ot.whatif.counterfactual(data, begun, without=["rain"], stay=True)
     np.testing.assert_array_equal(second.told[1].run.trace_hash, both.told[1].run.trace_hash)
@@ -202,7 +202,7 @@ def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_pa
     stays = ot.branch(data[begun], decision=ot.ForcedDecision.STAY)
     saved = ot.whatif.save_branches(data, {"dry": dry, "stays": stays}, tmp_path / "two")
     was, changed, same = (
-        ot.whatif.outcome_fan(one, number, futures=30, every=2.0)
+        ot.whatif.outcome_fan(one, number, futures=30, interval=2.0)
         for one, number in ((data, begun), (saved, 0), (saved, 1))
     )
     assert same.actual is None
@@ -236,7 +236,7 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
 
 
 def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
-    found = ot.whatif.outcome_fan(data, begun, futures=30, every=2.0)
+    found = ot.whatif.outcome_fan(data, begun, futures=30, interval=2.0)
     assert (found.futures == 30).all()
     scene = scene_of(data, begun)
     frame = round(float(found.time[1]) * 20)
@@ -245,7 +245,7 @@ def test_a_fan_counts_the_classes_of_its_futures(data: ot.Dataset, begun: int):
         assert found.counts[1, code] == (labels.classes[:, 0] == code).sum()
         known = binomtest(int(found.counts[1, code]), 30).proportion_ci(method="wilson")
         np.testing.assert_allclose(found.interval(code)[1], (known.low, known.high), atol=1e-6)
-    few = ot.whatif.outcome_fan(data, begun, futures=TOO_FEW - 1, every=5.0)
+    few = ot.whatif.outcome_fan(data, begun, futures=TOO_FEW - 1, interval=5.0)
     assert np.isnan(few.shares).all()
 
 
@@ -335,7 +335,7 @@ def test_recorded_and_driven_simulations_are_refused(tmp_path: Path):
 def test_twins_are_filmed_one_above_the_other(data: ot.Dataset, begun: int, tmp_path: Path):
     av = pytest.importorskip("av")
     found = ot.whatif.counterfactual(data, begun, delay=1.0)
-    path = ot.whatif.film_twin(found, tmp_path / "twin.mp4")
+    path = ot.film(found, tmp_path / "twin.mp4")
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
         longest = max(int(told.run.num_frames[0]) for told in found.told)
@@ -369,7 +369,7 @@ def test_twins_and_fans_are_drawn(data: ot.Dataset, begun: int, tmp_path: Path, 
 def test_a_fan_names_every_vehicle_of_its_scene(data: ot.Dataset, begun: int):
     """The target too, which the ego comes near to."""
     plots = pytest.importorskip("overtaking.show.plots.whatif")
-    figure = plots.draw_fan(ot.whatif.outcome_fan(data, begun, futures=5, every=5.0))
+    figure = plots.draw_fan(ot.whatif.outcome_fan(data, begun, futures=5, interval=5.0))
     named = [one.get_text() for one in figure.axes[0].texts]
     assert {"ego", "target"} <= set(named)
     assert len(named) == len(figure.axes[0].lines) - 1  # One says when it began.

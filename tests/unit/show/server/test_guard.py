@@ -93,7 +93,7 @@ def test_nothing_is_computed_for_others(client: Client, path: str):
     ("path", "asked"),
     [
         ("/api/runs/0/fan", {"policy": MARKUP}),
-        ("/api/runs/0/fan", {"given": MARKUP}),
+        ("/api/runs/0/fan", {"condition_on": MARKUP}),
         ("/api/runs/0/branches", branches({"frame": 1, "weather": MARKUP})),
         ("/api/runs/0/branches", branches({"frame": 1, "decision": MARKUP})),
     ],

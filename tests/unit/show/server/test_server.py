@@ -235,28 +235,28 @@ def test_what_several_pages_ask_for_at_once_is_answered_in_turn(client: Client):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("given", ["truth", "belief"])
+@pytest.mark.parametrize("condition", ["truth", "belief"])
 def test_a_fan_is_that_of_the_command(
-    client: Client, data: Dataset, given: str, capsys: pytest.CaptureFixture[str]
+    client: Client, data: Dataset, condition: str, capsys: pytest.CaptureFixture[str]
 ):
-    asked = {"given": given, "policy": "strict"}
+    asked = {"condition_on": condition, "policy": "strict"}
     status, told, _ = client.ask("POST", "/api/runs/3/fan", asked)
     assert status == 200, told
-    command = ["fan", data.where, "3", "--given", given, "--policy", "strict", "--json"]
+    command = ["fan", data.where, "3", "--condition-on", condition, "--policy", "strict", "--json"]
     assert main(command) == 0
     values = json.loads(capsys.readouterr().out)
     assert {name: told[name] for name in values} == values
-    assert ("hindsight" in told["title"]) == (given == "truth")
-    assert ("decision" in told["about"]) == (given == "belief")
+    assert ("hindsight" in told["title"]) == (condition == "truth")
+    assert ("decision" in told["about"]) == (condition == "belief")
 
 
 @pytest.mark.parametrize(
     "asked",
     [
-        {"given": "all"},
+        {"condition_on": "all"},
         {"policy": "<b>"},
         {"futures": 100_000},
-        {"given": "truth", "every": 0.05},
+        {"condition_on": "truth", "every": 0.05},
         [],
     ],
 )

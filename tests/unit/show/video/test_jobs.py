@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from overtaking import api
+from overtaking.cli.film import choice
 from overtaking.cli.options import Shown
-from overtaking.cli.video import choice
 from overtaking.core.errors import ConfigError
 from overtaking.model.scenario import ForcedDecision
 from overtaking.model.verdicts import OvertakeClass
@@ -111,21 +111,21 @@ def test_an_unknown_policy_is_refused(data):
 
 
 def test_numbers_and_ranges_are_read():
-    assert choice(Shown(simulations="1,7,20-23"), "video") == [1, 7, 20, 21, 22, 23]
-    assert choice(Shown(every=True), "video") == "all"
-    assert choice(Shown(), "video") == "one-per-class"
+    assert choice(Shown(simulation_ids="1,7,20-23"), "film") == [1, 7, 20, 21, 22, 23]
+    assert choice(Shown(every=True), "film") == "all"
+    assert choice(Shown(), "film") == "one-per-class"
 
 
 @pytest.mark.parametrize("text", ["", "a", "1,,2", "7-3", "-1", "1-", "1.5", "0-99999999999"])
 def test_what_is_no_number_is_refused_in_one_line(text):
     with pytest.raises(ConfigError, match="expected numbers and ranges") as caught:
-        choice(Shown(simulations=text), "video")
+        choice(Shown(simulation_ids=text), "film")
     assert "\n" not in str(caught.value)
 
 
 def test_two_choices_at_once_are_refused():
     with pytest.raises(ConfigError, match="leave out the others"):
-        choice(Shown(simulations="1", every=True), "video")
+        choice(Shown(simulation_ids="1", every=True), "film")
 
 
 def _shortened(job):
@@ -146,7 +146,7 @@ def runs():
 
 
 def test_trajectories_are_labelled_and_filmed(runs, tmp_path):
-    made = api.film(runs, tmp_path, simulations=[2, 0], policy="default")
+    made = api.film(runs, tmp_path, simulation_ids=[2, 0], policy="default")
     assert [film.path.name for film in made] == ["000000.mp4", "000002.mp4"]
     classes = api.label(runs).labels.classes[:, 1]
     assert [film.label for film in made] == [OvertakeClass(classes[i]).title for i in (0, 2)]

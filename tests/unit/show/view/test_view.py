@@ -236,7 +236,7 @@ def test_a_page_holds_all_that_it_needs_and_lets_nothing_else_run(
     name = "</script><b>&amp;<!--<script>"
     runs = labelled.trajectories
     runs = runs.replace(scenario=runs.scenario.replace(profile=name)).select(slice(0, 3))
-    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulations=[2, 0])
+    made = ot.write_viewer_page(runs, tmp_path / "page.html", simulation_ids=[2, 0])
     assert made.simulations == (0, 2)
     assert made.size_bytes == made.path.stat().st_size
     text = made.path.read_text(encoding="utf-8")
@@ -280,7 +280,7 @@ def test_a_page_that_is_too_large_is_not_written(
     path.write_text("as it was")
     monkeypatch.setattr(writing, "MOST_BYTES", 30_000)
     with pytest.raises(ConfigError, match=r"choose fewer than [2-6] with --simulations"):
-        ot.write_viewer_page(labelled, path, simulations="all")
+        ot.write_viewer_page(labelled, path, simulation_ids="all")
     assert path.read_text() == "as it was"
     assert [one.name for one in tmp_path.iterdir()] == ["page.html"]
 
@@ -289,10 +289,10 @@ def test_a_large_page_is_announced(
     labelled: LabelledTrajectories, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     said: list[int] = []
-    made = ot.write_viewer_page(labelled, tmp_path / "a.html", simulations=[0], say=said.append)
+    made = ot.write_viewer_page(labelled, tmp_path / "a.html", simulation_ids=[0], say=said.append)
     assert said == []
     monkeypatch.setattr(writing, "LARGE", 1000)
-    ot.write_viewer_page(labelled, tmp_path / "b.html", simulations=[0], say=said.append)
+    ot.write_viewer_page(labelled, tmp_path / "b.html", simulation_ids=[0], say=said.append)
     assert said == [made.size_bytes]
 
 
@@ -314,7 +314,7 @@ def test_one_of_each_class_by_default_under_the_policy(
 
 def test_there_must_be_something_to_show(labelled: LabelledTrajectories, tmp_path: Path):
     with pytest.raises(ConfigError, match="expected some of 0 to 23, got none"):
-        ot.write_viewer_page(labelled, tmp_path / "a.html", simulations=[])
+        ot.write_viewer_page(labelled, tmp_path / "a.html", simulation_ids=[])
     with pytest.raises(ConfigError, match="policy"):
         ot.write_viewer_page(labelled, tmp_path / "a.html", policy="moon")
 

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from overtaking.show.video.produce import Video
 
 Folder = Annotated[
-    Path | None, options.option("--out FOLDER", f"{options.OUT} A folder.  [default: DATA/videos]")
+    Path | None, options.option("--out FOLDER", f"{options.OUT} A folder.  [default: DATA/films]")
 ]
 
 _MOST_LISTED = 12
 _BYTES_PER_MB = 1e6
 
 
-def video(
+def film(
     output: Output,
     data: options.Data,
     shown: options.Shown,
@@ -34,7 +34,7 @@ def video(
         films = api.film(
             data,
             out,
-            simulations=choice(shown, "video"),
+            simulation_ids=choice(shown, "film"),
             policy=shown.policy,
             threads=threads,
             progress=meter,
@@ -53,7 +53,7 @@ def choice(shown: options.Shown, where: str) -> list[int] | str:
     Raises:
         ConfigError: More than one of these, or an invalid number.
     """
-    if (shown.simulations is not None) + shown.one_per_class + shown.every > 1:
+    if (shown.simulation_ids is not None) + shown.one_per_class + shown.every > 1:
         raise ConfigError(
             what="choice",
             where=where,
@@ -61,7 +61,7 @@ def choice(shown: options.Shown, where: str) -> list[int] | str:
             got="several",
             next_step="leave out the others",
         )
-    numbers = arguments.numbers(shown.simulations, where)
+    numbers = arguments.numbers(shown.simulation_ids, where)
     return numbers or ("all" if shown.every else "one-per-class")
 
 

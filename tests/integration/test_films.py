@@ -1,4 +1,4 @@
-"""`overtaking video` as its users run it: processes, streams, exit statuses, files."""
+"""`overtaking film` as its users run it: processes, streams, exit statuses, files."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ def data(tmp_path_factory):
 
 
 def test_films_are_listed_for_machines(data):
-    done = run("video", data.path, "--simulations", "1,3", "--json")
+    done = run("film", data.path, "--simulations", "1,3", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     films = json.loads(done.stdout)["films"]
     assert [film["simulation"] for film in films] == [1, 3]
     for film in films:
-        path = data.path / "videos" / f"{film['simulation']:06d}.mp4"
+        path = data.path / "films" / f"{film['simulation']:06d}.mp4"
         assert film["file"] == str(path)
         assert film["size_bytes"] == path.stat().st_size > 1000
         assert film["duration_s"] == film["frames"] / 20
-    assert {path.suffix for path in (data.path / "videos").iterdir()} == {".mp4"}
+    assert {path.suffix for path in (data.path / "films").iterdir()} == {".mp4"}
 
 
 def test_films_are_listed_for_people(data, tmp_path):
-    done = run("video", data.path, "--out", tmp_path / "films")
+    done = run("film", data.path, "--out", tmp_path / "films")
     assert (done.returncode, done.stderr) == (0, "")
     made = sorted((tmp_path / "films").glob("*.mp4"))
     assert made
@@ -56,7 +56,7 @@ def test_films_are_listed_for_people(data, tmp_path):
     ],
 )
 def test_a_mistake_costs_one_line(data, words, message):
-    done = run("video", data.path, *words)
+    done = run("film", data.path, *words)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1
@@ -64,7 +64,7 @@ def test_a_mistake_costs_one_line(data, words, message):
 
 
 def test_a_missing_extra_costs_one_line(data, tmp_path):
-    words = ["video", str(data.path), "--out", str(tmp_path / "none")]
+    words = ["film", str(data.path), "--out", str(tmp_path / "none")]
     program = f"""
 import sys
 sys.modules["av"] = None
