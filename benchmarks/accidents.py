@@ -310,7 +310,7 @@ def tell(runs: Trajectories, seen: list[Seen], one: Accident, number: int) -> di
         "time_s": round(one.time, 2),
         "mechanism": how,
         "vehicles": list(one.vehicles),
-        "kinds": [VehicleKind(int(runs.scenario.vehicles.kind[row, s])).name for s in one.vehicles],
+        "kinds": [VehicleKind(int(runs.scenario.vehicles.kind[row, s])).code for s in one.vehicles],
         "delta_v_kmh": round(float(kmh_from_mps(one.delta_v)), 1),
         "closing_kmh": round(float(kmh_from_mps(one.closing_speed)), 1),
         "severity": one.severity.name.lower(),

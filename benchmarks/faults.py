@@ -161,7 +161,7 @@ def _breeze(batch: Batch) -> tuple[str, int, int]:
 def truck_overtakes(batch: Batch) -> tuple[int, float]:
     """How often a truck passes another one on its right, and the way of all trucks [km]."""
     runs, passes, way = batch.runs, 0, 0.0
-    trucks = runs.scenario.vehicles.valid & (runs.scenario.vehicles.kind == VehicleKind.T)
+    trucks = runs.scenario.vehicles.valid & (runs.scenario.vehicles.kind == VehicleKind.TRUCK)
     for simulation, slots in enumerate(trucks):
         frames = slice(int(runs.num_frames[simulation]))
         s = runs.states.s[simulation, slots, frames].astype(np.int64)

@@ -238,7 +238,7 @@ def show(swung: Swings) -> None:
             low = (0.0, *WINDS)[group]
             limit = threshold(swung, kind, group)
             print(
-                f"{kind.name:5} {low:3.0f}+ {swung.hours[kind, group]:6.1f} {mine.size:6} "
+                f"{kind.code:5} {low:3.0f}+ {swung.hours[kind, group]:6.1f} {mine.size:6} "
                 f" {shown}  {'-' if limit is None else f'{limit:.2f}'}"
             )
         own = swung.spread[swung.spread[:, 0] == kind, 1]

@@ -30,7 +30,7 @@ class Scene:
         bodies = run.scenario.vehicles
         self.slots: list[int] = np.flatnonzero(bodies.valid[0]).tolist()
         self.length, self.width = bodies.length[0].astype(float), bodies.width[0].astype(float)
-        self.kinds = [VehicleKind(int(kind)).name for kind in bodies.kind[0]]
+        self.kinds = [VehicleKind(int(kind)).code for kind in bodies.kind[0]]
         self.target = int(run.percepts.vehicle[0, 0, 0])
 
     @property

@@ -235,9 +235,9 @@ SCENES = (
         overrides=only("HardRainNoon"),
     ),
     Scene(name="low-sun-overtake", happens=done, overrides=only("ClearSunset"), seed=2),
-    Scene(name="bicycle-overtaken", happens=lambda run: overtakes(run, VehicleKind.B)),
-    Scene(name="motorcycle-overtaken", happens=lambda run: overtakes(run, VehicleKind.MC)),
-    Scene(name="truck-overtaken", happens=lambda run: overtakes(run, VehicleKind.T)),
+    Scene(name="bicycle-overtaken", happens=lambda run: overtakes(run, VehicleKind.BICYCLE)),
+    Scene(name="motorcycle-overtaken", happens=lambda run: overtakes(run, VehicleKind.MOTORCYCLE)),
+    Scene(name="truck-overtaken", happens=lambda run: overtakes(run, VehicleKind.TRUCK)),
     Scene(
         name="truck-overtakes-in-the-storm",
         happens=done,

@@ -62,7 +62,7 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
         assert begin == 0 or corner[begin - 1] <= line + ROUNDING, number
         way = across[begin:stop]
         kind = VehicleKind(found.recording.tracks.kind[found.windows[int(number)].ego])
-        least = float(constant(f"event_detection.attempt.advance.{kind.name}"))
+        least = float(constant(f"event_detection.attempt.advance.{kind.code}"))
         if corner[begin:stop].max() > line - ROUNDING:
             kinds["crossing"] += 1
             continue

@@ -70,7 +70,7 @@ def thresholds(trajectories: Trajectories) -> dict[str, Any]:
         seconds = float(constant(f"event_detection.{name}"))
         return max(1, round(seconds * 1000.0 / trajectories.scenario.frame_interval_ms))
 
-    advances = [constant(f"event_detection.attempt.advance.{each.name}") for each in VehicleKind]
+    advances = [constant(f"event_detection.attempt.advance.{kind.code}") for kind in VehicleKind]
     borders, beyond = borders_of(road), road.overtaking_side_neighbour
     return {
         "least_advance": np.array(advances)[kind],

@@ -247,7 +247,7 @@ def conditions(trajectories: Trajectories) -> dict[str, Any]:
     arrays = {
         "film": film,
         "wear": bodies.tyre_wear[:, EGO_SLOT],
-        "truck": as_f32(bodies.kind[:, EGO_SLOT] == VehicleKind.T),
+        "truck": as_f32(bodies.kind[:, EGO_SLOT] == VehicleKind.TRUCK),
         "fog": sight["fog_extinction"],
         "rain": sight["rain_extinction"],
         "contrast_depth": maximum(depth, np.float32(0.0)),

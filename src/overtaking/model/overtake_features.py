@@ -18,7 +18,7 @@ def _paper(code: str, unit: str = "1", **declared: Any) -> FieldSpec:
 
 _weather = partial(_paper, needs=["weather"])
 _of_target = partial(_paper, null_unless="has_target")
-_KINDS = tuple(kind.name for kind in VehicleKind)
+_KINDS = tuple(kind.code for kind in VehicleKind)
 
 
 @with_field_docs

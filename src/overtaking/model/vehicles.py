@@ -19,21 +19,27 @@ EGO_SLOT = 0
 class VehicleKind(IntEnum):
     """Vehicle types with the paper's encoding."""
 
-    S = 0  # small car
-    M = 1  # medium car
-    L = 2  # large car
-    V = 3  # van
-    T = 4  # truck
-    MC = 5  # motorcycle
-    B = 6  # bicycle with rider
+    SMALL_CAR = 0
+    MEDIUM_CAR = 1
+    LARGE_CAR = 2
+    VAN = 3
+    TRUCK = 4
+    MOTORCYCLE = 5
+    BICYCLE = 6
+    """A bicycle with its rider."""
+
+    @property
+    def code(self) -> str:
+        """The paper's letters, `S` for a small car, which tables, profiles and TOML files have."""
+        return ("S", "M", "L", "V", "T", "MC", "B")[self]
 
 
 # Names of the lengths in `event_detection.toml`; the other kinds are cars.
 _LENGTH_NAMES = {
-    VehicleKind.V: "van",
-    VehicleKind.T: "truck",
-    VehicleKind.MC: "motorcycle",
-    VehicleKind.B: "bicycle",
+    VehicleKind.VAN: "van",
+    VehicleKind.TRUCK: "truck",
+    VehicleKind.MOTORCYCLE: "motorcycle",
+    VehicleKind.BICYCLE: "bicycle",
 }
 
 

@@ -91,11 +91,16 @@ _RECORDING_KEYS = {
     "thousands": str,
 }  # fmt: skip
 _SECTIONS = ("recording", "files", "columns", "types", "only", "road")
-_KINDS = {
-    "car": -1, "van": VehicleKind.V, "truck": VehicleKind.T, "motorcycle": VehicleKind.MC,
-    "bicycle": VehicleKind.B, "left_out": -2, "not_known": -3,
-}  # fmt: skip
 BY_LENGTH, LEFT_OUT, NOT_KNOWN = -1, -2, -3
+_KINDS = {
+    "car": BY_LENGTH,
+    "van": VehicleKind.VAN,
+    "truck": VehicleKind.TRUCK,
+    "motorcycle": VehicleKind.MOTORCYCLE,
+    "bicycle": VehicleKind.BICYCLE,
+    "left_out": LEFT_OUT,
+    "not_known": NOT_KNOWN,
+}
 """Codes of types beside `VehicleKind`: a car whose length decides about its kind; a vehicle that is
 not read; a vehicle of unknown kind."""
 

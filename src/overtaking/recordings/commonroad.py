@@ -354,7 +354,7 @@ def _bodies(obstacles: list[Obstacle]) -> dict[str, Any]:
     is_car, is_truck = np.isin(names, _CARS), np.isin(names, _TRUCKS)
     kind = kinds_by_length(length, is_truck=is_truck, is_car=is_car)
     is_two_wheeler = np.zeros(len(names), np.bool_)
-    for name, code in (("motorcycle", VehicleKind.MC), ("bicycle", VehicleKind.B)):
+    for name, code in (("motorcycle", VehicleKind.MOTORCYCLE), ("bicycle", VehicleKind.BICYCLE)):
         kind[names == name] = code
         is_two_wheeler |= names == name
     # Many recordings call every vehicle a car, also trucks of 20 m.

@@ -37,7 +37,11 @@ _SAGITTA = 0.005  # How far the points of a bend's border may be from it in betw
 _MARGIN = 50.0  # How far the lanelets go on beyond the vehicles [m].
 _LARGEST_LIMIT = 99.0  # What is higher stands for no limit [m/s].
 
-_TYPES = {VehicleKind.T: "truck", VehicleKind.MC: "motorcycle", VehicleKind.B: "bicycle"}
+_TYPES = {
+    VehicleKind.TRUCK: "truck",
+    VehicleKind.MOTORCYCLE: "motorcycle",
+    VehicleKind.BICYCLE: "bicycle",
+}
 _MARKS = {mark: name for name, mark in reversed(MARKS.items())}  # The plain name of several.
 
 

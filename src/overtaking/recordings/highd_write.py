@@ -168,7 +168,7 @@ def image_tracks(trajectories: Trajectories, place: int) -> ImageTracks:
         there=there,
         length=bodies.length[place, slots].astype(np.float64),
         width=bodies.width[place, slots].astype(np.float64),
-        is_truck=bodies.kind[place, slots] == VehicleKind.T,
+        is_truck=bodies.kind[place, slots] == VehicleKind.TRUCK,
         x=s - first,
         y=line + edges[-1] - d,
         velocity=np.stack([speed * cosine, -speed * sine]),

@@ -31,10 +31,10 @@ _WHEEL_DIAMETER = 0.7  # A required attribute that the model has no use for; a c
 _MAX_STEERING = 0.6  # The same [rad].
 
 _CATEGORIES = {
-    VehicleKind.V: "van",
-    VehicleKind.T: "truck",
-    VehicleKind.MC: "motorbike",
-    VehicleKind.B: "bicycle",
+    VehicleKind.VAN: "van",
+    VehicleKind.TRUCK: "truck",
+    VehicleKind.MOTORCYCLE: "motorbike",
+    VehicleKind.BICYCLE: "bicycle",
 }
 _LAMPS = {
     Lights.INDICATOR_LEFT: ("indicatorLeft", "flashing"),
@@ -208,7 +208,7 @@ def _vehicle(trajectories: Trajectories, place: int, one: _Track) -> Iterator[st
         f' positionZ="{_WHEEL_DIAMETER / 2}"'
     )
     yield (
-        f'<ScenarioObject name="{one.name}"><Vehicle name="{kind.name}"'
+        f'<ScenarioObject name="{one.name}"><Vehicle name="{kind.code}"'
         f' vehicleCategory="{category}" mass="{of("mass"):.1f}">'
     )
     yield (

@@ -311,7 +311,7 @@ def _check_traffic_speed(derived: F64) -> list[str]:
 
 def _check_sizes(rows: Rows) -> list[str]:
     """Compare the sizes of vehicles with usual ones."""
-    has_four_wheels = ~np.isin(rows.kind, (VehicleKind.MC, VehicleKind.B))
+    has_four_wheels = ~np.isin(rows.kind, (VehicleKind.MOTORCYCLE, VehicleKind.BICYCLE))
     if not has_four_wheels.any():
         return []
     width, length = (float(np.median(size[has_four_wheels])) for size in (rows.width, rows.length))

@@ -164,7 +164,7 @@ def _counts(
 ) -> dict[str, Any]:
     """What was found, in numbers."""
     to_left = int(changes.is_left.sum())
-    types = Counter(VehicleKind(kind).name for kind in recording.tracks.kind)
+    types = Counter(VehicleKind(kind).code for kind in recording.tracks.kind)
     return {
         "vehicles": recording.tracks.num_vehicles,
         "lane_changes_left": to_left,

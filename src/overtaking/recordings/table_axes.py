@@ -83,7 +83,7 @@ def _check_oncoming(rows: Rows, road: Road, s: F64, d: F64) -> None:
     along, across = s[last] - s[first], d[last] - d[first]
     distance = np.hypot(along, across)
     is_along_road = (distance > _MIN_DISTANCE) & (np.abs(along) > _MIN_COSINE * distance)
-    is_along_road &= rows.kind != VehicleKind.B
+    is_along_road &= rows.kind != VehicleKind.BICYCLE
     is_forward, is_oncoming = is_along_road & (along > 0.0), is_along_road & (along < 0.0)
     num_forward, num_oncoming = int(is_forward.sum()), int(is_oncoming.sum())
     if not num_forward or num_oncoming < max(1.0, MIN_ONCOMING_SHARE * num_forward):

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from overtaking.core.arrays import F64, I64, Mask
 
 _KIND_NAMES = {
-    **{int(kind): kind.name for kind in VehicleKind},
+    **{int(kind): kind.code for kind in VehicleKind},
     BY_LENGTH: "car",
-    VehicleKind.T: "truck",
-    VehicleKind.V: "van",
-    VehicleKind.MC: "motorcycle",
-    VehicleKind.B: "bicycle",
+    VehicleKind.TRUCK: "truck",
+    VehicleKind.VAN: "van",
+    VehicleKind.MOTORCYCLE: "motorcycle",
+    VehicleKind.BICYCLE: "bicycle",
     LEFT_OUT: "a type that is not read",
 }
 

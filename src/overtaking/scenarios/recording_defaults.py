@@ -17,7 +17,7 @@ from overtaking.model.vehicles import Colour, DriverTraits, VehicleKind, Vehicle
 from overtaking.model.weather import NO_PRESET, Weather
 from overtaking.scenarios.vehicle_sampling import typical_vehicles
 
-DEFAULT_KIND = VehicleKind.M
+DEFAULT_KIND = VehicleKind.MEDIUM_CAR
 """Type of a vehicle whose type is not known."""
 _HIGH_SUN = np.float32(0.8)  # Neither night nor glare.
 _ABEAM = np.float32(1.57)
@@ -40,11 +40,11 @@ def kinds_by_length(length: F64 | F32, *, is_truck: Mask, is_car: Mask) -> U8:
     )
     car = np.select(
         [length < (small + medium) / 2.0, length < (medium + large) / 2.0],
-        [VehicleKind.S, VehicleKind.M],
-        VehicleKind.L,
+        [VehicleKind.SMALL_CAR, VehicleKind.MEDIUM_CAR],
+        VehicleKind.LARGE_CAR,
     )
     trucks = is_truck | (~is_car & (length >= (van + truck) / 2.0))
-    return np.where(trucks, VehicleKind.T, car).astype(np.uint8)
+    return np.where(trucks, VehicleKind.TRUCK, car).astype(np.uint8)
 
 
 def default_vehicles(valid: Mask, kind: U8, length: F32, width: F32) -> VehicleSpecs:

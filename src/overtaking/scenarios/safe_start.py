@@ -210,7 +210,7 @@ def assumed_start_decel(
         speed: Speed at which it begins to brake, (simulation, vehicle) [m/s].
     """
     constants = model_constants()
-    is_truck = (vehicles.kind == VehicleKind.T).astype(np.float32)
+    is_truck = (vehicles.kind == VehicleKind.TRUCK).astype(np.float32)
     columns = road_surface.friction_at_speed(constants, speed, vehicles.tyre_wear, is_truck)
     film = _lane_films(weather, road)[np.arange(lane.shape[0])[:, None], lane]
     depth = road_surface.puddle_depth(weather.puddles)

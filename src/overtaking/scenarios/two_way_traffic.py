@@ -342,7 +342,7 @@ def _desired_speeds(
     low, high = (mps_from_kmh(limit) for limit in traffic.slow_speed_kmh)
     for slot in range(EGO_SLOT + 1, kind.shape[1]):
         is_slow = stream.uniform() < np.float32(traffic.slow_share)
-        is_slow = is_slow & ~np.isin(kind[:, slot], (VehicleKind.MC, VehicleKind.B))
+        is_slow = is_slow & ~np.isin(kind[:, slot], (VehicleKind.MOTORCYCLE, VehicleKind.BICYCLE))
         slow_speed = scale_to_range(stream.uniform(), low, high)
         speed[:, slot] = np.where(is_slow, minimum(slow_speed, speed[:, slot]), speed[:, slot])
     return speed

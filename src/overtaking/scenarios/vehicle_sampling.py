@@ -109,7 +109,7 @@ def with_able_bicycles(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpe
         vehicles: Bodies, shape (simulation, vehicle).
         desired_speed: Speed that each driver wants, the same shape [m/s].
     """
-    bicycle = vehicles.kind == VehicleKind.B
+    bicycle = vehicles.kind == VehicleKind.BICYCLE
     c = model_constants()
     drag = c.half_air_density * vehicles.drag_area * desired_speed * desired_speed
     rolling = vehicles.rolling_resistance * vehicles.mass * c.gravity
@@ -129,7 +129,7 @@ def with_semitrailers(vehicles: VehicleSpecs, pulls: NDArray[np.bool_]) -> Vehic
         vehicles: Bodies, shape (simulation, vehicle).
         pulls: Which of the trucks have one, the same shape.
     """
-    pulls = pulls & (vehicles.kind == VehicleKind.T)
+    pulls = pulls & (vehicles.kind == VehicleKind.TRUCK)
     mass = np.float32(number("sampling.semitrailer.mass"))
     inertia = vehicles.yaw_inertia * (mass / vehicles.mass)
     return vehicles.replace(
@@ -169,7 +169,7 @@ def typical_vehicles(kind: U8, colour: U8) -> VehicleSpecs:
 def top_speeds() -> F32:
     """Highest speed of each vehicle type, the bicycle's lifted, shape (type,) [m/s]."""
     speeds = _table("governed_speed").copy()
-    speeds[VehicleKind.B] = np.inf
+    speeds[VehicleKind.BICYCLE] = np.inf
     return speeds
 
 

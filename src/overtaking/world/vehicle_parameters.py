@@ -106,7 +106,7 @@ def side_lag(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
 
 def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
     """Lengths and widths, and the effects of a body on traffic behind it."""
-    is_tall = (vehicles.kind == VehicleKind.T) | (vehicles.kind == VehicleKind.V)
+    is_tall = (vehicles.kind == VehicleKind.TRUCK) | (vehicles.kind == VehicleKind.VAN)
     return {
         "half_length": HALF * vehicles.length,
         "half_width": HALF * vehicles.width,
@@ -151,7 +151,7 @@ def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
         "moment_angle": moment_angle(vehicles, constants),
         "side_lag": side_lag(vehicles, constants),
         "wear": vehicles.tyre_wear,
-        "truck": (vehicles.kind == VehicleKind.T).astype(np.float32),
+        "truck": (vehicles.kind == VehicleKind.TRUCK).astype(np.float32),
     }
 
 
@@ -169,7 +169,7 @@ def _wind_surface(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArr
 def _lamps(context: StepContext) -> FieldArrays:
     """Lamps and contrast: low beam at night, in rain and in thick fog; fog lamps in thick fog."""
     vehicles, conditions = context.scenario.vehicles, context.conditions
-    has_lamps = vehicles.kind != VehicleKind.B
+    has_lamps = vehicles.kind != VehicleKind.BICYCLE
     # Lamps are switched by the recorded night. Drivers see outlines of lamps instead of bodies only
     # where the night acts by physics.
     is_night = context.scenario.weather.night[:, None]

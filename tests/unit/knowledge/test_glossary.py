@@ -15,7 +15,7 @@ def test_every_class_policy_reading_feature_and_vehicle_class_has_words():
     assert tuple(terms("classes")) == tuple(one.title for one in OvertakeClass)
     assert tuple(terms("policies")) == tuple(one.name for one in policies_for("pt"))
     assert tuple(terms("readings")) == READINGS
-    assert tuple(terms("vehicles")) == tuple(kind.name for kind in VehicleKind)
+    assert tuple(terms("vehicles")) == tuple(kind.code for kind in VehicleKind)
     assert [(one.name, one.unit, one.title) for one in FEATURES] == [
         (name, term.display_unit, term.title) for name, term in terms("features").items()
     ]

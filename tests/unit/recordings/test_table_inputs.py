@@ -366,8 +366,8 @@ def test_sizes_and_kinds_belong_to_tracks_and_not_to_ids(tmp_path, gap_s):
     tracks = read(path).tracks
     is_car = tracks.length == 4.6
     assert sorted(tracks.length.tolist()) == [4.5, 4.5, 4.6, 4.6, 16.5, 16.5]
-    assert set(tracks.kind[is_car].tolist()) == {VehicleKind.M}
-    assert set(tracks.kind[tracks.length == 16.5].tolist()) == {VehicleKind.T}
+    assert set(tracks.kind[is_car].tolist()) == {VehicleKind.MEDIUM_CAR}
+    assert set(tracks.kind[tracks.length == 16.5].tolist()) == {VehicleKind.TRUCK}
     assert tracks.is_kind_known.all()
     assert overtakes(read(path)) == 2
 

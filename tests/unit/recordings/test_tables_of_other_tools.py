@@ -233,7 +233,7 @@ def test_composed_and_decomposed_letters_are_equal(frame):
     types = {"car": ["car"], "truck": [f"{decomposed}norme"]}
     recording = read(table, columns={**COLUMNS, "type": f"typ{decomposed}"}, types=types)
     assert recording.tracks.names.tolist() == [f"{number}{composed}" for number in (3, 5, 7, 9)]
-    assert (recording.tracks.kind == VehicleKind.T).any()
+    assert (recording.tracks.kind == VehicleKind.TRUCK).any()
 
 
 @pytest.mark.parametrize("header", ["x [m]", "x (m)", "X [ m ]", "x[metres]", " x "])

@@ -33,7 +33,7 @@ def block_of(section, count):
     return SampleBlock.from_indices(specification, load_road("motorway"), 7, index)
 
 
-def traits(count=60_000, kind=VehicleKind.M, **keys):
+def traits(count=60_000, kind=VehicleKind.MEDIUM_CAR, **keys):
     """Drivers of one type of vehicle, one in each simulation."""
     kinds = np.full((count, 1), kind, np.uint8)
     drawn = sample_traits(block_of(DriversSection(population="mixed", **keys), count), kinds)
@@ -143,7 +143,7 @@ def test_the_driving_style_moves_a_parameter_in_its_direction(name):
 
 def test_rural_drivers_misjudge_what_a_pass_takes_as_was_measured():
     # Off by 20 to 52 %, and six in ten to eight in ten too low (Gordon and Mast 1968).
-    kinds = np.full((60_000, 1), VehicleKind.M, np.uint8)
+    kinds = np.full((60_000, 1), VehicleKind.MEDIUM_CAR, np.uint8)
     block = block_of(DriversSection(population="rural"), 60_000)
     need = sample_traits(block, kinds)["passing_time_factor"]
     assert 0.6 < (need < 1.0).mean() < 0.8
@@ -198,7 +198,7 @@ def test_limits_hold_at_both_ends():
 
 
 def test_trucks_change_lanes_slower_and_brake_and_accelerate_less(car_drivers):
-    trucks = traits(kind=VehicleKind.T)
+    trucks = traits(kind=VehicleKind.TRUCK)
     for name, factor in (
         ("lane_change_duration", 1.3),
         ("time_gap", 1.3),
@@ -212,7 +212,7 @@ def test_trucks_change_lanes_slower_and_brake_and_accelerate_less(car_drivers):
 def test_comfortable_braking_is_in_proportion_to_the_class(car_drivers):
     classes = vehicle_classes()
     for kind in VehicleKind:
-        factor = classes[kind.name].comfort_decel.number / classes["M"].comfort_decel.number
+        factor = classes[kind.code].comfort_decel.number / classes["M"].comfort_decel.number
         drawn = traits(1_000, kind=kind)["decel"]
         np.testing.assert_allclose(drawn, factor * car_drivers["decel"][:1_000], rtol=1e-5)
 
@@ -224,7 +224,7 @@ ALL_FIXED = dict.fromkeys(FixedTraits.model_fields, 0.5)
 def test_every_parameter_can_be_fixed():
     fixed = FixedTraits(**ALL_FIXED)
     assert fixed.values().keys() == ALL_TRAITS.keys() - SPEED_TRAITS.keys() - FLAGS
-    drawn = traits(50, kind=VehicleKind.T, fixed=fixed)
+    drawn = traits(50, kind=VehicleKind.TRUCK, fixed=fixed)
     for name in fixed.values():
         assert set(drawn[name]) == {0.5}
 
@@ -285,7 +285,7 @@ def test_the_traffic_wants_about_the_speed_that_it_came_with(town06):
     others = drawn.vehicles.valid.copy()
     others[:, 0] = False
     ratio = drawn.drivers.desired_speed[others] / drawn.start_speed[others]
-    trucks = drawn.vehicles.kind[others] == VehicleKind.T
+    trucks = drawn.vehicles.kind[others] == VehicleKind.TRUCK
     assert 0.89 < ratio.min() < ratio.max() < 1.11
     assert np.median(ratio[~trucks]) == pytest.approx(1.01, abs=0.01)
 

@@ -26,7 +26,9 @@ def test_the_ego_is_one_of_many_and_never_in_the_fastest_lane(drawn):
     assert drawn.num_slots == 32
     assert drawn.num_vehicles.min() >= 8
     assert set(np.unique(drawn.start_lane[:, 0])) == {0, 1}
-    assert not np.isin(drawn.vehicles.kind[:, 0], (VehicleKind.MC, VehicleKind.B)).any()
+    assert not np.isin(
+        drawn.vehicles.kind[:, 0], (VehicleKind.MOTORCYCLE, VehicleKind.BICYCLE)
+    ).any()
     # Filled slots come first.
     count = drawn.num_vehicles
     assert np.array_equal(drawn.vehicles.valid, np.arange(32)[None, :] < count[:, None])
@@ -42,7 +44,7 @@ def test_lanes_have_their_densities_and_their_kinds(drawn):
             spacings.append(np.diff(np.sort(batch.start_s[one, there])))
         mean = np.concatenate(spacings).mean()
         assert mean == pytest.approx(100.0 / share, rel=0.06)
-    trucks = drawn.vehicles.valid & (drawn.vehicles.kind == VehicleKind.T)
+    trucks = drawn.vehicles.valid & (drawn.vehicles.kind == VehicleKind.TRUCK)
     assert not (trucks & (drawn.start_lane == 2)).any()
     assert trucks.sum() / drawn.vehicles.valid.sum() == pytest.approx(0.2, abs=0.03)
 

@@ -72,7 +72,7 @@ def usable_decel(batch, pairs):
     cover = 0.5 * puddles / 100
     speed = batch.start_speed[row, rear].astype(np.float64)
     wear = vehicles.tyre_wear[row, rear].astype(np.float64)
-    truck = vehicles.kind[row, rear] == VehicleKind.T
+    truck = vehicles.kind[row, rear] == VehicleKind.TRUCK
     thin, thick = (
         (1 - wear) * bosch(BOSCH_NEW, speed, h, truck) + wear * bosch(BOSCH_WORN, speed, h, truck)
         for h in (film, deep)
@@ -165,7 +165,7 @@ def test_speeds_are_those_that_vehicles_may_come_with(pinto):
     valid = pinto.vehicles.valid
     assert speed[valid].min() > 50 - 1e-3
     assert speed[valid].max() < 120 + 1e-3
-    trucks = valid & (pinto.vehicles.kind == VehicleKind.T)
+    trucks = valid & (pinto.vehicles.kind == VehicleKind.TRUCK)
     assert speed[trucks].max() < 90 + 1e-3
 
 
@@ -188,7 +188,7 @@ def test_undisturbed_speeds_are_uniform(pinto):
     valid[:, :2] = False  # The leader's are skewed and the ego has one.
     row, rear, _ = pairs_in_lanes(pinto)
     valid[row, rear] = False
-    cars = valid & (pinto.vehicles.kind != VehicleKind.T)
+    cars = valid & (pinto.vehicles.kind != VehicleKind.TRUCK)
     speeds = pinto.start_speed[cars] * KMH
     assert stats.kstest(speeds, stats.uniform(50, 70).cdf).pvalue > SMALLEST_P
 

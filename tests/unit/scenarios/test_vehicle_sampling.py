@@ -26,7 +26,7 @@ def of_kind(pinto, kind):
 
 
 def test_names_and_codes_of_types_and_colours_agree():
-    assert tuple(kind.name for kind in VehicleKind) == VEHICLE_CLASS_NAMES
+    assert tuple(kind.code for kind in VehicleKind) == VEHICLE_CLASS_NAMES
     assert tuple(colour.name.lower() for colour in Colour) == COLOUR_NAMES
 
 
@@ -53,7 +53,7 @@ def test_weights_change_types_and_colours(town06):
     counts = np.bincount(others, minlength=7)
     expected = others.size * np.array([0.75, 0.25])
     assert stats.chisquare(counts[[0, 4]], expected).pvalue > SMALLEST_P
-    assert np.all(vehicles.kind[:, 0] == VehicleKind.V)
+    assert np.all(vehicles.kind[:, 0] == VehicleKind.VAN)
     assert np.all(vehicles.colour == Colour.RED)
 
 
@@ -67,7 +67,7 @@ def test_all_colours_are_equally_likely_and_have_their_contrast(pinto):
 @pytest.mark.parametrize("kind", KINDS)
 def test_length_and_mass_are_truncated_normal(pinto, kind):
     field = of_kind(pinto, kind)
-    known = vehicle_classes()[kind.name]
+    known = vehicle_classes()[kind.code]
     for name in ("length", "mass"):
         entry = getattr(known, name)
         values = field(name)
@@ -80,7 +80,7 @@ def test_length_and_mass_are_truncated_normal(pinto, kind):
 
 
 def test_length_mass_and_wear_are_independent(pinto):
-    field = of_kind(pinto, VehicleKind.M)
+    field = of_kind(pinto, VehicleKind.MEDIUM_CAR)
     drawn = [field(name) for name in ("length", "mass", "wind_centre_ratio", "tyre_wear")]
     correlation = np.corrcoef(np.stack(drawn)) - np.eye(4)
     assert np.abs(correlation).max() < 5 / np.sqrt(drawn[0].size)
@@ -89,7 +89,7 @@ def test_length_mass_and_wear_are_independent(pinto):
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_follows_from_size_and_mass_is_physical(pinto, kind):
     field = of_kind(pinto, kind)
-    known = vehicle_classes()[kind.name]
+    known = vehicle_classes()[kind.code]
     assert np.all(field("wheelbase") < field("length"))
     assert np.all((field("cg_to_front") > 0) & (field("cg_to_front") < field("wheelbase")))
     to_rear = field("wheelbase") - field("cg_to_front")
@@ -100,11 +100,11 @@ def test_what_follows_from_size_and_mass_is_physical(pinto, kind):
     assert set(field("front_drive_share")) <= {0.0, 1.0}
     share = field("front_drive_share").mean()
     assert share == pytest.approx(known.front_drive_share.number, abs=0.02)
-    assert np.all(field("two_wheeler") == (kind in (VehicleKind.MC, VehicleKind.B)))
+    assert np.all(field("two_wheeler") == (kind in (VehicleKind.MOTORCYCLE, VehicleKind.BICYCLE)))
 
 
 def test_an_empty_truck_is_lower_than_a_loaded_one(pinto):
-    field = of_kind(pinto, VehicleKind.T)
+    field = of_kind(pinto, VehicleKind.TRUCK)
     empty = field("mass") < 7_000
     loaded = field("mass") > 12_000
     assert field("cg_height")[empty].max() < 1.05
@@ -118,7 +118,7 @@ def test_most_tyres_are_half_worn_and_few_are_bald(pinto):
 
 
 def test_bicycles_are_unlawful_and_can_hold_the_speed_they_want(pinto):
-    bicycle = pinto.vehicles.kind == VehicleKind.B
+    bicycle = pinto.vehicles.kind == VehicleKind.BICYCLE
     np.testing.assert_array_equal(pinto.vehicles.unlawful_presence, bicycle)
     speed = pinto.drivers.desired_speed[bicycle].astype(np.float64)
     assert speed.min() > 40 / 3.6
@@ -134,7 +134,7 @@ def test_bicycles_are_unlawful_and_can_hold_the_speed_they_want(pinto):
 
 def test_only_bicycles_are_stronger_than_their_class(pinto):
     for kind in KINDS[:-1]:
-        known = vehicle_classes()[kind.name]
+        known = vehicle_classes()[kind.code]
         field = of_kind(pinto, kind)
         assert set(field("max_speed")) == {np.float32(known.governed_speed.number)}
         power = known.specific_power.number * known.mass.number
@@ -155,7 +155,7 @@ def test_as_many_trucks_pull_semitrailers_as_the_profile_says():
         .vehicles
         for share in (0.0, 0.25)
     )
-    trucks = some.kind == VehicleKind.T
+    trucks = some.kind == VehicleKind.TRUCK
     pulls = trucks & (some.length == 16.5)
     assert stats.binomtest(int(pulls.sum()), int(trucks.sum()), 0.25).pvalue > SMALLEST_P
     assert np.all(some.mass[pulls] == 28_000.0)

@@ -52,7 +52,7 @@ class Feature:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
-VEHICLE_TYPES = tuple(VehicleKind.__members__)  # In the order of the paper's codes.
+VEHICLE_TYPES = tuple(kind.code for kind in VehicleKind)  # In the order of the paper's codes.
 EGO_TYPES = VEHICLE_TYPES[:5]
 """Those that the ego has in the paper; two-wheelers are shown where a recording has one."""
 

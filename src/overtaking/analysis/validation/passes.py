@@ -200,7 +200,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
         too_fast=bool(
             (speed[EGO_SLOT, while_out] > road.speed_limit_at(s[EGO_SLOT, while_out])).any()
         ),
-        is_truck=bool(specs.kind[row, target] == VehicleKind.T),
+        is_truck=bool(specs.kind[row, target] == VehicleKind.TRUCK),
         single=int((along & (s[:, first] > s[0, first]) & (s[:, last] < s[0, last])).sum()) == 1,
     )
 
@@ -396,7 +396,7 @@ def _refused(tally: Tally, batch: Batch) -> None:
     tally.add_binned("refused", batch.group[some], bins, batch.weight[some], GAP_BINS)
     seen = away < sight_at(runs.road, s[:, EGO_SLOT], 1)
     near = there & seen & (away < AWAY_BINS * AWAY_WIDTH)
-    small = runs.scenario.vehicles.kind[row, slot] == VehicleKind.MC
+    small = runs.scenario.vehicles.kind[row, slot] == VehicleKind.MOTORCYCLE
     place = (away[near] / AWAY_WIDTH).astype(np.int64) + AWAY_BINS * (
         small[near] + 2 * goes[near].astype(np.int64)
     )

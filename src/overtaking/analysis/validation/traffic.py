@@ -30,7 +30,7 @@ USUAL_ACCEL = (-3000, 2000)
 FREE_EVERY = 4
 """Every so many of these instants, whether the lane on the right is free: it takes all pairs."""
 
-CARS = (VehicleKind.S, VehicleKind.M, VehicleKind.L)
+CARS = (VehicleKind.SMALL_CAR, VehicleKind.MEDIUM_CAR, VehicleKind.LARGE_CAR)
 
 
 def limit(name: str) -> float:

@@ -9,7 +9,7 @@ from overtaking.model.vehicles import Colour, VehicleKind
 from overtaking.model.verdicts import Belief, OvertakeClass, Severity, Verdict
 
 ROLES = ("ego", "other")
-KINDS = tuple(kind.name for kind in VehicleKind)
+KINDS = tuple(kind.code for kind in VehicleKind)
 COLOURS = tuple(colour.name.lower() for colour in Colour)
 MARKS = tuple(mark.value for mark in RoadMark)
 STAGES = tuple(stage.name for stage in Stage)

@@ -179,7 +179,7 @@ L16 = Rule(
 def _in_slow_lanes(case: Case) -> Finding:
     """On a motorway with three or more lanes a truck is in one of the two slowest."""
     seen, road = case.signals, case.trajectories.road
-    trucks = ego_may_be(case, VehicleKind.T)
+    trucks = ego_may_be(case, VehicleKind.TRUCK)
     motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
     if not (motorway and trucks.any() and road.num_lanes >= constant("law.trucks.from_lanes")):
         return inapplicable(seen.num_simulations)

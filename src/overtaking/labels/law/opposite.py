@@ -293,7 +293,7 @@ def _leaves_room(case: Case) -> Finding:
     in_town = run.road.kind == "town" and "road_kind" not in run.unknown
     if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
         return inapplicable(seen.num_simulations)
-    heavy = run.scenario.vehicles.kind[:, EGO_SLOT] == VehicleKind.T
+    heavy = run.scenario.vehicles.kind[:, EGO_SLOT] == VehicleKind.TRUCK
     heavy |= "kinds" in run.unknown
     # Who is about to overtake may close up (paragraph 2).
     span, end = conduct(case), driving_end(case)

@@ -125,7 +125,7 @@ def ego_may_be(case: Case, kind: VehicleKind) -> Mask:
 def target_may_be(case: Case, *, bicycle: bool) -> Mask:
     """Whether there is a target that is a bicycle, or is none, or may be; shape (simulation,)."""
     vehicle, kind = case.target.slot, case.trajectories.scenario.vehicles.kind
-    is_bicycle = kind[np.arange(len(vehicle)), slot_of(vehicle)] == VehicleKind.B
+    is_bicycle = kind[np.arange(len(vehicle)), slot_of(vehicle)] == VehicleKind.BICYCLE
     unknown = "kinds" in case.trajectories.unknown
     return (vehicle != NO_VEHICLE) & ((is_bicycle == bicycle) | unknown)
 

@@ -213,10 +213,10 @@ def _no_sign(case: Case) -> Finding:
     n = case.signals.num_simulations
     if not case.trajectories.road.course:
         return inapplicable(n)
-    motorcycle = ego_may_be(case, VehicleKind.MC)
+    motorcycle = ego_may_be(case, VehicleKind.MOTORCYCLE)
     signs = {
         ZoneKind.NO_OVERTAKING: target_may_be(case, bicycle=False) & ~of_two_wheels(case),
-        ZoneKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.T),
+        ZoneKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.TRUCK),
         ZoneKind.NO_OVERTAKING_MOTORCYCLE: motorcycle,
     }
     there = case.target.slot != NO_VEHICLE
@@ -228,7 +228,7 @@ def of_two_wheels(case: Case) -> Mask:
     """Whether the target is known to be a motorcycle."""
     vehicle, run = case.target.slot, case.trajectories
     kind = run.scenario.vehicles.kind[np.arange(len(vehicle)), slot_of(vehicle)]
-    return (kind == VehicleKind.MC) & ("kinds" not in run.unknown)
+    return (kind == VehicleKind.MOTORCYCLE) & ("kinds" not in run.unknown)
 
 
 L29 = Rule(

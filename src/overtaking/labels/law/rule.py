@@ -273,9 +273,15 @@ def _possible_kinds(case: Case) -> Iterator[Case]:
     """
     run = case.trajectories
     vehicles = run.scenario.vehicles
-    car = np.uint8(VehicleKind.M)
-    for kind in (car, VehicleKind.T, VehicleKind.V, VehicleKind.MC, VehicleKind.B):
-        may_be = may_be_kind(kind, vehicles.length) | (kind == VehicleKind.T)
+    car = np.uint8(VehicleKind.MEDIUM_CAR)
+    for kind in (
+        car,
+        VehicleKind.TRUCK,
+        VehicleKind.VAN,
+        VehicleKind.MOTORCYCLE,
+        VehicleKind.BICYCLE,
+    ):
+        may_be = may_be_kind(kind, vehicles.length) | (kind == VehicleKind.TRUCK)
         possible = np.where(may_be, np.uint8(kind), car)
         kinds = np.where(run.known_kinds, vehicles.kind, possible)
         scenario = run.scenario.replace(vehicles=vehicles.replace(kind=kinds))

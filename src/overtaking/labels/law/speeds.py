@@ -38,7 +38,7 @@ from overtaking.model.verdicts import Case, Severity, Verdict
 ROAD_KINDS = ("motorway", "other", "town")
 CLASSES = ("light", "van", "heavy")
 
-_CLASS_OF = {VehicleKind.V: 1, VehicleKind.T: 2}
+_CLASS_OF = {VehicleKind.VAN: 1, VehicleKind.TRUCK: 2}
 """Index into `CLASSES` of vehicles that are neither light passenger vehicles nor two-wheelers."""
 
 _ROUNDING = np.float32(5e-4)

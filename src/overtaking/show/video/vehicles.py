@@ -17,8 +17,8 @@ _GLOW = 1.1  # Reach of a lamp's glow [m].
 _RING = 0.45  # Distance of the marks from the body [m].
 _MAX_KEPT_SHADOW = 5.0  # The shadow of a truck at sunset would cover the lanes [m].
 _SPRAY_LENGTH = 7.0
-_TWO_WHEELERS = (VehicleKind.MC, VehicleKind.B)
-_ROUNDNESS = {VehicleKind.V: 0.28, VehicleKind.T: 0.12}
+_TWO_WHEELERS = (VehicleKind.MOTORCYCLE, VehicleKind.BICYCLE)
+_ROUNDNESS = {VehicleKind.VAN: 0.28, VehicleKind.TRUCK: 0.12}
 _LOUDEST_SPRAY = 0.30
 
 
@@ -173,7 +173,7 @@ def _car(drawing: Drawing, body: Body) -> None:
 
 def _van(drawing: Drawing, body: Body) -> None:
     """A van: short bonnet, windscreen, and a roof up to the rear doors."""
-    x, y = _shell(drawing, body, _ROUNDNESS[VehicleKind.V])
+    x, y = _shell(drawing, body, _ROUNDNESS[VehicleKind.VAN])
     drawing.rect((0.56 * x, 0.78 * x), (-y + 0.18, y - 0.18), palette.GLASS, radius=0.12)
     roof = palette.mixed(palette.PAINT[body.colour], "#ffffff", 0.15)
     drawing.rect((-x + 0.22, 0.52 * x), (-y + 0.22, y - 0.22), roof, radius=0.15)
@@ -203,7 +203,7 @@ def _truck(drawing: Drawing, body: Body) -> None:
 def _two_wheeler(drawing: Drawing, body: Body) -> None:
     """A machine with a rider on it, wide enough to be seen."""
     x, y, paint = 0.5 * body.length, 0.5 * body.width, palette.PAINT[body.colour]
-    wheel = 0.12 if body.kind is VehicleKind.B else 0.2
+    wheel = 0.12 if body.kind is VehicleKind.BICYCLE else 0.2
     drawing.rect((-x, x), (-wheel, wheel), palette.TRIM, radius=wheel)
     drawing.rect((0.40 * x, 0.55 * x), (-y, y), palette.TRIM, radius=0.05)
     drawing.rect((-0.5 * x, 0.35 * x), (-0.7 * wheel - 0.06, 0.7 * wheel + 0.06), paint, radius=0.1)
@@ -215,8 +215,8 @@ def _two_wheeler(drawing: Drawing, body: Body) -> None:
 
 
 _PAINTERS = {
-    VehicleKind.V: _van,
-    VehicleKind.T: _truck,
-    VehicleKind.MC: _two_wheeler,
-    VehicleKind.B: _two_wheeler,
+    VehicleKind.VAN: _van,
+    VehicleKind.TRUCK: _truck,
+    VehicleKind.MOTORCYCLE: _two_wheeler,
+    VehicleKind.BICYCLE: _two_wheeler,
 }

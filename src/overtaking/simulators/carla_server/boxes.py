@@ -81,10 +81,10 @@ def _parts(
         return
     kind, paint = int(vehicle.body["kind"]), _paint(vehicle)
     ground = 0.18
-    if kind in (VehicleKind.MC, VehicleKind.B):
+    if kind in (VehicleKind.MOTORCYCLE, VehicleKind.BICYCLE):
         yield (-length, length, -0.12, 0.12, 0.0, 0.5 * height), TYRE
         yield (-0.4, 0.35, -0.5 * width, 0.5 * width, 0.4 * height, height), paint
-    elif kind in (VehicleKind.T, VehicleKind.V):
+    elif kind in (VehicleKind.TRUCK, VehicleKind.VAN):
         cab = length - min(0.5 * length, 2.0)
         yield (-length, cab, -width, width, ground, height), paint
         yield (cab, length, -width, width, ground, 0.9 * height), GLASS

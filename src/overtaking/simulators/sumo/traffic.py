@@ -70,10 +70,10 @@ Attributes = dict[str, Any]
 """Numbers or words of a vehicle type, by SUMO's names."""
 
 CLASSES = dict.fromkeys(VehicleKind, "passenger") | {
-    VehicleKind.V: "delivery",
-    VehicleKind.T: "truck",
-    VehicleKind.MC: "motorcycle",
-    VehicleKind.B: "bicycle",
+    VehicleKind.VAN: "delivery",
+    VehicleKind.TRUCK: "truck",
+    VehicleKind.MOTORCYCLE: "motorcycle",
+    VehicleKind.BICYCLE: "bicycle",
 }
 """SUMO's `vClass` of each type of vehicle: a passenger car if no other is named."""
 

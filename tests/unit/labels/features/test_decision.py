@@ -93,7 +93,7 @@ def test_they_describe_the_pair_at_the_attempt():
     found, frame = decision_features(one), int(one.events.attempt[0])
     gap = 60.0 - 8.0 * frame * 0.05 - 4.0
     assert found.frame[0] == frame
-    assert found.ahead.kind[0] == VehicleKind.T
+    assert found.ahead.kind[0] == VehicleKind.TRUCK
     assert found.ahead.speed[0] == pytest.approx(20.0)
     assert found.ahead.encounter.gap[0] == pytest.approx(gap, abs=2e-3)
     assert found.ahead.encounter.ttc[0] == pytest.approx(gap / 8.0, rel=1e-3)

@@ -45,7 +45,7 @@ def test_the_paper_measures_an_overtake_where_it_begins():
     assert value(found, "target_speed") == pytest.approx(20.0)
     assert value(found, "speed_difference") == pytest.approx(8.0)
     assert value(found, "distance") == pytest.approx(60.0 - 8.0 * begun * 0.05, abs=0.01)
-    assert (found.ego_kind[0], found.target_kind[0]) == (VehicleKind.L, VehicleKind.T)
+    assert (found.ego_kind[0], found.target_kind[0]) == (VehicleKind.LARGE_CAR, VehicleKind.TRUCK)
     assert found.num_vehicles[0] == 2
 
 

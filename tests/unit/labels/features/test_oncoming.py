@@ -84,7 +84,7 @@ def test_who_comes_is_known_when_the_overtake_begins():
     gap += 0.5 * (4.4 - float(one.trajectories.scenario.vehicles.length[0, 2]))
     assert found.exists[0]
     assert found.comes[0]
-    assert found.kind[0] == VehicleKind.MC
+    assert found.kind[0] == VehicleKind.MOTORCYCLE
     assert found.gap[0] == pytest.approx(gap, abs=0.01)
     assert found.closing_speed[0] == pytest.approx(50.0, rel=1e-5)
     assert found.time[0] == pytest.approx(gap / 50.0, abs=1e-3)

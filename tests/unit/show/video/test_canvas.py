@@ -84,7 +84,7 @@ def test_lines_are_as_long_and_wide_as_shapely_says():
 
 @pytest.mark.parametrize("shade", [(-2.0, 1.0), (1.0, -1.0), (-1.0, 0.0), (0.0, 0.0)])
 def test_a_shadow_is_the_hull_of_the_body_and_of_where_its_roof_falls(shade):
-    body = Body(kind=VehicleKind.T, colour=Colour.GREY, length=4.0, width=2.0, height=1.5)
+    body = Body(kind=VehicleKind.TRUCK, colour=Colour.GREY, length=4.0, width=2.0, height=1.5)
     plain, shaded = (painted(body, (*shade, dark), 0.0) for dark in (0.0, 1.0))
 
     def shown(drawing: Drawing):

@@ -157,7 +157,7 @@ def test_an_indicator_blinks_sixty_to_one_hundred_and_twenty_times_a_minute(run)
     assert 60 <= flashes / 2.0 * 60.0 <= 120
 
 
-CAR = Body(kind=VehicleKind.M, colour=Colour.GREY, length=4.6, width=1.8, height=1.5)
+CAR = Body(kind=VehicleKind.MEDIUM_CAR, colour=Colour.GREY, length=4.6, width=1.8, height=1.5)
 
 
 @pytest.mark.parametrize(

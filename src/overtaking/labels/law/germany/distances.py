@@ -148,7 +148,7 @@ def truck_distance(speed: F32) -> F32:
 
 def _trucks_keep_distance(case: Case) -> Finding:
     """On a motorway a truck above 50 km/h is 50 m or more behind."""
-    trucks, road = ego_may_be(case, VehicleKind.T), case.trajectories.road
+    trucks, road = ego_may_be(case, VehicleKind.TRUCK), case.trajectories.road
     motorway = road.kind == "motorway" or "road_kind" in case.trajectories.unknown
     if not (motorway and trucks.any()):
         return inapplicable(case.signals.num_simulations)
@@ -189,7 +189,7 @@ A3 = Rule(
 
 def _leaves_room(case: Case) -> Finding:
     """Where a truck can be overtaken, the gap ahead of it holds another vehicle."""
-    run, trucks = case.trajectories, ego_may_be(case, VehicleKind.T) & ~case.events.has_attempt
+    run, trucks = case.trajectories, ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
     in_town = run.road.kind == "town" and "road_kind" not in run.unknown
     if not run.road.is_two_way or run.road.num_lanes > 1 or in_town:
         return inapplicable(case.signals.num_simulations)

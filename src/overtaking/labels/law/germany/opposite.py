@@ -43,7 +43,7 @@ def _signs(case: Case) -> Finding:
     tracks &= case.target.slot != NO_VEHICLE
     signs = {
         ZoneKind.NO_OVERTAKING: tracks,
-        ZoneKind.NO_OVERTAKING_HEAVY: tracks & ego_may_be(case, VehicleKind.T),
+        ZoneKind.NO_OVERTAKING_HEAVY: tracks & ego_may_be(case, VehicleKind.TRUCK),
     }
     return away_from_each(case, signs, immediately_before)
 

@@ -123,7 +123,7 @@ O4 = adopt(
 
 def _trucks_see(case: Case) -> Finding:
     """As a truck begins to overtake, one sees 50 m or more through fog and rain."""
-    trucks = ego_may_be(case, VehicleKind.T) & case.events.has_attempt
+    trucks = ego_may_be(case, VehicleKind.TRUCK) & case.events.has_attempt
     margin = optical_range(case) - constant("law_de.pass.truck_sight")
     return instant(case.events.attempt, margin, trucks)
 
