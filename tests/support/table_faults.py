@@ -78,10 +78,10 @@ MAP: Mapping[str, Any] = {
 """The map of columns of `table_of`."""
 
 _WORDS = {
-    VehicleKind.V: "van",
-    VehicleKind.T: "truck",
-    VehicleKind.MC: "motorcycle",
-    VehicleKind.B: "bicycle",
+    VehicleKind.VAN: "van",
+    VehicleKind.TRUCK: "truck",
+    VehicleKind.MOTORCYCLE: "motorcycle",
+    VehicleKind.BICYCLE: "bicycle",
 }
 """The type of a vehicle in the table; other kinds are cars."""
 

@@ -92,6 +92,9 @@ _RECORDING_KEYS = {
 }  # fmt: skip
 _SECTIONS = ("recording", "files", "columns", "types", "only", "road")
 BY_LENGTH, LEFT_OUT, NOT_KNOWN = -1, -2, -3
+"""Codes of types beside `VehicleKind`: a car whose length decides about its kind; a vehicle that is
+not read; a vehicle of unknown kind."""
+
 _KINDS = {
     "car": BY_LENGTH,
     "van": VehicleKind.VAN,
@@ -101,8 +104,6 @@ _KINDS = {
     "left_out": LEFT_OUT,
     "not_known": NOT_KNOWN,
 }
-"""Codes of types beside `VehicleKind`: a car whose length decides about its kind; a vehicle that is
-not read; a vehicle of unknown kind."""
 
 THOUSANDS = (".", ",", "none")
 """Separators of thousands in numbers that are text."""
