@@ -234,8 +234,8 @@ def test_carla_finds_the_marks_of_each_stretch_and_both_directions(turned: bool)
         assert beyond is not None
         change = {
             "lanes": (dataclasses.replace(road.lanes[0], lane_id=1),),
-            "fast_side_neighbour": dataclasses.replace(beyond, lane_id=-1),
-            "slow_side_neighbour": None,
+            "overtaking_side_neighbour": dataclasses.replace(beyond, lane_id=-1),
+            "kerb_side_neighbour": None,
         }
         road = dataclasses.replace(road, **change)
     place = carla.Map("rural", write_opendrive(road))
