@@ -1,4 +1,34 @@
-"""Laws: comparison, tolerances and reasons, and what rules and packs of your own are made of.
+"""Laws: functions that judge data by a law, and the parts of which you make rules and packs.
+
+Functions that use a law:
+
+- `compare` (the overtakes on which laws differ), `explain` (reasons for the verdicts on one
+  overtake), `tolerance_curve` (number of legal overtakes by tolerance);
+- `undecidable_rules`: the rules that a recording cannot decide, because it lacks signals;
+- `load_pack`, `policies_for`: a pack by its name, and the policies for it.
+
+Parts of rules and packs. A rule is a function that takes a `Case` (simulations with their signals)
+and returns a `Finding` (a `Verdict`, a margin and the frames of a breach for each simulation):
+
+- description: `Rule` with its `Text` (how the wording of the provision is known), `Grade` (severity
+  by the provision), `Severity` (of one breach) and `Spread` (error of the margin); `adopt` copies
+  the check of a rule into a rule of another law; `Pack`, and the packs `PORTUGAL` and `GERMANY`;
+- policies: `Policy`, `Tolerance`;
+- input: `Case`, `MeasurementErrors`, `NeighbourRole`, and the constants `NEVER` (no frame),
+  `ENDLESS` (larger than any margin), `ROAD_KINDS` and `CLASSES` (kinds of roads and vehicles with
+  limits of their own);
+- spans of frames to check: `Span`; `manoeuvre` (3 s before the attempt to 3 s after its end),
+  `conduct` (the manoeuvre, or the whole drive without an attempt), `settled` (`conduct` without the
+  time in which a driver may regain a gap that another took), `passed` (from the end of the overlap
+  with the target), `alongside` (the frames of that overlap); `frames_of` and `seconds_of` convert
+  durations;
+- values at frames: `at` (a signal at one frame of each simulation), `encounter` and `beside` (a
+  neighbour at a frame), `limits_of` (speed limits);
+- findings from margins, where a negative margin is a breach: `always` (at all frames of a span),
+  `always_at` (at listed frames), `instant` (at one frame), `keeps_limit` (speed under a limit),
+  `decided` (from margins and frames that you have computed), `judge` (of a whole rule);
+- errors of measurement: `deciding` (the frame whose margin is the margin of a finding),
+  `standard_error` (of a margin).
 
 `docs/how-to/write-a-rule.md` shows a rule.
 """

@@ -1,4 +1,4 @@
-"""Output of IPython: links, and progress of long work below the running cell of a notebook."""
+"""Output in IPython: HTML, and the progress of long work below the running cell of a notebook."""
 
 import importlib
 import inspect
@@ -14,16 +14,24 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 PROGRESS = "progress"
-"""Keyword of a function that reports its progress."""
+"""Name of the argument through which a function reports its progress."""
 
 DELAY_S = 2.0
-"""Duration of the work before its progress appears [s]."""
+"""Duration of the work before its progress appears, so that short work shows none [s]."""
 
-_INTERVAL_S = 0.25  # A reader cannot follow faster updates, and each one is stored in the notebook.
+_INTERVAL_S = 0.25
+"""Shortest time between two updates [s]. A reader cannot follow faster ones, and the notebook
+stores each of them."""
 
 
 def show_progress(function: Callable[P, T]) -> Callable[P, T]:
-    """The function; in a notebook, a call without `progress` shows it below the cell."""
+    """Decorate a function so that it shows its progress in notebooks.
+
+    In a notebook, a call that passes no `progress` shows the progress below the running cell.
+
+    Args:
+        function: A function with an argument `progress`, a `ProgressCallback` or None.
+    """
     signature = inspect.signature(function)
 
     @wraps(function)
@@ -40,36 +48,44 @@ def notebook_progress(title: str) -> ProgressCallback | None:
     """A function that shows progress below the running cell.
 
     Args:
-        title: Text before the numbers.
+        title: Text before the numbers: "title: 3 of 10".
 
     Returns:
         The function; None if no IPython kernel runs this code.
     """
     if "ipykernel" not in sys.modules:
         return None
-    shell: Any = importlib.import_module("IPython").get_ipython()
+    shell = _import("IPython").get_ipython()
     return _CellProgress(title) if getattr(shell, "kernel", None) is not None else None
 
 
 def display(*, html: str, text: str) -> bool:
-    """Show something where IPython runs this code.
+    """Show a message where IPython runs this code.
 
     Args:
-        html: For notebooks.
-        text: The same for terminals.
+        html: The message for notebooks.
+        text: The same message for terminals.
 
     Returns:
         Whether IPython runs this code; if not, nothing is shown.
     """
-    if "IPython" not in sys.modules or importlib.import_module("IPython").get_ipython() is None:
+    if "IPython" not in sys.modules or _import("IPython").get_ipython() is None:
         return False
-    show: Any = importlib.import_module("IPython.display").display
-    show({"text/html": html, "text/plain": text}, raw=True)
+    _import("IPython.display").display({"text/html": html, "text/plain": text}, raw=True)
     return True
 
 
+def _import(name: str) -> Any:
+    """A module of IPython.
+
+    IPython is no dependency of the package: this module imports it only in a process that has
+    loaded it already. The package is type-checked without it, so its modules are `Any`.
+    """
+    return importlib.import_module(name)
+
+
 class _CellProgress:
-    """One line of text below a cell, which each call replaces."""
+    """A progress callback with one line of text below the cell, which each call replaces."""
 
     def __init__(self, title: str) -> None:
         self._title = title
@@ -77,7 +93,12 @@ class _CellProgress:
         self._handle: Any = None
 
     def __call__(self, done: int, total: int) -> None:
-        """Show the number of steps that are done, and of all."""
+        """Show the progress, at most every `_INTERVAL_S` and always at the end.
+
+        Args:
+            done: Number of steps that are done.
+            total: Number of all steps.
+        """
         now = time.monotonic()
         is_complete = self._handle is not None and done >= total
         if now < self._next_update and not is_complete:
@@ -85,7 +106,7 @@ class _CellProgress:
         self._next_update = now + _INTERVAL_S
         text = {"text/plain": f"{self._title}: {done} of {total}"}
         if self._handle is None:
-            show: Any = importlib.import_module("IPython.display").display
-            self._handle = show(text, raw=True, display_id=True)
+            display_text = _import("IPython.display").display
+            self._handle = display_text(text, raw=True, display_id=True)
         else:
             self._handle.update(text, raw=True)

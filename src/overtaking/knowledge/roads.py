@@ -1,4 +1,8 @@
-"""Sight facts and general speed limits."""
+"""Sight facts and general speed limits, from `data/roads.toml`.
+
+`read_record` turns each entry into the SI value of its unit, so that the limits that the file
+states in km/h are m/s here.
+"""
 
 from __future__ import annotations
 
@@ -27,15 +31,24 @@ class GeneralLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SightFacts:
-    """Numbers for the sight on a road and the sight that passing needs; all in SI.
+    """Numbers for the sight on a road and the sight that passing needs.
+
+    `passing_zone_speeds` and `passing_zone_sight` are the two columns of a table;
+    `world.sight_distance` interpolates linearly between its rows.
 
     Attributes:
-        clearance: From the middle of the lane inside a bend to the obstacle to sight [m].
+        clearance: Lateral distance from the centre of the innermost lane of a bend to the objects
+            beside the road that block the view [m].
         eye_height: Height of a car driver's eyes above the road [m].
         truck_eye_height: Height of a truck driver's eyes above the road [m].
         object_height: Height of the part of a vehicle that a driver must see, above the road [m].
-        passing_zone_speeds: Speed limits [m/s].
-        passing_zone_sight: Least sight at each speed limit where markings allow passing [m].
+        passing_zone_speeds: Speed limits, ascending [m/s].
+        passing_zone_sight: Smallest sight distance at each of these speed limits at which markings
+            allow passing [m].
+
+    Source:
+        AASHTO, A Policy on Geometric Design of Highways and Streets (2018), section 3.2.6 and
+        table 3-4; the clearance is a choice, see the file.
     """
 
     clearance: float
@@ -54,20 +67,26 @@ def sight_facts() -> SightFacts:
 
 @cache
 def general_limits() -> GeneralLimits:
-    """The limits that Portuguese law sets for roads without a sign."""
+    """The limits that article 27 of the Portuguese highway code sets for roads without a sign."""
     return read_record(GeneralLimits, _FILE, "general_limits")
 
 
-def general_limit(kind: str) -> float:
+def general_limit(road_type: str) -> float:
     """The limit of a road without a sign, by its OpenDRIVE road type.
 
+    The types "town", "townArterial" and the others that begin with "town" lie inside localities; so
+    does "lowSpeed", OpenDRIVE's word for a 30 km/h zone. All types except these and "motorway" get
+    the limit outside localities: "rural"; "unknown", because nothing shows that such a road lies in
+    a locality; "pedestrian" and "bicycle", on which the package simulates no traffic.
+
     Args:
-        kind: Road type. Types that begin with "town", and "lowSpeed", lie inside localities.
+        road_type: Attribute `type` of an element `<type>` of OpenDRIVE.
 
     Returns:
         The limit of light passenger vehicles [m/s].
     """
     limits = general_limits()
-    if kind == "motorway":
+    if road_type == "motorway":
         return limits.motorway
-    return limits.town if kind.startswith("town") or kind == "lowSpeed" else limits.other
+    is_in_locality = road_type.startswith("town") or road_type == "lowSpeed"
+    return limits.town if is_in_locality else limits.other
