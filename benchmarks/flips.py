@@ -308,7 +308,9 @@ class Sweep:
         ]
         hashes = np.concatenate([run.trace_hash for run in runs])
         np.savez(
-            self.memory, hashes=hashes, index=np.concatenate([run.scenario.index for run in runs])
+            self.memory,
+            hashes=hashes,
+            index=np.concatenate([run.scenario.scenario_index for run in runs]),
         )
         return 0
 

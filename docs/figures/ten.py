@@ -227,7 +227,7 @@ def picture(profile: str) -> str:
     fastest = 20.0 * float(np.ceil(float(runs.states.speed.max()) * 3.6e-3 / 20.0))
     size = WIDTH, TOP + NUMBER * ROW + 8.0
     parts = [box((0, 0), size, THEME.paper), *heading(profile, chosen)]
-    for row, number in enumerate(runs.scenario.index.tolist()):
+    for row, number in enumerate(runs.scenario.scenario_index.tolist()):
         parts += Row(runs, found, row, last).draw(number, TOP + row * ROW, fastest)
     parts += clock(TOP + NUMBER * ROW - 4.0, last)
     return document(size, f"Ten simulations of {profile}: place, offset and speed over time", parts)

@@ -116,7 +116,7 @@ def test_it_holds_the_first_candidates_of_each_class(data, candidates):
         natural.index[natural == name][:n] for name, n in zip(BALANCE.cells, QUOTAS, strict=True)
     ]
     expected = sorted(np.concatenate(first).tolist())
-    assert data.simulations()["index"].tolist() == expected
+    assert data.simulations()["scenario_index"].tolist() == expected
     hashes = candidates.simulations()["trace_hash"]
     assert data.simulations()["trace_hash"].tolist() == hashes[expected].tolist()
 

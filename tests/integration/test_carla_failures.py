@@ -132,7 +132,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
     processes.dismiss()
     data = api.load_dataset(tmp_path / "data")
     data.verify()
-    assert data.simulations()["index"].tolist() == list(range(10))
+    assert data.simulations()["scenario_index"].tolist() == list(range(10))
 
 
 def test_a_spawn_that_is_refused_is_named_and_the_others_are_run(monkeypatch: pytest.MonkeyPatch):

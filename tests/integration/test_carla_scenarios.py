@@ -58,7 +58,7 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
     assert main([*words, *short, "--out", str(tmp_path / "data"), "--quiet"]) == 0
     data = api.load_dataset(tmp_path / "data")
     data.verify()
-    runs = data.simulations().set_index("index")
+    runs = data.simulations().set_index("scenario_index")
     assert runs.index.tolist() == list(range(COUNT))
     assert runs["num_frames"].between(20, 61).all()
     classes = data.labels().query("policy == 'paper'")

@@ -76,7 +76,7 @@ def test_the_papers_weather_is_that_of_its_presets(data: Dataset):
     weather = data.weather()
     words = weather.assign(
         DN=weather["night"].map({True: "Night", False: "Day"}),
-        HL=weather["horizon_line"].map({True: "Yes", False: "No"}),
+        HL=weather["low_sun"].map({True: "Yes", False: "No"}),
     )
     counts = words.groupby(["DN", "HL"]).size()
     assert found == [(*names, count) for names, count in zip(counts.index, counts, strict=True)]

@@ -161,7 +161,7 @@ def test_the_seed_is_checked(seed):
 def test_the_batch_carries_what_the_specification_says():
     batch = ScenarioSource(PINTO, TOWN06, 7).sample([3, 1])
     assert (batch.profile, batch.seed, batch.frame_interval_ms) == ("pinto2023-physical", 7, 50)
-    np.testing.assert_array_equal(batch.index, np.array([3, 1], np.uint64))
+    np.testing.assert_array_equal(batch.scenario_index, np.array([3, 1], np.uint64))
     np.testing.assert_array_equal(batch.horizon, np.float32([20, 20]))
     np.testing.assert_array_equal(batch.attempt_deadline, np.float32([8, 8]))
     np.testing.assert_array_equal(batch.weight, [1.0, 1.0])

@@ -98,7 +98,7 @@ class Written:
         """What another driver does with the egos."""
         decisions = round(DECISIONS_PER_SECOND * self.horizon)
         values = np.zeros((scenario.num_simulations, decisions, MAX_ACTION_PARTS), np.int32)
-        for row, index in zip(values, scenario.index, strict=True):
+        for row, index in zip(values, scenario.scenario_index, strict=True):
             for time, *steps in self.scenes[int(index) % self.share].moves:
                 row[round(DECISIONS_PER_SECOND * time) :, : len(steps)] = steps
         return Actions(kind=self.kind, values=values)
@@ -109,7 +109,7 @@ class Written:
         if self.ring is not None:
             given = with_ring(given, np.full_like(scenario.horizon, self.ring))
         vehicle = given.vehicle.copy()
-        for row, index in enumerate(scenario.index):
+        for row, index in enumerate(scenario.scenario_index):
             for slot, one in enumerate(self.scenes[int(index) % self.share].vehicles):
                 for name in one.driver.keys() & set(VEHICLE_FIELDS):
                     vehicle[VEHICLE_FIELDS.index(name), slot, row] = one.driver[name]

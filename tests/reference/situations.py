@@ -121,7 +121,7 @@ def in_a_gap(scenario: Scenario) -> Scenario:
     the others it would move out of the way of 5 to the slow side, behind 3. The distance to 3 grows
     from scene to scene, so that in some of them the politeness decides.
     """
-    turn = (scenario.index % 24).astype(np.float32)
+    turn = (scenario.scenario_index % 24).astype(np.float32)
     goes_out = turn < 12
     lead = np.float32(0.4) * turn + np.where(goes_out, np.float32(12.0), np.float32(17.7))
     front = np.where(goes_out, np.float32(21.0), np.float32(40.0))
@@ -152,7 +152,7 @@ def before_oncomers(scenario: Scenario) -> Scenario:
     comes = scenario.vehicles.valid & (scenario.start_lane == 1)
     ahead = np.where(comes, scenario.start_s - scenario.start_s[:, :1], np.float32(np.inf))
     nearest = np.where(ahead > 0, ahead, np.float32(np.inf)).min(axis=1, keepdims=True)
-    wanted = np.float32(60.0) + np.float32(20.0) * (scenario.index % 20).astype(np.float32)
+    wanted = np.float32(60.0) + np.float32(20.0) * (scenario.scenario_index % 20).astype(np.float32)
     shift = np.where(np.isfinite(nearest), wanted[:, None] - nearest, np.float32(0.0))
     return scenario.replace(start_s=np.where(comes, scenario.start_s + shift, scenario.start_s))
 
@@ -302,7 +302,7 @@ def disturbed(scenario: Scenario) -> Parameters:
     """Parameters with the weather turned round and a decision forced that the number chooses."""
     later = parameters(scenario.replace(weather=turned_round(scenario.weather)))
     simulation = later.simulation.copy()
-    simulation[SIMULATION_FIELDS.index("command")] = scenario.index % len(ForcedDecision)
+    simulation[SIMULATION_FIELDS.index("command")] = scenario.scenario_index % len(ForcedDecision)
     return dataclasses.replace(later, simulation=simulation)
 
 

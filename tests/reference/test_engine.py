@@ -261,7 +261,7 @@ def test_a_branch_is_the_run_with_other_parameters_from_its_frame_on(decision):
     assert situation.switch is not None
     mixed = simulated(situation)
     scenario = mixed.scenario
-    chosen = scenario.index % len(branch.ForcedDecision) == int(decision)
+    chosen = scenario.scenario_index % len(branch.ForcedDecision) == int(decision)
     frame = situation.switch * 10 // scenario.frame_interval_ms
     weather = turned_round(scenario.weather)
     alone = branch.branch(scenario, frame, decision=decision, weather=weather)

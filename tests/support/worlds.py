@@ -38,7 +38,7 @@ CALM_DRIVER: dict[str, float] = dict.fromkeys(batch_fields(DriverTraits), 1.0) |
 CLEAR: dict[str, float] = {
     "preset": float(NO_PRESET), "cloudiness": 0.0, "rain": 0.0, "puddles": 0.0, "wind": 0.0,
     "wind_direction": 0.0, "fog": 0.0, "sun_altitude": 1.0, "sun_azimuth": 1.0, "night": 0.0,
-    "horizon_line": 0.0,
+    "low_sun": 0.0,
 }  # fmt: skip
 """Noon without cloud, wind or water."""
 
@@ -119,7 +119,7 @@ def scenario(
         road=road or known_road("town06").extend_to(10_000.0),
         seed=seed,
         frame_interval_ms=frame_interval_ms,
-        index=np.array(index if index is not None else range(batch), np.uint64),
+        scenario_index=np.array(index if index is not None else range(batch), np.uint64),
         horizon=np.full(batch, horizon, np.float32),
         attempt_deadline=np.full(batch, attempt_deadline, np.float32),
         weight=np.ones(batch),

@@ -154,7 +154,7 @@ export interface Values {
     speed_limit_mps: number | null;
     lower_limits?: { from_m: number; to_m: number; speed_limit_mps: number; direction: number }[];
   };
-  weather: { preset: string | null; night: boolean; horizon_line: boolean; rain_percent: number; puddles_percent: number } | null;
+  weather: { preset: string | null; night: boolean; low_sun: boolean; rain_percent: number; puddles_percent: number } | null;
   vehicles: {
     vehicle: number;
     length_m: number;

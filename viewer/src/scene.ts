@@ -150,7 +150,7 @@ function drawGround(view: View, run: Run): void {
     if (oncoming?.marks && k === borders.length - 2) drawCentreLine(view, d, side, oncoming.marks);
     else drawLine(view, d, kind ?? "Broken", isEdge);
   });
-  if (run.values.weather?.horizon_line) drawSun(view);
+  if (run.values.weather?.low_sun) drawSun(view);
   drawPosts(view, edges);
   if (run.values.road.speed_limit_mps !== null) drawSigns(view, run, edges);
 }

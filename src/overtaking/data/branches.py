@@ -52,7 +52,7 @@ class Told(ContentEquality):
         branched = self.run.branch_origin
         return BranchRecord(
             title=self.title,
-            index=int(self.run.scenario.index[0]),
+            index=int(self.run.scenario.scenario_index[0]),
             redrawn=self.redrawn and self.redrawn.to_dict(),
             interventions=tuple(one.to_dict() for one in branched.interventions)
             if branched

@@ -45,7 +45,7 @@ _OF_THE_ROAD = (
     "left_lane_width_m",
     "collided_with",
 )
-_OF_THE_WEATHER = ("rain_percent", "fog_percent", "wind_percent", "night", "horizon_line")
+_OF_THE_WEATHER = ("rain_percent", "fog_percent", "wind_percent", "night", "low_sun")
 
 
 def features_frame(

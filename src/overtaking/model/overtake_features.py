@@ -34,7 +34,7 @@ class PaperFeatures(Batch):
 
     policy: Annotated[str, FieldSpec("How they were measured, `paper` or `matched`", column=None)]
     night: Annotated[Mask, _weather("DN", names=["Day", "Night"])]
-    horizon_line: Annotated[Mask, _weather("HL", names=["No", "Yes"])]
+    low_sun: Annotated[Mask, _weather("HL", names=["No", "Yes"])]
     ego_kind: Annotated[U8, _paper("TE", names=_KINDS)]
     target_kind: Annotated[U8, _of_target("TP", names=_KINDS)]
     has_target: Annotated[Mask, FieldSpec("Whether there is a target", column=None)]

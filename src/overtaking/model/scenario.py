@@ -41,7 +41,7 @@ class Scenario(IdentityBatch):
         road: The road, the same for the batch.
         seed: Seed of the random numbers, 0 <= seed < 2**64.
         frame_interval_ms: Time between recorded frames, a multiple of 10 to be simulated [ms].
-        index: Number of each simulation, shape (simulation,).
+        scenario_index: Number from which each simulation is drawn, shape (simulation,).
         horizon: Longest duration, shape (simulation,) [s].
         attempt_deadline: A simulation without an attempt ends here, shape (simulation,) [s].
         weight: Sampling weight p/q, shape (simulation,).
@@ -60,7 +60,7 @@ class Scenario(IdentityBatch):
     road: Road
     seed: Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
     frame_interval_ms: Annotated[int, FieldSpec(unit="ms", low=1, high=1000)]
-    index: U64
+    scenario_index: U64
     horizon: Annotated[F32, FieldSpec(unit="s", low=0.0, high=MAX_DURATION, low_is_open=True)]
     attempt_deadline: Annotated[F32, FieldSpec(unit="s", low=0.0, high=1e6, low_is_open=True)]
     weight: Annotated[F64, FieldSpec(low=0.0, high=1e12)]
@@ -83,7 +83,7 @@ class Scenario(IdentityBatch):
     @property
     def num_simulations(self) -> int:
         """Number of simulations in the batch."""
-        return len(self.index)
+        return len(self.scenario_index)
 
     @property
     def num_slots(self) -> int:
@@ -210,7 +210,7 @@ class BranchOrigin(Batch):
 
 def _weather_arrays(columns: Mapping[str, list[Any]]) -> dict[str, Any]:
     """The fields of a weather as arrays of their dtypes."""
-    dtypes = {"preset": np.uint8, "night": np.bool_, "horizon_line": np.bool_}
+    dtypes = {"preset": np.uint8, "night": np.bool_, "low_sun": np.bool_}
     return {
         name: np.array(values, dtypes.get(name, np.float32)) for name, values in columns.items()
     }

@@ -72,7 +72,7 @@ class Weather(Batch):
         F32, FieldSpec("Anticlockwise from the direction of travel", "rad", -math.tau, math.tau)
     ]
     night: Annotated[Mask, FieldSpec("Whether it is night")]
-    horizon_line: Annotated[Mask, FieldSpec("Whether the sun stands low ahead")]
+    low_sun: Annotated[Mask, FieldSpec("Whether the sun stands low ahead")]
 
     def axis_lengths(self) -> Mapping[str, int]:
         """Number of weather presets."""
@@ -147,7 +147,7 @@ REMOVABLE_FACTORS = tuple(_REMOVERS)
 
 
 def _with_consequences(weather: Weather) -> Weather:
-    """The same weather without a preset, and with the right `horizon_line`."""
+    """The same weather without a preset, and with the right `low_sun`."""
     low, high = (
         constant("weather.glare.min_sun_altitude"),
         constant("weather.glare.max_sun_altitude"),
@@ -156,4 +156,4 @@ def _with_consequences(weather: Weather) -> Weather:
     is_ahead = np.abs(weather.sun_azimuth) < constant("weather.glare.half_width")
     is_clear = weather.cloudiness < constant("weather.glare.max_cloud_percent")
     no_preset = np.full_like(weather.preset, NO_PRESET)
-    return weather.replace(preset=no_preset, horizon_line=is_low & is_ahead & is_clear)
+    return weather.replace(preset=no_preset, low_sun=is_low & is_ahead & is_clear)

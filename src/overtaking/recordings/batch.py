@@ -217,7 +217,7 @@ def _scenario(
         road=recording.road,
         seed=0,
         frame_interval_ms=recording.frame_interval_ms,
-        index=np.arange(first_index, first_index + count, dtype=np.uint64),
+        scenario_index=np.arange(first_index, first_index + count, dtype=np.uint64),
         horizon=duration.astype(np.float32),
         attempt_deadline=duration.astype(np.float32),
         weight=np.ones(count),

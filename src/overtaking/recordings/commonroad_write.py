@@ -73,7 +73,7 @@ def scenario_id(number: int) -> str:
 def _lines(trajectories: Trajectories, place: int, number: int) -> Iterator[str]:
     """The lines of one file."""
     scenario, road = trajectories.scenario, trajectories.road
-    source = f"{scenario.profile}, seed {scenario.seed}, index {scenario.index[place]}"
+    source = f"{scenario.profile}, seed {scenario.seed}, index {scenario.scenario_index[place]}"
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield (
         f'<commonRoad timeStepSize="{scenario.frame_interval_ms / 1000:g}" '

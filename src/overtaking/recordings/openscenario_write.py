@@ -123,7 +123,7 @@ def _lines(
         "simulation": number,
         "profile": scenario.profile,
         "seed": scenario.seed,
-        "index": scenario.index[place],
+        "scenario_index": scenario.scenario_index[place],
         **{f"{name}_s": f"{time:g}" for name, time in events.items()},
     }
     yield '<?xml version="1.0" encoding="UTF-8"?>'

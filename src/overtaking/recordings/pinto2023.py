@@ -70,7 +70,7 @@ def to_table(trajectories: Trajectories, numbers: NDArray[np.integer] | None = N
             next_step="choose --format commonroad or highd",
         )
     simulation, frame = np.nonzero(trajectories.frame_mask)
-    numbered = trajectories.scenario.index if numbers is None else numbers
+    numbered = trajectories.scenario.scenario_index if numbers is None else numbers
     columns = {
         "S": numbered[simulation],
         **_frame_columns(trajectories, simulation, frame),
@@ -202,7 +202,7 @@ def _weather_columns(
         "Fog": _rounded(weather.fog)[simulation],
         "Wind": _rounded(weather.wind)[simulation],
         "DN": np.where(weather.night, "Night", "Day")[simulation],
-        "HL": np.where(weather.horizon_line, "Yes", "No")[simulation],
+        "HL": np.where(weather.low_sun, "Yes", "No")[simulation],
     }
 
 

@@ -311,6 +311,6 @@ def weather_of(table: pa.Table, frames: Frames, count: int) -> tuple[Weather, bo
         sun_altitude=of_best("sun_altitude_deg", sun) * np.float32(rad_from_deg(1.0)),
         sun_azimuth=np.where(glare, np.float32(0.0), assumed.sun_azimuth),
         night=night,
-        horizon_line=glare,
+        low_sun=glare,
     )
     return weather, bool((num_fitting > 0).all())

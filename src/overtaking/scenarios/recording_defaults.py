@@ -83,6 +83,6 @@ def default_weather(num_simulations: int) -> Weather:
         sun_altitude=zero + _HIGH_SUN,
         sun_azimuth=zero + _ABEAM,
         night=is_false,
-        horizon_line=is_false,
+        low_sun=is_false,
         **percentages,
     )

@@ -207,7 +207,7 @@ def _scenario_before_start(block: SampleBlock, start: TrafficStart, weather: Wea
         road=block.road,
         seed=block.seed,
         frame_interval_ms=specification.profile.frame_interval_ms,
-        index=block.scenario_index,
+        scenario_index=block.scenario_index,
         horizon=np.full(block.scenario_index.shape, specification.time.horizon_s, np.float32),
         attempt_deadline=start.deadline,
         # Complete here: weather and traffic have drawn all numbers.

@@ -90,7 +90,7 @@ def _from_presets(
         sun_altitude=altitude,
         sun_azimuth=azimuth,
         night=altitude < np.float32(0.0),
-        horizon_line=is_dazzling(altitude, azimuth, cloudiness),
+        low_sun=is_dazzling(altitude, azimuth, cloudiness),
     )
 
 
@@ -150,7 +150,7 @@ def _independent(
         sun_altitude=altitude,
         sun_azimuth=azimuth,
         night=altitude < np.float32(0.0),
-        horizon_line=is_dazzling(altitude, azimuth, cloudiness),
+        low_sun=is_dazzling(altitude, azimuth, cloudiness),
     )
 
 

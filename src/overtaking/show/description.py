@@ -36,7 +36,7 @@ _DECIMALS = 3  # Of numbers that were recorded in thousandths.
 
 _WEATHER = (
     *("preset", "cloudiness_percent", "rain_percent", "puddles_percent", "wind_percent"),
-    *("fog_percent", "night", "horizon_line"),
+    *("fog_percent", "night", "low_sun"),
 )
 _VEHICLE = (
     *("vehicle", "kind", "colour", "length_m", "width_m", "height_m", "mass_kg"),
@@ -77,7 +77,7 @@ def describe(
         "profile": scenario.profile,
         "policy": _policy_name(scenario.profile, policies),
         "seed": scenario.seed,
-        "index": int(scenario.index[0]),
+        "scenario_index": int(scenario.scenario_index[0]),
         "weight": float(scenario.weight[0]),
         "trace_hash": run.trace_hash[0].astype("<u4").tobytes().hex(),
         "num_frames": int(run.num_frames[0]),

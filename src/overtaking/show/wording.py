@@ -57,7 +57,7 @@ def weather_words(weather: Values | None) -> str:
         return "unknown"
     sky = ["night" if weather["night"] else "day"]
     sky += [f"{name} {weather[f'{name}_percent']:.0f} %" for name in ("rain", "fog", "wind")]
-    sky += ["low sun ahead"] if weather["horizon_line"] else []
+    sky += ["low sun ahead"] if weather["low_sun"] else []
     return f"{weather['preset'] or 'drawn freely'}: {', '.join(sky)}"
 
 

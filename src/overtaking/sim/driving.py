@@ -264,7 +264,7 @@ def _refused(
     observation: Observation, expected: str, got: object, wrong: NDArray[np.integer]
 ) -> DriverError:
     """The error for an answer that is none."""
-    first = int(observation.scenario.index[wrong[0]])
+    first = int(observation.scenario.scenario_index[wrong[0]])
     others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
     return DriverError(
         what="answer of the driver",

@@ -130,5 +130,5 @@ DriverFunction = Callable[[Observation], NDArray[np.floating | np.integer]]
 
 def uniform_numbers(scenario: Scenario, stream: int | NDArray[np.uint32], decision: int) -> F32:
     """Four random numbers in (0, 1) of each simulation and stream, along a last axis."""
-    words = random_numbers.philox_words(scenario.seed, scenario.index, stream, decision)
+    words = random_numbers.philox_words(scenario.seed, scenario.scenario_index, stream, decision)
     return np.stack([random_numbers.uniform_from_word(word) for word in words], axis=-1)

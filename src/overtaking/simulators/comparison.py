@@ -110,7 +110,7 @@ class Comparison(Batch):
             simulators=tuple(simulators),
             policy=policy,
             frame_interval_ms=first.scenario.frame_interval_ms,
-            index=first.scenario.index,
+            index=first.scenario.scenario_index,
             weather=weather_names(first.scenario.weather),
             endings=tuple(ending(recording, policy) for recording in recordings),
             partings=tuple(parting(first, other) for other, _ in recordings[1:]),
@@ -228,7 +228,7 @@ def _check_same(one: Trajectories, other: Trajectories) -> None:
     ours, theirs = one.scenario, other.scenario
     same = (
         ours.seed == theirs.seed
-        and np.array_equal(ours.index, theirs.index)
+        and np.array_equal(ours.scenario_index, theirs.scenario_index)
         and np.array_equal(ours.vehicles.valid, theirs.vehicles.valid)
         and np.array_equal(ours.start_s, theirs.start_s)
         and ours.frame_interval_ms == theirs.frame_interval_ms

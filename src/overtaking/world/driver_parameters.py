@@ -348,7 +348,7 @@ def _reaction_to_being_passed(scenario: Scenario) -> FieldArrays:
     """Behaviour of each driver while being passed: shifts to the edge, yields, or speeds up."""
     # A stream of its own: these draws change no other draw, and no column of a data set.
     slots = np.uint32(Stream.BEING_PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
-    draws = PhiloxStream(scenario.seed, scenario.index[:, None], slots)
+    draws = PhiloxStream(scenario.seed, scenario.scenario_index[:, None], slots)
     shifts_to_edge = draws.uniform() < constant("model.oncoming.edge_shift_share")
     manner = draws.uniform()
     is_yielding = manner < constant("model.oncoming.yields_share")

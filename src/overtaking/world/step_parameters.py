@@ -216,7 +216,7 @@ def parameters(scenario: Scenario, effects: EnabledEffects | None = None) -> Par
         road=road_parameters(scenario.road),
         constants=context.constants,
         seed=scenario.seed,
-        index=np.ascontiguousarray(scenario.index),
+        index=np.ascontiguousarray(scenario.scenario_index),
         record_every=scenario.frame_interval_ms // STEP_MS,
     )
 

@@ -227,7 +227,7 @@ def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) 
     effects = effects or EnabledEffects()
     is_whole_model = effects == EnabledEffects()
     weather = weather_effects(scenario) if is_whole_model else _weather_effects(scenario, effects)
-    draws = PhiloxStream(scenario.seed, scenario.index, Stream.WIND_AND_WATER)
+    draws = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.WIND_AND_WATER)
     effective_scenario = with_effective_weather(scenario)
     # Wind draws before water: the order of the draws is part of the meaning of a seed.
     wind = _wind(effective_scenario, draws, effects)
@@ -290,7 +290,7 @@ def with_effective_weather(scenario: Scenario) -> Scenario:
 def has_reduced_vision(weather: Weather) -> Mask:
     """Whether the study reduces the field of vision, shape (simulation,)."""
     is_cloudy = weather.cloudiness > constant("weather.pushes.clouds_percent")
-    return weather.night | is_cloudy | weather.horizon_line
+    return weather.night | is_cloudy | weather.low_sun
 
 
 def mean_wind(scenario: Scenario) -> tuple[F32, F32]:

@@ -272,7 +272,7 @@ def test_another_number_is_another_simulation_of_the_same_scene():
     world = scenario(*[[Vehicle(), Vehicle(s=40.0, speed=22.0)]] * 2, horizon=5.0)
     run = sumo.simulate(world)
     assert (run.states.s[0] != run.states.s[1]).any()
-    twins = sumo.simulate(world.replace(index=np.array([4, 4], np.uint64)))
+    twins = sumo.simulate(world.replace(scenario_index=np.array([4, 4], np.uint64)))
     assert (twins.trace_hash[0] == twins.trace_hash[1]).all()
 
 

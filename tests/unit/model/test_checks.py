@@ -81,7 +81,7 @@ def refused(text: str):
         (
             "start_s",
             np.ones((2, 6), np.float32),
-            "expected length 3 along simulation, as scenario.index has",
+            "expected length 3 along simulation, as scenario.scenario_index has",
         ),
     ],
 )

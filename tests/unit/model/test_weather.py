@@ -50,8 +50,8 @@ def test_wind_fog_night_and_glare_can_be_removed_alone(drawn):
     np.testing.assert_array_equal(
         day.sun_altitude[~weather.night], weather.sun_altitude[~weather.night]
     )
-    assert weather.horizon_line.any()
-    assert not weather.without("glare").horizon_line.any()
+    assert weather.low_sun.any()
+    assert not weather.without("glare").low_sun.any()
     for name in REMOVABLE_FACTORS:
         assert (weather.without(name).preset == NO_PRESET).all()
 
@@ -61,7 +61,7 @@ def test_without_rain_clouds_a_low_sun_may_dazzle(drawn):
     low = np.float32([0.15])
     sunset = wet.replace(sun_altitude=low, sun_azimuth=np.float32([0.1]), night=np.array([False]))
     overcast = sunset.replace(cloudiness=np.float32([100.0]))
-    assert overcast.without("rain").horizon_line.all()
+    assert overcast.without("rain").low_sun.all()
 
 
 def test_the_order_of_the_removed_factors_does_not_matter(drawn):

@@ -179,7 +179,7 @@ def test_the_head_names_simulation_and_events(runs, tmp_path):
         "simulation": "7",
         "profile": "pinto2023-physical",
         "seed": "5",
-        "index": "2",
+        "scenario_index": "2",
         "attempt_s": "3.25",
     }
 

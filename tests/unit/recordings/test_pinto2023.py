@@ -80,7 +80,7 @@ def scenario(num_simulations: int, valid: np.ndarray, **known) -> Scenario:
         "road": town06(),
         "seed": 0,
         "frame_interval_ms": 50,
-        "index": np.arange(1, num_simulations + 1, dtype=np.uint64),
+        "scenario_index": np.arange(1, num_simulations + 1, dtype=np.uint64),
         "vehicles": filled(VehicleSpecs, shape, valid=valid, **bodies),
         "drivers": filled(DriverTraits, shape),
         "weather": filled(Weather, num_simulations, **weather),
@@ -135,7 +135,7 @@ def frame_70() -> Trajectories:
             "fog": np.array([60.0], dtype=np.float32),
             "wind": np.array([60.0], dtype=np.float32),
             "night": np.array([True]),
-            "horizon_line": np.array([False]),
+            "low_sun": np.array([False]),
         },
     )
     recorded = {

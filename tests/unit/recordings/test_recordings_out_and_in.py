@@ -219,7 +219,7 @@ def test_the_papers_table_comes_back_within_its_two_decimals(table_runs, table, 
     assert np.array_equal(
         again.contacts.partner[:, 0] != 255, (table_runs.collided_with != 255).any(axis=1)
     )
-    for name in ("rain", "fog", "wind", "night", "horizon_line", "sun_altitude", "puddles"):
+    for name in ("rain", "fog", "wind", "night", "low_sun", "sun_altitude", "puddles"):
         ours, theirs = (getattr(run.scenario.weather, name) for run in (again, table_runs))
         assert np.array_equal(ours, theirs), name
     assert "weather" not in again.unknown

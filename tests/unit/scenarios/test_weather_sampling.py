@@ -60,7 +60,7 @@ def test_five_of_eight_weathers_are_night(pinto):
 
 def test_the_low_sun_dazzles_in_clear_sunset_and_nowhere_else(pinto):
     sunset = pinto.weather.preset == NAMES.index("ClearSunset")
-    np.testing.assert_array_equal(pinto.weather.horizon_line, sunset)
+    np.testing.assert_array_equal(pinto.weather.low_sun, sunset)
     assert np.abs(pinto.weather.sun_azimuth[sunset]).max() < np.radians(10.1)
     assert np.abs(pinto.weather.sun_azimuth[~sunset]).max() > np.radians(170)
 
@@ -127,7 +127,7 @@ def test_an_independent_sun_dazzles_only_low_ahead_and_in_a_clear_sky(town06):
     altitude = np.degrees(weather.sun_altitude)
     ahead = np.abs(np.degrees(weather.sun_azimuth)) < 25
     wanted = (altitude >= 0) & (altitude <= 18) & ahead & (weather.cloudiness < 60)
-    np.testing.assert_array_equal(weather.horizon_line, wanted)
+    np.testing.assert_array_equal(weather.low_sun, wanted)
     assert 0 < wanted.mean() < 0.1
 
 

@@ -87,8 +87,8 @@ def test_sight_is_cut_by_night_under_clouds_and_towards_the_sun():
         assert cut(preset).all(), preset
     assert not cut("ClearNoon").any()
     sunset = drawn("ClearSunset")
-    assert (cut("ClearSunset") == sunset.weather.horizon_line).all()
-    assert sunset.weather.horizon_line.any()
+    assert (cut("ClearSunset") == sunset.weather.low_sun).all()
+    assert sunset.weather.low_sun.any()
 
 
 def test_nobody_is_noticed_beyond_the_sight():

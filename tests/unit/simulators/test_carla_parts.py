@@ -139,7 +139,7 @@ def test_vision_is_cut_under_clouds_and_towards_a_low_sun():
         return manager.far_sight(scenario([Vehicle()], weather=weather))
 
     assert sight() == sight(cloudiness=60.0) == manager.SIGHT
-    assert sight(cloudiness=61.0) == sight(horizon_line=1.0) == manager.POOR_SIGHT
+    assert sight(cloudiness=61.0) == sight(low_sun=1.0) == manager.POOR_SIGHT
 
 
 def test_pushes_grow_with_the_worse_of_rain_and_wind():

@@ -97,7 +97,7 @@ def test_empty_slots_never_part(run):
 
 
 def test_other_scenarios_are_refused(run):
-    others = run.scenario.replace(index=run.scenario.index + np.uint64(1))
+    others = run.scenario.replace(scenario_index=run.scenario.scenario_index + np.uint64(1))
     with pytest.raises(ValueError, match="not of the same scenarios"):
         parting(run, run.replace(scenario=others))
 

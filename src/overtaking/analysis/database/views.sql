@@ -11,7 +11,7 @@ WHERE policy = 'paper';
 CREATE VIEW paper.Weather AS
 SELECT weather AS W, rain_percent AS Prec, fog_percent AS Fog, wind_percent AS Wind,
     CASE WHEN night THEN 'Night' ELSE 'Day' END AS DN,
-    CASE WHEN horizon_line THEN 'Yes' ELSE 'No' END AS HL
+    CASE WHEN low_sun THEN 'Yes' ELSE 'No' END AS HL
 FROM main.weather;
 
 CREATE VIEW paper.Frames AS

@@ -40,7 +40,7 @@ def of_batch(labelled: LabelledTrajectories, measured: Columns) -> list[Worst]:
         **{name: measured[name] for name in ("struck", "departed", "near_crash")},
     }
     happened = np.stack([rows[name] for name, _ in _KINDS], axis=1)
-    index = labelled.trajectories.scenario.index
+    index = labelled.trajectories.scenario.scenario_index
     found: list[Worst] = []
     order = sorted(
         np.flatnonzero(happened.any(axis=1)),

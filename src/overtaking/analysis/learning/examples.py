@@ -156,7 +156,7 @@ def roots_of(simulations: pd.DataFrame) -> NDArray[np.str_]:
     recording = simulations["source_recording"].astype("object")
     is_recorded = recording.notna().to_numpy()
     of_recording = recording.where(is_recorded, "").astype(str).str.replace(_PART, "", regex=True)
-    roots = simulations["seed"].astype(str) + ":" + simulations["index"].astype(str)
+    roots = simulations["seed"].astype(str) + ":" + simulations["scenario_index"].astype(str)
     keys = np.where(is_recorded, of_recording.to_numpy(dtype=object), roots.to_numpy(dtype=object))
     return keys.astype(str)
 

@@ -130,7 +130,7 @@ def _own_row(data: Dataset) -> dict[str, Any]:
     occurs = {
         "night": weather["night"].to_numpy(zero_copy_only=False).any(),
         "rain": (weather["rain_percent"].to_numpy() > 0).any(),
-        "dawn": weather["horizon_line"].to_numpy(zero_copy_only=False).any(),
+        "dawn": weather["low_sun"].to_numpy(zero_copy_only=False).any(),
     }
     return {
         "id": data.name,

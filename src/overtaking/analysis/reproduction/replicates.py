@@ -41,7 +41,7 @@ FEATURES = {
     "WIND": "wind",
     "FOG": "fog",
     "NIGHT": "night",
-    "HORIZON": "horizon_line",
+    "HORIZON": "low_sun",
 }
 """Columns that are kept, by the paper's names, in SI; weather as shares, not percent."""
 

@@ -70,8 +70,8 @@ def cell(stratum: int, kind: Any) -> Any:
 def strata(weather: Weather) -> list[Array]:
     """Which simulations belong to each of `STRATA`."""
     rain, fog, wind = weather.rain >= _RAIN, weather.fog >= _FOG, weather.wind >= _WIND
-    dry_day = ~(weather.night | rain | fog | wind | weather.horizon_line)
-    return [np.ones_like(dry_day), dry_day, weather.night, rain, fog, wind, weather.horizon_line]
+    dry_day = ~(weather.night | rain | fog | wind | weather.low_sun)
+    return [np.ones_like(dry_day), dry_day, weather.night, rain, fog, wind, weather.low_sun]
 
 
 def _passing(tally: Tally, batch: Batch, events: OvertakeEvents) -> None:

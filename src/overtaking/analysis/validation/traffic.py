@@ -79,7 +79,7 @@ class Batch:
         before = runs.time_ms[None, None, :] < untouched[:, :, None]
         return cls(
             runs=runs,
-            group=(scenario.index % np.uint64(GROUPS)).astype(np.int64),
+            group=(scenario.scenario_index % np.uint64(GROUPS)).astype(np.int64),
             weight=scenario.weight,
             sound=runs.state_mask & before & (runs.states.lane < runs.road.num_lanes),
             interval_s=1e-3 * scenario.frame_interval_ms,

@@ -41,7 +41,9 @@ def copies(world: BranchOrigin, frame: int, count: int) -> Futures:
     for one in world.interventions:
         scenario = changed(scenario, one) if one.frame <= frame else scenario
     many = scenario.select(np.zeros(count, np.int64))
-    return Futures(scenario=many, index=many.index + _APART * np.arange(count, dtype=np.uint64))
+    return Futures(
+        scenario=many, index=many.scenario_index + _APART * np.arange(count, dtype=np.uint64)
+    )
 
 
 def started(world: BranchOrigin, frame: int, many: Futures) -> Trajectories:

@@ -94,7 +94,7 @@ class Scene:
                 got="a branch",
                 next_step="change the simulation that it branches from",
             )
-        return branch(drawn(self.data, int(self.scenario.index[0]), change))
+        return branch(drawn(self.data, int(self.scenario.scenario_index[0]), change))
 
     def traits_of(self, name: str) -> dict[str, float]:
         """The traits of the ego's driver, drawn from the same numbers with another driving style.
@@ -110,7 +110,7 @@ class Scene:
                 what="driving_style", where="what if", choices=DRIVING_STYLES, got=name
             )
         style = {"drivers.driving_style": [DRIVING_STYLES[name]] * 2}
-        theirs = drawn(self.data, int(self.scenario.index[0]), overrides=style).drivers
+        theirs = drawn(self.data, int(self.scenario.scenario_index[0]), overrides=style).drivers
         rows = {field: getattr(theirs, field)[0, EGO_SLOT] for field in theirs.__slots__}
         return {field: one.item() for field, one in rows.items()}
 

@@ -70,7 +70,7 @@ def restore_scenario(
         road=road,
         seed=_shared(rows, "seed") or 0,  # A recording has none.
         frame_interval_ms=_shared(rows, "frame_interval_ms"),
-        index=_numbers(rows, "index"),
+        scenario_index=_numbers(rows, "scenario_index"),
         horizon=_numbers(rows, "horizon_s"),
         attempt_deadline=_numbers(rows, "attempt_deadline_s"),
         weight=_numbers(rows, "weight"),

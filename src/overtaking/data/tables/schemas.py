@@ -105,7 +105,12 @@ _RECORDED: dict[str, list[Column]] = {
     "simulations": [
         _SIMULATION,
         column("seed", ULONG, "Seed of the random numbers"),
-        column("index", ULONG, "Number from which the scenario was drawn", path="scenario.index"),
+        column(
+            "scenario_index",
+            ULONG,
+            "Number from which the scenario was drawn",
+            path="scenario.scenario_index",
+        ),
         column("profile", TEXT, "Profile from which the scenario was drawn"),
         column("road", TEXT, "Name of the road; the manifest describes it"),
         column("num_vehicles", BYTE, "Number of vehicles, the ego included"),

@@ -229,7 +229,7 @@ def _lane_around(case: Case, frames: IndexArray) -> RoadAndWeather:
         lane_width=widths[np.minimum(lane, road.num_lanes - 1)],
         speed_limit=road.speed_limit_at(s * POSITION_RESOLUTION),
         night=weather.night,
-        low_sun=weather.horizon_line,
+        low_sun=weather.low_sun,
         rain=weather_effects(run.scenario).rain_rate,
         optical_range=meteorological_range(weather.fog),
         wind=constant("weather.wind.full_speed") * (weather.wind * _PERCENT),

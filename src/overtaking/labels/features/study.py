@@ -146,7 +146,7 @@ def pseudo_attempt(case: Case) -> I32:
     """
     scenario, events = case.trajectories.scenario, case.events
     quantiles = _waiting_times(scenario.profile)
-    draw = PhiloxStream(scenario.seed, scenario.index, Stream.MATCHED_INSTANT).uniform()
+    draw = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.MATCHED_INSTANT).uniform()
     end = _end_of(case, events.collision)
     longest = seconds_of(case, np.maximum(end - events.follow, 0))
     waited = _quantile(quantiles, draw * _share_below(quantiles, longest))
@@ -222,7 +222,7 @@ def _static(case: Case) -> dict[str, NDArray[Any]]:
     slot = slot_of(target)
     return {
         "night": weather.night,
-        "horizon_line": weather.horizon_line,
+        "low_sun": weather.low_sun,
         "ego_kind": kind[:, EGO_SLOT],
         "target_kind": np.where(has_target, kind[np.arange(len(slot)), slot], 0),
         "has_target": has_target,

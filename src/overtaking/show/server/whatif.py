@@ -140,7 +140,7 @@ def _weather(scenario: Scenario, asked: Otherwise) -> Weather | None:
             what="weather", where="view", choices=weather_presets(), got=asked.weather
         )
     spec = PresetWeather(mode="presets", presets={asked.weather: 1.0})
-    return draw_weather(spec, RandomStream(scenario.seed, scenario.index, Stream.WEATHER))
+    return draw_weather(spec, RandomStream(scenario.seed, scenario.scenario_index, Stream.WEATHER))
 
 
 def _refuse_others(run: Trajectories, number: int) -> None:

@@ -200,7 +200,7 @@ class _Drive:
             return
         scenario = self._stage.scenario
         draw = ticks // round(PUSH_INTERVAL / TICK)
-        word = philox_words(scenario.seed, scenario.index, Stream.SIMULATOR, draw)[0]
+        word = philox_words(scenario.seed, scenario.scenario_index, Stream.SIMULATOR, draw)[0]
         sign = 1.0 if float(uniform_from_word(word)[0]) < 0.5 else -1.0
         heading = scenario.road.heading
         for slot, actor in self._stage.actors.items():
@@ -217,7 +217,7 @@ UNKNOWN = frozenset({"percepts", "wheel_angle"})
 def far_sight(scenario: Scenario) -> float:
     """How far ahead the ego looks [m]."""
     clouds = float(scenario.weather.cloudiness[0]) > CLOUDS_PERCENT
-    return POOR_SIGHT if clouds or bool(scenario.weather.horizon_line[0]) else SIGHT
+    return POOR_SIGHT if clouds or bool(scenario.weather.low_sun[0]) else SIGHT
 
 
 def push_accel(scenario: Scenario) -> float:

@@ -62,10 +62,10 @@ def simulate(scenario: Scenario, driver: str) -> Trajectories:
         one = scenario.select(slice(row, row + 1))
         try:
             run = partial(drive, driver=driver, scenario=one, ports=[free_port(), free_port()])
-            job = Job(f"simulation {int(scenario.index[row])}", run)
+            job = Job(f"simulation {int(scenario.scenario_index[row])}", run)
             done.append(_with_patience(job, keep=driver == "own"))
         except SimulationLostError as error:
-            missing.append((int(scenario.index[row]), str(error)))
+            missing.append((int(scenario.scenario_index[row]), str(error)))
     if missing:
         numbers = ", ".join(str(number) for number, _ in missing)
         raise SimulationLostError(

@@ -129,7 +129,7 @@ class CarlaStage:
 
     @property
     def _name(self) -> str:
-        return f"simulation {int(self.scenario.index[0])}"
+        return f"simulation {int(self.scenario.scenario_index[0])}"
 
     def comes(self, slot: int) -> bool:
         """Whether a vehicle starts in the lane of oncoming traffic."""

@@ -194,7 +194,7 @@ def nature(scenario: Scenario) -> str:
     A real server takes it for a name like any other; there, weather moves nothing anyway.
     """
     direction = math.remainder(float(scenario.weather.wind_direction[0]), math.tau)
-    return f"overtaking.scenario {scenario.seed} {int(scenario.index[0])} {direction:.9f}"
+    return f"overtaking.scenario {scenario.seed} {int(scenario.scenario_index[0])} {direction:.9f}"
 
 
 def lamps(carla: Any, bits: int) -> Any:

@@ -100,7 +100,7 @@ def scenario_of(
         road=road,
         seed=nature.seed,
         frame_interval_ms=50,
-        index=np.array([nature.simulation], np.uint64),
+        scenario_index=np.array([nature.simulation], np.uint64),
         horizon=np.ones(1, np.float32),
         attempt_deadline=np.ones(1, np.float32),
         weight=np.ones(1),
@@ -134,7 +134,7 @@ def weather_of(values: Sequence[float], wind_direction: float) -> Weather:
         sun_altitude=number(math.radians(altitude)),
         sun_azimuth=number(math.remainder(math.radians(azimuth), math.tau)),
         night=np.array([altitude < 0.0]),
-        horizon_line=np.array([False]),
+        low_sun=np.array([False]),
     )
 
 

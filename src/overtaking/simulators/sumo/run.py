@@ -115,7 +115,9 @@ def _run(traffic: Traffic, row: int, last_frame: int, folder: Path) -> Run:
 
 def _options(scenario: Scenario, row: int, net: Path, demand: Path) -> list[str]:
     word = int(
-        philox_words(scenario.seed, scenario.index[row : row + 1], Stream.SIMULATOR, 0)[0][0]
+        philox_words(scenario.seed, scenario.scenario_index[row : row + 1], Stream.SIMULATOR, 0)[0][
+            0
+        ]
     )
     given = {
         "net-file": net,
@@ -288,7 +290,7 @@ class _Simulation:
     def _lost(self) -> ConfigError:
         there = set(self.sumo.vehicle.getIDList())
         return ConfigError(
-            what=f"simulation {int(self.scenario.index[self.row])}",
+            what=f"simulation {int(self.scenario.scenario_index[self.row])}",
             where=f"SUMO {library_version()}",
             expected=f"{len(self.names)} vehicles",
             got=f"{len(there)}: without {sorted(set(self.names.values()) - there)}",

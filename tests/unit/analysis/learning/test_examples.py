@@ -14,8 +14,8 @@ from overtaking.core.errors import ConfigError, DatasetError
 
 
 def simulations(*rows: tuple[int | None, int | None, str | None]) -> pd.DataFrame:
-    frame = pd.DataFrame(rows, columns=["seed", "index", "source_recording"])
-    return frame.astype({"seed": "UInt64", "index": "UInt64"})
+    frame = pd.DataFrame(rows, columns=["seed", "scenario_index", "source_recording"])
+    return frame.astype({"seed": "UInt64", "scenario_index": "UInt64"})
 
 
 def test_twins_and_branches_of_a_scenario_are_kin():

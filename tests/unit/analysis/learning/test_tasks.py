@@ -33,7 +33,7 @@ def examples(count: int, classes: list[str] | None = None) -> Examples:
 
 def rows(seeds: list[int], indices: list[int]) -> pd.DataFrame:
     none = [None] * len(seeds)
-    return pd.DataFrame({"seed": seeds, "index": indices, "source_recording": none})
+    return pd.DataFrame({"seed": seeds, "scenario_index": indices, "source_recording": none})
 
 
 def test_the_part_of_a_scene_follows_from_its_hash():

@@ -121,7 +121,7 @@ def weather(source: Source, count: int) -> Weather:
         **{name: source.floats(count, low=0, high=100) for name in percents},
         **{name: source.floats(count, low=-1.5, high=1.5) for name in angles},
         night=source.yes_or_no(count),
-        horizon_line=source.yes_or_no(count),
+        low_sun=source.yes_or_no(count),
     )
 
 
@@ -132,7 +132,7 @@ def scenario(source: Source, valid: np.ndarray, road: Road) -> Scenario:
         road=road,
         seed=2**64 - 1,
         frame_interval_ms=50,
-        index=source.integers(np.uint64, count),
+        scenario_index=source.integers(np.uint64, count),
         horizon=source.floats(count),
         attempt_deadline=source.floats(count),
         weight=source.random.random(count),

@@ -23,7 +23,7 @@ def calm():
         **dict.fromkeys(("cloudiness", "rain", "puddles", "wind", "fog"), zero),
         sun_altitude=zero + np.float32(0.8),
         night=zero > 0,
-        horizon_line=zero > 0,
+        low_sun=zero > 0,
     )
     return scenario.replace(weather=weather)
 

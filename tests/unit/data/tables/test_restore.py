@@ -92,8 +92,8 @@ def test_some_of_the_simulations_come_back_alone(recorder):
     }
     assert encode(restore(rows, recorded.road), chosen)["states"].equals(tables["states"])
     assert (
-        restore_scenario(rows, recorded.road).index.tolist()
-        == recorded.scenario.index[chosen].tolist()
+        restore_scenario(rows, recorded.road).scenario_index.tolist()
+        == recorded.scenario.scenario_index[chosen].tolist()
     )
 
 

@@ -99,7 +99,7 @@ def test_without_a_target_nothing_is_said_of_one():
 def test_weather_and_light_are_those_of_the_scenario():
     found = paper_features(overtake(weather=NIGHT | {"rain": 30.0, "wind": 40.0, "fog": 50.0}))
     assert found.night[0]
-    assert not found.horizon_line[0]
+    assert not found.low_sun[0]
     assert (found.rain[0], found.wind[0], found.fog[0]) == (30.0, 40.0, 50.0)
 
 

@@ -63,7 +63,7 @@ def test_all_of_them_in_order(data):
 def test_films_are_in_order_and_each_simulation_once(data):
     films = list(jobs(data, [7, 3, 7]))
     assert [job.number for job in films] == [3, 7]
-    assert films[0].labelled.trajectories.scenario.index.tolist() == [3]
+    assert films[0].labelled.trajectories.scenario.scenario_index.tolist() == [3]
 
 
 def test_integers_of_numpy_choose_simulations_as_plain_ones_do(data):
