@@ -61,10 +61,10 @@ def feature() -> None:
 
 def measure() -> None:
     """It is longer than the gap, and over the manoeuvre no longer than at any moment."""
-    found = _data().safety().dropna(subset=["front_spacing_m"])
-    assert (found["front_spacing_m"] > found["front_gap_m"] + 1.5).all()
-    least = found.groupby("simulation")["front_spacing_m"].min()
-    whole = found.query("moment == 'manoeuvre'").set_index("simulation")["front_spacing_m"]
+    found = _data().safety().dropna(subset=["leader_spacing_m"])
+    assert (found["leader_spacing_m"] > found["leader_gap_m"] + 1.5).all()
+    least = found.groupby("simulation")["leader_spacing_m"].min()
+    whole = found.query("moment == 'manoeuvre'").set_index("simulation")["leader_spacing_m"]
     assert len(whole) > 10
     assert (whole <= least[whole.index]).all()
 

@@ -81,16 +81,24 @@ def by_hand(data, number):
 def test_times_to_meet_are_those_of_the_recorded_states(passes):
     rows = passes.safety().query("moment == 'manoeuvre'").set_index("simulation")
     labels = passes.labels().query("policy == 'paper'").set_index("simulation")
-    found = rows[(labels.outcome == "completed") & rows.oncoming_time_needed_s.notna()]
+    found = rows[(labels.outcome == "completed") & rows.oncoming_time_in_opposing_lane_s.notna()]
     assert len(found) >= 5
     for number, row in found.iterrows():
         times, beyond = by_hand(passes, number)
         first, last = int(beyond[0]), int(beyond[-1])
-        told = row[["oncoming_time_out_s", "oncoming_time_back_s", "oncoming_least_time_s"]]
+        told = row[
+            [
+                "oncoming_time_to_meet_at_crossing_s",
+                "oncoming_time_to_meet_at_return_s",
+                "oncoming_min_time_to_meet_s",
+            ]
+        ]
         computed = [times[first], times[last], np.nanmin(times[first : last + 1])]
         np.testing.assert_allclose(told.to_numpy(float), computed, atol=2e-3)
-        assert row.oncoming_time_needed_s == pytest.approx(0.05 * (last - first), abs=1e-4)
-        assert not row.oncoming_given_up
+        assert row.oncoming_time_in_opposing_lane_s == pytest.approx(
+            0.05 * (last - first), abs=1e-4
+        )
+        assert not row.oncoming_was_aborted
 
 
 def test_decisions_know_who_comes_next(passes):
@@ -102,9 +110,9 @@ def test_decisions_know_who_comes_next(passes):
 
 
 def test_sql_finds_the_margins_that_the_tables_have(passes):
-    asked = "select min(oncoming_time_back_s) from safety where moment = 'manoeuvre'"
+    asked = "select min(oncoming_time_to_meet_at_return_s) from safety where moment = 'manoeuvre'"
     (least,) = ot.sql(passes, asked).rows[0]
-    assert least == pytest.approx(passes.safety().oncoming_time_back_s.min())
+    assert least == pytest.approx(passes.safety().oncoming_time_to_meet_at_return_s.min())
 
 
 def test_the_learner_knows_oncoming_traffic(passes):

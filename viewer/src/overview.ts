@@ -192,7 +192,7 @@ function marginFields(words: Words, choose: (part: Partial<Choice>) => void): { 
 }
 
 function sqlFields(source: Source, choose: (part: Partial<Choice>) => void, fail: (text: string) => void): { element: HTMLElement; tell: (choice: Choice) => void } {
-  const text = h("textarea", { id: "sql", rows: 4, spellcheck: "false", "aria-label": "Query in SQL", placeholder: "SELECT simulation FROM safety WHERE front_ttc_s < 1.5" });
+  const text = h("textarea", { id: "sql", rows: 4, spellcheck: "false", "aria-label": "Query in SQL", placeholder: "SELECT simulation FROM safety WHERE leader_ttc_s < 1.5" });
   const answer = h("div", { class: "answer" });
   let asking = 0;
   let chosen = ""; // The condition that was put into the text last.

@@ -21,7 +21,7 @@ MEASURED_MOMENTS = (
 _of_two = partial(FieldSpec, null_unless=".valid")
 """Declaration of a measure of two vehicles."""
 
-_to_front = partial(FieldSpec, column=ColumnName(prefix="front_"), null_unless="front.valid")
+_to_leader = partial(FieldSpec, column=ColumnName(prefix="leader_"), null_unless="leader.valid")
 """Declaration of a measure of the ego and the vehicle ahead."""
 
 
@@ -47,7 +47,7 @@ class Encounter(Batch):
     ]
 
 
-_measure = partial(FieldSpec, null_unless=".exists")
+_measure = partial(FieldSpec, null_unless=".was_in_opposing_lane")
 
 
 @with_field_docs
@@ -55,42 +55,46 @@ _measure = partial(FieldSpec, null_unless=".exists")
 class PassingSafety(Batch):
     """Measures against the nearest oncoming vehicle; arrays have shape (simulation,).
 
-    Where `exists` is false, on one-way roads and where the ego never entered the opposing lane, all
+    Where `was_in_opposing_lane` is false, on one-way roads and where the ego never entered the opposing lane, all
     other fields are undefined. Values are NaN where no vehicle came. A time to meet is a gap over
     the sum of both speeds.
     """
 
-    exists: Annotated[Mask, FieldSpec("Whether the ego entered the opposing lane", column=None)]
-    distance_out: Annotated[
+    was_in_opposing_lane: Annotated[
+        Mask, FieldSpec("Whether the ego entered the opposing lane", column=None)
+    ]
+    gap_at_crossing: Annotated[
         F32, _measure("Gap to the oncoming vehicle as the ego enters the opposing lane", "m")
     ]
-    time_out: Annotated[
+    time_to_meet_at_crossing: Annotated[
         F32, _measure("Time to meet the oncoming vehicle as the ego enters the opposing lane", "s")
     ]
-    distance_abreast: Annotated[
+    gap_abreast: Annotated[
         F32, _measure("Gap to the oncoming vehicle as ego and target begin to overlap", "m")
     ]
-    time_abreast: Annotated[
+    time_to_meet_abreast: Annotated[
         F32, _measure("Time to meet the oncoming vehicle as ego and target begin to overlap", "s")
     ]
-    distance_back: Annotated[
+    gap_at_return: Annotated[
         F32,
         _measure("Gap to the oncoming vehicle as the ego is back in its lane, or collides", "m"),
     ]
-    time_back: Annotated[
+    time_to_meet_at_return: Annotated[
         F32,
         _measure(
             "Time to meet the oncoming vehicle as the ego is back in its lane, or collides", "s"
         ),
     ]
-    least_time: Annotated[F32, _measure("Least time to meet while in the opposing lane", "s")]
-    sight_out: Annotated[
+    min_time_to_meet: Annotated[
+        F32, _measure("Smallest time to meet while in the opposing lane", "s")
+    ]
+    sight_at_crossing: Annotated[
         F32,
         _measure(
             "Sight of air and road as the ego enters the opposing lane", "m", needs=["weather"]
         ),
     ]
-    time_needed: Annotated[F32, _measure("Time in the opposing lane", "s")]
+    time_in_opposing_lane: Annotated[F32, _measure("Time in the opposing lane", "s")]
     time_available: Annotated[
         F32,
         _measure(
@@ -99,7 +103,7 @@ class PassingSafety(Batch):
             needs=["weather", "speed_limit"],
         ),
     ]
-    given_up: Annotated[Mask, _measure("Whether the ego fell back behind its target")]
+    was_aborted: Annotated[Mask, _measure("Whether the ego fell back behind its target")]
 
 
 @with_field_docs
@@ -121,20 +125,20 @@ class SafetyMeasures(Batch):
             column=None,
         ),
     ]
-    front: Annotated[Encounter, FieldSpec("the ego behind the vehicle ahead")]
-    headway: Annotated[
-        F32, _to_front("From front bumper to front bumper; null if the ego stands", "s")
+    leader: Annotated[Encounter, FieldSpec("the ego behind the vehicle ahead")]
+    time_headway: Annotated[
+        F32, _to_leader("From front bumper to front bumper; null if the ego stands", "s")
     ]
-    picud: Annotated[F32, _to_front("Gap left after sudden braking of both", "m")]
+    picud: Annotated[F32, _to_leader("Gap left after sudden braking of both", "m")]
     rss_margin: Annotated[
-        F32, _to_front("Gap minus the safe one of responsibility-sensitive safety", "m")
+        F32, _to_leader("Gap minus the safe one of responsibility-sensitive safety", "m")
     ]
     lawful_margin: Annotated[
-        F32, _to_front("Gap minus the safe distance of L3", "m", needs=["weather"])
+        F32, _to_leader("Gap minus the safe distance of L3", "m", needs=["weather"])
     ]
-    rear: Annotated[Encounter, FieldSpec("the vehicle behind, behind the ego")]
-    entered_front: Annotated[Encounter, FieldSpec("the vehicle ahead in the lane entered")]
-    entered_rear: Annotated[Encounter, FieldSpec("the vehicle behind in the lane entered")]
+    follower: Annotated[Encounter, FieldSpec("the vehicle behind, behind the ego")]
+    new_leader: Annotated[Encounter, FieldSpec("the vehicle ahead in the lane entered")]
+    new_follower: Annotated[Encounter, FieldSpec("the vehicle behind in the lane entered")]
     stop_margin_lit: Annotated[
         F32, FieldSpec("Sight of the lit minus stopping distance", "m", needs=["weather"])
     ]
@@ -142,32 +146,32 @@ class SafetyMeasures(Batch):
         F32,
         FieldSpec("Sight of the unlit minus stopping distance", "m", needs=["weather", "lamps"]),
     ]
-    close_share: Annotated[
+    share_below_safe_distance: Annotated[
         F32,
         FieldSpec("Share of the manoeuvre closer than the safe distance of L3", needs=["weather"]),
     ]
-    time_exposed: Annotated[F32, FieldSpec("Time at a critical time to collision, TET", "s")]
-    time_integrated: Annotated[
+    tet: Annotated[F32, FieldSpec("Time at a critical time to collision, TET", "s")]
+    tit: Annotated[
         F32, FieldSpec("Shortfall below the critical time to collision, integrated, TIT", "s^2")
     ]
-    entry_encroachment: Annotated[
+    entry_pet: Annotated[
         F32,
         FieldSpec(
             "Until the vehicle behind on the left was where the ego entered; null if never", "s"
         ),
     ]
-    return_encroachment: Annotated[
+    return_pet: Annotated[
         F32, FieldSpec("Until the overtaken vehicle was where the ego returned; null if never", "s")
     ]
     oncoming: Annotated[PassingSafety, FieldSpec("on two-way roads", since=4)]
 
 
 WHOLE_MANOEUVRE_MEASURES = (
-    "close_share",
-    "time_exposed",
-    "time_integrated",
-    "entry_encroachment",
-    "return_encroachment",
+    "share_below_safe_distance",
+    "tet",
+    "tit",
+    "entry_pet",
+    "return_pet",
     "oncoming",
 )
 """The fields of `SafetyMeasures` that are measured once, over the whole manoeuvre."""

@@ -112,7 +112,7 @@ def _oncoming(labelled: LabelledTrajectories) -> Values:
         for name, field in batch_fields(PassingSafety).items()
         if field.column
     }
-    there = bool(measures.exists[0])
+    there = bool(measures.was_in_opposing_lane[0])
     return {"oncoming": {name: _rounded(one) if there else None for name, one in values.items()}}
 
 

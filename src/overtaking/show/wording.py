@@ -104,16 +104,18 @@ def ending_words(values: Values) -> list[str]:
 
 def _oncoming(found: Values | None) -> list[str]:
     """How the overtake stood to oncoming traffic, if the ego came to the other side."""
-    if found is None or found["time_needed_s"] is None:
+    if found is None or found["time_in_opposing_lane_s"] is None:
         return []
-    told = [f"On the other side for {found['time_needed_s']:.1f} s"]
-    if found["distance_out_m"] is None:
+    told = [f"On the other side for {found['time_in_opposing_lane_s']:.1f} s"]
+    if found["gap_at_crossing_m"] is None:
         return [
-            f"{told[0]}; nobody came, and the road was in sight for {found['sight_out_m']:.0f} m."
+            f"{told[0]}; nobody came, and the road was in sight for {found['sight_at_crossing_m']:.0f} m."
         ]
-    told.append(f"traffic came from {found['distance_out_m']:.0f} m away")
-    if found["distance_back_m"] is not None:
-        told.append(f"{found['distance_back_m']:.0f} m ({found['time_back_s']:.1f} s) were left")
+    told.append(f"traffic came from {found['gap_at_crossing_m']:.0f} m away")
+    if found["gap_at_return_m"] is not None:
+        told.append(
+            f"{found['gap_at_return_m']:.0f} m ({found['time_to_meet_at_return_s']:.1f} s) were left"
+        )
     return ["; ".join(told) + "."]
 
 

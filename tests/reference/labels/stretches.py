@@ -209,7 +209,7 @@ def arrival(one: One, slot: int, begin: int) -> int:
 def worst(one: One, seen: dict[str, Row], span: range) -> dict[str, Any]:
     """The worst of each measure of the vehicles ahead and behind; 0 where nobody is there."""
     found: dict[str, Any] = {}
-    for side, place in (("front", NeighbourRole.LEADER), ("rear", NeighbourRole.FOLLOWER)):
+    for side, place in (("leader", NeighbourRole.LEADER), ("follower", NeighbourRole.FOLLOWER)):
         met = [(t, slot) for t in span if (slot := who(seen, place, t)) is not None]
         each = encounter(one, met, ahead=place is NeighbourRole.LEADER)
         found[f"{side}.valid"] = float(len(met) > 0)
@@ -249,7 +249,7 @@ def _ahead(
     )
     lawful = margin_of_gap(gap, speed, closing, sure_decel(seen["friction"][frames]))
     return {
-        "headway": min(time_headway(gap, one.length[slots], speed), default=0.0),
+        "time_headway": min(time_headway(gap, one.length[slots], speed), default=0.0),
         "picud": min(left, default=0.0),
         "rss_margin": min(gap - safe, default=0.0),
         "lawful_margin": min(lawful, default=0.0),

@@ -20,7 +20,7 @@ def test_road_and_ending_tell_of_oncoming_traffic():
 def test_without_oncoming_traffic_sight_is_told():
     values = describe(label(rural().trajectories), 0)
     assert "nobody came, and the road was in sight for" in wording.ending_words(values)[1]
-    assert values["oncoming"]["time_back_s"] is None
+    assert values["oncoming"]["time_to_meet_at_return_s"] is None
 
 
 def test_of_a_road_of_one_direction_nothing_is_added():

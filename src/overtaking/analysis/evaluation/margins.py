@@ -35,14 +35,14 @@ MARGINS: Final = _SAFETY | _LAW
 def of_batch(labelled: LabelledTrajectories) -> dict[str, tuple[Array, Array]]:
     """Each margin, and the scenes that have it, both of shape (scene,)."""
     safety, findings = labelled.safety, labelled.findings
-    front = labelled.events.has_attempt & safety.front.valid[:, 0]
+    has_leader = labelled.events.has_attempt & safety.leader.valid[:, 0]
     found: dict[str, tuple[Array, Array]] = {
-        "ttc": (safety.front.ttc[:, 0], front),
-        "time_gap": (safety.front.time_gap[:, 0], front),
-        "drac": (safety.front.drac[:, 0], front),
-        "rss": (safety.rss_margin[:, 0], front),
-        "entry": (safety.entry_encroachment, labelled.events.has_attempt),
-        "return": (safety.return_encroachment, labelled.events.has_attempt),
+        "ttc": (safety.leader.ttc[:, 0], has_leader),
+        "time_gap": (safety.leader.time_gap[:, 0], has_leader),
+        "drac": (safety.leader.drac[:, 0], has_leader),
+        "rss": (safety.rss_margin[:, 0], has_leader),
+        "entry": (safety.entry_pet, labelled.events.has_attempt),
+        "return": (safety.return_pet, labelled.events.has_attempt),
     }
     for code in _LAW:
         place = findings.rules.index(code)

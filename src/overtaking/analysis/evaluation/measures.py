@@ -99,9 +99,9 @@ def _law(labelled: LabelledTrajectories) -> dict[str, Array]:
 def _margins(labelled: LabelledTrajectories) -> dict[str, Array]:
     """Attempts that came too close, at their worst."""
     safety, attempted = labelled.safety, labelled.events.has_attempt
-    front = attempted & safety.front.valid[:, 0]
+    has_leader = attempted & safety.leader.valid[:, 0]
     return {
-        "near_front": front & (safety.front.ttc[:, 0] < limit("near_crash_ttc")),
+        "near_front": has_leader & (safety.leader.ttc[:, 0] < limit("near_crash_ttc")),
     }
 
 

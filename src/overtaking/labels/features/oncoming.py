@@ -25,19 +25,27 @@ def oncoming_measures(case: Case) -> PassingSafety:
     out = on_the_other_side(case)
     began, ended = (np.where(out.exists, each, NEVER) for each in (out.start, out.stop))
     abreast = np.where(out.exists, case.events.overlap_begin, NEVER)
-    gaps = {name: _meeting(case, frame) for name, frame in _moments(began, abreast, ended)}
+    gap_at_crossing, time_at_crossing = _meeting(case, began)
+    gap_abreast, time_abreast = _meeting(case, abreast)
+    gap_at_return, time_at_return = _meeting(case, ended)
     begin = np.maximum(began, 0)
     own, sight = at(case.signals.speed, begin), shown_sight(case, begin)
     unseen = sight / np.maximum(own + unseen_speed(case, begin), _LEAST_SPEED)
     return PassingSafety(
-        exists=out.exists,
-        **{f"distance_{name}": distance for name, (distance, _) in gaps.items()},
-        **{f"time_{name}": time for name, (_, time) in gaps.items()},
-        least_time=_least_time(case),
-        sight_out=_known(out.exists, sight),
-        time_needed=_known(out.exists, seconds_of(case, np.maximum(out.stop - out.start, 0))),
-        time_available=_known(out.exists, np.fmin(gaps["out"][1], unseen)),
-        given_up=case.events.abort != NEVER,
+        was_in_opposing_lane=out.exists,
+        gap_at_crossing=gap_at_crossing,
+        time_to_meet_at_crossing=time_at_crossing,
+        gap_abreast=gap_abreast,
+        time_to_meet_abreast=time_abreast,
+        gap_at_return=gap_at_return,
+        time_to_meet_at_return=time_at_return,
+        min_time_to_meet=_min_time_to_meet(case),
+        sight_at_crossing=_known(out.exists, sight),
+        time_in_opposing_lane=_known(
+            out.exists, seconds_of(case, np.maximum(out.stop - out.start, 0))
+        ),
+        time_available=_known(out.exists, np.fmin(time_at_crossing, unseen)),
+        was_aborted=case.events.abort != NEVER,
     )
 
 
@@ -48,10 +56,6 @@ def _nothing(count: int) -> PassingSafety:
         for name, field in batch_fields(PassingSafety).items()
     }
     return PassingSafety(**empty)
-
-
-def _moments(began: I32, abreast: I32, ended: I32) -> tuple[tuple[str, I32], ...]:
-    return ("out", began), ("abreast", abreast), ("back", ended)
 
 
 def _known(where: Mask, values: F32) -> F32:
@@ -87,8 +91,8 @@ def _meeting(case: Case, frame: I32, rows: IndexArray | None = None) -> tuple[F3
     return gap, np.maximum(gap, np.float32(0.0)) / both
 
 
-def _least_time(case: Case) -> F32:
-    """Least time to meet over all frames on the other side, shape (simulation,) [s]."""
+def _min_time_to_meet(case: Case) -> F32:
+    """Smallest time to meet over all frames in the opposing lane, shape (simulation,) [s]."""
     rows, frames = on_the_other_side(case).frames()
     _, times = _meeting(case, frames.astype(np.int32), rows)
     least = np.full(case.signals.num_simulations, _NONE)

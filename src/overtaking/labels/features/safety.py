@@ -47,8 +47,8 @@ def safety_measures(case: Case) -> SafetyMeasures:
     enters = np.flatnonzero(_ENTERS[event])
     ahead, behind = _ENTERED[event[enters]].T
     entered, own = (rows[enters], frames[enters]), (rows, frames)
-    front = encounter(case, NeighbourRole.LEADER, *own)
-    margins = front_margins(case, front, *own) | stop_margins(
+    leader = encounter(case, NeighbourRole.LEADER, *own)
+    margins = leader_margins(case, leader, *own) | stop_margins(
         seen.speed[own], seen.friction[own], seen.sight_lit[own], seen.sight_unlit[own]
     )
 
@@ -71,14 +71,14 @@ def safety_measures(case: Case) -> SafetyMeasures:
 
     return SafetyMeasures(
         frame=np.column_stack([np.where(span.exists, span.start, NEVER), frame]).astype(np.int32),
-        front=tables("front", front, cells),
-        rear=tables("rear", encounter(case, NeighbourRole.FOLLOWER, *own), cells),
-        entered_front=tables("entered", encounter(case, ahead, *entered), cells[enters]),
-        entered_rear=tables("entered", encounter(case, behind, *entered), cells[enters]),
+        leader=tables("leader", leader, cells),
+        follower=tables("follower", encounter(case, NeighbourRole.FOLLOWER, *own), cells),
+        new_leader=tables("entered", encounter(case, ahead, *entered), cells[enters]),
+        new_follower=tables("entered", encounter(case, behind, *entered), cells[enters]),
         **{name: table(name, values, cells) for name, values in margins.items()},
-        **{name: worst[name] for name in ("close_share", "time_exposed", "time_integrated")},
-        entry_encroachment=entry_encroachment(case),
-        return_encroachment=return_encroachment(case),
+        **{name: worst[name] for name in ("share_below_safe_distance", "tet", "tit")},
+        entry_pet=entry_pet(case),
+        return_pet=return_pet(case),
         oncoming=oncoming_measures(case),
     )
 
@@ -91,13 +91,13 @@ def _worst(case: Case, span: Span) -> dict[str, F32]:
     return found.worst | {
         "stop_margin_lit": np.where(span.exists, found.stop_lit.low, never),
         "stop_margin_unlit": np.where(span.exists, found.stop_unlit.low, never),
-        "close_share": found.worst["num_close"] / as_f32(lasted),
-        "time_exposed": found.worst["num_critical"] * interval,
-        "time_integrated": found.worst["shortfall"] * interval,
+        "share_below_safe_distance": found.worst["num_close"] / as_f32(lasted),
+        "tet": found.worst["num_critical"] * interval,
+        "tit": found.worst["shortfall"] * interval,
     }
 
 
-def entry_encroachment(case: Case) -> F32:
+def entry_pet(case: Case) -> F32:
     """PET of entering the lane on the left.
 
     From the frame in which the ego crosses the line to the arrival of the vehicle behind in that
@@ -111,16 +111,18 @@ def entry_encroachment(case: Case) -> F32:
     row = np.arange(len(frame))
     behind = case.signals.neighbour_slot[row, NeighbourRole.LEFT_FOLLOWER, np.maximum(frame, 0)]
     lane = at(case.signals.lane, frame) + np.uint8(1)
-    return _encroachment(case, behind, frame, lane, stretches(case).entry_arrival)
+    return _post_encroachment_time(case, behind, frame, lane, stretches(case).entry_arrival)
 
 
-def return_encroachment(case: Case) -> F32:
-    """PET of the return: of the overtaken vehicle, from `return_end`; as `entry_encroachment`."""
+def return_pet(case: Case) -> F32:
+    """PET of the return: of the overtaken vehicle, from `return_end`; as `entry_pet`."""
     events, arrival = case.events, stretches(case).return_arrival
-    return _encroachment(case, events.target, events.return_end, events.original_lane, arrival)
+    return _post_encroachment_time(
+        case, events.target, events.return_end, events.original_lane, arrival
+    )
 
 
-def _encroachment(case: Case, vehicle: U8, frame: I32, lane: U8, arrival: I32) -> F32:
+def _post_encroachment_time(case: Case, vehicle: U8, frame: I32, lane: U8, arrival: I32) -> F32:
     """Time until the front of a vehicle is in a lane where the ego's rear is at a frame."""
     rows = np.flatnonzero((vehicle != NO_VEHICLE) & (frame != NEVER))
     time = np.full(len(frame), np.inf, np.float32)
@@ -153,8 +155,8 @@ def _past(case: Case, rows: IndexArray, slot: IndexArray, begin: I32, frame: I32
     return way + half_lengths(case.trajectories, rows, slot)
 
 
-def front_margins(
-    case: Case, front: Encounter, rows: IndexArray, frames: IndexArray
+def leader_margins(
+    case: Case, leader: Encounter, rows: IndexArray, frames: IndexArray
 ) -> dict[str, F32]:
     """Further measures of the vehicle ahead."""
     seen = case.signals
@@ -163,29 +165,29 @@ def front_margins(
         slot_of(seen.neighbour_slot[rows, NeighbourRole.LEADER, frames]),
     )
     length = case.trajectories.scenario.vehicles.length[rows, slot]
-    lead_speed = speed - front.closing_speed
+    leader_speed = speed - leader.closing_speed
     decel = constant("event_detection.safety.picud_decel")
     safe = rss_safe_gap(
         speed,
-        lead_speed,
+        leader_speed,
         reaction_time=constant("law.rss.reaction_time"),
         accel=constant("law.rss.accel"),
         follower_decel=constant("law.rss.rear_decel"),
         leader_decel=constant("law.rss.lead_decel"),
     )
     return {
-        "headway": time_headway(front.gap, length, speed),
+        "time_headway": time_headway(leader.gap, length, speed),
         "picud": picud(
-            front.gap,
+            leader.gap,
             speed,
-            lead_speed,
+            leader_speed,
             reaction_time=constant("event_detection.safety.picud_reaction_time"),
             follower_decel=decel,
             leader_decel=decel,
         ),
-        "rss_margin": front.gap - safe,
+        "rss_margin": leader.gap - safe,
         "lawful_margin": margin_of_gap(
-            front.gap, speed, front.closing_speed, sure_decel(seen.friction[rows, frames])
+            leader.gap, speed, leader.closing_speed, sure_decel(seen.friction[rows, frames])
         ),
     }
 

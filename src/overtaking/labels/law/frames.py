@@ -188,8 +188,8 @@ class Stretches:
         entry_arrival: When the vehicle behind on the left came where the ego's rear was as the ego
             crossed the line, `NEVER` if it did not.
         return_arrival: When the target came where the ego's rear was at the end of the return.
-        worst: Worst measures over `conduct`, by name: `front` and `rear` with the fields of
-            `Encounter`; headway, picud, rss_margin and lawful_margin to the vehicle ahead;
+        worst: Worst measures over `conduct`, by name: `leader` and `follower` with the fields of
+            `Encounter`; time_headway, picud, rss_margin and lawful_margin to the vehicle ahead;
             num_close, num_critical and shortfall, the frames under the lawful distance, those with
             a critical time to collision, and the sum of what these lack [s]. 0 without a vehicle.
         sums: Sums of recorded integers up to a collision, by name, of simulations without an

@@ -131,6 +131,6 @@ def test_a_later_column_counts_only_with_a_value(recorder):
     assert all(safety[name].null_count == safety.num_rows for name in later)
     assert content_of(safety) == content_of(safety.drop_columns(later))
     values = pa.array([1.0] + [None] * (safety.num_rows - 1), pa.float32())
-    place = safety.schema.get_field_index("oncoming_time_back_s")
+    place = safety.schema.get_field_index("oncoming_time_to_meet_at_return_s")
     told = safety.set_column(place, safety.schema.field(place), values)
     assert content_of(told) != content_of(safety)

@@ -32,48 +32,49 @@ def told(case) -> dict[str, float]:
 def test_distances_and_times_are_those_of_two_vehicles_that_drive_evenly():
     # 30 m/s against 20 m/s; over the line from frame 76 to 334, alongside from frame 241 on.
     found = told(rural(meeting(60.0)))
-    assert found["distance_back"] == pytest.approx(60.0 + 50.0 * 0.05, abs=0.01)
-    assert found["distance_abreast"] == pytest.approx(60.0 + 50.0 * (335 - 241) * 0.05, abs=0.01)
-    assert found["distance_out"] == pytest.approx(60.0 + 50.0 * (335 - 76) * 0.05, abs=0.01)
-    for name in ("out", "abreast", "back"):
-        assert found[f"time_{name}"] == pytest.approx(found[f"distance_{name}"] / 50.0, rel=1e-5)
-    assert found["least_time"] == pytest.approx(found["time_back"], rel=1e-5)
-    assert found["time_needed"] == pytest.approx((334 - 76) * 0.05)
+    assert found["gap_at_return"] == pytest.approx(60.0 + 50.0 * 0.05, abs=0.01)
+    assert found["gap_abreast"] == pytest.approx(60.0 + 50.0 * (335 - 241) * 0.05, abs=0.01)
+    assert found["gap_at_crossing"] == pytest.approx(60.0 + 50.0 * (335 - 76) * 0.05, abs=0.01)
+    for name in ("at_crossing", "abreast", "at_return"):
+        time = found[f"time_to_meet_{name}"]
+        assert time == pytest.approx(found[f"gap_{name}"] / 50.0, rel=1e-5)
+    assert found["min_time_to_meet"] == pytest.approx(found["time_to_meet_at_return"], rel=1e-5)
+    assert found["time_in_opposing_lane"] == pytest.approx((334 - 76) * 0.05)
 
 
 def test_an_unseen_road_counts_as_somebody_at_the_limit():
     found = told(along_course(RoadCourse(sight=((0.0, 400.0),))))
-    assert found["sight_out"] == 400.0
+    assert found["sight_at_crossing"] == 400.0
     assert found["time_available"] == pytest.approx(400.0 / (30.0 + 25.0))
-    assert np.isnan([found["distance_out"], found["least_time"]]).all()
+    assert np.isnan([found["gap_at_crossing"], found["min_time_to_meet"]]).all()
 
 
 def test_who_is_met_sooner_than_sight_ends_decides():
     found = told(rural(meeting(60.0)))
-    assert found["time_available"] == pytest.approx(found["time_out"])
+    assert found["time_available"] == pytest.approx(found["time_to_meet_at_crossing"])
 
 
 def test_who_has_gone_by_is_not_met_again():
     found = told(rural(meeting(-500.0)))
-    assert np.isnan(found["distance_back"])
-    assert found["distance_out"] > 0.0
+    assert np.isnan(found["gap_at_return"])
+    assert found["gap_at_crossing"] > 0.0
 
 
 @pytest.mark.parametrize("make", [overtake, lambda: rural(ego={"lane": 0.0})])
 def test_without_the_other_side_nothing_is_measured(make):
     found = told(make())
-    assert not found.pop("exists")
-    assert not found.pop("given_up")
+    assert not found.pop("was_in_opposing_lane")
+    assert not found.pop("was_aborted")
     assert np.isnan(list(found.values())).all()
 
 
 def test_who_falls_back_behind_its_target_has_given_up():
     away = ramp((3, 0), (6, 1), (7, 1), (10, 0), frames=FRAMES)
     found = told(rural(meeting(60.0), ego={"lane": away, "speed": 21.0}))
-    assert found["exists"]
-    assert found["given_up"]
-    assert np.isnan(found["time_abreast"])
-    assert not told(rural(meeting(60.0)))["given_up"]
+    assert found["was_in_opposing_lane"]
+    assert found["was_aborted"]
+    assert np.isnan(found["time_to_meet_abreast"])
+    assert not told(rural(meeting(60.0)))["was_aborted"]
 
 
 def test_who_comes_is_known_when_the_overtake_begins():

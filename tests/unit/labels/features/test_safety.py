@@ -49,12 +49,12 @@ def gap_at(one: Case, event: str) -> float:
 def test_measures_at_the_attempt_are_those_of_the_vehicle_ahead():
     one = overtake()
     found, gap = safety_measures(one), gap_at(one, "attempt")
-    assert at(found.front.gap, "attempt") == pytest.approx(gap, abs=2e-3)
-    assert at(found.front.time_gap, "attempt") == pytest.approx(gap / 28.0, rel=1e-3)
+    assert at(found.leader.gap, "attempt") == pytest.approx(gap, abs=2e-3)
+    assert at(found.leader.time_gap, "attempt") == pytest.approx(gap / 28.0, rel=1e-3)
     assert at(found.headway, "attempt") == pytest.approx((gap + 4.0) / 28.0, rel=1e-3)
-    assert at(found.front.ttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
-    assert at(found.front.mttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
-    assert at(found.front.drac, "attempt") == pytest.approx(64.0 / (2.0 * gap), rel=1e-3)
+    assert at(found.leader.ttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
+    assert at(found.leader.mttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
+    assert at(found.leader.drac, "attempt") == pytest.approx(64.0 / (2.0 * gap), rel=1e-3)
     picud = gap - 28.0 - (28.0**2 - 20.0**2) / 6.6
     assert at(found.picud, "attempt") == pytest.approx(picud, rel=1e-3)
 
@@ -66,10 +66,10 @@ def test_accelerations_count_in_the_time_to_collision_that_has_them():
     one = case(ego, ahead, behind, frames=60, road=ROAD, events={"attempt": 0})
     found = safety_measures(one)
     # The first t with a t^2 / 2 + v t = gap, for 1.5 and for 0.5 m/s^2.
-    assert at(found.front.mttc, "attempt") == pytest.approx(
+    assert at(found.leader.mttc, "attempt") == pytest.approx(
         (np.sqrt(8.0**2 + 2 * 1.5 * 56.0) - 8.0) / 1.5, rel=1e-3
     )
-    assert at(found.rear.mttc, "attempt") == pytest.approx(
+    assert at(found.follower.mttc, "attempt") == pytest.approx(
         (np.sqrt(2.0**2 + 2 * 0.5 * 36.0) - 2.0) / 0.5, rel=1e-3
     )
 
@@ -77,11 +77,11 @@ def test_accelerations_count_in_the_time_to_collision_that_has_them():
 def test_the_overtaken_vehicle_is_behind_in_the_lane_entered_at_the_return():
     one = overtake()
     found, gap = safety_measures(one), gap_at(one, "return_begin")
-    assert at(found.entered_rear.gap, "return_begin") == pytest.approx(gap, abs=2e-3)
-    assert at(found.entered_rear.time_gap, "return_begin") == pytest.approx(gap / 20.0, rel=1e-3)
-    assert np.isinf(at(found.entered_rear.ttc, "return_begin"))
-    assert not at(found.rear.valid, "return_begin")
-    assert at(found.rear.valid, "return_end")
+    assert at(found.new_follower.gap, "return_begin") == pytest.approx(gap, abs=2e-3)
+    assert at(found.new_follower.time_gap, "return_begin") == pytest.approx(gap / 20.0, rel=1e-3)
+    assert np.isinf(at(found.new_follower.ttc, "return_begin"))
+    assert not at(found.follower.valid, "return_begin")
+    assert at(found.follower.valid, "return_end")
 
 
 def test_the_vehicle_behind_on_the_left_counts_when_its_lane_is_entered():
@@ -89,19 +89,19 @@ def test_the_vehicle_behind_on_the_left_counts_when_its_lane_is_entered():
     found = safety_measures(one)
     time = int(one.events.line_crossed[0]) * 0.05
     gap = 30.0 - 3.0 * time - 4.0
-    assert at(found.entered_rear.gap, "line_crossed") == pytest.approx(gap, abs=2e-3)
-    assert at(found.entered_rear.ttc, "line_crossed") == pytest.approx(gap / 3.0, rel=1e-3)
-    assert at(found.entered_rear.drac, "line_crossed") == pytest.approx(4.5 / gap, rel=1e-3)
-    assert not at(found.entered_rear.valid, "overlap_begin")
+    assert at(found.new_follower.gap, "line_crossed") == pytest.approx(gap, abs=2e-3)
+    assert at(found.new_follower.ttc, "line_crossed") == pytest.approx(gap / 3.0, rel=1e-3)
+    assert at(found.new_follower.drac, "line_crossed") == pytest.approx(4.5 / gap, rel=1e-3)
+    assert not at(found.new_follower.valid, "overlap_begin")
 
 
 def test_critical_times_add_up_to_their_integrals():
     # 56 m at 8 m/s: the time to collision is 7 s minus the time, and 3 s after 4 s.
     ego, target = Track(speed=28.0, body=BODY), Track(s=60.0, speed=20.0, body=BODY)
     found = safety_measures(case(ego, target, frames=120, road=ROAD))
-    assert found.time_exposed[0] == pytest.approx(1.95, abs=0.051)
-    assert found.time_integrated[0] == pytest.approx(0.5 * 1.95**2, abs=0.06)
-    assert at(found.front.ttc, "manoeuvre") == pytest.approx(7.0 - 119 * 0.05, rel=1e-3)
+    assert found.tet[0] == pytest.approx(1.95, abs=0.051)
+    assert found.tit[0] == pytest.approx(0.5 * 1.95**2, abs=0.06)
+    assert at(found.leader.ttc, "manoeuvre") == pytest.approx(7.0 - 119 * 0.05, rel=1e-3)
 
 
 def test_too_close_is_a_share_of_the_frames():
@@ -110,17 +110,17 @@ def test_too_close_is_a_share_of_the_frames():
     one = case(ego, target, frames=401, road=ROAD)
     found = safety_measures(one)
     margin = one.signals.gap[0, NeighbourRole.LEADER]
-    assert 0.0 < found.close_share[0] < 1.0
+    assert 0.0 < found.share_below_safe_distance[0] < 1.0
     # The safe distance grows by (28^2 - 27^2) / (2 b) only, so it is between these two.
-    assert (margin < 28.0).mean() <= found.close_share[0] <= (margin < 33.0).mean()
+    assert (margin < 28.0).mean() <= found.share_below_safe_distance[0] <= (margin < 33.0).mean()
 
 
 def test_the_overtaken_vehicle_arrives_where_the_ego_returned():
     one = overtake()
     found = safety_measures(one)
     gap = gap_at(one, "return_end")
-    assert found.return_encroachment[0] == pytest.approx(gap / 20.0, rel=1e-3)
-    assert np.isinf(found.entry_encroachment[0])
+    assert found.return_pet[0] == pytest.approx(gap / 20.0, rel=1e-3)
+    assert np.isinf(found.entry_pet[0])
 
 
 @pytest.mark.parametrize("leaves", [False, True])
@@ -131,7 +131,7 @@ def test_the_vehicle_behind_arrives_where_the_ego_entered_if_it_stays(leaves: bo
     one = overtake(Track(s=-60.0, lane=lane, speed=30.0, body=BODY))
     gap = 60.0 - 2.0 * time - 4.0
     expected = np.inf if leaves else gap / 30.0
-    assert safety_measures(one).entry_encroachment[0] == pytest.approx(expected, rel=1e-3)
+    assert safety_measures(one).entry_pet[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_looming_is_the_growth_of_the_angle():
@@ -152,7 +152,7 @@ def test_the_worst_is_the_worst_of_every_frame(simulated):
     for k in range(0, 64, 5):
         frames = np.arange(span.start[k], span.stop[k] + 1)
         rows = np.full(len(frames), k)
-        for name, place in (("front", NeighbourRole.LEADER), ("rear", NeighbourRole.FOLLOWER)):
+        for name, place in (("leader", NeighbourRole.LEADER), ("follower", NeighbourRole.FOLLOWER)):
             each = encounter(one, place, rows, frames)
             worst = getattr(simulated.safety, name)
             assert worst.valid[k, 0] == each.valid.any()
@@ -169,5 +169,5 @@ def test_a_row_is_there_for_every_moment_that_came(simulated):
     events = simulated.events
     came = sum(int((getattr(events, name) != NEVER).sum()) for name in MEASURED_MOMENTS[1:])
     assert table.num_rows == came + int((simulated.safety.frame[:, 0] != NEVER).sum())
-    times = table["front_ttc_s"].drop_null().to_numpy()
+    times = table["leader_ttc_s"].drop_null().to_numpy()
     assert np.isfinite(times).all()

@@ -143,7 +143,7 @@ def test_times_to_collision_are_those_of_the_measures_of_safety(
     safety, seen = labelled.safety, 0
     for number, values in enumerate(packs):
         frames = int(labelled.trajectories.num_frames[number])
-        for place, of in (("ahead", safety.front), ("behind", safety.rear)):
+        for place, of in (("ahead", safety.leader), ("behind", safety.follower)):
             column = values["inverse_ttc"][place]
             assert len(column) == frames
             there = [k for k, each in enumerate(column) if each is not None]
