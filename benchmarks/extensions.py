@@ -45,7 +45,7 @@ def rule() -> None:
 
     data = _data()
     found = data.findings().query("rule == 'L99'").set_index("simulation")["verdict"]
-    night = data.decisions().set_index("simulation")["night"]
+    night = data.attempts().set_index("simulation")["night"]
     assert set(found.index[found != "not_applicable"]) == set(night.index[night])
     broken = int(found.index[found == "illegal"][0])
     said = api.explain(data.path, broken, rules=["L99"])
@@ -54,7 +54,7 @@ def rule() -> None:
 
 def feature() -> None:
     """Its column is the difference of two others."""
-    found = _data().decisions()
+    found = _data().attempts()
     lacking = found["ego_desired_speed_mps"] - found["ego_speed_mps"]
     assert (found["ego_lacking_speed_mps"] - lacking).abs().max() < 1e-4
 

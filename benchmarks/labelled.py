@@ -32,7 +32,7 @@ from overtaking.data.tables.encode_labels import contents, encode_labels
 from overtaking.data.tables.schemas import LABEL_TABLES, SCHEMAS
 from overtaking.labels.events import case_of
 from overtaking.labels.features import (
-    decision_features,
+    attempt_features,
     matched_features,
     paper_features,
     safety_measures,
@@ -121,7 +121,7 @@ def stages() -> list[Measure]:
         # What many ask of a case is answered once, so each run of rules has a case of its own.
         "rules": lambda: check(PORTUGAL, case.replace()),
         "features": lambda: (paper_features(case), matched_features(case)),
-        "decisions": lambda: decision_features(case),
+        "attempts": lambda: attempt_features(case),
         "safety": lambda: safety_measures(case),
         "label": lambda: label(runs),
         "label and tables": lambda: contents(runs, numbers, KEPT),

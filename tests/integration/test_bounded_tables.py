@@ -88,7 +88,7 @@ MOST = {
     "vehicles": 64,
     "labels": 6,
     "features": 4,
-    "decisions": 2,
+    "attempts": 2,
     "events": 2 * len(EVENTS),
     "findings": 2 * len(RULES),
     # Horizon 20 s, a frame each 50 ms, and at most 32 vehicles.

@@ -36,7 +36,7 @@ def rules(folder: Path) -> Any:
 
 @pytest.fixture(scope="module")
 def factors(folder: Path) -> Any:
-    return overtaking.learning.learn_factors(folder, features=["waiting time", "ahead_ttc_s"])
+    return overtaking.learning.learn_factors(folder, features=["waiting time", "leader_ttc_s"])
 
 
 def test_rules_come_as_json(folder: Path, rules: Any, capsys: pytest.CaptureFixture[str]):
@@ -71,7 +71,7 @@ def test_tables_are_shown_in_a_terminal(
     text = capsys.readouterr().out
     assert "do not start now" in text
     assert "speed over the limit alone" in text
-    features = ["--features", "waiting time, ahead_ttc_s"]
+    features = ["--features", "waiting time, leader_ttc_s"]
     assert main(["learn", "factors", str(folder), *features, "--show-leakage"]) == 0
     text = capsys.readouterr().out
     assert "sequential backward selection" in text

@@ -12,7 +12,7 @@ from overtaking.cli import main
 from overtaking.core.errors import DatasetError
 
 SIZE = 6
-NEW = ("decisions", "safety")
+NEW = ("attempts", "safety")
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def older(tmp_path):
 
 def test_a_table_that_it_does_not_have_is_one_line_with_the_way_to_make_it(older):
     data = api.load_dataset(older)
-    for read in (data.decisions, data.safety):
+    for read in (data.attempts, data.safety):
         with pytest.raises(DatasetError, match=r"run: overtaking label .*data") as caught:
             read()
         assert "\n" not in str(caught.value).strip()
@@ -50,6 +50,6 @@ def test_labelling_it_makes_the_tables(older):
     api.relabel_dataset(older)
     data = api.load_dataset(older)
     data.verify()
-    assert len(data.decisions()) == SIZE
+    assert len(data.attempts()) == SIZE
     assert set(data.safety()["simulation"]) == set(range(SIZE))
     assert "## safety" in (older / "README.md").read_text(encoding="utf-8")

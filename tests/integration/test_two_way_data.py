@@ -102,11 +102,11 @@ def test_times_to_meet_are_those_of_the_recorded_states(passes):
 
 
 def test_decisions_know_who_comes_next(passes):
-    decisions = passes.decisions().set_index("simulation")
-    for number, row in decisions.iterrows():
+    attempts = passes.attempts().set_index("simulation")
+    for number, row in attempts.iterrows():
         times, _ = by_hand(passes, number)
         assert row.oncoming_time_s == pytest.approx(times[row.frame], abs=2e-3)
-    assert decisions.oncoming_crossable.notna().all()
+    assert attempts.oncoming_crossable.notna().all()
 
 
 def test_sql_finds_the_margins_that_the_tables_have(passes):
@@ -118,7 +118,7 @@ def test_sql_finds_the_margins_that_the_tables_have(passes):
 def test_the_learner_knows_oncoming_traffic(passes):
     examples = examples_of(passes)
     found = examples.column("oncoming_time_s")
-    known = passes.decisions().oncoming_time_s.to_numpy(float)
+    known = passes.attempts().oncoming_time_s.to_numpy(float)
     np.testing.assert_allclose(found, np.clip(np.nan_to_num(known, nan=60.0), 0.0, 60.0))
     assert set(examples.column("oncoming_crossable")) <= {0.0, 1.0}
 
@@ -127,7 +127,7 @@ def test_a_road_of_one_direction_has_no_oncoming_traffic(tmp_path):
     data = ot.generate_dataset(
         "pinto2023-physical", num_simulations=8, seed=3, out=tmp_path / "data", keep="features"
     )
-    for table in (data.safety(), data.decisions()):
+    for table in (data.safety(), data.attempts()):
         columns = [name for name in table.columns if str(name).startswith("oncoming_")]
         assert len(columns) >= 6
         assert table[columns].isna().all().all()

@@ -187,13 +187,13 @@ class Dataset(CompactRepr):
         """One row per simulation and rule: verdict, margin and the frames that prove it."""
         return _decoded(self.table("findings"))
 
-    def decisions(self) -> pd.DataFrame:
+    def attempts(self) -> pd.DataFrame:
         """One row per simulation: the state when the overtake began, or might have begun.
 
         Raises:
             DatasetError: It was made before there was such a table.
         """
-        return _decoded(self.table("decisions"))
+        return _decoded(self.table("attempts"))
 
     def safety(self) -> pd.DataFrame:
         """One row per simulation and moment: surrogate measures of safety.

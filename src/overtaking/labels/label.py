@@ -9,7 +9,7 @@ import numpy as np
 from overtaking.core.arrays import U8
 from overtaking.labels.events import case_of, detail, first_case, outcome
 from overtaking.labels.features import (
-    decision_features,
+    attempt_features,
     matched_features,
     paper_features,
     safety_measures,
@@ -45,7 +45,8 @@ class LabelledTrajectories(IdentityBatch):
         labels: How it ended, and its class under each policy.
         paper: The paper's features as it measures them.
         matched: The same features, measured alike in every class.
-        decisions: What there was to know when the overtake began, or might have.
+        attempt_features: State of the ego and its surroundings when the overtake began, or could
+            have begun.
         safety: How near it came to a collision.
     """
 
@@ -58,7 +59,7 @@ class LabelledTrajectories(IdentityBatch):
     labels: Labels
     paper: PaperFeatures
     matched: PaperFeatures
-    decisions: AttemptFeatures
+    attempt_features: AttemptFeatures
     safety: SafetyMeasures
 
     def summary(self) -> Mapping[str, object]:
@@ -99,7 +100,7 @@ def label(
         labels=_labels(case, findings, pack, policies),
         paper=paper_features(case),
         matched=matched_features(case),
-        decisions=decision_features(case),
+        attempt_features=attempt_features(case),
         safety=safety_measures(case),
     )
 

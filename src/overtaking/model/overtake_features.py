@@ -79,12 +79,16 @@ class EgoState(Batch):
     waiting_time: Annotated[F32, FieldSpec("Time since it closed up", "s")]
     lateral_offset: Annotated[
         F32,
-        _ego("From the centre of its lane, growing to the left", "m", null_unless="around.on_road"),
+        _ego(
+            "From the centre of its lane, growing to the left",
+            "m",
+            null_unless="surroundings.on_road",
+        ),
     ]
 
 
-_ahead = partial(FieldSpec, column=ColumnName(prefix="ahead_"), null_unless=".encounter.valid")
-_passing = partial(_ahead, column=ColumnName(), needs=["bodies", "weather"])
+_leader = partial(FieldSpec, column=ColumnName(prefix="leader_"), null_unless=".encounter.valid")
+_passing = partial(_leader, column=ColumnName(), needs=["bodies", "weather"])
 
 
 @with_field_docs
@@ -98,22 +102,24 @@ class LeaderState(Batch):
     """
 
     encounter: Annotated[
-        Encounter, FieldSpec("the ego behind the vehicle ahead", column=ColumnName("ahead"))
+        Encounter, FieldSpec("the ego behind the vehicle ahead", column=ColumnName("leader"))
     ]
-    kind: Annotated[U8, _ahead("Type of the vehicle ahead", needs=["kinds"], names=_KINDS)]
-    length: Annotated[F32, _ahead("Its length", "m")]
-    speed: Annotated[F32, _ahead("Its speed", "m/s")]
-    accel: Annotated[F32, _ahead("Its acceleration", "m/s^2")]
-    lateral_offset: Annotated[F32, _ahead("From the centre of the lane, growing to the left", "m")]
-    indicator: Annotated[U8, _ahead("Its indicator", needs=["indicators"], names=_SIDES)]
-    looming: Annotated[F32, _ahead("Growth of its image in the eye", "rad/s")]
-    has_next: Annotated[
+    kind: Annotated[U8, _leader("Type of the vehicle ahead", needs=["kinds"], names=_KINDS)]
+    length: Annotated[F32, _leader("Its length", "m")]
+    speed: Annotated[F32, _leader("Its speed", "m/s")]
+    accel: Annotated[F32, _leader("Its acceleration", "m/s^2")]
+    lateral_offset: Annotated[F32, _leader("From the centre of the lane, growing to the left", "m")]
+    indicator: Annotated[U8, _leader("Its indicator", needs=["indicators"], names=_SIDES)]
+    looming: Annotated[F32, _leader("Growth of its image in the eye", "rad/s")]
+    has_next_leader: Annotated[
         Mask, FieldSpec("Whether there is another vehicle ahead of it in the lane", column=None)
     ]
     return_gap: Annotated[
         F32,
         FieldSpec(
-            "Gap between it and the next vehicle ahead in the lane", "m", null_unless=".has_next"
+            "Gap between it and the next vehicle ahead in the lane",
+            "m",
+            null_unless=".has_next_leader",
         ),
     ]
     overtaking_time: Annotated[
@@ -136,13 +142,13 @@ class LeftLane(Batch):
     exists: Annotated[
         Mask, FieldSpec("Whether there is a lane to the left", column=ColumnName(prefix="left_"))
     ]
-    front: Annotated[
+    leader: Annotated[
         Encounter,
         FieldSpec(
             "the ego behind the vehicle ahead on the left", column=ColumnName(prefix="left_")
         ),
     ]
-    rear: Annotated[
+    follower: Annotated[
         Encounter,
         FieldSpec(
             "the vehicle behind on the left, behind the ego", column=ColumnName(prefix="left_")
@@ -161,10 +167,10 @@ class LeftLane(Batch):
     ]
 
 
-_other_side = partial(
+_opposing = partial(
     FieldSpec, column=ColumnName(prefix="oncoming_"), null_unless=".exists", since=4
 )
-_comes = partial(_other_side, null_unless=".comes")
+_oncoming = partial(_opposing, null_unless=".has_oncoming")
 
 
 @with_field_docs
@@ -172,24 +178,26 @@ _comes = partial(_other_side, null_unless=".comes")
 class OncomingState(Batch):
     """The side of oncoming traffic; every array has shape (simulation,).
 
-    Where `exists` is false, as on one-way roads, all other fields are undefined. Where `comes` is
+    Where `exists` is false, as on one-way roads, all other fields are undefined. Where `has_oncoming` is
     false, the fields of the oncoming vehicle are undefined.
     """
 
     exists: Annotated[
         Mask, FieldSpec("Whether the lane to the left is for oncoming traffic", column=None)
     ]
-    comes: Annotated[Mask, FieldSpec("Whether a vehicle comes the other way", column=None)]
-    kind: Annotated[U8, _comes("Type of the next oncoming vehicle", needs=["kinds"], names=_KINDS)]
-    gap: Annotated[F32, _comes("Gap to it", "m")]
-    closing_speed: Annotated[F32, _comes("Both speeds together", "m/s")]
-    time: Annotated[F32, _comes("Time to meet it", "s")]
+    has_oncoming: Annotated[Mask, FieldSpec("Whether a vehicle comes the other way", column=None)]
+    kind: Annotated[
+        U8, _oncoming("Type of the next oncoming vehicle", needs=["kinds"], names=_KINDS)
+    ]
+    gap: Annotated[F32, _oncoming("Gap to it", "m")]
+    closing_speed: Annotated[F32, _oncoming("Both speeds together", "m/s")]
+    time: Annotated[F32, _oncoming("Time to meet it", "s")]
     sight: Annotated[
-        F32, _other_side("Distance up to which air and road show it", "m", needs=["weather"])
+        F32, _opposing("Distance up to which air and road show it", "m", needs=["weather"])
     ]
     crossable: Annotated[
         Mask,
-        _other_side("Whether the line between the directions may be crossed", needs=["marks"]),
+        _opposing("Whether the line between the directions may be crossed", needs=["marks"]),
     ]
 
 
@@ -237,28 +245,28 @@ class LawMarginsOnPullOut(Batch):
     A margin to a vehicle is undefined without that vehicle.
     """
 
-    follow: Annotated[
+    leader: Annotated[
         F32,
         _law(
             "L3: gap to the vehicle ahead minus the safe distance",
             "m",
-            null_unless="ahead.encounter.valid",
+            null_unless="leader.encounter.valid",
         ),
     ]
-    entry_front: Annotated[
+    left_leader: Annotated[
         F32,
         _law(
             "L4 if the ego moved over now: room to the vehicle ahead on the left",
             "m",
-            null_unless="left.front.valid",
+            null_unless="left.leader.valid",
         ),
     ]
-    entry_rear: Annotated[
+    left_follower: Annotated[
         F32,
         _law(
             "L5 if the ego moved over now: room to the vehicle behind on the left",
             "m",
-            null_unless="left.rear.valid",
+            null_unless="left.follower.valid",
         ),
     ]
     speed: Annotated[
@@ -286,7 +294,7 @@ class BeliefsAtPullOut(Batch):
     Attributes:
         exists: Whether there was such a decision; otherwise all other fields are undefined.
         age: Time since the decision [s].
-        detected: Whether the driver had noticed the vehicle, (simulation, 3); otherwise its gap and
+        is_detected: Whether the driver had noticed the vehicle, (simulation, 3); otherwise its gap and
             speed are undefined.
         gap: Believed gap to it, from bumper to bumper, (simulation, 3) [m].
         closing_speed: Believed speed at which that gap shrinks, (simulation, 3) [m/s].
@@ -294,7 +302,7 @@ class BeliefsAtPullOut(Batch):
 
     exists: Mask
     age: F32
-    detected: Mask
+    is_detected: Mask
     gap: F32
     closing_speed: F32
 
@@ -303,24 +311,24 @@ class BeliefsAtPullOut(Batch):
 class AttemptFeatures(Batch):
     """Features of the decision to overtake. They use nothing that happens after `frame`.
 
-    All values are true ones, except those in `believed`.
+    All values are true ones, except those in `beliefs`.
 
     Attributes:
         frame: Frame of the attempt, or of the instant that stands for it, shape (simulation,).
         ego: The ego.
-        ahead: The vehicle ahead in its lane.
+        leader: The vehicle ahead in its lane.
         left: The lane to its left.
         oncoming: The side of oncoming traffic.
-        around: Road, weather and light.
+        surroundings: Road, weather and light.
         law: Margins of the law for pulling out now.
-        believed: Beliefs of the driver at the last decision to pull out.
+        beliefs: Beliefs of the driver at the last decision to pull out.
     """
 
     frame: I32
     ego: EgoState
-    ahead: LeaderState
+    leader: LeaderState
     left: LeftLane
     oncoming: OncomingState
-    around: RoadAndWeather
+    surroundings: RoadAndWeather
     law: LawMarginsOnPullOut
-    believed: BeliefsAtPullOut
+    beliefs: BeliefsAtPullOut

@@ -519,9 +519,9 @@ def test_kinds_that_are_not_known_are_null_in_data_sets_and_unknown_when_loaded(
     assert np.array_equal(one.findings.verdict, two.findings.verdict)
     kinds = data.vehicles()["kind"]
     assert 0 < kinds.isna().sum() < len(kinds)
-    decisions = data.decisions()
-    assert decisions["ego_kind"].isna().sum() == (~first.is_kind_known[:, 0]).sum()
-    assert decisions["law_speed_mps"].isna().tolist() == decisions["ego_kind"].isna().tolist()
+    attempts = data.attempts()
+    assert attempts["ego_kind"].isna().sum() == (~first.is_kind_known[:, 0]).sum()
+    assert attempts["law_speed_mps"].isna().tolist() == attempts["ego_kind"].isna().tolist()
 
 
 # Exports

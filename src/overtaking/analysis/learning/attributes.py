@@ -1,6 +1,6 @@
 """The quantities that may be known when an overtake begins, in the words of a driver.
 
-They are declared in `attributes.toml`. All of them are columns of the table `decisions`, or derived
+They are declared in `attributes.toml`. All of them are columns of the table `attempts`, or derived
 from its columns. Beliefs are left out: they are recorded only where a driver decided to pull out,
 so their absence alone would tell who did not. The place in the lane is left out too, since it shows
 a move that has begun.
@@ -20,7 +20,7 @@ from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.knowledge.toml_reader import load_toml
 
 Column = Callable[[str], F64]
-"""A column of `decisions` by its name, NaN where there is no value."""
+"""A column of `attempts` by its name, NaN where there is no value."""
 
 UNITS: dict[str, tuple[float, float]] = {
     "km/h": (kmh_from_mps(1.0), 1.0),
@@ -58,7 +58,7 @@ class Attribute:
     """One quantity that is known at the instant of the decision.
 
     Attributes:
-        name: Column of `decisions`, or key of `DERIVED`.
+        name: Column of `attempts`, or key of `DERIVED`.
         factor: The factor that it belongs to.
         words: What a driver calls it; of a nominal one the vehicle or thing that has it.
         scale: Its unit and range.
@@ -93,7 +93,7 @@ _SCALES = {name: Scale(**one) for name, one in _DECLARED["scales"].items()}
 
 def _attribute(name: str, given: dict[str, Any]) -> Attribute:
     """An attribute; the levels of a nominal column are those of the table."""
-    columns = SCHEMAS["decisions"]
+    columns = SCHEMAS["attempts"]
     named = names_of(columns.field(name)) if name in columns.names else ()
     own: dict[str, Any] = {"name": name, "levels": tuple(given.get("levels", named))}
     own["scale"] = _SCALES[given["scale"]] if "scale" in given else Scale()
@@ -125,7 +125,7 @@ def wish_over_limit(column: Column) -> F64:
 
 def speed_wish(column: Column) -> F64:
     """Desired speed of its driver over the speed of the vehicle ahead [m/s]."""
-    return column("ego_desired_speed_mps") - column("ahead_speed_mps")
+    return column("ego_desired_speed_mps") - column("leader_speed_mps")
 
 
 def time_to_safe_gap(column: Column) -> F64:
@@ -133,7 +133,7 @@ def time_to_safe_gap(column: Column) -> F64:
 
     0 if it is shorter already, NaN if the gap does not shrink.
     """
-    margin, closing = column("law_follow_m"), column("ahead_closing_speed_mps")
+    margin, closing = column("law_leader_m"), column("leader_closing_speed_mps")
     time = np.divide(margin, closing, out=np.full(len(margin), np.nan), where=closing > 0.0)
     return np.where(margin <= 0.0, 0.0, time)
 

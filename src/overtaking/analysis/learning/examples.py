@@ -80,7 +80,7 @@ class Examples:
     def is_seen(self) -> Mask:
         """Whether there is a vehicle ahead, shape (simulation,)."""
         # The longest gap stands for no vehicle.
-        return self.column("ahead_gap_m") < BY_NAME["ahead_gap_m"].scale.absent
+        return self.column("leader_gap_m") < BY_NAME["leader_gap_m"].scale.absent
 
 
 def examples_of(data: Dataset, policy: str | None = None) -> Examples:
@@ -95,24 +95,24 @@ def examples_of(data: Dataset, policy: str | None = None) -> Examples:
         DatasetError: It has no table of decisions, or one with too few rows.
     """
     policy = choose_policy(policy, data.profile)
-    decisions = data.decisions().set_index("simulation").sort_index()
-    classes = data.features(policy)["CLASS"].reindex(decisions.index)
+    attempts = data.attempts().set_index("simulation").sort_index()
+    classes = data.features(policy)["CLASS"].reindex(attempts.index)
     events = data.events()
     begun = events.loc[events["event"] == "attempt", "simulation"]
     attributes = tuple(one for one in ATTRIBUTES if data.road.is_two_way or not one.of_two_ways)
     return Examples(
-        simulations=decisions.index.to_numpy(dtype=np.int64),
+        simulations=attempts.index.to_numpy(dtype=np.int64),
         attributes=attributes,
         values=values_of(decisions, attributes),
         classes=classes,
-        attempted=decisions.index.isin(begun),
-        groups=groups_of(data.simulations().set_index("simulation").reindex(decisions.index)),
+        attempted=attempts.index.isin(begun),
+        groups=groups_of(data.simulations().set_index("simulation").reindex(attempts.index)),
         policy=policy,
     )
 
 
 def values_of(decisions: pd.DataFrame, attributes: tuple[Attribute, ...]) -> F64:
-    """Some attributes of each row of `decisions` [SI], shape (row, attribute)."""
+    """Some attributes of each row of `attempts` [SI], shape (row, attribute)."""
     columns = [_column(decisions, one) for one in attributes]
     return np.column_stack(columns) if len(decisions) else np.zeros((0, len(columns)))
 

@@ -71,7 +71,7 @@ def encode_labels(
         "labels": labels(labelled, numbers, weight),
         "findings": findings(labelled, numbers),
         "features": features(labelled, numbers),
-        "decisions": decisions(labelled, numbers),
+        "attempts": attempts(labelled, numbers),
         "safety": safety(labelled, numbers),
     }
 
@@ -173,27 +173,27 @@ def features(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     return build("features", both, rows, computed, labelled.trajectories.unknown)
 
 
-def decisions(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
+def attempts(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation: the state when the overtake began, or might have begun."""
-    found, unknown = labelled.decisions, labelled.trajectories.unknown
+    found, unknown = labelled.attempt_features, labelled.trajectories.unknown
     computed: dict[str, Given] = {"simulation": numbers, **_of_known_kinds(labelled)}
-    return build("decisions", found, lambda values: values, computed, unknown)
+    return build("attempts", found, lambda values: values, computed, unknown)
 
 
 def _of_known_kinds(labelled: LabelledTrajectories) -> dict[str, Given]:
-    """Columns of `decisions` that depend on kinds, null where a kind is not known."""
-    run, found = labelled.trajectories, labelled.decisions
+    """Columns of `attempts` that depend on kinds, null where a kind is not known."""
+    run, found = labelled.trajectories, labelled.attempt_features
     if run.is_kind_known is None:
         return {}
     rows = np.arange(len(found.frame))
-    ahead = labelled.signals.neighbour_slot[rows, NeighbourRole.LEADER, np.maximum(found.frame, 0)]
+    leader = labelled.signals.neighbour_slot[rows, NeighbourRole.LEADER, np.maximum(found.frame, 0)]
     is_known = {
         "ego": run.known_kinds[:, EGO_SLOT],
         "law": run.known_kinds[:, EGO_SLOT],
-        "ahead": run.known_kinds[rows, slot_of(ahead)],
+        "leader": run.known_kinds[rows, slot_of(leader)],
         "oncoming": np.asarray(run.known_kinds.all(axis=1)),
     }
-    columns = [one for one in COLUMNS["decisions"] if "kinds" in one.needs]
+    columns = [one for one in COLUMNS["attempts"] if "kinds" in one.needs]
     columns = [one for one in columns if not one.is_silent(run.unknown)]
     made: dict[str, Given] = {}
     for name, one in read_columns(columns, found, lambda values: values).items():

@@ -87,11 +87,11 @@ def _percept(index: int, who: str, whose: str) -> list[Column]:
 
 def _believed(index: int, who: str, whose: str) -> list[Column]:
     """Columns of one vehicle: the belief of the driver at the last decision to pull out."""
-    seen = partial(_optional, present="believed.detected")
+    seen = partial(_optional, present="beliefs.is_detected")
     return attributes(
-        "believed",
+        "beliefs",
         _optional(
-            "detected", BOOL, f"Whether the driver had noticed {whose}", present="believed.exists"
+            "is_detected", BOOL, f"Whether the driver had noticed {whose}", present="beliefs.exists"
         ),
         seen("gap", FLOAT, f"Gap to {whose} as the driver believed it", "m"),
         seen("closing_speed", FLOAT, "Speed of approach as the driver believed it", "m/s"),
@@ -328,15 +328,15 @@ _LABELS: dict[str, list[Column]] = {
         ),
         _frame("frame", "Measured in this frame, null for means", "frame"),
     ],
-    "decisions": [
+    "attempts": [
         _SIMULATION,
         column("frame", INT, "Frame of the attempt, or of what stands for it"),
         *declared("ego", EgoState, nullable=True),
-        *declared("ahead", LeaderState, nullable=True),
+        *declared("leader", LeaderState, nullable=True),
         *declared("left", LeftLane, nullable=True),
         *declared("oncoming", OncomingState, nullable=True),
         *declared(
-            "around",
+            "surroundings",
             RoadAndWeather,
             nullable=True,
             kinds={"lane_width": DOUBLE, "speed_limit": DOUBLE},
@@ -347,13 +347,13 @@ _LABELS: dict[str, list[Column]] = {
             FLOAT,
             "Time since the last decision to pull out",
             "s",
-            path="believed.age",
-            present="believed.exists",
+            path="beliefs.age",
+            present="beliefs.exists",
             needs=["percepts"],
         ),
-        *_believed(0, "ahead", "the vehicle ahead"),
-        *_believed(1, "front", "the vehicle ahead on the left"),
-        *_believed(2, "rear", "the vehicle behind on the left"),
+        *_believed(0, "leader", "the vehicle ahead"),
+        *_believed(1, "new_leader", "the vehicle ahead on the left"),
+        *_believed(2, "new_follower", "the vehicle behind on the left"),
     ],
     "safety": [
         _SIMULATION,
@@ -446,7 +446,7 @@ def most_rows(num_steps: int, num_frames: int) -> dict[str, int]:
         "labels": len(names.POLICY_NAMES),
         "findings": len(names.RULES),
         "features": len(names.READINGS),
-        "decisions": 1,
+        "attempts": 1,
         "safety": len(MEASURED_MOMENTS),
     }
 
@@ -456,6 +456,6 @@ ROWS_OF_EACH = {
     "weather": 1,
     "labels": len(names.POLICY_NAMES),
     "features": len(names.READINGS),
-    "decisions": 1,
+    "attempts": 1,
 }
 """Rows of every simulation, for tables with the same number of rows for each."""

@@ -11,7 +11,7 @@ from overtaking.core.float32_math import ZERO, as_f32
 from overtaking.knowledge.toml_reader import constant
 from overtaking.labels.features.oncoming import next_oncomer
 from overtaking.labels.features.safety import stop_margins
-from overtaking.labels.features.study import moment, unless_under_way
+from overtaking.labels.features.study import moment, nan_if_begun_before_recording
 from overtaking.labels.instants import (
     METRES,
     OCCUPANCY_REACH_MM,
@@ -59,12 +59,12 @@ _LEAST_SPEED = np.float32(0.1)
 _PERCENT = np.float32(0.01)
 
 
-def decision_features(case: Case) -> AttemptFeatures:
+def attempt_features(case: Case) -> AttemptFeatures:
     """The features of a batch at each attempt, or at the instant that stands for it."""
-    return features_at(case, moment(case))
+    return attempt_features_at(case, moment(case))
 
 
-def features_at(case: Case, frame: I32) -> AttemptFeatures:
+def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
     """The features of a batch at one frame each, whatever happens later.
 
     Args:
@@ -72,28 +72,30 @@ def features_at(case: Case, frame: I32) -> AttemptFeatures:
         frame: A recorded frame of each simulation, shape (simulation,).
     """
     rows, frames = np.arange(len(frame)), frame.astype(np.intp)
-    around, left = _lane_around(case, frames), _left_lane(case, frames)
-    ego = _ego(case, rows, frames)
-    ahead = _ahead(case, rows, frames, ego)
+    surroundings, left = _surroundings(case, frames), _left_lane_features(case, frames)
+    ego = _ego_state(case, rows, frames)
+    leader = _leader_features(case, rows, frames, ego)
     limit = at(speed_limits(case)[1], frame)
-    decel = sure_decel(around.friction)
-    margins = stop_margins(ego.speed, around.friction, around.sight_lit, around.sight_unlit)
+    decel = sure_decel(surroundings.friction)
+    margins = stop_margins(
+        ego.speed, surroundings.friction, surroundings.sight_lit, surroundings.sight_unlit
+    )
     return AttemptFeatures(
         frame=frame,
         ego=ego,
-        ahead=ahead,
+        leader=leader,
         left=left,
-        oncoming=_other_side(case, frame),
-        around=around,
+        oncoming=_opposing_lane_features(case, frame),
+        surroundings=surroundings,
         law=LawMarginsOnPullOut(
-            follow=margin_of_gap(*_pair(ahead.encounter, ego), decel),
-            entry_front=margin_ahead(*_pair(left.front, ego), decel),
-            entry_rear=margin_behind(*_pair(left.rear, ego), decel),
+            leader=margin_of_gap(*_gap_state(leader.encounter, ego), decel),
+            left_leader=margin_ahead(*_gap_state(left.leader, ego), decel),
+            left_follower=margin_behind(*_gap_state(left.follower, ego), decel),
             speed=limit - ego.speed,
             stop_lit=margins["stop_margin_lit"],
             stop_unlit=margins["stop_margin_unlit"],
         ),
-        believed=_believed(case, frame),
+        beliefs=_beliefs(case, frame),
     )
 
 
@@ -118,12 +120,12 @@ def available_accel(case: Case, speed: F32) -> F32:
     return np.minimum(engine, own["launch_accel"]) - drag - rolling
 
 
-def _pair(one: Encounter, ego: EgoState) -> tuple[F32, F32, F32]:
+def _gap_state(one: Encounter, ego: EgoState) -> tuple[F32, F32, F32]:
     """Gap, speed of the ego and closing speed, as the margins of the law take them."""
     return one.gap, ego.speed, one.closing_speed
 
 
-def _ego(case: Case, rows: IndexArray, frames: IndexArray) -> EgoState:
+def _ego_state(case: Case, rows: IndexArray, frames: IndexArray) -> EgoState:
     scenario, seen = case.trajectories.scenario, case.signals
     speed = seen.speed[rows, frames]
     waited = np.maximum(frames - case.events.follow, 0).astype(np.int32)
@@ -133,12 +135,14 @@ def _ego(case: Case, rows: IndexArray, frames: IndexArray) -> EgoState:
         accel=seen.accel[rows, frames],
         available_accel=available_accel(case, speed),
         desired_speed=scenario.drivers.desired_speed[:, EGO_SLOT],
-        waiting_time=unless_under_way(case, seconds_of(case, waited)),
+        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
         lateral_offset=seen.lateral_position[rows, frames] - _lane_centre(case, rows, frames),
     )
 
 
-def _ahead(case: Case, rows: IndexArray, frames: IndexArray, ego: EgoState) -> LeaderState:
+def _leader_features(
+    case: Case, rows: IndexArray, frames: IndexArray, ego: EgoState
+) -> LeaderState:
     run, bodies = case.trajectories, case.trajectories.scenario.vehicles
     one = beside(case, NeighbourRole.LEADER, frames)
     slot = slot_of(case.signals.neighbour_slot[rows, NeighbourRole.LEADER, frames])
@@ -155,7 +159,7 @@ def _ahead(case: Case, rows: IndexArray, frames: IndexArray, ego: EgoState) -> L
         lateral_offset=across - _lane_centre(case, rows, frames),
         indicator=run.states.lights[rows, slot, frames] & _INDICATORS,
         looming=looming(one.gap, one.closing_speed, bodies.width[rows, slot]),
-        has_next=has_next & one.valid,
+        has_next_leader=has_next & one.valid,
         return_gap=return_gap,
         overtaking_time=time,
         overtaking_distance=distance,
@@ -186,7 +190,7 @@ def _lane_centre(case: Case, rows: IndexArray, frames: IndexArray) -> F32:
     return centres[np.minimum(case.signals.lane[rows, frames], road.num_lanes - 1)]
 
 
-def _believed(case: Case, frame: I32) -> BeliefsAtPullOut:
+def _beliefs(case: Case, frame: I32) -> BeliefsAtPullOut:
     """What was believed at the last decision to pull out that is not later than a frame."""
     percepts, interval = case.trajectories.percepts, case.signals.frame_interval_ms
     count, now = len(frame), frame * np.int32(interval)
@@ -200,7 +204,7 @@ def _believed(case: Case, frame: I32) -> BeliefsAtPullOut:
     return BeliefsAtPullOut(
         exists=exists,
         age=as_f32(now - percepts.time[entry]) / np.float32(1000.0),
-        detected=percepts.detected[entry] & exists[:, None],
+        is_detected=percepts.detected[entry] & exists[:, None],
         gap=as_f32(percepts.gap[entry]) * METRES,
         closing_speed=as_f32(percepts.closing_speed[entry]) * METRES,
     )
@@ -210,11 +214,11 @@ def _nothing(count: int) -> BeliefsAtPullOut:
     """Nothing believed in any simulation."""
     zero, wide = np.zeros(count, np.float32), np.zeros((count, _PERCEIVED), np.float32)
     return BeliefsAtPullOut(
-        exists=zero > 0, age=zero, detected=wide > 0, gap=wide, closing_speed=wide
+        exists=zero > 0, age=zero, is_detected=wide > 0, gap=wide, closing_speed=wide
     )
 
 
-def _lane_around(case: Case, frames: IndexArray) -> RoadAndWeather:
+def _surroundings(case: Case, frames: IndexArray) -> RoadAndWeather:
     """Road, weather and light of each simulation at one frame each."""
     run, seen = case.trajectories, case.signals
     road, weather = run.road, run.scenario.weather
@@ -239,7 +243,7 @@ def _lane_around(case: Case, frames: IndexArray) -> RoadAndWeather:
     )
 
 
-def _left_lane(case: Case, frames: IndexArray) -> LeftLane:
+def _left_lane_features(case: Case, frames: IndexArray) -> LeftLane:
     """The lane to the left of each ego at one frame each."""
     run, seen = case.trajectories, case.signals
     rows = np.arange(len(frames))
@@ -249,8 +253,8 @@ def _left_lane(case: Case, frames: IndexArray) -> LeftLane:
     count, total = inside.sum(axis=1), _sum(speed, inside)
     return LeftLane(
         exists=lane + 1 < run.road.num_lanes,
-        front=beside(case, NeighbourRole.LEFT_LEADER, frames),
-        rear=beside(case, NeighbourRole.LEFT_FOLLOWER, frames),
+        leader=beside(case, NeighbourRole.LEFT_LEADER, frames),
+        follower=beside(case, NeighbourRole.LEFT_FOLLOWER, frames),
         occupancy=left_lane_at(run, frames).occupancy,
         count=count.astype(np.uint8),
         space_mean_speed=total / as_f32(np.maximum(count, 1)),
@@ -260,14 +264,14 @@ def _left_lane(case: Case, frames: IndexArray) -> LeftLane:
     )
 
 
-def _other_side(case: Case, frame: I32) -> OncomingState:
+def _opposing_lane_features(case: Case, frame: I32) -> OncomingState:
     """The side of oncoming traffic of each simulation at one frame each."""
     road, count = case.trajectories.road, len(frame)
     nothing, nobody = np.zeros(count, np.float32), np.zeros(count, np.bool_)
     if not road.is_two_way:
         return OncomingState(
             exists=nobody,
-            comes=nobody,
+            has_oncoming=nobody,
             kind=np.zeros(count, np.uint8),
             gap=nothing,
             closing_speed=nothing,
@@ -278,7 +282,7 @@ def _other_side(case: Case, frame: I32) -> OncomingState:
     gap, both, slot = next_oncomer(case, frame)
     return OncomingState(
         exists=~nobody,
-        comes=np.isfinite(gap),
+        has_oncoming=np.isfinite(gap),
         kind=case.trajectories.scenario.vehicles.kind[np.arange(count), slot],
         gap=gap,
         closing_speed=both,

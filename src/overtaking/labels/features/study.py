@@ -52,8 +52,8 @@ def paper_features(case: Case) -> PaperFeatures:
     measured = {name: np.where(attempted, instant[name], mean[name]) for name in instant}
     return PaperFeatures(
         policy="paper",
-        waiting_time=unless_under_way(case, seconds_of(case, waited)),
-        overtaking_time=unless_under_way(case, seconds_of(case, lasted)),
+        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
+        overtaking_time=nan_if_begun_before_recording(case, seconds_of(case, lasted)),
         frame=np.where(attempted, events.attempt, NEVER),
         **measured,
         **_static(case),
@@ -78,8 +78,8 @@ def matched_features(case: Case) -> PaperFeatures:
     has_target = events.target != NO_VEHICLE
     return PaperFeatures(
         policy="matched",
-        waiting_time=unless_under_way(case, seconds_of(case, waited)),
-        overtaking_time=unless_under_way(case, seconds_of(case, lasted)),
+        waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
+        overtaking_time=nan_if_begun_before_recording(case, seconds_of(case, lasted)),
         ego_speed=own,
         target_speed=target["speed"],
         speed_difference=np.where(has_target, own - target["speed"], np.float32(0.0)),
@@ -189,7 +189,7 @@ def _end_of(case: Case, *events: I32) -> I32:
     return end
 
 
-def unless_under_way(case: Case, values: F32) -> F32:
+def nan_if_begun_before_recording(case: Case, values: F32) -> F32:
     """Values that count from the attempt, NaN where the recording begins later, (simulation,)."""
     return np.where(case.events.under_way == NEVER, values, np.float32(np.nan))
 
@@ -209,8 +209,8 @@ def _of_target(case: Case, frame: I32) -> dict[str, F32]:
 
     return {
         "speed": known(along.speed),
-        "ego_lead": unless_under_way(case, known(along.lead)),
-        "gap": unless_under_way(case, known(along.gap)),
+        "ego_lead": nan_if_begun_before_recording(case, known(along.lead)),
+        "gap": nan_if_begun_before_recording(case, known(along.gap)),
     }
 
 

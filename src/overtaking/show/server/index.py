@@ -42,7 +42,7 @@ _COLUMNS = {
     "weather": ("weather", "preset", "night"),
     "labels": ("simulation", "policy", "class", "outcome", "detail"),
     "findings": ("simulation", "rule", "verdict", "margin"),
-    "decisions": ("simulation", "ego_kind", "ahead_kind"),
+    "attempts": ("simulation", "ego_kind", "leader_kind"),
 }
 _NONE = -1
 _KEPT_ORDERS = 4
@@ -235,10 +235,10 @@ class Index:
         self._take_weather(span, rows, tables["weather"])
         self._take_labels(tables["labels"])
         self._take_findings(tables["findings"])
-        if "decisions" in tables:
-            at = column_to_numpy(tables["decisions"]["simulation"])
-            for of, name in ((self.ego, "ego_kind"), (self.overtaken, "ahead_kind")):
-                of.codes[at] = codes(tables["decisions"][name], names.KINDS)
+        if "attempts" in tables:
+            at = column_to_numpy(tables["attempts"]["simulation"])
+            for of, name in ((self.ego, "ego_kind"), (self.overtaken, "leader_kind")):
+                of.codes[at] = codes(tables["attempts"][name], names.KINDS)
 
     def _take_weather(self, span: slice, rows: pa.Table, weather: pa.Table) -> None:
         keys = column_to_numpy(weather["weather"])

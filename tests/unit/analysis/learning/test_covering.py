@@ -44,7 +44,7 @@ def test_what_takes_many_things_at_once_is_told_by_what_forbids_it():
 
 def test_of_what_is_rare_rules_say_when_it_is_so(monkeypatch):
     values = dict(zip((one.name for one in EXAMPLES.attributes), EXAMPLES.values.T, strict=True))
-    near = (values["ahead_gap_m"] < 40.0) & (values["night"] > 0.0)
+    near = (values["leader_gap_m"] < 40.0) & (values["night"] > 0.0)
     positive = near & (values["over_limit"] < -4.0) & (values["rain_mmph"] < 4.0)
     assert 0.03 < positive.mean() < 0.1
     conditions = conditions_of(EXAMPLES, positive)

@@ -82,8 +82,8 @@ def test_a_target_asks_only_where_it_can_be_answered():
 
 def test_the_time_to_the_safe_gap():
     columns = {
-        "law_follow_m": np.array([20.0, -1.0, 20.0, np.nan]),
-        "ahead_closing_speed_mps": np.array([5.0, 5.0, -5.0, 5.0]),
+        "law_leader_m": np.array([20.0, -1.0, 20.0, np.nan]),
+        "leader_closing_speed_mps": np.array([5.0, 5.0, -5.0, 5.0]),
     }
     found = time_to_safe_gap(columns.__getitem__)
     assert found[:2].tolist() == [4.0, 0.0]

@@ -17,9 +17,9 @@ pytestmark = pytest.mark.ci
 NUMBER = 600
 FACTORS = {
     "rain": ("rain_mmph",),
-    "room behind": ("left_rear_gap_m", "night"),
+    "room behind": ("left_follower_gap_m", "night"),
     "speed": ("over_limit",),
-    "ahead": ("ahead_kind",),
+    "ahead": ("leader_kind",),
 }
 FEW = {name: FACTORS[name] for name in ("speed", "ahead")}
 

@@ -18,7 +18,7 @@ NAMES = [one.name for one in ATTRIBUTES]
 
 def examples(count: int, classes: list[str] | None = None) -> Examples:
     values = np.tile([one.scale.absent for one in ATTRIBUTES], (count, 1))
-    values[:, NAMES.index("ahead_gap_m")] = 40.0
+    values[:, NAMES.index("leader_gap_m")] = 40.0
     values[:, NAMES.index("over_limit")] = np.where(np.arange(count) % 2, 3.0, -3.0)
     return Examples(
         simulations=np.arange(count),
@@ -55,7 +55,7 @@ def test_twins_and_branches_stay_together_at_every_size():
 def test_tasks_ask_whom_they_should():
     given = examples(4, ["Success_L", "No_attempt", "censored", "Unsuccess_col"])
     given.attempted[1] = False
-    given.values[3, NAMES.index("ahead_gap_m")] = BY_NAME["ahead_gap_m"].scale.absent
+    given.values[3, NAMES.index("leader_gap_m")] = BY_NAME["leader_gap_m"].scale.absent
     asked = {task.name: task.is_asked(given).tolist() for task in TASKS}
     assert asked["outcome"] == asked["legal"] == [True, False, False, False]
     assert asked["go"] == [True, True, False, False]

@@ -19,21 +19,21 @@ from overtaking.data.tables.schemas import SCHEMAS
 @pytest.mark.parametrize(
     ("name", "value", "is_least", "text"),
     [
-        ("left_rear_gap_m", 28.0, False, "gap to the vehicle behind on the left below 28 m"),
+        ("left_follower_gap_m", 28.0, False, "gap to the vehicle behind on the left below 28 m"),
         (
-            "left_rear_gap_m",
+            "left_follower_gap_m",
             28.0,
             True,
             "gap to the vehicle behind on the left at least 28 m (or nobody is behind on the left)",
         ),
         (
-            "left_rear_closing_speed_mps",
+            "left_follower_closing_speed_mps",
             12.0 / 3.6,
             True,
             "the vehicle behind on the left is faster by at least 12 km/h",
         ),
         (
-            "left_rear_closing_speed_mps",
+            "left_follower_closing_speed_mps",
             -9.0 / 3.6,
             False,
             "the vehicle behind on the left is slower by more than 9 km/h "
@@ -53,12 +53,12 @@ from overtaking.data.tables.schemas import SCHEMAS
             False,
             "the ego is above its limit by less than 5 km/h, or below its limit",
         ),
-        ("ahead_accel_mps2", -0.6, False, "acceleration of the vehicle ahead below −0.6 m/s²"),
+        ("leader_accel_mps2", -0.6, False, "acceleration of the vehicle ahead below −0.6 m/s²"),
         ("night", 1.0, True, "it is night"),
         ("night", 1.0, False, "it is day"),
         ("night", 0.0, True, "it is day"),
-        ("ahead_kind", 4.0, True, "the vehicle ahead is a truck"),
-        ("ahead_kind", 6.0, False, "the vehicle ahead is not a bicycle"),
+        ("leader_kind", 4.0, True, "the vehicle ahead is a truck"),
+        ("leader_kind", 6.0, False, "the vehicle ahead is not a bicycle"),
         ("lane", 1.0, False, "number of lanes to the right below 1"),
     ],
 )
@@ -73,7 +73,7 @@ def test_the_ends_of_a_limit_do_not_blur():
 
 
 def test_every_attribute_has_a_unit_and_comes_from_the_table_of_decisions():
-    columns = set(SCHEMAS["decisions"].names)
+    columns = set(SCHEMAS["attempts"].names)
     for one in ATTRIBUTES:
         assert one.scale.unit in UNITS
         assert one.name in columns or one.name in DERIVED, one.name
@@ -88,5 +88,5 @@ def test_every_attribute_belongs_to_one_factor():
 def test_what_is_said_is_what_is_tested():
     """A text holds the border to all its digits, so that a reader can apply it."""
     border = rounded(12.3456, "m")
-    one = Condition(attribute=BY_NAME["ahead_gap_m"], value=border, is_least=False)
+    one = Condition(attribute=BY_NAME["leader_gap_m"], value=border, is_least=False)
     assert one.text == f"gap to the vehicle ahead below {border:g} m"

@@ -58,13 +58,13 @@ def test_columns_of_a_part_of_a_batch_have_its_path():
 
 
 def test_columns_follow_from_what_the_fields_of_a_batch_declare():
-    found = {one.name: one for one in declared("ahead", LeaderState, nullable=True)}
-    assert found["ahead_ttc_s"].path == "ahead.encounter.ttc"
-    assert found["ahead_ttc_s"].present == "ahead.encounter.valid"
-    assert found["ahead_kind"].needs == ("kinds",)
-    assert names_of(found["ahead_kind"].field)[0] == "S"
-    assert found["return_gap_m"].present == "ahead.has_next"
-    assert "ahead_has_next" not in found
+    found = {one.name: one for one in declared("leader", LeaderState, nullable=True)}
+    assert found["leader_ttc_s"].path == "leader.encounter.ttc"
+    assert found["leader_ttc_s"].present == "leader.encounter.valid"
+    assert found["leader_kind"].needs == ("kinds",)
+    assert names_of(found["leader_kind"].field)[0] == "S"
+    assert found["return_gap_m"].present == "leader.has_next_leader"
+    assert "leader_has_next_leader" not in found
 
 
 @pytest.mark.parametrize(

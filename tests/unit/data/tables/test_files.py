@@ -179,7 +179,7 @@ def test_a_newer_version_says_to_upgrade(tables, tmp_path: Path):
     )
 
 
-@pytest.mark.parametrize("name", ["safety", "decisions"])
+@pytest.mark.parametrize("name", ["safety", "attempts"])
 def test_a_table_of_version_3_lacks_oncoming_traffic(name: str, tables, tmp_path: Path):
     later = [column for column in SCHEMAS[name].names if column.startswith("oncoming_")]
     older = tables[name].drop_columns(later)

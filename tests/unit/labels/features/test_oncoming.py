@@ -10,7 +10,7 @@ import pytest
 from tests.support.cases import ramp
 from tests.support.overtakes import FRAMES, along_course, meeting, overtake, rural
 
-from overtaking.labels.features import decision_features
+from overtaking.labels.features import attempt_features
 from overtaking.labels.features.oncoming import oncoming_measures
 from overtaking.model.road import RoadMark
 from overtaking.model.road_course import CentreLineSpan, RoadCourse
@@ -79,12 +79,12 @@ def test_who_falls_back_behind_its_target_has_given_up():
 
 def test_who_comes_is_known_when_the_overtake_begins():
     one = rural(meeting(60.0, kind="MC"))
-    found, frame = decision_features(one).oncoming, int(one.events.attempt[0])
+    found, frame = attempt_features(one).oncoming, int(one.events.attempt[0])
     gap = 60.0 + 50.0 * (335 - frame) * 0.05
     # It is as long as a motorcycle, and `meeting` places the centre of a car of 4.4 m.
     gap += 0.5 * (4.4 - float(one.trajectories.scenario.vehicles.length[0, 2]))
     assert found.exists[0]
-    assert found.comes[0]
+    assert found.has_oncoming[0]
     assert found.kind[0] == VehicleKind.MOTORCYCLE
     assert found.gap[0] == pytest.approx(gap, abs=0.01)
     assert found.closing_speed[0] == pytest.approx(50.0, rel=1e-5)
@@ -93,7 +93,7 @@ def test_who_comes_is_known_when_the_overtake_begins():
 
 def test_the_line_and_the_sight_are_those_of_the_place():
     def at_the_attempt(course: RoadCourse) -> OncomingState:
-        return decision_features(along_course(course)).oncoming
+        return attempt_features(along_course(course)).oncoming
 
     def solid(start: float) -> CentreLineSpan:
         return CentreLineSpan(mark=RoadMark.SOLID, start=start, stop=400.0)
@@ -103,10 +103,10 @@ def test_the_line_and_the_sight_are_those_of_the_place():
         at_the_attempt(RoadCourse(centre_line_spans=(solid(start),))) for start in (110.0, 80.0)
     )
     assert ahead.crossable[0]
-    assert not ahead.comes[0]
+    assert not ahead.has_oncoming[0]
     assert not here.crossable[0]
     assert at_the_attempt(RoadCourse(sight=((0.0, 400.0),))).sight[0] == 400.0
 
 
 def test_a_road_of_one_direction_has_no_other_side():
-    assert not decision_features(overtake()).oncoming.exists[0]
+    assert not attempt_features(overtake()).oncoming.exists[0]

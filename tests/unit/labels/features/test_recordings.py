@@ -45,7 +45,7 @@ def test_a_track_that_begins_within_a_change_has_no_waiting_time_and_no_gap(judg
     said = row(found, "features", policy)
     assert said["WT_s"] is said["OT_s"] is said["D_m"] is None
     assert said["SP_mps"] == pytest.approx(24.0, abs=0.1)
-    assert encode_labels(found, np.arange(1))["decisions"]["waiting_time_s"].to_pylist() == [None]
+    assert encode_labels(found, np.arange(1))["attempts"]["waiting_time_s"].to_pylist() == [None]
     events = encode_labels(found, np.arange(1))["events"]["event"].to_pylist()
     assert {"attempt", "under_way"} <= set(events)
 

@@ -18,8 +18,8 @@ from overtaking.analysis.logic.recorded import road_columns
 from overtaking.data.tables.encode import encode
 from overtaking.labels.events import case_of
 from overtaking.labels.explain.margins import margins
-from overtaking.labels.features import decision_features
-from overtaking.labels.features.decision import features_at
+from overtaking.labels.features import attempt_features
+from overtaking.labels.features.decision import attempt_features_at
 from overtaking.labels.features.oncoming import oncoming_measures
 from overtaking.labels.law import GERMANY, PORTUGAL, check, judge
 from overtaking.labels.law.speeds import speed_limits
@@ -95,10 +95,10 @@ def test_the_limit_of_a_tolerated_share_is_that_which_is_exceeded_most():
 
 def test_features_of_the_decision_and_the_table_of_frames_have_the_limit_of_the_place():
     one = fast(limited((150.0, 200.0, 60.0)))
-    found = features_at(one, np.array([100], np.int32))
-    assert found.around.speed_limit[0] == pytest.approx(60 / 3.6)
+    found = attempt_features_at(one, np.array([100], np.int32))
+    assert found.surroundings.speed_limit[0] == pytest.approx(60 / 3.6)
     assert found.law.speed[0] == pytest.approx(60 / 3.6 - 30.0)
-    assert decision_features(one).around.speed_limit[0] == pytest.approx(120 / 3.6)
+    assert attempt_features(one).surroundings.speed_limit[0] == pytest.approx(120 / 3.6)
     table = encode(one.trajectories, np.arange(1), ["frames"])["frames"]
     expected = [(60 if 150 <= 1.5 * frame < 200 else 120) / 3.6 for frame in range(200)]
     assert table["speed_limit_mps"].to_pylist() == pytest.approx(expected)

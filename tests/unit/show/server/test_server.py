@@ -51,7 +51,7 @@ def test_rows_are_those_of_the_tables(client: Client, data: Dataset):
 
 def expected(data: Dataset, **asked: Any) -> set[int]:
     """The simulations that a filter leaves, found by pandas."""
-    labels, findings, decisions = data.labels(), data.findings(), data.decisions()
+    labels, findings, attempts = data.labels(), data.findings(), data.attempts()
     weather = data.simulations().merge(data.weather(), on="weather").set_index("simulation")
     left = set(range(len(data)))
     if "classes" in asked:
@@ -64,9 +64,9 @@ def expected(data: Dataset, **asked: Any) -> set[int]:
         left &= set(weather.index[weather["preset"].isin(asked["weather"])])
     if "light" in asked:
         left &= set(weather.index[weather["night"] == (asked["light"] == ["night"])])
-    for name, column in (("ego", "ego_kind"), ("overtaken", "ahead_kind")):
+    for name, column in (("ego", "ego_kind"), ("overtaken", "leader_kind")):
         if name in asked:
-            left &= set(decisions[decisions[column].isin(asked[name])]["simulation"])
+            left &= set(attempts[attempts[column].isin(asked[name])]["simulation"])
     if bounds := asked.get("margin"):
         of = findings[findings["rule"] == bounds["rule"]].set_index("simulation")["margin"]
         left &= set(of.index[(of >= bounds["least"]) & (of <= bounds["most"])])
