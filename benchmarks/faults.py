@@ -131,10 +131,10 @@ def _drops(batch: Batch) -> tuple[str, int, int]:
     """Loss of speed between approach and pull-out while the next lane is free."""
     runs = batch.runs
     events = label(runs).events
-    begun = np.flatnonzero((events.attempt != NEVER) & (events.follow != NEVER))
+    begun = np.flatnonzero((events.attempt != NEVER) & (events.following_begin != NEVER))
     found = 0
     for simulation in begun:
-        span = slice(int(events.follow[simulation]), int(events.attempt[simulation]) + 1)
+        span = slice(int(events.following_begin[simulation]), int(events.attempt[simulation]) + 1)
         speed = runs.states.speed[simulation, 0, span].astype(np.int64)
         s = runs.states.s[simulation, :, span].astype(np.int64)
         next_lane = (

@@ -35,7 +35,7 @@ def watch(run: Trajectories, _: Mapping[str, Any]) -> tuple[EgoSignals, dict[str
     seen = [readable_signals.signals(one) for one in ones]
     found = [readable_events.find_events(*pair) for pair in zip(ones, seen, strict=True)]
     events = {name: np.array([one[name] for one in found], np.int32) for name in found[0]}
-    del events["struck"], events["under_way"], events["intended"]
+    del events["was_struck"], events["began_before_recording"], events["was_intended"]
     interval = run.scenario.frame_interval_ms
     arrays = _padded(run, seen)
     return EgoSignals(frame_interval_ms=interval, valid=run.frame_mask, **arrays), events

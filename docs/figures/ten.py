@@ -107,7 +107,7 @@ class Row:
         self.curves = [np.where(near, one, np.nan) for one in (ahead, d, speed * 3.6e-3)]
         self.others = np.flatnonzero(runs.scenario.vehicles.valid[row])[1:]
         events = found.events
-        self.target = int(events.target[row])
+        self.target = int(events.target_slot[row])
         marked = (events.attempt, events.collision, events.road_departure)
         self.events = {
             name: float(self.time[int(frames[row])])

@@ -87,7 +87,7 @@ def test_it_is_reported(old: Path, monkeypatch: pytest.MonkeyPatch):
 def test_it_is_labelled_again_and_only_a_departure_has_a_new_name(old: Path):
     kept = ["simulation", "policy", "outcome", "num_broken", "num_undecidable", "class_weight"]
     data = api.load_dataset(old)
-    before, intended = data.labels(), data.events()["intended"]
+    before, intended = data.labels(), data.events()["was_intended"]
     assert intended.isna().all()
     api.relabel_dataset(old)
     data = api.load_dataset(old)
@@ -102,7 +102,7 @@ def test_it_is_labelled_again_and_only_a_departure_has_a_new_name(old: Path):
     assert set(after["detail"][departed]) == {"departed"}
     named = {"paper": "Unsuccess_ncol", "default": "Unsuccess_dep", "strict": "Unsuccess_dep"}
     assert dict(zip(after["policy"][departed], after["class"][departed], strict=True)) == named
-    assert events["intended"].notna().equals(events["event"] == "attempt")
+    assert events["was_intended"].notna().equals(events["event"] == "attempt")
 
 
 def test_frames_that_it_did_not_keep_are_refused(without_frames: Path):

@@ -51,7 +51,7 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
     kinds = {"crossing": 0, "return": 0}
     for number in np.flatnonzero(events.has_attempt):
         across, corner, cosine = raw(found, int(number))
-        begin, back = int(events.attempt[number]), int(events.back[number])
+        begin, back = int(events.attempt[number]), int(events.abort_end[number])
         lane = int(events.original_lane[number])
         stop = len(across) if back == NEVER else back + 1
         assert lane < lanes, number
@@ -72,5 +72,5 @@ def test_each_attempt_is_a_crossing_or_a_swing_that_comes_back(path):
             number
         )
     drifts = int((events.drift != NEVER).sum())
-    under_way = int((events.under_way != NEVER).sum())
-    print(f"\n{path.stem}: {len(found)} simulations, {kinds}, {drifts=}, {under_way=}")
+    begun_before = int((events.began_before_recording != NEVER).sum())
+    print(f"\n{path.stem}: {len(found)} simulations, {kinds}, {drifts=}, {begun_before=}")

@@ -21,7 +21,7 @@ from overtaking.sim import engine
 
 SIZE = 400
 TIMES = [
-    "follow",
+    "following_begin",
     "attempt",
     "line_crossed",
     "overlap_begin",
@@ -29,7 +29,7 @@ TIMES = [
     "return_begin",
     "return_end",
     "abort",
-    "back",
+    "abort_end",
 ]
 
 
@@ -98,7 +98,7 @@ def test_the_order_of_the_other_vehicles_is_irrelevant():
         percepts=run.percepts.replace(vehicle=place[run.percepts.vehicle]),
     )
     found, expected = label(other), labelled()
-    assert (found.events.target == place[expected.events.target]).all()
+    assert (found.events.target_slot == place[expected.events.target_slot]).all()
     same_sayings(found, expected, but=("target", "partner"))
 
 

@@ -129,7 +129,7 @@ def seen_case(recorded: Trajectories, events: dict[str, int] | None = None) -> C
 
 def with_events(one: Case, events: OvertakeEvents) -> Case:
     """The case as if these were its events."""
-    target = target_signals(one.trajectories, one.signals, events.target)
+    target = target_signals(one.trajectories, one.signals, events.target_slot)
     return one.replace(events=events, target=target)
 
 
@@ -232,13 +232,13 @@ def _events(recorded: Trajectories, seen: EgoSignals, named: dict[str, int]) -> 
     values |= {
         "first": 0,
         "last": int(recorded.num_frames[0]) - 1,
-        "target": 1,
+        "target_slot": 1,
         "original_lane": int(seen.lane[0, 0]),
-        "follow": 0,
+        "following_begin": 0,
         "num_attempts": int("attempt" in named),
         "num_passed": 0,
-        "partner": int(NO_VEHICLE),
-        "struck": 0,
+        "collision_slot": int(NO_VEHICLE),
+        "was_struck": 0,
     }
     types = {each.name: str(each.type) for each in dataclasses.fields(OvertakeEvents)}
     columns = {

@@ -57,7 +57,7 @@ def queue(num: int) -> list[Track]:
 
 def alone(**given: Any) -> Case:
     """Nobody to overtake."""
-    events = {"target": 255} | given.pop("events", {})
+    events = {"target_slot": 255} | given.pop("events", {})
     ego = {"speed": 30.0} | given.pop("ego", {})
     return case(Track(**ego), events=events, **given)
 

@@ -33,7 +33,7 @@ const SHARE: usize = 32;
 pub const SPANS: [&str; 5] = ["conduct", "settled", "passed", "manoeuvre", "counted"];
 
 /// Frames and slots that are asked about, in the order of `Asked::moments`.
-pub const MOMENTS: [&str; 4] = ["line_crossed", "return_end", "target", "original_lane"];
+pub const MOMENTS: [&str; 4] = ["line_crossed", "return_end", "target_slot", "original_lane"];
 
 /// What is asked of each simulation.
 pub struct Asked<'a> {

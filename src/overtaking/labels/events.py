@@ -27,11 +27,11 @@ from overtaking.model.vehicles import EGO_SLOT, VehicleKind
 from overtaking.model.verdicts import Case
 
 _NARROW = frozenset(
-    ["target", "original_lane", "num_attempts", "num_passed", "partner", "num_drifts"]
+    ["target_slot", "original_lane", "num_attempts", "num_passed", "collision_slot", "num_drifts"]
 )
 """Events that are bytes; the others are frames."""
 
-_LINE_OR_BACK = ("line_crossed", "back")
+_LINE_OR_ABORT_END = ("line_crossed", "abort_end")
 
 HEADINGS = 1.0 / ANGLE_RESOLUTION
 """Recorded steps of a heading in a radian."""
@@ -51,14 +51,17 @@ def case_of(trajectories: Trajectories) -> Case:
     # begins.
     attempt = columns["attempt"]
     begun = np.where((attempt == 0) & trajectories.is_excerpt, attempt, NEVER)
-    by_other = _struck(trajectories, seen, columns["partner"], columns["collision"])
+    by_other = _struck(trajectories, seen, columns["collision_slot"], columns["collision"])
     return Case(
         trajectories=trajectories,
         signals=seen,
         events=OvertakeEvents(
-            struck=by_other, under_way=begun, intended=_intended(trajectories, columns), **columns
+            was_struck=by_other,
+            began_before_recording=begun,
+            was_intended=_was_intended(trajectories, columns),
+            **columns,
         ),
-        target=target_signals(trajectories, seen, columns["target"]),
+        target=target_signals(trajectories, seen, columns["target_slot"]),
     )
 
 
@@ -112,9 +115,11 @@ def _struck(trajectories: Trajectories, seen: EgoSignals, partner: U8, collision
     return struck
 
 
-def _intended(trajectories: Trajectories, found: Mapping[str, I32]) -> Mask:
+def _was_intended(trajectories: Trajectories, found: Mapping[str, I32]) -> Mask:
     """Whether the driver meant each attempt, shape (simulation,): by its stage until the line."""
-    ends = (np.where(found[name] == NEVER, found["last"], found[name]) for name in _LINE_OR_BACK)
+    ends = (
+        np.where(found[name] == NEVER, found["last"], found[name]) for name in _LINE_OR_ABORT_END
+    )
     begin, end = found["attempt"], np.minimum(*ends)
     rows, frames = frames_within(begin, np.where(begin != NEVER, end, NEVER - 1))
     meant = np.zeros(len(begin), np.bool_)
@@ -141,7 +146,7 @@ def detail(events: OvertakeEvents, frame_interval_ms: int) -> U8:
         events: Events of the batch.
         frame_interval_ms: Time between frames [ms].
     """
-    how, collided, back = outcome(events), events.collision != NEVER, events.back != NEVER
+    how, collided, back = outcome(events), events.collision != NEVER, events.abort_end != NEVER
     off, across = events.road_departure, events.spin
     spun_first = (across != NEVER) & ((off == NEVER) | (across < off))
     # Passed, and in the other lane for good.
@@ -149,7 +154,7 @@ def detail(events: OvertakeEvents, frame_interval_ms: int) -> U8:
     stayed = (events.overlap_end != NEVER) & (events.last - events.overlap_end >= frames)
     cases = [
         (collided & ~events.has_attempt, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
-        (collided & events.struck, OutcomeDetail.STRUCK_BY_OTHER),
+        (collided & events.was_struck, OutcomeDetail.STRUCK_BY_OTHER),
         (collided, OutcomeDetail.RAN_INTO_OTHER),
         (events.lost_control & spun_first, OutcomeDetail.SPUN),
         (events.lost_control, OutcomeDetail.DEPARTED),

@@ -46,11 +46,11 @@ class OvertakeEvents(Batch):
     Attributes:
         first: First recorded frame [t_0].
         last: Last recorded frame.
-        target: Slot of the vehicle to overtake: the nearest vehicle ahead at `attempt`; without an
-            attempt the leader at `follow`, else the last leader; `NO_VEHICLE` if the ego never had
+        target_slot: Slot of the vehicle to overtake: the nearest vehicle ahead at `attempt`; without an
+            attempt the leader at `following_begin`, else the last leader; `NO_VEHICLE` if the ego never had
             a leader.
         original_lane: Lane index of the ego at `attempt`, or at the first frame.
-        follow: First frame less than 3 s behind the target, or the first frame [t_follow].
+        following_begin: First frame less than 3 s behind the target, or the first frame [t_follow].
         attempt: Start of the movement to the left [t_a].
         line_crossed: First corner over the line on the left [t_x1].
         overlap_begin: First frame alongside the target [t_o1].
@@ -58,7 +58,7 @@ class OvertakeEvents(Batch):
         return_begin: Start of the movement back [t_b].
         return_end: First frame with the whole body in the original lane, ahead of it [t_x2].
         abort: Start of the movement back behind the target.
-        back: First frame with the whole body in the original lane after an abort.
+        abort_end: First frame with the whole body in the original lane after an abort.
         collision: First frame after the ego's first contact.
         road_departure: First frame with the ego's centre outside the driving lanes.
         spin: First frame in which the ego stands so far across the road that no driver recovers
@@ -66,22 +66,22 @@ class OvertakeEvents(Batch):
         num_attempts: Number of attempts.
         num_passed: Vehicles that were ahead of the ego at `attempt` and are behind at the end of
             the overtake, the target among them.
-        partner: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
-        struck: Whether the other vehicle ran into the ego.
+        collision_slot: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
+        was_struck: Whether the other vehicle ran into the ego.
         drift: Start of the first movement to the left outside attempts that ends in the same lane.
         num_drifts: Number of such movements, at most 255.
-        under_way: First frame, if the attempt had begun before the recording: `attempt` is then
+        began_before_recording: First frame, if the attempt had begun before the recording: `attempt` is then
             that frame and too late.
-        intended: Whether the ego's driver meant to overtake: it was in a stage of an overtake
-            between `attempt` and the line, or `back`. It is undefined without an attempt, and in
+        was_intended: Whether the ego's driver meant to overtake: it was in a stage of an overtake
+            between `attempt` and the line, or `abort_end`. It is undefined without an attempt, and in
             recordings without stages.
     """
 
     first: I32
     last: I32
-    target: U8
+    target_slot: U8
     original_lane: U8
-    follow: I32
+    following_begin: I32
     attempt: I32
     line_crossed: I32
     overlap_begin: I32
@@ -89,18 +89,18 @@ class OvertakeEvents(Batch):
     return_begin: I32
     return_end: I32
     abort: I32
-    back: I32
+    abort_end: I32
     collision: I32
     road_departure: I32
     spin: I32
     num_attempts: U8
     num_passed: U8
-    partner: U8
-    struck: Mask
+    collision_slot: U8
+    was_struck: Mask
     drift: I32
     num_drifts: U8
-    under_way: I32
-    intended: Mask
+    began_before_recording: I32
+    was_intended: Mask
 
     @property
     def has_attempt(self) -> Mask:

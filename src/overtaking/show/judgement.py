@@ -32,7 +32,7 @@ class EventWords(NamedTuple):
 
 
 EVENTS = {
-    "follow": EventWords("F", "t_follow", "follows {target}"),
+    "following_begin": EventWords("F", "t_follow", "follows {target}"),
     "attempt": EventWords("A", "t_a", "begins to move out, to overtake {target}"),
     "line_crossed": EventWords("X", "t_x1", "has a corner over the line"),
     "overlap_begin": EventWords("O", "t_o1", "is alongside {target}"),
@@ -40,12 +40,14 @@ EVENTS = {
     "return_begin": EventWords("R", "t_b", "begins to move back"),
     "return_end": EventWords("H", "t_x2", "is wholly back in its lane, ahead of {target}"),
     "abort": EventWords("Q", "abort", "gives up and begins to move back"),
-    "back": EventWords("B", "back", "is wholly back in its lane, behind {target}"),
+    "abort_end": EventWords("B", "back", "is wholly back in its lane, behind {target}"),
     "collision": EventWords("C", "collision", "{meets} {partner}"),
     "road_departure": EventWords("D", "departure", "leaves the driving lanes with its centre"),
     "spin": EventWords("S", "spin", "spins until it is across the road"),
     "drift": EventWords("W", "drift", "drifts to the left"),
-    "under_way": EventWords("U", "under way", "had begun to move out before the recording"),
+    "began_before_recording": EventWords(
+        "U", "under way", "had begun to move out before the recording"
+    ),
 }
 """The events, by the names of `model.overtake_events.OvertakeEvents`."""
 
@@ -68,11 +70,11 @@ def judge(labelled: LabelledTrajectories, explanation: Explanation) -> Values:
     return {
         "outcome": Outcome(int(labels.outcome[0])).name.lower(),
         "detail": OutcomeDetail(int(labels.detail[0])).name.lower(),
-        "target": _slot(events.target[0]),
-        "collision_partner": _slot(events.partner[0]),
-        "struck_by_partner": bool(events.struck[0]),
+        "target": _slot(events.target_slot[0]),
+        "collision_partner": _slot(events.collision_slot[0]),
+        "struck_by_partner": bool(events.was_struck[0]),
         "num_attempts": int(events.num_attempts[0]),
-        "intended": _intended(labelled),
+        "was_intended": _was_intended(labelled),
         "num_drifts": int(events.num_drifts[0]),
         "num_passed": int(events.num_passed[0]),
         "events": _events(labelled),
@@ -97,11 +99,11 @@ def thought(of: Thought) -> Values:
     }
 
 
-def _intended(labelled: LabelledTrajectories) -> bool | None:
+def _was_intended(labelled: LabelledTrajectories) -> bool | None:
     """Whether the ego's driver meant its attempt; None without one, or if that is not recorded."""
     events = labelled.events
     is_known = events.has_attempt[0] and not labelled.trajectories.is_excerpt
-    return bool(events.intended[0]) if is_known else None
+    return bool(events.was_intended[0]) if is_known else None
 
 
 def _slot(vehicle: int) -> int | None:

@@ -93,7 +93,7 @@ def ending_words(values: Values) -> list[str]:
     facts = [outcome_words(values).capitalize()]
     if values["num_attempts"] > 1:
         facts.append(f"attempts: {values['num_attempts']}")
-    if values["intended"] is False:
+    if values["was_intended"] is False:
         facts.append("the attempt was not intended")
     if passed:
         facts.append(f"{passed} vehicle{'s' if passed > 1 else ''} passed")

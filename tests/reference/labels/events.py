@@ -192,15 +192,17 @@ def find_events(one: One, seen: dict[str, Row]) -> dict[str, int]:
         what, target = drive.comes_to(begin, end), drive.lately_ahead(begin)
         if what != "nothing" and target is not None:
             last_attempt = _attempt(drive, target, begin)
-            num_attempts, after = num_attempts + 1, last_attempt["back"]
+            num_attempts, after = num_attempts + 1, last_attempt["abort_end"]
         elif what != "leaves" and (
             any(drive.out[begin : end + 1]) or drive.is_wide(begin, end, 1.0)
         ):
             drifts.append(begin)  # To leave a lane with nobody ahead is neither.
     last = one.frames - 1
-    found = last_attempt or {"target": _prospect(drive), "original_lane": one.lane[0][0]}
+    found = last_attempt or {"target_slot": _prospect(drive), "original_lane": one.lane[0][0]}
     until = found.get("attempt", last)
-    found["follow"] = first(range(until + 1), lambda t: drive.followed(t) == found["target"]) or 0
+    found["following_begin"] = (
+        first(range(until + 1), lambda t: drive.followed(t) == found["target_slot"]) or 0
+    )
     found["num_passed"] = _num_passed(one, found, last) if last_attempt else 0
     begun = found.get("attempt") == 0 and one.run.is_excerpt
     found |= {
@@ -210,16 +212,16 @@ def find_events(one: One, seen: dict[str, Row]) -> dict[str, int]:
         "collision": drive.collision,
         "road_departure": drive.departure,
         "spin": drive.spin,
-        "partner": int(drive.partner),
-        "struck": _struck(drive),
+        "collision_slot": int(drive.partner),
+        "was_struck": _struck(drive),
         "drift": drifts[0] if drifts else None,
         "num_drifts": min(len(drifts), 255),
-        "under_way": 0 if begun else None,
-        "intended": _intended(one, found),
+        "began_before_recording": 0 if begun else None,
+        "was_intended": _intended(one, found),
     }
     names = ("attempt", "line_crossed", "overlap_begin", "overlap_end", "return_begin")
-    found = dict.fromkeys((*names, "return_end", "abort", "back")) | found
-    found["target"] = int(NO_VEHICLE) if found["target"] is None else found["target"]
+    found = dict.fromkeys((*names, "return_end", "abort", "abort_end")) | found
+    found["target_slot"] = int(NO_VEHICLE) if found["target_slot"] is None else found["target_slot"]
     return {name: int(NEVER if value is None else value) for name, value in found.items()}
 
 
@@ -287,7 +289,7 @@ def _attempt(drive: Drive, target: int, begun: int) -> dict[str, Any]:
     turned = _turning(drive, begun, earlier(return_end, back))
     gave_up = back is not None or overlap_end is None
     return {
-        "target": target,
+        "target_slot": target,
         "original_lane": drive.lane[begun],
         "attempt": begun,
         "line_crossed": before(crossed, back),
@@ -296,7 +298,7 @@ def _attempt(drive: Drive, target: int, begun: int) -> dict[str, Any]:
         "return_begin": None if gave_up else turned,
         "return_end": return_end,
         "abort": turned if gave_up else None,
-        "back": back,
+        "abort_end": back,
     }
 
 
@@ -316,7 +318,7 @@ def _intended(one: One, found: dict[str, Any]) -> bool:
     """Whether the driver was overtaking at any time between the attempt and the line or back."""
     if "attempt" not in found:
         return False
-    end = earlier(found["line_crossed"], found["back"])
+    end = earlier(found["line_crossed"], found["abort_end"])
     until = one.frames - 1 if end is None else end
     overtaking = {"PULL_OUT", "PASS", "RETURN", "ABORT"}
     return any(

@@ -50,7 +50,7 @@ def answers_of(
         seen: Its signals.
         spans: The frames of each span, by the names of `labels.law.frames.stretches`.
     """
-    names = ("line_crossed", "return_end", "target", "original_lane")
+    names = ("line_crossed", "return_end", "target_slot", "original_lane")
     crossed, back, target, lane = (int(getattr(given.events, name)[one.number]) for name in names)
     behind = None if crossed < 0 else one.neighbour(NeighbourRole.LEFT_FOLLOWER, crossed)
     nobody = target == NO_VEHICLE

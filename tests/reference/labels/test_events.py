@@ -36,13 +36,21 @@ def test_events_of_overtakes_written_by_hand_are_the_same():
 
 def test_what_they_agree_on_has_every_kind_of_event():
     found = case("pinto2023").events
-    for name in ("attempt", "line_crossed", "return_end", "abort", "back", "collision", "drift"):
+    for name in (
+        "attempt",
+        "line_crossed",
+        "return_end",
+        "abort",
+        "abort_end",
+        "collision",
+        "drift",
+    ):
         happened = getattr(found, name) != NEVER
         assert happened.any(), name
         assert not happened.all(), name
     assert found.num_attempts.max() > 1
     assert found.num_passed.max() > 1
-    assert found.struck.any()
-    assert 0 < found.intended.sum() < len(found.intended)
+    assert found.was_struck.any()
+    assert 0 < found.was_intended.sum() < len(found.was_intended)
     assert (case("across the road").events.spin == 40).sum() >= 30
-    assert (case("excerpt").events.under_way == 0).any()
+    assert (case("excerpt").events.began_before_recording == 0).any()

@@ -201,7 +201,7 @@ def test_events_are_told_in_the_order_of_time_and_marked_below_the_stages(labell
         happened = {each["event"] for each in values["events"]}
         assert happened == {name for name in EVENTS if getattr(labelled.events, name)[number] >= 0}
         seen |= happened
-    assert {"follow", "attempt", "line_crossed", "overlap_end", "return_end"} <= seen
+    assert {"following_begin", "attempt", "line_crossed", "overlap_end", "return_end"} <= seen
     number = next(n for n, v in enumerate(stories) if v["outcome"] == "completed")
     lines = drawn(one(labelled, number)).splitlines()
     begin = lines.index("What the ego did")

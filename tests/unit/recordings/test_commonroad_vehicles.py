@@ -122,7 +122,7 @@ def test_an_overtake_on_the_other_side_is_one_and_who_comes_is_oncoming(write):
     run = found.trajectories(range(1))
     assert run.scenario.start_lane.tolist() == [[0, 0, 1, 1]]
     said = ot.label(run)
-    assert said.events.target.tolist() == [1]
+    assert said.events.target_slot.tolist() == [1]
     # Both ways are told along the right edge of the road; the gap lies half a lane beside it.
     time = 0.1 * float(said.events.return_end[0])
     apart = (540.0 - 15.0 * time) - (20.0 + 20.0 * time)

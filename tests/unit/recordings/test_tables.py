@@ -266,7 +266,7 @@ def test_a_road_that_bends_is_inferred_and_judged_as_the_straight_one(curvature)
     middle = float(np.median(inner))
     assert 1.0 / middle == pytest.approx(1.0 / curvature, rel=0.05)
     one, other = ot.label(bent), ot.label(straight)
-    assert one.events.target.tolist() == other.events.target.tolist()
+    assert one.events.target_slot.tolist() == other.events.target_slot.tolist()
     assert one.labels.outcome.tolist() == other.labels.outcome.tolist()
     for field in ("line_crossed", "overlap_begin", "overlap_end"):
         apart = np.subtract(getattr(one.events, field), getattr(other.events, field))

@@ -267,7 +267,7 @@ class _Recorded:
         return self._numbers[row], event, frames[row, event]
 
     def target(self) -> Columns:
-        target = self._case.events.target
+        target = self._case.events.target_slot
         return self._numbers[target != NO_VEHICLE], target[target != NO_VEHICLE]
 
     def original_lane(self) -> Columns:

@@ -56,8 +56,16 @@ def _constants(name: str, about: str, *words: str) -> Type:
 
 
 EVENTS = (
-    *("first", "last", "follow", "attempt", "line_crossed", "overlap_begin", "overlap_end"),
-    *("return_begin", "return_end", "abort", "back"),
+    *(
+        "first",
+        "last",
+        "following_begin",
+        "attempt",
+        "line_crossed",
+        "overlap_begin",
+        "overlap_end",
+    ),
+    *("return_begin", "return_end", "abort", "abort_end"),
     *("collision", "road_departure", "spin", "drift"),
 )
 """Attributes of `OvertakeEvents` that become facts; `first` and `last` always happen."""

@@ -20,7 +20,7 @@ MARKS = (
     ("return_begin", "b"),
     ("return_end", "x₂"),
     ("abort", "abort"),
-    ("back", "back"),
+    ("abort_end", "back"),
     ("collision", "collision"),
     ("road_departure", "off the road"),
     ("spin", "spins"),
@@ -34,7 +34,7 @@ PHASES = {
     "return_begin": "returns",
     "return_end": "done",
     "abort": "gives up",
-    "back": "follows again",
+    "abort_end": "follows again",
     "collision": "collided",
     "road_departure": "off the road",
     "spin": "spins",
@@ -113,7 +113,7 @@ def diagram(trajectories: Trajectories, events: OvertakeEvents) -> Diagram:
     """
     frames = int(trajectories.num_frames[0])
     time = trajectories.time_ms[:frames] / _MS_PER_S
-    target = int(events.target[0])
+    target = int(events.target_slot[0])
     followed = EGO_SLOT if target == NO_VEHICLE else target
     s = trajectories.states.s[0, :, :frames].astype(np.float64) * POSITION_RESOLUTION
     share = np.linspace(0.0, 1.0, frames, dtype=np.float64)

@@ -78,7 +78,7 @@ def _passing(tally: Tally, batch: Batch, events: OvertakeEvents) -> None:
     """Add the speed difference of a car and the car that it begins to pass."""
     kind = batch.runs.scenario.vehicles.kind
     at = np.flatnonzero(events.overlap_begin != NEVER)
-    target, frame = events.target[at], events.overlap_begin[at]
+    target, frame = events.target_slot[at], events.overlap_begin[at]
     cars = np.isin(kind[at, 0], CARS) & np.isin(kind[at, target], CARS)
     speed = batch.runs.states.speed
     faster = 1e-3 * (speed[at, 0, frame] - speed[at, target, frame].astype(np.float64))
@@ -94,7 +94,7 @@ def _approach(tally: Tally, batch: Batch, events: OvertakeEvents) -> None:
     more often than short ones; an approach that begins late has no time to wait.
     """
     at, is_flying = flying(batch.runs, events)
-    begin = events.follow[at] * batch.interval_s
+    begin = events.following_begin[at] * batch.interval_s
     seen = (begin > 0.0) & (begin <= limit("approach_begins"))
     at, is_flying = at[seen], is_flying[seen]
     tally.add("overtakes", batch.group[at], batch.weight[at])
@@ -114,8 +114,8 @@ def flying(runs: Trajectories, events: OvertakeEvents) -> tuple[Array, Array]:
     at = np.flatnonzero((events.attempt != NEVER) & (events.overlap_begin != NEVER))
     speed = runs.states.speed
     frames = np.arange(speed.shape[2])[None, :]
-    faster = speed[at, 0].astype(np.int64) - speed[at, events.target[at]]
-    near = (frames >= events.follow[at, None]) & (frames <= events.attempt[at, None])
+    faster = speed[at, 0].astype(np.int64) - speed[at, events.target_slot[at]]
+    near = (frames >= events.following_begin[at, None]) & (frames <= events.attempt[at, None])
     least = np.where(near, faster, np.iinfo(np.int64).max).min(axis=1, initial=2**62)
     return at, least > 1e3 * limit("flying_margin")
 

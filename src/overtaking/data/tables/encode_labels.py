@@ -83,7 +83,7 @@ def events(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     happened = frames != NEVER
     simulation, event = np.nonzero(happened)
     is_contact = event == names.EVENTS.index("collision")
-    vehicle = np.where(is_contact, found.partner[simulation], found.target[simulation])
+    vehicle = np.where(is_contact, found.collision_slot[simulation], found.target_slot[simulation])
     interval = np.int32(labelled.signals.frame_interval_ms)
     computed = {
         "simulation": numbers[simulation],
@@ -92,8 +92,8 @@ def events(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
         "time_ms": frames[happened] * interval,
         "vehicle": Masked(vehicle, vehicle == NO_VEHICLE),
         "speed_change_mps": Masked(_speed_change(labelled)[simulation], ~is_contact),
-        "intended": Masked(
-            found.intended[simulation],
+        "was_intended": Masked(
+            found.was_intended[simulation],
             (event != names.EVENTS.index("attempt")) | labelled.trajectories.is_excerpt,
         ),
     }

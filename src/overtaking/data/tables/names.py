@@ -25,9 +25,9 @@ NEIGHBOURS = ("leader", "front", "rear")
 """Last axis of `Percepts`: the vehicle ahead, and in the target lane those ahead and behind."""
 
 EVENTS = (
-    *("follow", "attempt", "line_crossed", "overlap_begin", "overlap_end"),
-    *("return_begin", "return_end", "abort", "back"),
-    *("collision", "road_departure", "spin", "drift", "under_way"),
+    *("following_begin", "attempt", "line_crossed", "overlap_begin", "overlap_end"),
+    *("return_begin", "return_end", "abort", "abort_end"),
+    *("collision", "road_departure", "spin", "drift", "began_before_recording"),
 )
 """Attributes of `OvertakeEvents`, each of which has a row if it happened."""
 

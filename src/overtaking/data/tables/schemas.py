@@ -274,7 +274,7 @@ _LABELS: dict[str, list[Column]] = {
         _optional("vehicle", BYTE, "Slot of the vehicle that it is about"),
         _optional("speed_change", FLOAT, "Change of the ego's speed by the first contact", "m/s"),
         _optional(
-            "intended", BOOL, "Whether the ego's driver meant the attempt, if recorded", since=3
+            "was_intended", BOOL, "Whether the ego's driver meant the attempt, if recorded", since=3
         ),
     ],
     "labels": [

@@ -93,7 +93,7 @@ def explain(
 def case_of(labelled: LabelledTrajectories) -> Case:
     """What rules look at."""
     runs, seen, events = labelled.trajectories, labelled.signals, labelled.events
-    target = target_signals(runs, seen, events.target)
+    target = target_signals(runs, seen, events.target_slot)
     return Case(trajectories=runs, signals=seen, events=events, target=target)
 
 

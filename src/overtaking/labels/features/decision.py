@@ -68,7 +68,8 @@ def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
     """The features of a batch at one frame each, whatever happens later.
 
     Args:
-        case: The batch; of its events only `follow` and `under_way` are used.
+        case: The batch; of its events only `following_begin` and `began_before_recording`
+            are used.
         frame: A recorded frame of each simulation, shape (simulation,).
     """
     rows, frames = np.arange(len(frame)), frame.astype(np.intp)
@@ -128,7 +129,7 @@ def _gap_state(one: Encounter, ego: EgoState) -> tuple[F32, F32, F32]:
 def _ego_state(case: Case, rows: IndexArray, frames: IndexArray) -> EgoState:
     scenario, seen = case.trajectories.scenario, case.signals
     speed = seen.speed[rows, frames]
-    waited = np.maximum(frames - case.events.follow, 0).astype(np.int32)
+    waited = np.maximum(frames - case.events.following_begin, 0).astype(np.int32)
     return EgoState(
         kind=scenario.vehicles.kind[:, EGO_SLOT],
         speed=speed,

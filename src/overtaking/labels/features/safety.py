@@ -118,7 +118,7 @@ def return_pet(case: Case) -> F32:
     """PET of the return: of the overtaken vehicle, from `return_end`; as `entry_pet`."""
     events, arrival = case.events, stretches(case).return_arrival
     return _post_encroachment_time(
-        case, events.target, events.return_end, events.original_lane, arrival
+        case, events.target_slot, events.return_end, events.original_lane, arrival
     )
 
 

@@ -70,12 +70,12 @@ def matched_features(case: Case) -> PaperFeatures:
     events = case.events
     attempted = events.has_attempt
     frame = moment(case)
-    waited = np.maximum(frame - events.follow, 0)
-    ended = _end_of(case, events.collision, events.return_end, events.back)
+    waited = np.maximum(frame - events.following_begin, 0)
+    ended = _end_of(case, events.collision, events.return_end, events.abort_end)
     lasted = np.where(attempted, np.maximum(ended - events.attempt, 0), np.int32(0))
     own = at(case.signals.speed, frame)
     target = _of_target(case, frame)
-    has_target = events.target != NO_VEHICLE
+    has_target = events.target_slot != NO_VEHICLE
     return PaperFeatures(
         policy="matched",
         waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
@@ -148,10 +148,10 @@ def pseudo_attempt(case: Case) -> I32:
     quantiles = _waiting_times(scenario.profile)
     draw = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.MATCHED_INSTANT).uniform()
     end = _end_of(case, events.collision)
-    longest = seconds_of(case, np.maximum(end - events.follow, 0))
+    longest = seconds_of(case, np.maximum(end - events.following_begin, 0))
     waited = _quantile(quantiles, draw * _share_below(quantiles, longest))
     frames = np.rint(waited * np.float32(1000.0 / case.signals.frame_interval_ms))
-    frame = np.minimum(events.follow + frames.astype(np.int32), end)
+    frame = np.minimum(events.following_begin + frames.astype(np.int32), end)
     return np.where(events.has_attempt, NEVER, frame)
 
 
@@ -191,7 +191,7 @@ def _end_of(case: Case, *events: I32) -> I32:
 
 def nan_if_begun_before_recording(case: Case, values: F32) -> F32:
     """Values that count from the attempt, NaN where the recording begins later, (simulation,)."""
-    return np.where(case.events.under_way == NEVER, values, np.float32(np.nan))
+    return np.where(case.events.began_before_recording == NEVER, values, np.float32(np.nan))
 
 
 def _of_target(case: Case, frame: I32) -> dict[str, F32]:
@@ -216,7 +216,7 @@ def _of_target(case: Case, frame: I32) -> dict[str, F32]:
 
 def _static(case: Case) -> dict[str, NDArray[Any]]:
     """What does not change during a simulation, by field of `PaperFeatures`."""
-    scenario, target = case.trajectories.scenario, case.events.target
+    scenario, target = case.trajectories.scenario, case.events.target_slot
     weather, kind = scenario.weather, scenario.vehicles.kind
     has_target = target != NO_VEHICLE
     slot = slot_of(target)

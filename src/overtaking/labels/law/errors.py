@@ -238,7 +238,7 @@ def _braking(case: Case, found: Finding, errors: MeasurementErrors) -> F32:
 def back_frame(case: Case) -> I32:
     """Frame in which the ego is back in its lane, after a pass or an abort; shape (simulation,)."""
     events = case.events
-    return np.where(events.return_end != NEVER, events.return_end, events.back)
+    return np.where(events.return_end != NEVER, events.return_end, events.abort_end)
 
 
 def oncoming_margins(case: Case, others: Others, speed_error: F32 | None = None) -> F32:

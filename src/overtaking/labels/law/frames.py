@@ -83,7 +83,7 @@ def manoeuvre(case: Case) -> Span:
     events = case.events
     before = frames_of(case, constant("law.window.before"))
     after = frames_of(case, constant("law.window.after"))
-    given_up = np.where(events.back != NEVER, events.back, events.last)
+    given_up = np.where(events.abort_end != NEVER, events.abort_end, events.last)
     over = np.where(events.return_end != NEVER, events.return_end + after, given_up)
     stop = np.minimum(over, driving_end(case))
     return Span(

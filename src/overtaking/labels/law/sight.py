@@ -194,7 +194,7 @@ def unseen_speed(case: Case, frame: I32) -> F32:
 def time_needed(case: Case) -> F32:
     """Time for which the oncoming lane has to be clear, shape (simulation,) [s]."""
     events = case.events
-    back = np.where(events.return_end != NEVER, events.return_end, events.back)
+    back = np.where(events.return_end != NEVER, events.return_end, events.abort_end)
     was_out = (events.line_crossed != NEVER) & (back != NEVER)
     out = seconds_of(case, np.where(was_out, back - events.line_crossed, 0))
     return out + constant("law.sight.oncoming_margin")

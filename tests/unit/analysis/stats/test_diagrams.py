@@ -70,7 +70,7 @@ def test_ego_and_target_come_first_and_swap_places(labelled: LabelledTrajectorie
     ego, target, *others = of(labelled, simulation).tracks
     assert ego.is_ego
     assert target.is_target
-    assert target.slot == labelled.events.target[simulation]
+    assert target.slot == labelled.events.target_slot[simulation]
     assert not any(one.is_ego or one.is_target for one in others)
     assert ego.ahead[0] < target.ahead[0]
     assert ego.ahead[-1] > target.ahead[-1]

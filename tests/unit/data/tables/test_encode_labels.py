@@ -66,7 +66,7 @@ def test_a_collision_names_the_partner_and_the_change_of_speed(labelled, frames)
     hits = frames["events"].query("event == 'collision'").set_index("simulation")
     assert len(hits)
     for simulation, row in hits.iterrows():
-        assert row["vehicle"] == labelled.events.partner[simulation - FIRST]
+        assert row["vehicle"] == labelled.events.collision_slot[simulation - FIRST]
         assert row["speed_change_mps"] >= 0.0
     others = frames["events"].query("event != 'collision'")
     assert others["speed_change_mps"].isna().all()

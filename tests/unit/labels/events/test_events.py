@@ -52,9 +52,9 @@ def test_a_whole_overtake_has_its_phases_in_order():
     frames = [int(getattr(events, name)[0]) for name in names]
     assert frames == sorted(frames)
     assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
-    assert events.target[0] == 1
+    assert events.target_slot[0] == 1
     assert events.num_attempts[0] == events.num_passed[0] == 1
-    assert events.abort[0] == events.back[0] == NEVER
+    assert events.abort[0] == events.abort_end[0] == NEVER
 
 
 def test_the_phases_are_where_the_tracks_say():
@@ -71,13 +71,13 @@ def test_the_phases_are_where_the_tracks_say():
 def test_who_stays_attempts_nothing():
     events = found(0.0, AHEAD, speed=20.0)
     assert said(events) == (Outcome.NO_ATTEMPT, OutcomeDetail.NONE)
-    assert events.target[0] == 1
+    assert events.target_slot[0] == 1
 
 
 def test_a_lane_change_with_nobody_ahead_is_no_overtake():
     events = found(OUT_AND_BACK, Track(s=-60.0, speed=20.0))
     assert said(events) == (Outcome.NO_ATTEMPT, OutcomeDetail.NONE)
-    assert events.target[0] == NO_VEHICLE
+    assert events.target_slot[0] == NO_VEHICLE
 
 
 def test_a_gust_alone_is_no_attempt():
@@ -178,7 +178,7 @@ def test_giving_up_before_the_line_is_an_attempt():
     events = found(way((3, 0), (4, 0.2), (6, 0.2), (7, 0)), AHEAD, speed=20.0)
     assert said(events) == (Outcome.NOT_COMPLETED, OutcomeDetail.ABORTED_BEFORE_CROSSING)
     assert events.line_crossed[0] == NEVER
-    assert events.abort[0] < events.back[0]
+    assert events.abort[0] < events.abort_end[0]
 
 
 def test_giving_up_after_the_line_goes_back_behind_the_target():
@@ -213,26 +213,26 @@ def test_two_targets_in_one_go_are_one_overtake_of_the_first():
     both = (AHEAD, Track(s=80.0, speed=20.0))
     events = found(way((3, 0), (6, 1), (16, 1), (19, 0)), *both)
     assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
-    assert events.target[0] == 1
+    assert events.target_slot[0] == 1
     assert events.num_passed[0] == 2
 
 
 def test_a_vehicle_that_cuts_in_before_the_attempt_becomes_the_target():
     cutting = Track(s=40.0, speed=20.0, lane=way((0, 1), (2, 0)))
-    assert found(OUT_AND_BACK, AHEAD, cutting).target[0] == 2
+    assert found(OUT_AND_BACK, AHEAD, cutting).target_slot[0] == 2
 
 
 def test_a_vehicle_that_cuts_in_afterwards_does_not():
     cutting = Track(s=40.0, speed=20.0, lane=way((0, 1), (5, 1), (7, 0)))
     events = found(OUT_AND_BACK, AHEAD, cutting)
-    assert events.target[0] == 1
+    assert events.target_slot[0] == 1
     assert events.num_passed[0] == 2
 
 
 def test_a_target_that_makes_room_to_the_right_is_still_overtaken():
     leaving = Track(s=60.0, speed=20.0, lane=way((2.4, 1), (4.4, 0)))
     events = found(way((3, 1), (6, 2), (14, 2), (17, 1)), leaving)
-    assert events.target[0] == 1
+    assert events.target_slot[0] == 1
     assert said(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
 
 
@@ -265,20 +265,20 @@ def crash(ego_lane, other: Track, at: int, speed=28.0):
 def test_running_into_the_leader_before_any_attempt_is_a_collision():
     events = crash(0.0, AHEAD, at=140)
     assert said(events) == (Outcome.COLLISION, OutcomeDetail.COLLISION_BEFORE_ATTEMPT)
-    assert not events.struck[0]
+    assert not events.was_struck[0]
 
 
 def test_being_run_into_from_behind_is_being_struck():
     fast = Track(s=-100.0, speed=40.0, lane=1)
     events = crash(way((3, 0), (6, 1)), fast, at=150)
     # Nobody is ahead, so nothing was attempted; it was struck all the same.
-    assert events.struck[0]
+    assert events.was_struck[0]
 
 
 def test_moving_into_somebody_alongside_is_running_into_it():
     beside = Track(s=62.0, speed=20.0, lane=1)
     events = crash(way((7, 0), (9, 1)), beside, at=158)
-    assert not events.struck[0]
+    assert not events.was_struck[0]
 
 
 def test_a_collision_after_the_return_still_decides():
@@ -384,16 +384,16 @@ def test_an_attempt_is_intended_if_the_driver_overtakes_before_the_line(begin, e
     assert one.events.attempt[0] < 70 < one.events.line_crossed[0] < 90
     stage = one.trajectories.stage.copy()
     stage[:, begin:end] = Stage.PULL_OUT
-    assert seen_case(one.trajectories.replace(stage=stage)).events.intended[0] == means
+    assert seen_case(one.trajectories.replace(stage=stage)).events.was_intended[0] == means
 
 
 def test_what_is_no_attempt_is_not_intended():
     one = case(Track(speed=20.0), AHEAD, frames=FRAMES, road=ROAD)
     meant = one.trajectories.replace(stage=np.full_like(one.trajectories.stage, Stage.PULL_OUT))
-    assert not seen_case(meant).events.intended[0]
+    assert not seen_case(meant).events.was_intended[0]
 
 
 def test_following_begins_when_the_time_gap_falls_below_three_seconds():
     events = found(0.0, Track(s=124.4, speed=20.0), speed=30.0)
     # From a gap of 120 m, 90 m are left after 3 s at 10 m/s.
-    assert events.follow[0] == pytest.approx(60, abs=1)
+    assert events.following_begin[0] == pytest.approx(60, abs=1)

@@ -77,8 +77,8 @@ def test_matched_features_count_from_the_time_of_closing_up():
     one = case(ego, target, frames=FRAMES, road=ROAD)
     found = matched_features(one)
     # 84 m of gap are 3 s: reached 42 m of closing later.
-    assert one.events.follow[0] == pytest.approx(20 * (130 - 4 - 84) / 8, abs=2)
-    waited = (one.events.attempt[0] - one.events.follow[0]) * 0.05
+    assert one.events.following_begin[0] == pytest.approx(20 * (130 - 4 - 84) / 8, abs=2)
+    waited = (one.events.attempt[0] - one.events.following_begin[0]) * 0.05
     assert value(found, "waiting_time") == pytest.approx(waited)
     gap = 130.0 - 4.0 - 8.0 * one.events.attempt[0] * 0.05
     assert value(found, "distance") == pytest.approx(gap, abs=0.01)
@@ -106,7 +106,7 @@ def test_weather_and_light_are_those_of_the_scenario():
 def test_the_stand_in_for_an_attempt_lies_within_the_time_of_following():
     one = waiting()
     frame = pseudo_attempt(one)[0]
-    assert one.events.follow[0] <= frame <= one.events.last[0]
+    assert one.events.following_begin[0] <= frame <= one.events.last[0]
     assert pseudo_attempt(overtake())[0] == NEVER
 
 
@@ -118,7 +118,7 @@ def test_the_stand_in_comes_as_late_as_the_attempts_of_the_profile(profile: str,
     found = label(simulate(sample(profile, num_simulations=400, seed=3)))
     attempted, waited = found.events.has_attempt, found.matched.waiting_time
     early, late = np.quantile(waited[attempted], [0.25, 0.75])
-    followed = found.events.last - found.events.follow >= seconds / 0.05
-    could_wait = ~attempted & (found.events.follow != NEVER) & followed
+    followed = found.events.last - found.events.following_begin >= seconds / 0.05
+    could_wait = ~attempted & (found.events.following_begin != NEVER) & followed
     assert could_wait.sum() > 20
     assert early <= np.median(waited[could_wait]) <= late

@@ -41,18 +41,18 @@ def row(labelled, table: str, policy: str) -> dict:
 @pytest.mark.parametrize("policy", ["paper", "matched"])
 def test_a_track_that_begins_within_a_change_has_no_waiting_time_and_no_gap(judged, policy):
     found = judged(replace(EGO, first=36), TARGET, BEHIND, FAR)
-    assert found.events.attempt[0] == found.events.under_way[0] == 0
+    assert found.events.attempt[0] == found.events.began_before_recording[0] == 0
     said = row(found, "features", policy)
     assert said["WT_s"] is said["OT_s"] is said["D_m"] is None
     assert said["SP_mps"] == pytest.approx(24.0, abs=0.1)
     assert encode_labels(found, np.arange(1))["attempts"]["waiting_time_s"].to_pylist() == [None]
     events = encode_labels(found, np.arange(1))["events"]["event"].to_pylist()
-    assert {"attempt", "under_way"} <= set(events)
+    assert {"attempt", "began_before_recording"} <= set(events)
 
 
 def test_a_track_that_begins_before_has_them(judged):
     found = judged(*OVERTAKE)
-    assert found.events.under_way[0] == NEVER
+    assert found.events.began_before_recording[0] == NEVER
     said = row(found, "features", "paper")
     assert said["WT_s"] > 1.0
     assert said["D_m"] > 40.0
@@ -62,7 +62,9 @@ def test_a_track_that_begins_before_has_them(judged):
 def test_without_anybody_ahead_the_gap_is_zero(judged):
     found = judged(*OVERTAKE)
     alone = found.events.replace(
-        target=np.array([255], np.uint8), attempt=np.array([NEVER]), follow=np.zeros(1, np.int32)
+        target_slot=np.array([255], np.uint8),
+        attempt=np.array([NEVER]),
+        following_begin=np.zeros(1, np.int32),
     )
     nobody = features_of(found, alone)
     assert nobody.distance[0] == nobody.target_speed[0] == nobody.speed_difference[0] == 0.0

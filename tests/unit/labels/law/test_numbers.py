@@ -173,7 +173,7 @@ def test_l4_and_l5_are_about_the_frame_in_which_the_line_is_crossed():
 
 
 def test_on_a_two_way_road_l15_wants_the_way_of_both_while_the_ego_is_out():
-    given = {"ego": {"speed": 20.0}, "events": CROSSED | {"back": 140}}
+    given = {"ego": {"speed": 20.0}, "events": CROSSED | {"abort_end": 140}}
     found = judge(RULES["L15"], along_course(RoadCourse(sight=((0.0, 300.0),)), **given))
     # 2 s out and 1 s more, at 20 m/s and the limit of 25 m/s.
     assert found.margin[0] == pytest.approx(300.0 - 45.0 * 3.0, abs=0.01)
@@ -218,7 +218,7 @@ def test_the_manoeuvre_begins_3_s_before_the_attempt_and_ends_3_s_after_the_retu
     ("events", "start", "stop"),
     [
         (CROSSED, 0, 199),
-        (CROSSED | {"back": 140}, 0, 140),
+        (CROSSED | {"abort_end": 140}, 0, 140),
         (CROSSED | {"return_end": 120}, 0, 180),
         (CROSSED | {"collision": 130}, 0, 129),
         ({"attempt": 90, "road_departure": 150}, 30, 149),
