@@ -108,7 +108,7 @@ def first_percept(runs: Trajectories, column: int) -> tuple[NDArray[np.bool_], N
     """Where the first decision is to pull out past a neighbour in `column`; whether it was seen."""
     p = runs.percepts
     is_out = p.valid[:, 0] & (p.kind[:, 0] == ManoeuvreKind.PULL_OUT)
-    return is_out & (p.vehicle[:, 0, column] != NO_VEHICLE), p.detected[:, 0, column]
+    return is_out & (p.slot[:, 0, column] != NO_VEHICLE), p.is_detected[:, 0, column]
 
 
 def gap_error(runs: Trajectories) -> Values:

@@ -21,14 +21,14 @@ def pull_outs(runs: ot.Trajectories) -> pd.DataFrame:
     percepts = runs.percepts
     simulation, row = np.nonzero(percepts.valid & (percepts.kind == ManoeuvreKind.PULL_OUT))
     weather = runs.scenario.weather.preset[simulation]
-    followed = percepts.vehicle[simulation, row, REAR] != NO_VEHICLE
+    followed = percepts.slot[simulation, row, REAR] != NO_VEHICLE
     return pd.DataFrame(
         {
             "weather": np.array(list(weather_presets()))[weather],
             "gap_m": percepts.true_gap[simulation, row, LEADER] * 1e-3,
             "believed_gap_m": percepts.gap[simulation, row, LEADER] * 1e-3,
             "followed": followed,
-            "unnoticed": followed & ~percepts.detected[simulation, row, REAR],
+            "unnoticed": followed & ~percepts.is_detected[simulation, row, REAR],
         }
     )
 

@@ -31,7 +31,7 @@ class Scene:
         self.slots: list[int] = np.flatnonzero(bodies.valid[0]).tolist()
         self.length, self.width = bodies.length[0].astype(float), bodies.width[0].astype(float)
         self.kinds = [VehicleKind(int(kind)).code for kind in bodies.kind[0]]
-        self.target = int(run.percepts.vehicle[0, 0, 0])
+        self.target = int(run.percepts.slot[0, 0, 0])
 
     @property
     def offset(self) -> np.ndarray:
@@ -65,9 +65,9 @@ class Scene:
         """Time of a decision and the gap that the ego then believed in, None if it saw nobody."""
         percepts = self.run.percepts
         rows = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == kind))
-        if not len(rows) or percepts.vehicle[0, rows[0], column] != self.target:
+        if not len(rows) or percepts.slot[0, rows[0], column] != self.target:
             return None
-        if not percepts.detected[0, rows[0], column]:
+        if not percepts.is_detected[0, rows[0], column]:
             return None
         return percepts.time[0, rows[0]] / 1000.0, percepts.gap[0, rows[0], column] / 1000.0
 

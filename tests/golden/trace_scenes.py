@@ -132,7 +132,7 @@ def gives_up(run: Trajectories) -> NDArray[np.bool_]:
     """The ego falls back behind the vehicle that it was to pass, and goes on following it."""
     first = (run.stage == Stage.ABORT).argmax(axis=1)
     rows = np.arange(len(first))
-    target = run.percepts.vehicle[rows, 0, 0]
+    target = run.percepts.slot[rows, 0, 0]
     target = np.where(target == NO_VEHICLE, EGO_SLOT, target)
     last = run.num_frames - 1
     behind = run.states.s[rows, 0, last] < run.states.s[rows, target, last]

@@ -187,7 +187,7 @@ def same_rows(ours, frames) -> None:
     """The paper's units and frame against SI and OpenDRIVE's, read along another path."""
     assert ours["F"].tolist() == frames["frame"].tolist()
     assert ours["TS"].tolist() == pytest.approx(frames["time_s"].tolist())
-    assert ours["OV"].tolist() == frames["overtaking"].astype(int).tolist()
+    assert ours["OV"].tolist() == frames["lane_change_begins"].astype(int).tolist()
     assert ours["MV"].tolist() == pytest.approx((frames["speed_limit_mps"].dropna() * 3.6).tolist())
     for row in (0, len(frames) // 2, len(frames) - 1):
         speeds = [one["speed_kmh"] for one in ours["V"][row]]

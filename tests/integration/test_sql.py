@@ -124,13 +124,13 @@ def test_who_breaks_which_rule_while_following_closely_is_what_pandas_finds(data
         join labels l on l.simulation = f.simulation and l.policy = 'paper'
         join percepts p on p.simulation = f.simulation
         where f.verdict = 'illegal' and l.class != 'No_attempt'
-            and p.leader_detected and p.leader_gap_mm < 60000
+            and p.leader_is_detected and p.leader_gap_mm < 60000
         group by 1 order by 1
         """,
     )
     findings, labels, percepts = data.findings(), data.labels(), data.percepts()
     tried = labels[(labels["policy"] == "paper") & (labels["class"] != "No_attempt")]
-    close = percepts[percepts["leader_detected"] & (percepts["leader_gap_m"] < 60)]
+    close = percepts[percepts["leader_is_detected"] & (percepts["leader_gap_m"] < 60)]
     chosen = set(tried["simulation"]) & set(close["simulation"])
     broken = findings[(findings["verdict"] == "illegal") & findings["simulation"].isin(chosen)]
     counts = broken.groupby("rule", observed=True)["simulation"].nunique()

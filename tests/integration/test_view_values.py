@@ -147,12 +147,12 @@ def test_beliefs_of_decisions_stand_beside_the_recorded_vehicle(
                     str(vehicle.locator("b").text_content()).split()[0]: vehicle.locator("td")
                     for vehicle in page.locator(".numbers tbody tr").all()
                 }
-                for place in range(percepts.vehicle.shape[2]):
-                    vehicle = int(percepts.vehicle[0, row, place])
+                for place in range(percepts.slot.shape[2]):
+                    vehicle = int(percepts.slot[0, row, place])
                     if vehicle == NO_VEHICLE:
                         continue
                     expected = gap_cell(
-                        bool(percepts.detected[0, row, place]),
+                        bool(percepts.is_detected[0, row, place]),
                         int(percepts.gap[0, row, place]),
                         int(percepts.true_gap[0, row, place]),
                     )

@@ -95,7 +95,7 @@ def test_the_order_of_the_other_vehicles_is_irrelevant():
         states=turned(run.states, order),
         collided_with=place[run.collided_with],
         contacts=contacts.replace(partner=place[contacts.partner]),
-        percepts=run.percepts.replace(vehicle=place[run.percepts.vehicle]),
+        percepts=run.percepts.replace(slot=place[run.percepts.slot]),
     )
     found, expected = label(other), labelled()
     assert (found.events.target_slot == place[expected.events.target_slot]).all()

@@ -227,7 +227,7 @@ def hash_in_plain_integers(run: Trajectories, n: int) -> list[int]:
     c, p = run.contacts, run.percepts
     for slot in valid:
         mix([int(values[n, slot]) for values in (c.partner, c.time, c.impulse, c.closing_speed)])
-    triples = (p.vehicle, p.detected, p.gap, p.closing_speed, p.true_gap, p.true_closing_speed)
+    triples = (p.slot, p.is_detected, p.gap, p.closing_speed, p.true_gap, p.true_closing_speed)
     for k in np.flatnonzero(p.valid[n]):
         words = [int(values[n, k, column]) for column in range(3) for values in triples]
         mix([int(p.kind[n, k]), int(p.time[n, k]), *words])

@@ -223,7 +223,7 @@ def _percepts(beliefs: tuple[Belief, ...], interval_ms: int) -> Percepts:
         for name, values in columns.items():
             values[0, k, each.whom] = round(getattr(each, name) * 1000.0)
     return Percepts(
-        valid=valid, kind=kind, time=time, vehicle=vehicle, detected=detected, **columns
+        valid=valid, kind=kind, time=time, slot=vehicle, is_detected=detected, **columns
     )
 
 

@@ -34,9 +34,9 @@ macro_rules! with_outputs {
                 /// Its instant [ms].
                 percept_time: i32, |_, _| $crate::MAX_PERCEPTS;
                 /// The neighbours.
-                percept_vehicle: u8, |_, _| $crate::MAX_PERCEPTS * 3;
+                percept_slot: u8, |_, _| $crate::MAX_PERCEPTS * 3;
                 /// Whether they were noticed.
-                percept_detected: u8, |_, _| $crate::MAX_PERCEPTS * 3;
+                percept_is_detected: u8, |_, _| $crate::MAX_PERCEPTS * 3;
                 /// Believed gaps [mm].
                 percept_gap: i32, |_, _| $crate::MAX_PERCEPTS * 3;
                 /// Believed closing speeds [mm/s].

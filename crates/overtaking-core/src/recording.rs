@@ -209,8 +209,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 };
                 let at = state.num_percepts[lane] as usize * 3 + column;
                 let nobody = slot[lane] < 0.0;
-                out.percept_vehicle[at] = if nobody { 255 } else { slot[lane] as u8 };
-                out.percept_detected[at] = u8::from(detected.test(lane));
+                out.percept_slot[at] = if nobody { 255 } else { slot[lane] as u8 };
+                out.percept_is_detected[at] = u8::from(detected.test(lane));
                 out.percept_gap[at] = gap[lane];
                 out.percept_closing_speed[at] = believed_closing[lane];
                 out.percept_true_gap[at] = if nobody { 0 } else { true_gap[lane] };
@@ -247,11 +247,11 @@ impl<'a, const N: usize> Recorder<'a, N> {
 /// Set what is only written where something happens.
 fn clear(out: &mut Output<'_>) {
     out.percept_valid.fill(0);
-    out.percept_vehicle.fill(255);
+    out.percept_slot.fill(255);
     out.collided_with.fill(255);
     for slice in [
         &mut *out.percept_kind,
-        &mut *out.percept_detected,
+        &mut *out.percept_is_detected,
         &mut *out.stage,
     ] {
         slice.fill(0);
@@ -321,8 +321,8 @@ fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
         let mut words = vec![u32::from(out.percept_kind[at]), out.percept_time[at] as u32];
         for k in at * 3..at * 3 + 3 {
             words.extend([
-                u32::from(out.percept_vehicle[k]),
-                u32::from(out.percept_detected[k]),
+                u32::from(out.percept_slot[k]),
+                u32::from(out.percept_is_detected[k]),
                 out.percept_gap[k] as u32,
                 out.percept_closing_speed[k] as u32,
                 out.percept_true_gap[k] as u32,

@@ -327,7 +327,7 @@ class Dataset(CompactRepr):
                     yield some, recorded
 
     @check_arguments
-    def class_weights(self, first: int, last: int) -> NDArray[np.float64]:
+    def balance_weights(self, first: int, last: int) -> NDArray[np.float64]:
         """Weights that give back the natural rates, shape (simulation,).
 
         Args:
@@ -338,7 +338,7 @@ class Dataset(CompactRepr):
             DatasetError: The file is damaged.
         """
         rows = self.rows("labels", first, last)
-        return rows["class_weight"].to_numpy()[:: len(POLICY_NAMES)]
+        return rows["balance_weight"].to_numpy()[:: len(POLICY_NAMES)]
 
     @check_arguments
     def table(self, name: str) -> pa.Table:

@@ -85,6 +85,6 @@ def _pieces(
     while count < shard.num_simulations:
         numbers, run = next(batches)
         # In a balanced data set the choice stays, whatever the new classes are.
-        weight = data.class_weights(*numbers[[0, -1]].tolist()) if is_balanced else None
+        weight = data.balance_weights(*numbers[[0, -1]].tolist()) if is_balanced else None
         yield len(numbers), encode_labels(label(run, errors=errors), numbers, weight)
         count += len(numbers)

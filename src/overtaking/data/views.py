@@ -24,7 +24,7 @@ KMH_PER_MPS = kmh_from_mps(1.0)
 _FEATURES = {
     field.name.partition("_")[0]: field
     for field in SCHEMAS["features"]
-    if field.name not in ("simulation", "policy", "frame")
+    if field.name not in ("simulation", "reading", "frame")
 }
 """The columns that hold the paper's features, by its names and in its order."""
 
@@ -65,7 +65,7 @@ def features_frame(
     """
     for what, got, known in (("policy", policy, POLICY_NAMES), ("reading", reading, READINGS)):
         check_choice(got, known, what=what, where="features")
-    measured = features[features["policy"] == reading].set_index("simulation")
+    measured = features[features["reading"] == reading].set_index("simulation")
     said = labels[labels["policy"] == policy].set_index("simulation")
     frame = pd.DataFrame({name: measured[field.name] for name, field in _FEATURES.items()})
     for name, field in _FEATURES.items():
@@ -76,7 +76,7 @@ def features_frame(
     if encoded:
         frame = frame.astype("float64").fillna(0.0)
     frame["CLASS"] = said["class"].astype("str")
-    frame["weight"] = said["class_weight"]
+    frame["weight"] = said["balance_weight"]
     return frame
 
 
@@ -98,7 +98,7 @@ def wide_frames(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     columns |= _per_vehicle(tables["states"], len(dimensions), frames["frame"].tolist())
     columns |= {name: frames[name] for name in _OF_THE_ROAD}
     columns |= {name: weather[name] for name in _OF_THE_WEATHER}
-    columns["overtaking"] = frames["overtaking"]
+    columns["lane_change_begins"] = frames["lane_change_begins"]
     return pd.DataFrame(columns)
 
 

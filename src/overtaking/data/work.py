@@ -196,4 +196,4 @@ def _piece(job: Job, task: Task, clipped: list[int], chunk: range) -> shards.Pie
     if run.actions is not None and run.actions.num_clipped is not None:
         clipped.append(int(run.actions.num_clipped.sum()))
     weight = scenario.weight if task.weight is None else scenario.weight * task.weight[part]
-    return len(chunk), contents(run, numbers, recipe.tables, class_weight=weight)
+    return len(chunk), contents(run, numbers, recipe.tables, balance_weight=weight)

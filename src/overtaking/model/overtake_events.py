@@ -46,9 +46,9 @@ class OvertakeEvents(Batch):
     Attributes:
         first: First recorded frame [t_0].
         last: Last recorded frame.
-        target_slot: Slot of the vehicle to overtake: the nearest vehicle ahead at `attempt`; without an
-            attempt the leader at `following_begin`, else the last leader; `NO_VEHICLE` if the ego never had
-            a leader.
+        target_slot: Slot of the vehicle to overtake: the nearest vehicle ahead at `attempt`; without
+            an attempt the leader at `following_begin`, else the last leader; `NO_VEHICLE` if the ego
+            never had a leader.
         original_lane: Lane index of the ego at `attempt`, or at the first frame.
         following_begin: First frame less than 3 s behind the target, or the first frame [t_follow].
         attempt: Start of the movement to the left [t_a].
@@ -70,11 +70,11 @@ class OvertakeEvents(Batch):
         was_struck: Whether the other vehicle ran into the ego.
         drift: Start of the first movement to the left outside attempts that ends in the same lane.
         num_drifts: Number of such movements, at most 255.
-        began_before_recording: First frame, if the attempt had begun before the recording: `attempt` is then
-            that frame and too late.
+        began_before_recording: First frame, if the attempt had begun before the recording:
+            `attempt` is then that frame and too late.
         was_intended: Whether the ego's driver meant to overtake: it was in a stage of an overtake
-            between `attempt` and the line, or `abort_end`. It is undefined without an attempt, and in
-            recordings without stages.
+            between `attempt` and the line, or `abort_end`. It is undefined without an attempt, and
+            in recordings without stages.
     """
 
     first: I32

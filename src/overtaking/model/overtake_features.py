@@ -32,7 +32,7 @@ class PaperFeatures(Batch):
     that the paper gives it.
     """
 
-    policy: Annotated[str, FieldSpec("How they were measured, `paper` or `matched`", column=None)]
+    reading: Annotated[str, FieldSpec("How they were measured, `paper` or `matched`", column=None)]
     night: Annotated[Mask, _weather("DN", names=["Day", "Night"])]
     low_sun: Annotated[Mask, _weather("HL", names=["No", "Yes"])]
     ego_kind: Annotated[U8, _paper("TE", names=_KINDS)]
@@ -178,8 +178,8 @@ _oncoming = partial(_opposing, null_unless=".has_oncoming")
 class OncomingState(Batch):
     """The side of oncoming traffic; every array has shape (simulation,).
 
-    Where `exists` is false, as on one-way roads, all other fields are undefined. Where `has_oncoming` is
-    false, the fields of the oncoming vehicle are undefined.
+    Where `exists` is false, as on one-way roads, all other fields are undefined. Where
+    `has_oncoming` is false, the fields of the oncoming vehicle are undefined.
     """
 
     exists: Annotated[
@@ -294,8 +294,8 @@ class BeliefsAtPullOut(Batch):
     Attributes:
         exists: Whether there was such a decision; otherwise all other fields are undefined.
         age: Time since the decision [s].
-        is_detected: Whether the driver had noticed the vehicle, (simulation, 3); otherwise its gap and
-            speed are undefined.
+        is_detected: Whether the driver had noticed the vehicle, (simulation, 3); otherwise its gap
+            and speed are undefined.
         gap: Believed gap to it, from bumper to bumper, (simulation, 3) [m].
         closing_speed: Believed speed at which that gap shrinks, (simulation, 3) [m/s].
     """

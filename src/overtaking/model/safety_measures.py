@@ -55,9 +55,9 @@ _measure = partial(FieldSpec, null_unless=".was_in_opposing_lane")
 class PassingSafety(Batch):
     """Measures against the nearest oncoming vehicle; arrays have shape (simulation,).
 
-    Where `was_in_opposing_lane` is false, on one-way roads and where the ego never entered the opposing lane, all
-    other fields are undefined. Values are NaN where no vehicle came. A time to meet is a gap over
-    the sum of both speeds.
+    Where `was_in_opposing_lane` is false, on one-way roads and where the ego never entered the
+    opposing lane, all other fields are undefined. Values are NaN where no vehicle came. A time to
+    meet is a gap over the sum of both speeds.
     """
 
     was_in_opposing_lane: Annotated[

@@ -226,8 +226,8 @@ class Percepts(Batch):
         valid: Whether the row holds a decision.
         kind: `ManoeuvreKind`.
         time: Instant of the decision [ms].
-        vehicle: Slot of the true neighbour, `NO_VEHICLE` without one, (simulation, decision, 3).
-        detected: Whether the ego had noticed it, (simulation, decision, 3).
+        slot: Slot of the true neighbour, `NO_VEHICLE` without one, (simulation, decision, 3).
+        is_detected: Whether the ego had noticed it, (simulation, decision, 3).
         gap: Believed bumper-to-bumper gap, (simulation, decision, 3) [mm].
         closing_speed: Believed speed of approach, (simulation, decision, 3) [mm/s].
         true_gap: True gap, (simulation, decision, 3) [mm].
@@ -241,8 +241,8 @@ class Percepts(Batch):
     time: Annotated[
         I32, FieldSpec(unit="ms", low=0, high=MAX_DURATION * 1000, axes=("simulation", "decision"))
     ]
-    vehicle: Annotated[U8, FieldSpec(low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE))]
-    detected: Mask
+    slot: Annotated[U8, FieldSpec(low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE))]
+    is_detected: Mask
     gap: I32
     closing_speed: I32
     true_gap: I32
@@ -256,8 +256,8 @@ class Percepts(Batch):
             valid=np.zeros(pair, bool),
             kind=np.zeros(pair, np.uint8),
             time=np.zeros(pair, np.int32),
-            vehicle=np.full(triple, NO_VEHICLE),
-            detected=np.zeros(triple, bool),
+            slot=np.full(triple, NO_VEHICLE),
+            is_detected=np.zeros(triple, bool),
             gap=np.zeros(triple, np.int32),
             closing_speed=np.zeros(triple, np.int32),
             true_gap=np.zeros(triple, np.int32),

@@ -43,7 +43,7 @@ _VEHICLE = (
     *("desired_speed_mps", "reaction_time_s", "start_s_m", "start_lane_id", "start_speed_mps"),
 )
 _PERCEPT = (
-    *("vehicle", "detected", "gap_m", "closing_speed_mps"),
+    *("vehicle", "is_detected", "gap_m", "closing_speed_mps"),
     *("true_gap_m", "true_closing_speed_mps"),
 )
 """Columns of the tables that are told, under the names that they have in SI."""
@@ -232,7 +232,7 @@ def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]
             "kind": row["kind"],
             "time_s": row["time_s"],
             "neighbours": {
-                who: _percept(row, who, law.get((row["decision"], place)))
+                who: _percept(row, who, law.get((row["percept"], place)))
                 for place, who in enumerate(NEIGHBOURS)
             },
         }
@@ -243,6 +243,6 @@ def _decisions(run: Trajectories, thoughts: tuple[Thought, ...]) -> list[Values]
 def _percept(row: Values, who: str, law: Values | None) -> Values | None:
     """Belief about one neighbour; None if there is none and none was imagined."""
     believed = _part(row, _PERCEPT, f"{who}_")
-    if believed["vehicle"] is None and not believed["detected"]:
+    if believed["vehicle"] is None and not believed["is_detected"]:
         return None
     return {**believed, "law": law}

@@ -67,7 +67,7 @@ def outcome_words(values: Values) -> str:
     return words(values["outcome"]) + ("" if detail == "none" else f": {words(detail)}")
 
 
-_PLACES = {"leader": "leader", "front": "ahead", "rear": "behind"}
+_PLACES = {"leader": "leader", "new_leader": "ahead", "new_follower": "behind"}
 
 
 def percept_words(place: str, neighbour: Values) -> tuple[str, str, str, str]:
@@ -103,19 +103,17 @@ def ending_words(values: Values) -> list[str]:
 
 
 def _oncoming(found: Values | None) -> list[str]:
-    """How the overtake stood to oncoming traffic, if the ego came to the other side."""
+    """How the overtake stood to oncoming traffic, if the ego entered the opposing lane."""
     if found is None or found["time_in_opposing_lane_s"] is None:
         return []
     told = [f"On the other side for {found['time_in_opposing_lane_s']:.1f} s"]
     if found["gap_at_crossing_m"] is None:
-        return [
-            f"{told[0]}; nobody came, and the road was in sight for {found['sight_at_crossing_m']:.0f} m."
-        ]
+        sight = found["sight_at_crossing_m"]
+        return [f"{told[0]}; nobody came, and the road was in sight for {sight:.0f} m."]
     told.append(f"traffic came from {found['gap_at_crossing_m']:.0f} m away")
     if found["gap_at_return_m"] is not None:
-        told.append(
-            f"{found['gap_at_return_m']:.0f} m ({found['time_to_meet_at_return_s']:.1f} s) were left"
-        )
+        gap, time = found["gap_at_return_m"], found["time_to_meet_at_return_s"]
+        told.append(f"{gap:.0f} m ({time:.1f} s) were left")
     return ["; ".join(told) + "."]
 
 

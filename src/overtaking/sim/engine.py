@@ -148,7 +148,6 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
     states = States(**{name: _kept(out[name][:, :, :longest]) for name in STATE_DTYPES})
     running = np.arange(longest) < out["num_frames"][:, None, None]
     there = scenario.vehicles.valid[:, :, None] & running
-    percepts = {name: out[f"percept_{name}"] for name in _BELIEFS if name != "detected"}
     return Trajectories(
         scenario=scenario,
         num_frames=out["num_frames"],
@@ -165,8 +164,8 @@ def _trajectories(scenario: Scenario, out: dict[str, NDArray[Any]]) -> Trajector
             valid=out["percept_valid"].view(bool),
             kind=out["percept_kind"],
             time=out["percept_time"],
-            detected=out["percept_detected"].view(bool),
-            **percepts,
+            is_detected=out["percept_is_detected"].view(bool),
+            **{name: out[f"percept_{name}"] for name in _BELIEFS if name != "is_detected"},
         ),
         trace_hash=out["trace_hash"],
     )

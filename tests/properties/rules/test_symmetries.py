@@ -77,7 +77,7 @@ def reordered(recorded: Trajectories, order: np.ndarray) -> Trajectories:
     states = States(**{f.name: getattr(recorded.states, f.name)[:, order] for f in fields(States)})
     scenario, bodies = recorded.scenario, recorded.scenario.vehicles
     moved = {f.name: getattr(bodies, f.name)[:, order] for f in fields(type(bodies))}
-    percepts = recorded.percepts.replace(vehicle=place[recorded.percepts.vehicle])
+    percepts = recorded.percepts.replace(slot=place[recorded.percepts.slot])
     return recorded.replace(
         scenario=scenario.replace(vehicles=type(bodies)(**moved)),
         states=states,

@@ -152,7 +152,7 @@ def test_beliefs_are_told_beside_the_truth_and_the_law(labelled, runs, stories):
     number = next(
         n
         for n in range(NUM_SIMULATIONS)
-        if runs.percepts.valid[n].any() and runs.percepts.detected[n, 0, 0]
+        if runs.percepts.valid[n].any() and runs.percepts.is_detected[n, 0, 0]
     )
     decision = stories[number]["decisions"][0]
     assert decision["kind"] == "PULL_OUT"

@@ -21,7 +21,7 @@ CREATE VIEW paper.EgoVehicle AS
 SELECT simulation AS S, frame AS F, 0 AS IDego, speed_limit_mps * 3.6::DOUBLE AS MV,
     right_line AS RT, left_line AS LT, lane_width_m AS LW,
     right_lane_width_m AS LWR, left_lane_width_m AS LWL, collided_with AS C,
-    CAST(overtaking AS INTEGER) AS OV
+    CAST(lane_change_begins AS INTEGER) AS OV
 FROM main.frames;
 
 CREATE VIEW paper.Vehicles AS

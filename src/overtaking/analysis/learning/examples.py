@@ -103,7 +103,7 @@ def examples_of(data: Dataset, policy: str | None = None) -> Examples:
     return Examples(
         simulations=attempts.index.to_numpy(dtype=np.int64),
         attributes=attributes,
-        values=values_of(decisions, attributes),
+        values=values_of(attempts, attributes),
         classes=classes,
         attempted=attempts.index.isin(begun),
         groups=groups_of(data.simulations().set_index("simulation").reindex(attempts.index)),

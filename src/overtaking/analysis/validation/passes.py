@@ -162,7 +162,7 @@ def _passed(runs: Trajectories, row: int) -> Pass | None:
     start = int(out[np.flatnonzero(np.diff(out, prepend=-9) > 1)[-1]])
     kind, valid = runs.percepts.kind[row], runs.percepts.valid[row]
     decided = np.flatnonzero(valid & (kind == ManoeuvreKind.PULL_OUT))
-    target = int(runs.percepts.vehicle[row, decided[-1], 0]) if decided.size else NO_VEHICLE
+    target = int(runs.percepts.slot[row, decided[-1], 0]) if decided.size else NO_VEHICLE
     offset = road.overtaking_sign * 1e-3 * states.d[row, EGO_SLOT, start:frames]
     line = road.overtaking_sign * float(road.lane_boundaries[-1])
     beyond = np.flatnonzero(offset > line - 0.5 * float(specs.width[row, EGO_SLOT])) + start

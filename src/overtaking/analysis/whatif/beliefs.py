@@ -78,8 +78,8 @@ class Percept:
             return None
         seen, at = run.percepts, (0, rows[0])
         return cls(
-            detected=seen.detected[at],
-            vehicle=seen.vehicle[at].astype(np.int64),
+            detected=seen.is_detected[at],
+            vehicle=seen.slot[at].astype(np.int64),
             gap=seen.gap[at].astype(np.float64) * POSITION_RESOLUTION,
             closing=seen.closing_speed[at].astype(np.float64) * SPEED_RESOLUTION,
             true_gap=seen.true_gap[at].astype(np.float64) * POSITION_RESOLUTION,
@@ -90,7 +90,7 @@ class Percept:
         """In which simulations the ego notices the same when it begins, shape (simulation,)."""
         rows = _starts(run)
         place, seen = (np.arange(len(rows)), rows.clip(0)), run.percepts
-        detected = seen.detected[place]
+        detected = seen.is_detected[place]
         gap = seen.gap[place] * POSITION_RESOLUTION
         closing = seen.closing_speed[place] * SPEED_RESOLUTION
         near = np.abs(gap - self.gap) <= _GAP_TOLERANCE + _GAP_SHARE * np.abs(self.gap)

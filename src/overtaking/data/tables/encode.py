@@ -116,13 +116,13 @@ def frames(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
         "time_ms": trajectories.time_ms[frame],
         **{name: Masked(one.values[lane], one.missing[lane]) for name, one in about.items()},
         "speed_limit_mps": Masked(np.where(off_road, 0.0, limit), off_road),
-        "overtaking": overtaking(trajectories)[simulation, frame],
+        "lane_change_begins": lane_change_begins(trajectories)[simulation, frame],
     }
     unknown = trajectories.unknown
     return build("frames", trajectories, lambda one: one[simulation, frame], computed, unknown)
 
 
-def overtaking(trajectories: Trajectories) -> Mask:
+def lane_change_begins(trajectories: Trajectories) -> Mask:
     """The paper's OV: the frames in which the ego first pulls out, and first returns after that.
 
     Shape (simulation, time); false beyond the last recorded frame.
@@ -160,7 +160,7 @@ def percepts(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     begins = np.searchsorted(simulation, simulation)
     computed = {
         "simulation": numbers[simulation],
-        "decision": (np.arange(len(made)) - begins).astype(np.int32),
+        "percept": (np.arange(len(made)) - begins).astype(np.int32),
     }
     return build("percepts", trajectories, lambda one: one.reshape(-1).take(made), computed)
 

@@ -35,7 +35,7 @@ def contents(
     numbers: Numbers,
     tables: Collection[str],
     sources: Sequence[str] | None = None,
-    class_weight: Weights | None = None,
+    balance_weight: Weights | None = None,
 ) -> dict[str, pa.Table]:
     """The tables of a batch, recordings and labels, by the names of their folders.
 
@@ -44,28 +44,28 @@ def contents(
         numbers: Number of each simulation in its data set, growing, shape (simulation,).
         tables: Which tables.
         sources: Where in a recording each simulation comes from; None for simulations.
-        class_weight: As in `encode_labels`.
+        balance_weight: As in `encode_labels`.
     """
     recorded = [name for name in tables if name not in LABEL_TABLES]
     made = encode(trajectories, numbers, recorded, sources)
     if len(recorded) < len(tables):
-        said = encode_labels(label(trajectories), numbers, class_weight)
+        said = encode_labels(label(trajectories), numbers, balance_weight)
         made |= {name: said[name] for name in tables if name in LABEL_TABLES}
     return made
 
 
 def encode_labels(
-    labelled: LabelledTrajectories, numbers: Numbers, class_weight: Weights | None = None
+    labelled: LabelledTrajectories, numbers: Numbers, balance_weight: Weights | None = None
 ) -> dict[str, pa.Table]:
     """The tables of labels of a batch, by the names of their folders.
 
     Args:
         labelled: The labelled simulations.
         numbers: Number of each simulation in its data set, growing, shape (simulation,).
-        class_weight: Weights that give back the natural rates, shape (simulation,); the sampling
+        balance_weight: Weights that give back the natural rates, shape (simulation,); the sampling
             weights if left out.
     """
-    weight = labelled.trajectories.scenario.weight if class_weight is None else class_weight
+    weight = labelled.trajectories.scenario.weight if balance_weight is None else balance_weight
     return {
         "events": events(labelled, numbers),
         "labels": labels(labelled, numbers, weight),
@@ -115,7 +115,7 @@ def labels(labelled: LabelledTrajectories, numbers: Numbers, weight: Weights) ->
         "simulation": np.repeat(numbers, policies),
         "policy": np.tile(np.array(code), count),
         "rule_set": Texts.same(labelled.findings.version, count * policies),
-        "class_weight": np.repeat(weight, policies),
+        "balance_weight": np.repeat(weight, policies),
     }
     return build("labels", labelled, _per_simulation(policies), computed)
 
@@ -157,9 +157,9 @@ def _per_simulation(count: int) -> Rows:
 def features(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
     """One row per simulation and way of measuring."""
     paper, matched = labelled.features
-    both = concatenate([paper, matched.replace(policy=paper.policy)])
+    both = concatenate([paper, matched.replace(reading=paper.reading)])
     order = np.arange(2 * len(numbers)).reshape(2, -1).T.reshape(-1)
-    codes = [names.READINGS.index(one.policy) for one in (paper, matched)]
+    codes = [names.READINGS.index(one.reading) for one in (paper, matched)]
 
     def rows(values: Array) -> Array:
         """Row i of each reading in turn."""
@@ -167,7 +167,7 @@ def features(labelled: LabelledTrajectories, numbers: Numbers) -> pa.Table:
 
     computed = {
         "simulation": np.repeat(numbers, 2),
-        "policy": np.tile(np.array(codes), len(numbers)),
+        "reading": np.tile(np.array(codes), len(numbers)),
         "OLR_percent": rows(both.left_occupancy) * PERCENT,
     }
     return build("features", both, rows, computed, labelled.trajectories.unknown)

@@ -13,7 +13,7 @@ KINDS = tuple(kind.code for kind in VehicleKind)
 COLOURS = tuple(colour.name.lower() for colour in Colour)
 MARKS = tuple(mark.value for mark in RoadMark)
 STAGES = tuple(stage.name for stage in Stage)
-DECISIONS = tuple(kind.name for kind in ManoeuvreKind)
+MANOEUVRE_KINDS = tuple(kind.name for kind in ManoeuvreKind)
 MOVES = tuple(move.name for move in Move)
 INDICATORS = ("off", "left", "right", "both")
 """In the order of the two indicator bits of `Lights`."""
@@ -21,8 +21,8 @@ INDICATORS = ("off", "left", "right", "both")
 FLAGS = ("brake", "low_beam", "high_beam", "rear_fog")
 """The bits of the `lights` column: those of `Lights` above the two of the indicator."""
 
-NEIGHBOURS = ("leader", "front", "rear")
-"""Last axis of `Percepts`: the vehicle ahead, and in the target lane those ahead and behind."""
+NEIGHBOURS = ("leader", "new_leader", "new_follower")
+"""Last axis of `Percepts`: the leader, and the new leader and follower in the lane entered."""
 
 EVENTS = (
     *("following_begin", "attempt", "line_crossed", "overlap_begin", "overlap_end"),

@@ -253,7 +253,7 @@ def _check_index(
         simulation: Row of each of them in `simulations`.
 
     Raises:
-        SchemaError: An index is negative or too large; or frames or decisions are missing.
+        SchemaError: An index is negative or too large; or frames or percepts are missing.
     """
     if axis == "vehicle":
         ends: Any = MAX_VEHICLES
@@ -384,7 +384,7 @@ def _states(tables: Tables, road: Road) -> States:
 
 
 def _percepts(tables: Tables) -> Percepts:
-    grid = _Grid.of(tables, "percepts", "decision")
+    grid = _Grid.of(tables, "percepts", "percept")
     unseen_mm = round(float(model_constants().unseen_gap) / POSITION_RESOLUTION)
     read = _read("percepts", tables, "percepts", grid.filled, gap=unseen_mm)
     return Percepts(valid=grid.present, **read)

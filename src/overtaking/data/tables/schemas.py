@@ -68,14 +68,14 @@ def _frame(name: str, meaning: str, attribute: str, path: str = "") -> Column:
 
 def _percept(index: int, who: str, whose: str) -> list[Column]:
     """Columns of one neighbour at a decision: the belief of the ego, and the true values."""
-    believed = partial(_optional, present="percepts.detected")
-    true = partial(_optional, present="percepts.vehicle", nothing=_NOBODY)
-    by_ego = f"as the ego believed it; null unless {who}_detected"
+    believed = partial(_optional, present="percepts.is_detected")
+    true = partial(_optional, present="percepts.slot", nothing=_NOBODY)
+    by_ego = f"as the ego believed it; null unless {who}_is_detected"
     in_truth = "as it was; null if there was none"
     return attributes(
         "percepts",
-        true("vehicle", BYTE, f"Slot of {whose}"),
-        column("detected", BOOL, f"Whether the ego had noticed {whose}"),
+        true("vehicle", BYTE, f"Slot of {whose}", path="slot"),
+        column("is_detected", BOOL, f"Whether the ego had noticed {whose}"),
         believed("gap", INT, f"Bumper gap {by_ego}", "mm"),
         believed("closing_speed", INT, f"Speed of approach {by_ego}", "mm/s"),
         true("true_gap", INT, f"Bumper gap {in_truth}", "mm"),
@@ -223,7 +223,7 @@ _RECORDED: dict[str, list[Column]] = {
             nothing=_NOBODY,
         ),
         column(
-            "overtaking",
+            "lane_change_begins",
             BOOL,
             "Whether the ego begins to pull out or to return in this frame",
             needs=["stage"],
@@ -244,15 +244,15 @@ _RECORDED: dict[str, list[Column]] = {
     ],
     "percepts": [
         _SIMULATION,
-        _key("decision", INT, "Number of the decision in its simulation"),
+        _key("percept", INT, "Number of the percept in its simulation"),
         *attributes(
             "percepts",
-            column("kind", names.DECISIONS, "What was decided"),
+            column("kind", names.MANOEUVRE_KINDS, "What was decided"),
             column("time", INT, "Instant of the decision", "ms"),
         ),
         *_percept(0, "leader", "the vehicle ahead"),
-        *_percept(1, "front", "the vehicle ahead in the target lane"),
-        *_percept(2, "rear", "the vehicle behind in the target lane"),
+        *_percept(1, "new_leader", "the vehicle ahead in the lane that is entered"),
+        *_percept(2, "new_follower", "the vehicle behind in the lane that is entered"),
     ],
     "actions": [
         _SIMULATION,
@@ -297,7 +297,7 @@ _LABELS: dict[str, list[Column]] = {
             column("num_undecidable", BYTE, "Required rules that apply and are undecidable"),
         ),
         column("rule_set", TEXT, "Version of the rules"),
-        column("class_weight", DOUBLE, "Weight that gives back the natural rates"),
+        column("balance_weight", DOUBLE, "Weight that gives back the natural rates"),
     ],
     "findings": [
         _SIMULATION,
@@ -319,7 +319,7 @@ _LABELS: dict[str, list[Column]] = {
     ],
     "features": [
         _SIMULATION,
-        _key("policy", names.READINGS, "The paper's way of measuring, or alike in every class"),
+        _key("reading", names.READINGS, "The paper's way of measuring, or alike in every class"),
         *declared(
             "",
             PaperFeatures,

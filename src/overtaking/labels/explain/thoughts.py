@@ -69,7 +69,7 @@ def thoughts(case: Case, pack: Pack) -> tuple[Thought, ...]:
     for row in np.flatnonzero(percepts.valid[0]).tolist():
         kind = ManoeuvreKind(int(percepts.kind[0, row]))
         for whom in (LEADER, FRONT, REAR):
-            has_neighbour = percepts.vehicle[0, row, whom] != NO_VEHICLE
+            has_neighbour = percepts.slot[0, row, whom] != NO_VEHICLE
             if has_neighbour and (kind, whom) in _MARGINS:
                 check, margin = _MARGINS[kind, whom]
                 codes = [rule.code for rule in pack.deciding_rules if rule.check is check]
@@ -87,6 +87,6 @@ def _thought(case: Case, row: int, whom: int, code: str, margin: Margin) -> Thou
         whom=whom,
         code=code,
         margin=true,
-        believed_margin=believed if percepts.detected[0, row, whom] else None,
+        believed_margin=believed if percepts.is_detected[0, row, whom] else None,
         belief=Belief(int(belief(case, decision, {whom: margin})[0])),
     )

@@ -205,7 +205,7 @@ def _beliefs(case: Case, frame: I32) -> BeliefsAtPullOut:
     return BeliefsAtPullOut(
         exists=exists,
         age=as_f32(now - percepts.time[entry]) / np.float32(1000.0),
-        is_detected=percepts.detected[entry] & exists[:, None],
+        is_detected=percepts.is_detected[entry] & exists[:, None],
         gap=as_f32(percepts.gap[entry]) * METRES,
         closing_speed=as_f32(percepts.closing_speed[entry]) * METRES,
     )

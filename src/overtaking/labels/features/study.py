@@ -51,7 +51,7 @@ def paper_features(case: Case) -> PaperFeatures:
     instant, mean = _instant(case), _means(case)
     measured = {name: np.where(attempted, instant[name], mean[name]) for name in instant}
     return PaperFeatures(
-        policy="paper",
+        reading="paper",
         waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
         overtaking_time=nan_if_begun_before_recording(case, seconds_of(case, lasted)),
         frame=np.where(attempted, events.attempt, NEVER),
@@ -77,7 +77,7 @@ def matched_features(case: Case) -> PaperFeatures:
     target = _of_target(case, frame)
     has_target = events.target_slot != NO_VEHICLE
     return PaperFeatures(
-        policy="matched",
+        reading="matched",
         waiting_time=nan_if_begun_before_recording(case, seconds_of(case, waited)),
         overtaking_time=nan_if_begun_before_recording(case, seconds_of(case, lasted)),
         ego_speed=own,

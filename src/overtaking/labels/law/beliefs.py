@@ -74,8 +74,8 @@ def belief(case: Case, decision: Decision, conditions: dict[int, Margin]) -> U8:
     anybody = np.zeros(len(decision.row), np.bool_)
     for whom, margin in conditions.items():
         place = (simulation, decision.row, whom)
-        there = percepts.vehicle[place] != NO_VEHICLE
-        noticed = there & percepts.detected[place]
+        there = percepts.slot[place] != NO_VEHICLE
+        noticed = there & percepts.is_detected[place]
         true, thought = margins_of(percepts, place, decision, margin)
         right = right & (~there | (true >= 0))
         believed = believed & (~noticed | (thought >= 0))

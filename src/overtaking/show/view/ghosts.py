@@ -219,16 +219,16 @@ def _recorded_beliefs(trajectories: Trajectories) -> Iterator[dict[str, Any]]:
     percepts = trajectories.percepts
     for row in np.flatnonzero(percepts.valid[0]).tolist():
         for place in (_LEADER, _NEW_LEADER, _NEW_FOLLOWER):
-            exists = percepts.vehicle[0, row, place] != NO_VEHICLE
-            if exists or percepts.detected[0, row, place]:
+            exists = percepts.slot[0, row, place] != NO_VEHICLE
+            if exists or percepts.is_detected[0, row, place]:
                 yield _recorded_belief(trajectories, row, place)
 
 
 def _recorded_belief(trajectories: Trajectories, row: int, place: int) -> dict[str, Any]:
     """One vehicle of a percept."""
     percepts, states = trajectories.percepts, trajectories.states
-    slot = int(percepts.vehicle[0, row, place])
-    is_seen, exists = bool(percepts.detected[0, row, place]), slot != NO_VEHICLE
+    slot = int(percepts.slot[0, row, place])
+    is_seen, exists = bool(percepts.is_detected[0, row, place]), slot != NO_VEHICLE
     time_ms, last_frame = int(percepts.time[0, row]), int(trajectories.num_frames[0]) - 1
     frame = min(time_ms // trajectories.scenario.frame_interval_ms, last_frame)
     length, width = _length_and_width(trajectories, slot) if exists else _IMAGINED_SIZE_M

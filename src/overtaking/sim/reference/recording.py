@@ -78,8 +78,8 @@ def _belief_and_truth(
     true_gap = rounded(near.gap[role, EGO_SLOT], _THOUSAND)
     zero = np.int32(0)
     return {
-        "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
-        "detected": believed.detected[role, EGO_SLOT],
+        "slot": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
+        "is_detected": believed.detected[role, EGO_SLOT],
         "gap": rounded(believed.gap[role, EGO_SLOT], _THOUSAND),
         "closing_speed": rounded(believed.closing[role, EGO_SLOT], _THOUSAND),
         "true_gap": np.where(nobody, zero, true_gap),
@@ -96,8 +96,8 @@ def _oncoming_and_truth(state: State, oncoming: Oncoming) -> dict[str, NDArray[A
     zero = np.int32(0)
     closing = rounded(speed[ego] + pick(speed, slot), _THOUSAND)
     return {
-        "vehicle": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
-        "detected": oncoming.detected[ego],
+        "slot": np.where(nobody, np.int32(NO_VEHICLE), slot.astype(np.int32)),
+        "is_detected": oncoming.detected[ego],
         "gap": rounded(oncoming.believed_gap[ego], _THOUSAND),
         "closing_speed": rounded(oncoming.closing[ego], _THOUSAND),
         "true_gap": np.where(nobody, zero, rounded(oncoming.gap[ego], _THOUSAND)),
@@ -266,7 +266,7 @@ class Recorder:
 
     def _mix_percepts(self) -> None:
         b = self.beliefs
-        triples = (b.vehicle, b.detected, b.gap, b.closing_speed, b.true_gap, b.true_closing_speed)
+        triples = (b.slot, b.is_detected, b.gap, b.closing_speed, b.true_gap, b.true_closing_speed)
         for k in range(MAX_PERCEPTS):
             words = [b.kind[:, k], b.time[:, k]]
             words += [array[:, k, column] for column in range(3) for array in triples]

@@ -259,7 +259,7 @@ def test_worlds_of_a_belief_differ_in_what_the_ego_does_not_know(data: ot.Datase
     kept = run.select(percept.is_shared_by(run))
     assert kept.scenario.num_simulations > TOO_FEW
     for place, seen in enumerate(percept.detected):
-        np.testing.assert_array_equal(kept.percepts.detected[:, 0, place], seen)
+        np.testing.assert_array_equal(kept.percepts.is_detected[:, 0, place], seen)
     drivers = kept.scenario.drivers
     assert (drivers.time_gap[:, 0] == drivers.time_gap[0, 0]).all()
     assert len(np.unique(drivers.time_gap[:, 1])) > TOO_FEW

@@ -95,8 +95,8 @@ def percepts(source: Source, valid: np.ndarray) -> Percepts:
         valid=valid,
         kind=source.integers(np.uint8, valid.shape, low=0, high=len(ManoeuvreKind) - 1) * valid,
         time=source.integers(np.int32, valid.shape, low=0) * valid,
-        vehicle=vehicle.astype(np.uint8),
-        detected=seen,
+        slot=vehicle.astype(np.uint8),
+        is_detected=seen,
         gap=np.where(seen, source.integers(np.int32, shape), 1_000_000),  # As the simulator has it.
         closing_speed=source.integers(np.int32, shape) * seen,
         true_gap=source.integers(np.int32, shape) * there,

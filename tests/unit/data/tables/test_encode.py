@@ -8,7 +8,7 @@ import pyarrow.compute as pc
 import pytest
 
 from overtaking.data.tables.columns import codes, names_of
-from overtaking.data.tables.encode import encode, overtaking
+from overtaking.data.tables.encode import encode, lane_change_begins
 from overtaking.data.tables.encode_labels import contents
 from overtaking.data.tables.lanes import lane_columns
 from overtaking.data.tables.schemas import KEYS, SCHEMAS
@@ -109,8 +109,8 @@ def test_a_contact_is_null_where_there_was_none(recorded, tables):
 
 def test_what_the_ego_did_not_see_has_no_believed_gap(tables):
     table = tables["percepts"]
-    for who in ("leader", "front", "rear"):
-        unseen = pc.invert(table[f"{who}_detected"])
+    for who in ("leader", "new_leader", "new_follower"):
+        unseen = pc.invert(table[f"{who}_is_detected"])
         nobody = table[f"{who}_vehicle"].is_null()
         assert table[f"{who}_gap_mm"].is_null().equals(unseen)
         assert table[f"{who}_true_gap_mm"].is_null().equals(nobody)
@@ -152,7 +152,7 @@ def stages(recorder, *names: str) -> list[bool]:
     recorded = recorded.replace(
         num_frames=np.array([length], dtype=np.int32), stage=np.array([code], dtype=np.uint8)
     )
-    return overtaking(recorded)[0].tolist()
+    return lane_change_begins(recorded)[0].tolist()
 
 
 def test_ov_marks_the_first_pull_out_and_the_first_return_after_it(recorder):

@@ -103,7 +103,7 @@ def test_features_of_both_readings_alternate(labelled, frames):
     rows = frames["features"]
     assert rows["policy"].tolist() == ["paper", "matched"] * SIZE
     for reading in (labelled.paper, labelled.matched):
-        mine = rows[rows["policy"] == reading.policy]
+        mine = rows[rows["reading"] == reading.reading]
         assert np.array_equal(mine["WT_s"].to_numpy(), reading.waiting_time)
         assert np.array_equal(mine["SE_mps"].to_numpy(), reading.ego_speed)
         assert (mine["TP"].notna().to_numpy() == reading.has_target).all()

@@ -140,13 +140,13 @@ def test_beliefs_at_every_decision_agree_with_those_that_were_recorded(
         lead = next((one for one in told["roles"] if one["role"] == "leader"), None)
         for row in np.flatnonzero(percepts.valid[0]):
             at = round(percepts.time[0, row] / told["interval_ms"])
-            if percepts.vehicle[0, row, 0] == 255:
+            if percepts.slot[0, row, 0] == 255:
                 continue
             assert lead is not None
-            assert lead["slot"][at] == percepts.vehicle[0, row, 0]
-            assert (lead["seen"][at] == 1) == percepts.detected[0, row, 0]
+            assert lead["slot"][at] == percepts.slot[0, row, 0]
+            assert (lead["seen"][at] == 1) == percepts.is_detected[0, row, 0]
             assert abs(lead["true_gap_mm"][at] - percepts.true_gap[0, row, 0]) <= 1
-            if percepts.detected[0, row, 0]:
+            if percepts.is_detected[0, row, 0]:
                 assert abs(lead["gap_mm"][at] - percepts.gap[0, row, 0]) <= 1
                 checked += 1
     assert checked > 5

@@ -29,15 +29,15 @@ def test_who_comes_is_where_the_decision_to_pull_out_recorded_it():
         runs = engine.simulate(scenario)
         percepts = runs.percepts
         out = percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT)
-        out &= percepts.detected[0, :, _ONCOMING]
-        out &= percepts.vehicle[0, :, _ONCOMING] != NO_VEHICLE
+        out &= percepts.is_detected[0, :, _ONCOMING]
+        out &= percepts.slot[0, :, _ONCOMING] != NO_VEHICLE
         if not out.any():
             continue
         columns = beliefs_at_every_decision(runs, beliefs(scenario))
         oncoming = next(role for role in columns["roles"] if role["role"] == "oncoming")
         for row in np.flatnonzero(out):
             decision = round(percepts.time[0, row] / columns["interval_ms"])
-            slot = percepts.vehicle[0, row, _ONCOMING]
+            slot = percepts.slot[0, row, _ONCOMING]
             assert oncoming["slot"][decision] == slot
             assert oncoming["seen"][decision] == 1
             assert abs(oncoming["gap_mm"][decision] - percepts.gap[0, row, _ONCOMING]) <= 1

@@ -124,7 +124,7 @@ def test_a_ghost_stands_where_the_gap_was_believed(
     for number, values in enumerate(packs):
         percepts = runs.percepts
         there = percepts.valid[number][:, None] & (
-            percepts.detected[number] | (percepts.vehicle[number] != NO_VEHICLE)
+            percepts.is_detected[number] | (percepts.slot[number] != NO_VEHICLE)
         )
         assert len(values["ghosts"]) == there.sum()
         for ghost in values["ghosts"]:
