@@ -188,19 +188,11 @@ class Dataset(CompactRepr):
         return _decoded(self.table("findings"))
 
     def attempts(self) -> pd.DataFrame:
-        """One row per simulation: the state when the overtake began, or might have begun.
-
-        Raises:
-            DatasetError: It was made before there was such a table.
-        """
+        """One row per simulation: the state when the overtake began, or could have begun."""
         return _decoded(self.table("attempts"))
 
     def safety(self) -> pd.DataFrame:
-        """One row per simulation and moment: surrogate measures of safety.
-
-        Raises:
-            DatasetError: It was made before there was such a table.
-        """
+        """One row per simulation and moment: surrogate measures of safety."""
         return _decoded(self.table("safety"))
 
     @property

@@ -425,7 +425,7 @@ class ShardFiles:
                 what="table", where=str(self._location), choices=SCHEMAS, got=table
             )
         if table not in self._manifest.shards[shard.number].tables:
-            raise self._older(table)
+            raise self._missing_table(table)
         name = name_of(table, shard)
         try:
             return self._location.fetch(name)
@@ -454,12 +454,12 @@ class ShardFiles:
             next_step=f"run: overtaking generate --resume --out {shlex.quote(str(self._location))}",
         )
 
-    def _older(self, table: str) -> DatasetError:
-        """The error for a table that is newer than the data set."""
+    def _missing_table(self, table: str) -> DatasetError:
+        """The error for a table that every data set has, and the manifest does not list."""
         return DatasetError(
             what=f"table {table}",
             where=str(self._location),
-            expected="one of this version",
-            got="a data set that was made before there was such a table",
+            expected="files of it in the manifest",
+            got="none",
             next_step=f"run: overtaking label {shlex.quote(str(self._location))}",
         )

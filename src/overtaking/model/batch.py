@@ -79,7 +79,6 @@ class FieldSpec:
             batch, or from this one if it begins with a dot.
         needs: Properties that a recording must state, in `model.trajectories.UNKNOWNS`.
         names: Names of the codes of an enumeration.
-        since: Version of the tables that its column came with.
     """
 
     meaning: str = ""
@@ -94,7 +93,6 @@ class FieldSpec:
     null_unless: str = ""
     needs: Sequence[str] = ()
     names: Sequence[str] = ()
-    since: int = 1
 
     @property
     def is_bounded(self) -> bool:

@@ -46,9 +46,9 @@ class OvertakeEvents(Batch):
     Attributes:
         first: First recorded frame [t_0].
         last: Last recorded frame.
-        target_slot: Slot of the vehicle to overtake: the nearest vehicle ahead at `attempt`; without
-            an attempt the leader at `following_begin`, else the last leader; `NO_VEHICLE` if the ego
-            never had a leader.
+        target_slot: Slot of the vehicle to overtake: the nearest vehicle ahead at `attempt`;
+            without an attempt the leader at `following_begin`, else the last leader; `NO_VEHICLE`
+            if the ego never had a leader.
         original_lane: Lane index of the ego at `attempt`, or at the first frame.
         following_begin: First frame less than 3 s behind the target, or the first frame [t_follow].
         attempt: Start of the movement to the left [t_a].

@@ -167,9 +167,7 @@ class LeftLane(Batch):
     ]
 
 
-_opposing = partial(
-    FieldSpec, column=ColumnName(prefix="oncoming_"), null_unless=".exists", since=4
-)
+_opposing = partial(FieldSpec, column=ColumnName(prefix="oncoming_"), null_unless=".exists")
 _oncoming = partial(_opposing, null_unless=".has_oncoming")
 
 

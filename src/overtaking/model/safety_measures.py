@@ -163,7 +163,7 @@ class SafetyMeasures(Batch):
     return_pet: Annotated[
         F32, FieldSpec("Until the overtaken vehicle was where the ego returned; null if never", "s")
     ]
-    oncoming: Annotated[PassingSafety, FieldSpec("on two-way roads", since=4)]
+    oncoming: Annotated[PassingSafety, FieldSpec("on two-way roads")]
 
 
 WHOLE_MANOEUVRE_MEASURES = (

@@ -243,12 +243,11 @@ class DriverTraits(Batch):
             "1",
             0.0,
             100.0,
-            since=5,
         ),
     ]
     heeds_solid_lines: Annotated[
         Mask,
-        FieldSpec("Whether solid lines between the directions are heeded when passing", since=5),
+        FieldSpec("Whether solid lines between the directions are heeded when passing"),
     ]
 
 

@@ -41,7 +41,6 @@ class Column:
         needs: Names among `model.trajectories.UNKNOWNS`. The column is null throughout in
             recordings that do not tell one of them.
         is_key: Whether it is one of the columns that identify a row.
-        since: Version of the tables that it came with; older tables do not have it.
     """
 
     field: pa.Field
@@ -51,7 +50,6 @@ class Column:
     nothing: int = 0
     needs: tuple[str, ...] = ()
     is_key: bool = False
-    since: int = 1
 
     @property
     def name(self) -> str:
@@ -76,7 +74,6 @@ def column(
     present: str = "",
     nothing: int = 0,
     is_key: bool = False,
-    since: int = 1,
 ) -> Column:
     """Declare a column.
 
@@ -92,7 +89,6 @@ def column(
         present: As in `Column`.
         nothing: As in `Column`.
         is_key: As in `Column`.
-        since: As in `Column`.
     """
     metadata = {"unit": unit, "description": meaning}
     if isinstance(kind, tuple):
@@ -107,7 +103,6 @@ def column(
         nothing=nothing,
         needs=tuple(needs),
         is_key=is_key,
-        since=since,
     )
 
 
@@ -185,7 +180,6 @@ def declared(
                 nullable=is_nullable,
                 present=present,
                 needs=[*needs, *spec.needs],
-                since=spec.since,
             )
         )
     return found
@@ -198,8 +192,7 @@ def _nested(path: str, cls: type[Batch], outer: BatchField) -> list[Column]:
         meaning = f"{one.field.metadata[b'description'].decode()}; {outer.spec.meaning}"
         metadata = one.field.metadata | {b"description": meaning.encode()}
         field = one.field.with_name(f"{outer.column}_{one.name}").with_metadata(metadata)
-        since = max(one.since, outer.spec.since)
-        found.append(dataclasses.replace(one, field=field, since=since))
+        found.append(dataclasses.replace(one, field=field))
     return found
 
 

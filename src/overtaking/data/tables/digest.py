@@ -9,25 +9,19 @@ import pyarrow as pa
 from overtaking import _core
 from overtaking.data.tables.arrow import listed
 from overtaking.data.tables.columns import names_of
-from overtaking.data.tables.schemas import SINCE
-
-_ALWAYS_COUNTED = 3
-"""The last version of the tables all of whose columns count, with or without a value."""
 
 
 class ContentDigest:
     """A hash over the values of a table that arrives in pieces.
 
     Each column has a BLAKE3 hash of its own, so that pieces of any length give the same result;
-    nulls are hashed as a column of their own, and the values behind them do not count. A column
-    that tables got later counts only if it has a value: an older table without it says the same.
+    nulls are hashed as a column of their own, and the values behind them do not count.
     """
 
     def __init__(self, schema: pa.Schema) -> None:
         """Start with no rows of a table of one of the `SCHEMAS`."""
         self._schema = schema
         self._columns = [_Column(field) for field in schema]
-        self._counts = [SINCE.get(field.name, 0) <= _ALWAYS_COUNTED for field in schema]
         self.num_rows = 0
 
     def update(self, table: pa.Table) -> None:
@@ -35,15 +29,14 @@ class ContentDigest:
         self.num_rows += table.num_rows
         for index, column in enumerate(self._columns):
             for chunk in table.column(index).chunks:
-                self._counts[index] |= column.update(chunk)
+                column.update(chunk)
 
     def hexdigest(self) -> str:
         """The hash over all rows so far, 64 hexadecimal digits."""
         total = hashlib.sha256()
-        for field, column, counts in zip(self._schema, self._columns, self._counts, strict=True):
-            if counts:
-                parts = (field.name, field.type, *column.hash.hexdigests())
-                total.update("".join(f"{part}\0" for part in parts).encode())
+        for field, column in zip(self._schema, self._columns, strict=True):
+            parts = (field.name, field.type, *column.hash.hexdigests())
+            total.update("".join(f"{part}\0" for part in parts).encode())
         return total.hexdigest()
 
 
@@ -62,11 +55,12 @@ class _Column:
         layout, width = ("codes", 4) if self._names else _layout(field.type)
         self.hash = _core.ColumnHash(layout, width, nullable=field.nullable)
 
-    def update(self, chunk: pa.Array) -> bool:
-        """Add rows; whether any of them has a value."""
+    def update(self, chunk: pa.Array) -> None:
+        """Add rows."""
         if not self._names:
-            return self.hash.update(_rows(chunk))
-        return self.hash.update(_rows(chunk.indices), self._meaning(chunk.dictionary))
+            self.hash.update(_rows(chunk))
+            return
+        self.hash.update(_rows(chunk.indices), self._meaning(chunk.dictionary))
 
     def _meaning(self, dictionary: pa.Array) -> list[int]:
         """The code of each name of a dictionary, which may hold them in any order."""

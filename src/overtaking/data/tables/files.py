@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import json
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -25,11 +24,9 @@ from overtaking.data.tables.columns import codes, names_of
 from overtaking.data.tables.digest import ContentDigest
 from overtaking.data.tables.schemas import (
     FORMAT,
-    FORMER_NAMES,
     KEYS,
     NEVER_NULL,
     SCHEMAS,
-    SINCE,
     VERSION,
 )
 
@@ -48,11 +45,6 @@ simulations that never change reach 200 times."""
 
 _DENSE = frozenset({"states"})
 """The large table: of integers, and of differences that leave little to compress."""
-
-
-_WIDENED = frozenset({("checks_blind_spot", pa.bool_())})
-"""Columns that older versions hold in a narrower type: until version 3 a driver looked over the
-shoulder always or never."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -363,16 +355,16 @@ def _cell_bytes(kind: pa.DataType) -> int:
 def _checked_rows(
     path: Path, table: str, rows: pa.Table, names: Sequence[str] | None = None
 ) -> pa.Table:
-    """Rows of any version with the columns of this one, refused where a cell is impossible.
+    """Rows with the types of their table, refused where a cell is impossible.
 
     Args:
         path: The file, for messages.
         table: Name of the table.
-        rows: The rows as they are in the file; columns newer than the file are missing.
+        rows: The rows as they are in the file.
         names: Names of the columns of the result; all of the table if left out.
 
     Returns:
-        The columns in the order of `names`, with today's types and metadata.
+        The columns in the order of `names`, with the types and metadata of the table.
 
     Raises:
         SchemaError: A cell is null that must not be, an unknown name, or a text that is too long;
@@ -384,13 +376,6 @@ def _checked_rows(
     fields: list[pa.Field] = []
     for name in wanted:
         field = schema.field(name)
-        if (table, name) in FORMER_NAMES and _version(rows.schema.metadata or {}) < VERSION:
-            names_then = (*names_of(field), *FORMER_NAMES[table, name])
-            field = field.with_metadata(field.metadata | {b"names": json.dumps(names_then)})
-        if name not in rows.schema.names:
-            arrays.append(pa.chunked_array([pa.nulls(rows.num_rows, field.type)]))
-            fields.append(field.with_nullable(True))
-            continue
         arrays.append(_checked_column(path, table, field, rows[name]))
         # Recordings allow nulls in columns that simulations always fill.
         is_nullable = field.nullable or rows.schema.field(name).nullable
@@ -454,24 +439,20 @@ def _check_version(where: str, table: str, metadata: dict[bytes, bytes]) -> None
         )
     if not re.fullmatch(rb"\d{1,9}", metadata.get(b"version", b"0")):
         raise _refused(where, f"version of schema {name}", "a number", metadata[b"version"])
-    version = _version(metadata)
+    version = int(metadata.get(b"version", b"0"))
     if version > VERSION:
         raise SchemaError.newer_version(
             what=f"version of schema {name}", where=where, newest=VERSION, got=version
         )
-
-
-def _version(metadata: dict[bytes, bytes]) -> int:
-    return int(metadata.get(b"version", b"0"))
+    if version < VERSION:
+        raise _refused(where, f"version of schema {name}", str(VERSION), version)
 
 
 def _check_columns(where: str, expected: pa.Schema, got: pa.Schema) -> None:
     for want in expected:
         fields = [field for field in got if field.name == want.name]
-        if not fields and _version(got.metadata or {}) < SINCE.get(want.name, 0):
-            continue  # It is null in older tables.
         types = [field.type for field in fields]
-        if types == [want.type] or (len(types) == 1 and (want.name, types[0]) in _WIDENED):
+        if types == [want.type]:
             continue
         got_types = "no such column" if not types else f"type {' and '.join(map(str, types))}"
         raise _refused(where, f"column {want.name}", f"type {want.type}", got_types)

@@ -45,8 +45,8 @@ from overtaking.model.weather import Weather
 FORMAT = "overtaking"
 """First part of the schema name in a file's metadata."""
 
-CHANGED = 3
-"""Version in which a column was last removed or changed its meaning."""
+VERSION = 1
+"""Version of all schemas; it rises when a column is added, removed or changes its meaning."""
 
 NUM_INDICATOR_BITS = int(Lights.BRAKE).bit_length() - 1
 """The lowest bits of `Lights` are the indicator's."""
@@ -273,9 +273,7 @@ _LABELS: dict[str, list[Column]] = {
         column("time", INT, "Time of that frame", "ms"),
         _optional("vehicle", BYTE, "Slot of the vehicle that it is about"),
         _optional("speed_change", FLOAT, "Change of the ego's speed by the first contact", "m/s"),
-        _optional(
-            "was_intended", BOOL, "Whether the ego's driver meant the attempt, if recorded", since=3
-        ),
+        _optional("was_intended", BOOL, "Whether the ego's driver meant the attempt, if recorded"),
     ],
     "labels": [
         _SIMULATION,
@@ -371,15 +369,6 @@ LABEL_TABLES = tuple(_LABELS)
 
 COLUMNS: dict[str, list[Column]] = _RECORDED | _LABELS
 """The columns of each table, by the name of its folder; `KEYS` and `SCHEMAS` follow from them."""
-
-SINCE = {one.name: one.since for columns in COLUMNS.values() for one in columns}
-"""The version that each column came with."""
-
-VERSION = max(CHANGED, *SINCE.values())
-"""Version of all schemas; it rises when a column is added, removed or changes its meaning."""
-
-FORMER_NAMES = {("labels", "detail"): ("left_road",)}
-"""Names of codes by table and column that older versions wrote and this one does not."""
 
 KEYS = {
     table: tuple(one.name for one in columns if one.is_key) for table, columns in COLUMNS.items()

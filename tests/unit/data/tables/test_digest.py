@@ -11,7 +11,7 @@ import pytest
 from overtaking import _core
 from overtaking.data.tables.digest import ContentDigest, content_of
 from overtaking.data.tables.encode_labels import contents
-from overtaking.data.tables.schemas import SCHEMAS, SINCE
+from overtaking.data.tables.schemas import SCHEMAS
 from overtaking.model.driver_interface import MAX_ACTION_PARTS, Actions
 
 NOTHING = {"count": 0, "offset": 0, "validity": None, "data": None, "ends": None}
@@ -121,16 +121,3 @@ def test_texts_are_hashed_one_after_the_other(kind: pa.DataType, texts: list[str
     assert content_of(table) == expected
     longer = pa.table({"name": pa.array([*texts[:1], *texts], kind)}, schema)
     assert content_of(longer.slice(len(texts[:1]))) == expected
-
-
-def test_a_later_column_counts_only_with_a_value(recorder):
-    """So data sets of before, which lack it, have the content that they had."""
-    safety = contents(recorder(seed=3), np.arange(5), ["safety"])["safety"]
-    later = [name for name in safety.schema.names if SINCE[name] > 3]
-    assert later
-    assert all(safety[name].null_count == safety.num_rows for name in later)
-    assert content_of(safety) == content_of(safety.drop_columns(later))
-    values = pa.array([1.0] + [None] * (safety.num_rows - 1), pa.float32())
-    place = safety.schema.get_field_index("oncoming_time_to_meet_at_return_s")
-    told = safety.set_column(place, safety.schema.field(place), values)
-    assert content_of(told) != content_of(safety)

@@ -179,21 +179,14 @@ def test_a_newer_version_says_to_upgrade(tables, tmp_path: Path):
     )
 
 
-@pytest.mark.parametrize("name", ["safety", "attempts"])
-def test_a_table_of_version_3_lacks_oncoming_traffic(name: str, tables, tmp_path: Path):
-    later = [column for column in SCHEMAS[name].names if column.startswith("oncoming_")]
-    older = tables[name].drop_columns(later)
-    path = tmp_path / "a.parquet"
-    pq.write_table(older.replace_schema_metadata(SCHEMAS[name].metadata | {b"version": b"3"}), path)
-    read = read_table(path, name)
-    assert all(read[column].null_count == read.num_rows for column in later)
-    assert read.select(older.schema.names).equals(
-        older.cast(read.select(older.schema.names).schema)
-    )
-    assert content_of(read) == content_of(tables[name])
-    pq.write_table(older.replace_schema_metadata(SCHEMAS[name].metadata), path)
-    with pytest.raises(SchemaError, match=r"oncoming_\w+: .* got no such column"):
-        read_table(path, name)
+@pytest.mark.parametrize("version", [b"0", None])
+def test_a_table_of_an_earlier_version_is_refused(version, tables, tmp_path: Path):
+    metadata = dict(SCHEMAS["states"].metadata)
+    del metadata[b"version"]
+    metadata |= {} if version is None else {b"version": version}
+    pq.write_table(tables["states"].replace_schema_metadata(metadata), tmp_path / "a.parquet")
+    with pytest.raises(SchemaError, match=f"expected {VERSION}, got 0"):
+        read_table(tmp_path / "a.parquet", "states")
 
 
 def test_another_table_is_refused(tables, tmp_path: Path):

@@ -1,4 +1,4 @@
-"""A data set that was made before there was some table."""
+"""A data set whose manifest lacks tables of labels."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from overtaking.cli import main
 from overtaking.core.errors import DatasetError
 
 SIZE = 6
-NEW = ("attempts", "safety")
+LACKING = ("attempts", "safety")
 
 
 @pytest.fixture
-def older(tmp_path):
-    """A data set without the new tables, as it would have been written."""
+def incomplete(tmp_path):
+    """A data set without two of its tables."""
     made = api.generate_dataset(
         "pinto2023-physical", num_simulations=SIZE, seed=5, out=tmp_path / "data"
     )
     file = made.path / "dataset.json"
     manifest = json.loads(file.read_text(encoding="utf-8"))
-    for name in NEW:
+    for name in LACKING:
         shutil.rmtree(made.path / name)
         for shard in manifest["shards"]:
             del shard["tables"][name]
@@ -31,25 +31,25 @@ def older(tmp_path):
     return made.path
 
 
-def test_a_table_that_it_does_not_have_is_one_line_with_the_way_to_make_it(older):
-    data = api.load_dataset(older)
+def test_a_missing_table_is_one_line_with_the_way_to_make_it(incomplete):
+    data = api.load_dataset(incomplete)
     for read in (data.attempts, data.safety):
         with pytest.raises(DatasetError, match=r"run: overtaking label .*data") as caught:
             read()
         assert "\n" not in str(caught.value).strip()
 
 
-def test_all_else_is_as_it_was(older):
-    data = api.load_dataset(older)
+def test_all_else_is_as_it_was(incomplete):
+    data = api.load_dataset(incomplete)
     data.verify()
     assert len(data.labels()) == 3 * SIZE
-    assert main(["info", str(older)]) == 0
+    assert main(["info", str(incomplete)]) == 0
 
 
-def test_labelling_it_makes_the_tables(older):
-    api.relabel_dataset(older)
-    data = api.load_dataset(older)
+def test_labelling_it_makes_the_tables(incomplete):
+    api.relabel_dataset(incomplete)
+    data = api.load_dataset(incomplete)
     data.verify()
     assert len(data.attempts()) == SIZE
     assert set(data.safety()["simulation"]) == set(range(SIZE))
-    assert "## safety" in (older / "README.md").read_text(encoding="utf-8")
+    assert "## safety" in (incomplete / "README.md").read_text(encoding="utf-8")
