@@ -48,7 +48,7 @@ NO_HARD_BRAKING = (
 )
 
 BACK_BEFORE_ONCOMING = (
-    "On two-way roads, at return_end or back: gap to each oncoming vehicle >= "
+    "On two-way roads, at return_end or abort_end: gap to each oncoming vehicle >= "
     f"{amount('law.oncoming.time')} (v + v_oncoming), and it reaches the place that the ego has "
     f"left after {amount('law.oncoming.encroachment')} or more."
 )
