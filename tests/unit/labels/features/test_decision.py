@@ -11,7 +11,7 @@ from tests.support.cases import Belief, Track, case, ramp, with_events
 from tests.support.worlds import wide_road
 
 from overtaking import api
-from overtaking.data.tables.encode_labels import decisions as decision_table
+from overtaking.data.tables.encode_labels import attempts as attempts_table
 from overtaking.labels.events import case_of
 from overtaking.labels.features import attempt_features
 from overtaking.labels.features.decision import attempt_features_at
@@ -173,7 +173,7 @@ def test_what_a_recording_does_not_tell_is_null():
     ego, target = Track(speed=20.0, body=BODY), Track(s=34.0, speed=18.0, body=BODY)
     unknown = ("weather", "drivers", "bodies", "percepts", "indicators")
     one = case(ego, target, frames=101, road=ROAD, unknown=unknown)
-    table = decision_table(label(one.trajectories), np.arange(1))
+    table = attempts_table(label(one.trajectories), np.arange(1))
     silent = ("friction", "ego_desired_speed_mps", "overtaking_time_s", "law_leader_m")
     assert all(table[name].null_count for name in silent)
     told = ("leader_gap_m", "ego_speed_mps", "left_exists", "lane", "law_speed_mps")

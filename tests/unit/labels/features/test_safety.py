@@ -51,7 +51,7 @@ def test_measures_at_the_attempt_are_those_of_the_vehicle_ahead():
     found, gap = safety_measures(one), gap_at(one, "attempt")
     assert at(found.leader.gap, "attempt") == pytest.approx(gap, abs=2e-3)
     assert at(found.leader.time_gap, "attempt") == pytest.approx(gap / 28.0, rel=1e-3)
-    assert at(found.headway, "attempt") == pytest.approx((gap + 4.0) / 28.0, rel=1e-3)
+    assert at(found.time_headway, "attempt") == pytest.approx((gap + 4.0) / 28.0, rel=1e-3)
     assert at(found.leader.ttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
     assert at(found.leader.mttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
     assert at(found.leader.drac, "attempt") == pytest.approx(64.0 / (2.0 * gap), rel=1e-3)
