@@ -101,7 +101,7 @@ def test_findings_are_those_of_the_rules(labelled, frames):
 
 def test_features_of_both_readings_alternate(labelled, frames):
     rows = frames["features"]
-    assert rows["policy"].tolist() == ["paper", "matched"] * SIZE
+    assert rows["reading"].tolist() == ["paper", "matched"] * SIZE
     for reading in (labelled.paper, labelled.matched):
         mine = rows[rows["reading"] == reading.reading]
         assert np.array_equal(mine["WT_s"].to_numpy(), reading.waiting_time)

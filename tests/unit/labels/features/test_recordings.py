@@ -33,16 +33,16 @@ def judged(tmp_path):
     return _judged
 
 
-def row(labelled, table: str, policy: str) -> dict:
-    rows = encode_labels(labelled, np.arange(1))[table].to_pylist()
-    return next(one for one in rows if one["policy"] == policy)
+def features(labelled, reading: str) -> dict:
+    rows = encode_labels(labelled, np.arange(1))["features"].to_pylist()
+    return next(row for row in rows if row["reading"] == reading)
 
 
-@pytest.mark.parametrize("policy", ["paper", "matched"])
-def test_a_track_that_begins_within_a_change_has_no_waiting_time_and_no_gap(judged, policy):
+@pytest.mark.parametrize("reading", ["paper", "matched"])
+def test_a_track_that_begins_within_a_change_has_no_waiting_time_and_no_gap(judged, reading):
     found = judged(replace(EGO, first=36), TARGET, BEHIND, FAR)
     assert found.events.attempt[0] == found.events.began_before_recording[0] == 0
-    said = row(found, "features", policy)
+    said = features(found, reading)
     assert said["WT_s"] is said["OT_s"] is said["D_m"] is None
     assert said["SP_mps"] == pytest.approx(24.0, abs=0.1)
     assert encode_labels(found, np.arange(1))["attempts"]["waiting_time_s"].to_pylist() == [None]
@@ -53,7 +53,7 @@ def test_a_track_that_begins_within_a_change_has_no_waiting_time_and_no_gap(judg
 def test_a_track_that_begins_before_has_them(judged):
     found = judged(*OVERTAKE)
     assert found.events.began_before_recording[0] == NEVER
-    said = row(found, "features", "paper")
+    said = features(found, "paper")
     assert said["WT_s"] > 1.0
     assert said["D_m"] > 40.0
 
