@@ -106,7 +106,7 @@ class VehicleTracks(ContentEquality):
 
         headings, direction = simulation.headings_and_origin
         road_angles = headings[0, slots, frames].astype(np.float64) * ANGLE_RESOLUTION - direction
-        target_slot = _likely_target(simulation) if events is None else int(events.target[row])
+        target_slot = _likely_target(simulation) if events is None else int(events.target_slot[row])
         return cls(
             simulation_id=row if simulation_id is None else simulation_id,
             slots=tuple(slots.tolist()),
@@ -194,7 +194,7 @@ def _likely_target(simulation: Trajectories) -> int:
     percepts = simulation.percepts
     pull_outs = np.flatnonzero(percepts.valid[0] & (percepts.kind[0] == ManoeuvreKind.PULL_OUT))
     if "percepts" not in simulation.unknown and len(pull_outs):
-        return int(percepts.vehicle[0, pull_outs[-1], 0])
+        return int(percepts.slot[0, pull_outs[-1], 0])
     lane, s = simulation.states.lane[0, :, 0], simulation.states.s[0, :, 0]
     is_ahead = simulation.scenario.vehicles.valid[0] & (lane == lane[EGO_SLOT]) & (s > s[EGO_SLOT])
     distance = np.where(is_ahead, s - s[EGO_SLOT], np.iinfo(s.dtype).max)

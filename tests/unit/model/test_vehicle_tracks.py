@@ -74,7 +74,7 @@ def test_the_angle_to_a_straight_road_is_the_heading_less_that_of_the_road(
 def test_a_diagram_shows_the_same_stations_and_positions(
     labelled: LabelledTrajectories,
 ):
-    for row in range(len(labelled.events.target)):
+    for row in range(len(labelled.events.target_slot)):
         one = slice(row, row + 1)
         events = labelled.events.select(one)
         shown = diagram(labelled.trajectories.select(one), events)
@@ -166,8 +166,8 @@ def test_an_ego_without_a_vehicle_ahead_has_no_target():
 
 
 def test_events_without_a_target_give_none(labelled: LabelledTrajectories):
-    target = np.full_like(labelled.events.target, NO_VEHICLE)
-    events = dataclasses.replace(labelled.events, target=target)
+    target = np.full_like(labelled.events.target_slot, NO_VEHICLE)
+    events = dataclasses.replace(labelled.events, target_slot=target)
     assert VehicleTracks.from_trajectories(labelled.trajectories, ROW, events).target is None
 
 
