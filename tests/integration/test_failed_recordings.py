@@ -484,3 +484,11 @@ def test_many_failures_are_named_up_to_ten(tmp_path, words, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 11
     assert lines[-1] == "failed: 3 others; recordings.json names them"
+
+
+def test_a_recording_with_more_simulations_than_numbers_is_refused(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(collection, "NUMBERS", 1)
+    result = labelled(folder, tmp_path / "out")
+    reason = result["failed"]["00.csv"]
+    assert "simulations: expected at most 1 in a recording of a folder, got 3" in reason
+    assert result["simulations"] == 0

@@ -36,6 +36,7 @@ from overtaking.labels.law import PORTUGAL
 from overtaking.model.import_report import ImportFinding  # noqa: TC001, pydantic reads it.
 from overtaking.model.trajectories import UNKNOWNS
 from overtaking.recordings.formats import check_options, read_recording
+from overtaking.recordings.messages import refused
 from overtaking.recordings.table_streams import uncompressed_name
 
 if TYPE_CHECKING:
@@ -256,6 +257,7 @@ class Labelling:
         try:
             path = Path(self.folder) / name
             scenes = read_recording(self.file_format, path, self.options).scenes
+            _check_num_simulations(name, len(scenes))
             tables = [
                 contents(
                     scenes.trajectories(chunk),
@@ -263,7 +265,7 @@ class Labelling:
                     TABLES,
                     [as_utf8(f"{name}: {source}") for source in scenes.sources(chunk)],
                 )
-                for chunk in plan.runs(0, min(len(scenes), NUMBERS), plan.RECORDED_CHUNK_SIZE)
+                for chunk in plan.runs(0, len(scenes), plan.RECORDED_CHUNK_SIZE)
             ]
             findings = tuple(
                 replace(finding, recording=as_utf8(name)) for finding in scenes.import_findings
@@ -273,6 +275,26 @@ class Labelling:
                 raise  # Ctrl-C and SIGTERM end the run.
             return _failed_recording(error, number, name)
         return LabelledRecording(tables=tables, findings=findings)
+
+
+def _check_num_simulations(name: str, count: int) -> None:
+    """Refuse a recording with more simulations than have numbers of their own.
+
+    Args:
+        name: File name of the recording.
+        count: Number of its simulations.
+
+    Raises:
+        ImportFormatError: There are more than `NUMBERS`.
+    """
+    if count > NUMBERS:
+        raise refused(
+            as_utf8(name),
+            "simulations",
+            f"at most {NUMBERS:,} in a recording of a folder",
+            f"{count:,}",
+            "divide the recording, or import it alone",
+        )
 
 
 def _failed_recording(error: BaseException, number: int, name: str) -> FailedRecording:
