@@ -47,21 +47,22 @@ def importing() -> float:
     return statistics.median(float(one.stdout) for one in told)
 
 
-def peak(simulations: int, engine: str, folder: Path) -> float:
+def peak(simulations: int, executor: str, folder: Path) -> float:
     """Most memory of all processes that generate a data set without frames [MiB]."""
-    out = folder / f"peak-{engine}-{simulations}"
+    out = folder / f"peak-{executor}-{simulations}"
     shared = [sys.executable, "-m", "overtaking", "generate", "--json", "--keep", "features"]
-    return watched([*shared, "-n", str(simulations), "--engine", engine, "--out", str(out)]).peak
+    options = ["-n", str(simulations), "--executor", executor, "--out", str(out)]
+    return watched([*shared, *options]).peak
 
 
-def flatness(engine: str, folder: Path) -> list[Measure]:
+def flatness(executor: str, folder: Path) -> list[Measure]:
     """Memory at two sizes that keep every worker busy."""
-    small, large = (peak(size, engine, folder) for size in SIZES)
+    small, large = (peak(size, executor, folder) for size in SIZES)
     few, many = (f"{size:,}" for size in SIZES)
     return [
-        Measure(name=f"memory of {few} simulations, {engine}", value=small, unit="MiB"),
+        Measure(name=f"memory of {few} simulations, {executor}", value=small, unit="MiB"),
         Measure(
-            name=f"memory of {many} over {few}, {engine}",
+            name=f"memory of {many} over {few}, {executor}",
             value=large / small,
             unit="times",
             at_most=1.2,

@@ -1,7 +1,7 @@
 """Kills a `generate` at many moments, resumes it, and compares with an undisturbed run.
 
     python benchmarks/kill_resume.py --kills 200
-    python benchmarks/kill_resume.py --kills 60 --engine processes
+    python benchmarks/kill_resume.py --kills 60 --executor processes
 
 Half of the moments are random instants; the other half are the entries into the calls that change
 the file system (open, rename, make and remove), where the time is short and the danger greatest.
@@ -44,14 +44,14 @@ class Job:
         shard_size: Simulations a file.
         simulator: Who simulates.
         horizon: Longest duration of a simulation [s].
-        engine: Who makes the shards.
+        executor: Who makes the shards.
     """
 
     simulations: int
     shard_size: int
     simulator: str
     horizon: float
-    engine: str
+    executor: str
 
     def run(self, out: Path) -> None:
         """Make the data set, or complete it."""
@@ -65,7 +65,7 @@ class Job:
             overrides=overrides,
             simulator=self.simulator,
             shard_size=self.shard_size,
-            engine=self.engine,
+            executor=self.executor,
         )
 
 
@@ -223,7 +223,7 @@ def trials(job: Job, kills: int, seed: int, folder: Path) -> tuple[int, list[str
         moment = draw.uniform(0.0, duration)
 
         def kill(out: Path, number: int = number, moment: float = moment) -> bool:
-            at = kill_workers_at if job.engine == "processes" else kill_at
+            at = kill_workers_at if job.executor == "processes" else kill_at
             return at(number, job, out) if number >= 0 else kill_after(moment, job, out)
 
         try:
@@ -245,7 +245,7 @@ def main() -> int:
     parser.add_argument("--simulations", type=int, default=400)
     parser.add_argument("--shard-size", type=int, default=50)
     parser.add_argument("--simulator", choices=api.SIMULATORS, default="engine")
-    parser.add_argument("--engine", choices=("threads", "processes"), default="threads")
+    parser.add_argument("--executor", choices=("threads", "processes"), default="threads")
     parser.add_argument("--horizon", type=float, default=20.0, help="longest duration in seconds")
     given = parser.parse_args()
     job = Job(
@@ -253,7 +253,7 @@ def main() -> int:
         shard_size=given.shard_size,
         simulator=given.simulator,
         horizon=given.horizon,
-        engine=given.engine,
+        executor=given.executor,
     )
     with tempfile.TemporaryDirectory() as folder:
         done, wrong = trials(job, given.kills, given.seed, Path(folder))

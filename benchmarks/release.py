@@ -58,7 +58,7 @@ def made(folder: Path, profile: str, simulations: int) -> Dataset:
         seed=SEED,
         out=folder,
         keep="features",
-        engine="auto",
+        executor="auto",
         resume=(folder / FILE_NAME).exists(),
         progress=progress(profile),
     )

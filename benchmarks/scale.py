@@ -1,7 +1,7 @@
 """Generates data sets of several sizes: memory, time and bytes, whoever makes them.
 
     python benchmarks/scale.py --sizes 2000,10000,100000
-    python benchmarks/scale.py --sizes 10000 --engine ray
+    python benchmarks/scale.py --sizes 10000 --executor ray
     python benchmarks/scale.py --processes 4000
 
 Memory is what all processes of a run hold together, looked at ten times a second; it shall not grow
@@ -57,11 +57,11 @@ def watched(command: list[str]) -> Run:
     return Run(seconds=seconds, cpu=watch.cpu, peak=watch.peak, result=json.loads(text))
 
 
-def command_of(given: argparse.Namespace, simulations: int, out: Path, engine: str) -> list[str]:
+def command_of(given: argparse.Namespace, simulations: int, out: Path, executor: str) -> list[str]:
     """The command line that makes a data set."""
     shared = [sys.executable, "-m", "overtaking", "generate", "--json", "--quiet"]
     recipe = ["--profile", given.profile, "-n", str(simulations), "--seed", "1"]
-    return [*shared, *recipe, "--keep", given.keep, "--engine", engine, "--out", str(out)]
+    return [*shared, *recipe, "--keep", given.keep, "--executor", executor, "--out", str(out)]
 
 
 def sizes(given: argparse.Namespace, folder: Path) -> None:
@@ -69,7 +69,7 @@ def sizes(given: argparse.Namespace, folder: Path) -> None:
     print(f"{'simulations':>11} {'s':>8} {'CPU s':>8} {'per CPU s':>9} {'peak MiB':>9} {'MB':>8}")
     for text in given.sizes.split(","):
         simulations, out = int(text), folder / text
-        run = watched(command_of(given, simulations, out, given.engine))
+        run = watched(command_of(given, simulations, out, given.executor))
         size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
         print(
             f"{simulations:>11,} {run.seconds:>8.1f} {run.cpu:>8.1f} {simulations / run.cpu:>9.1f} "
@@ -82,15 +82,15 @@ def processes(given: argparse.Namespace, folder: Path) -> None:
     """Threads of one process, and one process on each core, in turn."""
     best: dict[str, Run] = {}
     for number in range(ROUNDS):
-        for engine in ("threads", "processes"):
-            out = folder / f"{number}-{engine}"
-            run = watched(command_of(given, given.processes, out, engine))
+        for executor in ("threads", "processes"):
+            out = folder / f"{number}-{executor}"
+            run = watched(command_of(given, given.processes, out, executor))
             shutil.rmtree(out)
-            if engine not in best or run.seconds < best[engine].seconds:
-                best[engine] = run
-    for engine, run in best.items():
+            if executor not in best or run.seconds < best[executor].seconds:
+                best[executor] = run
+    for executor, run in best.items():
         print(
-            f"{engine:<10} {given.processes / run.seconds:8.1f} simulations a second, "
+            f"{executor:<10} {given.processes / run.seconds:8.1f} simulations a second, "
             f"{run.cpu:7.1f} s of a processor, {run.peak:6.0f} MiB"
         )
 
@@ -101,7 +101,7 @@ def main() -> None:
     parser.add_argument("--profile", default="motorway")
     parser.add_argument("--sizes", default="2000,10000")
     parser.add_argument("--keep", default="features", choices=("features", "frames"))
-    parser.add_argument("--engine", default="threads", choices=("threads", "processes", "ray"))
+    parser.add_argument("--executor", default="threads", choices=("threads", "processes", "ray"))
     parser.add_argument("--processes", type=int, metavar="N")
     given = parser.parse_args()
     print(f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")

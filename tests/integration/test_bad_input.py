@@ -216,8 +216,8 @@ NO_ROOM = ("--set", "traffic.spawn_s_m=0..20", "--set", "traffic.vehicles=6..6")
     [
         (["generate", "-n", "5", *NO_ROOM], "spawn_s_m"),
         (["generate", "-n", "5", *NO_ROOM, "--balance"], "spawn_s_m"),
-        (["generate", "-n", "5", *NO_ROOM, "--engine", "processes"], "spawn_s_m"),
-        (["generate", "-n", "5", "--engine", "ray", "--workers", "0"], "workers"),
+        (["generate", "-n", "5", *NO_ROOM, "--executor", "processes"], "spawn_s_m"),
+        (["generate", "-n", "5", "--executor", "ray", "--workers", "0"], "workers"),
         (["generate", "-n", "3", "--balance"], "at least 5"),
         (["generate", "-n", str(10**12)], "make several data sets"),
         (["generate", "-n", "2000000", "--keep", "features"], "add --yes"),

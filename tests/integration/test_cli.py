@@ -248,7 +248,7 @@ def files(folder: Path) -> list[str]:
 
 def test_ctrl_c_leaves_a_data_set_that_resume_completes_to_the_same_content(tmp_path):
     simulations = 8 * 4096  # Eight shards.
-    recipe = ("-n", simulations, "--keep", "features", "--engine", "threads", "--out")
+    recipe = ("-n", simulations, "--keep", "features", "--executor", "threads", "--out")
     process = subprocess.Popen(
         # Nice: on a busy machine the work must not be done before this process sees a shard.
         # Quiet: there it would also print that the estimate is more than a minute.

@@ -77,7 +77,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def labelled(folder: Path, out: Path, **options: Any) -> dict[str, Any]:
-    chosen = {"columns": COLUMNS, "road": faulty_road(), "engine": "threads", **options}
+    chosen = {"columns": COLUMNS, "road": faulty_road(), "executor": "threads", **options}
     return api.label_recordings("table", folder, out, **chosen)
 
 
@@ -92,12 +92,12 @@ def contents(out: Path) -> dict[str, bytes]:
     return {str(path.relative_to(out)): path.read_bytes() for path in files}
 
 
-@pytest.mark.parametrize(("engine", "workers"), [("threads", None), ("processes", 2), ("ray", 2)])
+@pytest.mark.parametrize(("executor", "workers"), [("threads", None), ("processes", 2), ("ray", 2)])
 def test_refused_and_faulty_recordings_are_named_and_the_others_labelled(
-    folder, tmp_path, engine, workers
+    folder, tmp_path, executor, workers
 ):
     out = tmp_path / "out"
-    result = labelled(folder, out, engine=engine, workers=workers)
+    result = labelled(folder, out, executor=executor, workers=workers)
     assert recordings_of(out) == ["00.csv", "03.csv"]
     assert (result["recordings"], result["refused"], result["faults"]) == (4, 1, 1)
     assert sorted(result["failed"]) == ["01.csv", "02.csv"]
@@ -300,7 +300,7 @@ def test_a_lost_report_of_a_shard_is_made_again(folder, tmp_path):
         ({"road": "no-such-road"}, "road"),
         ({"lanelet": 3}, "lanelet"),
         ({"strict": 1}, "strict"),
-        ({"engine": "steam"}, "engine"),
+        ({"executor": "steam"}, "executor"),
     ],
 )
 def test_an_error_in_the_options_ends_the_run_before_the_first_recording(
@@ -408,12 +408,12 @@ def test_the_result_of_a_folder_has_the_report(contradictory, tmp_path):
     assert json.loads((tmp_path / "out" / "recordings.json").read_text("utf-8")) == result
 
 
-@pytest.mark.parametrize("engine", ["processes"])
-def test_workers_do_not_warn_and_the_report_is_the_same(contradictory, tmp_path, engine, capfd):
+@pytest.mark.parametrize("executor", ["processes"])
+def test_workers_do_not_warn_and_the_report_is_the_same(contradictory, tmp_path, executor, capfd):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ot.RecordingWarning)
         one = labelled(contradictory, tmp_path / "one")
-        two = labelled(contradictory, tmp_path / "two", engine=engine, workers=2)
+        two = labelled(contradictory, tmp_path / "two", executor=executor, workers=2)
     assert one == two
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
     assert "RecordingWarning" not in capfd.readouterr().err
@@ -451,7 +451,7 @@ def words(tmp_path: Path) -> list[str]:
 
 def test_the_exit_status_is_0_if_all_failures_are_refusals(folder, words, capsys):
     (folder / "02.csv").unlink()
-    assert main([*words, "--engine", "threads"]) == 0
+    assert main([*words, "--executor", "threads"]) == 0
     captured = capsys.readouterr()
     (line,) = captured.err.splitlines()
     assert line.startswith("failed: 01.csv: ")
@@ -461,26 +461,26 @@ def test_the_exit_status_is_0_if_all_failures_are_refusals(folder, words, capsys
 
 def test_the_exit_status_is_70_after_a_fault_of_the_package(folder, words, monkeypatch, capsys):
     monkeypatch.setattr(collection, "contents", lambda *_: 1 / 0)
-    assert main([*words, "--engine", "threads"]) == 70
+    assert main([*words, "--executor", "threads"]) == 70
     captured = capsys.readouterr()
     assert "fault-00000.txt: ZeroDivisionError" in captured.err
     assert json.loads(captured.out)["faults"] == 2
 
 
 def test_the_command_prints_one_line_per_check_of_a_folder(contradictory, words, capsys):
-    assert main([*words, "--engine", "threads"]) == 0
+    assert main([*words, "--executor", "threads"]) == 0
     captured = capsys.readouterr()
     (line,) = captured.err.splitlines()
     assert line.startswith("warning: 12 recordings: speeds: reported, 4,356 rows, 12 findings; ")
     assert len(json.loads(captured.out)["import_report"]) == 12
-    assert main([*words, "--engine", "threads", "--resume", "--strict"]) == 2
+    assert main([*words, "--executor", "threads", "--resume", "--strict"]) == 2
     assert "00.csv: examination with strict" in capsys.readouterr().err
 
 
 def test_many_failures_are_named_up_to_ten(tmp_path, words, capsys):
     for number in range(13):
         write(tmp_path / "in", f"{number:02d}.csv", "id,t\n1,x\n")
-    assert main([*words, "--engine", "threads"]) == 0
+    assert main([*words, "--executor", "threads"]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 11
     assert lines[-1] == "failed: 3 others; recordings.json names them"

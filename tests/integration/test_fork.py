@@ -49,7 +49,12 @@ def driven_hashes(seed: int) -> list[list[int]]:
 
 def write_data_set(folder: Path) -> str:
     return ot.generate_dataset(
-        "pinto2023-physical", num_simulations=8, seed=1, out=folder, engine="threads", shard_size=4
+        "pinto2023-physical",
+        num_simulations=8,
+        seed=1,
+        out=folder,
+        executor="threads",
+        shard_size=4,
     ).content_hash
 
 

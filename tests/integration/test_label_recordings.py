@@ -70,7 +70,7 @@ def once(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("once") / "labels"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(collection, "SHARD_SIZE", 2)
-        labelled(folder, out, engine="threads")
+        labelled(folder, out, executor="threads")
     return out
 
 
@@ -99,11 +99,11 @@ def test_a_recording_that_cannot_be_used_is_named_with_its_error(once):
 
 
 @pytest.mark.parametrize(
-    ("engine", "workers"),
+    ("executor", "workers"),
     [("processes", 2), pytest.param("ray", 2, marks=pytest.mark.ci)],
 )
-def test_every_engine_writes_the_same_bytes(folder, once, tmp_path, engine, workers):
-    labelled(folder, tmp_path / "labels", engine=engine, workers=workers)
+def test_every_executor_writes_the_same_bytes(folder, once, tmp_path, executor, workers):
+    labelled(folder, tmp_path / "labels", executor=executor, workers=workers)
     assert files(tmp_path / "labels") == files(once)
 
 
@@ -115,16 +115,16 @@ def test_what_was_interrupted_is_completed_to_the_same_bytes(folder, once, tmp_p
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        labelled(folder, out, engine="threads", progress=stop)
+        labelled(folder, out, executor="threads", progress=stop)
     with pytest.raises(DatasetError, match="--resume"):
-        labelled(folder, out, engine="threads")
+        labelled(folder, out, executor="threads")
     kept = {each: each.stat().st_mtime_ns for each in (out / "simulations").iterdir()}
     assert 0 < len(kept) < 4
-    labelled(folder, out, engine="threads", resume=True)
+    labelled(folder, out, executor="threads", resume=True)
     assert files(out) == files(once)
     assert {each: each.stat().st_mtime_ns for each in kept} == kept
     (out / "labels" / "part-00001.parquet").write_bytes(b"damaged")
-    labelled(folder, out, engine="threads", resume=True)
+    labelled(folder, out, executor="threads", resume=True)
     assert files(out) == files(once)
 
 
@@ -146,7 +146,7 @@ def test_other_recordings_are_not_mixed_in(folder, once, tmp_path):
 def test_a_call_that_cannot_succeed_leaves_nothing(folder, tmp_path):
     out = tmp_path / "labels"
     with pytest.raises(ConfigError, match="lanelet"):
-        labelled(folder, out, engine="threads", lanelet=3)
+        labelled(folder, out, executor="threads", lanelet=3)
     assert not out.exists() or not files(out)
     with pytest.raises(ConfigError, match="none"):
         labelled(tmp_path, out)
@@ -161,7 +161,7 @@ def test_the_command_labels_a_folder(folder, once, tmp_path, capsys):
         'x = "x [m]"\ny = "y [m]"\n'
     )
     words = ["import", "table", folder, "--columns", columns, "--out", tmp_path / "out", "--json"]
-    assert main([str(each) for each in [*words, "--engine", "threads"]]) == 0
+    assert main([str(each) for each in [*words, "--executor", "threads"]]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["refused"] == 1
     ours, theirs = (pd.read_parquet(each / "findings") for each in (tmp_path / "out", once))

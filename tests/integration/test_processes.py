@@ -50,7 +50,7 @@ def progress(done, total):
         sys.stdin.read()
 try:
     overtaking.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed=1,
-                        out=sys.argv[1], engine="processes",
+                        out=sys.argv[1], executor="processes",
                         workers=2, resume=True, progress=progress, **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     sys.exit(f"{{type(error).__name__}} {{error}}")
@@ -70,7 +70,7 @@ def generate(out: str | Path, **changes) -> api.Dataset:
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return contents(
-        generate(tmp_path_factory.mktemp("undisturbed") / "data", engine="threads").path
+        generate(tmp_path_factory.mktemp("undisturbed") / "data", executor="threads").path
     )
 
 
@@ -129,7 +129,7 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(tmp_path, undistur
     with Killer(tmp_path / "data", kills=2) as killer:
         generate(
             tmp_path / "data",
-            engine="processes",
+            executor="processes",
             workers=2,
             progress=lambda done, _: told.append(done),
         )
@@ -147,9 +147,9 @@ def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, u
         Killer(tmp_path / "data", kills=1000),
         pytest.raises(DatasetError, match=r"got 2 that died, the last by SIGKILL; see whether"),
     ):
-        generate(tmp_path / "data", engine="processes", workers=1)
+        generate(tmp_path / "data", executor="processes", workers=1)
     assert not (tmp_path / "data" / PARTIAL).exists()
-    api.resume_dataset(tmp_path / "data", engine="threads")
+    api.resume_dataset(tmp_path / "data", executor="threads")
     assert contents(tmp_path / "data") == undisturbed
 
 
@@ -176,7 +176,7 @@ def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     finished = (script.parent / "data").glob("simulations/*.parquet")
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert before
-    api.resume_dataset(script.parent / "data", engine="processes", workers=2)
+    api.resume_dataset(script.parent / "data", executor="processes", workers=2)
     assert contents(script.parent / "data") == undisturbed
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
@@ -207,9 +207,9 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
     }
     made = [
         api.generate_dataset(
-            "pinto2023-physical", seed=2, out=tmp_path / engine, engine=engine, **settings
+            "pinto2023-physical", seed=2, out=tmp_path / executor, executor=executor, **settings
         )
-        for engine in ("threads", "processes")
+        for executor in ("threads", "processes")
     ]
     assert len(made[0]) >= 25
     assert contents(made[0].path) == contents(made[1].path)
@@ -218,7 +218,7 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
 def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
     monkeypatch.setitem(fsspec.config.conf, "local", {"auto_mkdir": True})
     monkeypatch.setenv("FSSPEC_LOCAL", '{"auto_mkdir": true}')  # The same for workers.
-    generate(f"local://{tmp_path}/data", engine="processes", workers=2)
+    generate(f"local://{tmp_path}/data", executor="processes", workers=2)
     assert contents(tmp_path / "data") == {
         name: data for name, data in undisturbed.items() if name != ".lock"
     }
@@ -231,17 +231,17 @@ def test_every_process_has_a_sumo_of_its_own(tmp_path):
             "pinto2023-physical",
             num_simulations=4,
             seed=2,
-            out=tmp_path / engine,
-            **(SETTINGS | {"shard_size": 2, "simulator": "sumo", "engine": engine}),
+            out=tmp_path / executor,
+            **(SETTINGS | {"shard_size": 2, "simulator": "sumo", "executor": executor}),
         )
-        for engine in ("threads", "processes")
+        for executor in ("threads", "processes")
     ]
     assert contents(made[0].path) == contents(made[1].path)
 
 
 def test_a_place_that_workers_do_not_see_is_refused():
     with pytest.raises(DatasetError, match=r"expected one that every worker sees, got nothing"):
-        generate(f"memory://{uuid.uuid4()}", engine="processes", workers=1)
+        generate(f"memory://{uuid.uuid4()}", executor="processes", workers=1)
 
 
 def troubled_data(trouble: str, out: Path) -> api.Dataset:
@@ -287,5 +287,5 @@ def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
 
 def test_a_worker_that_cannot_start_is_told_of(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
-    with pytest.raises(DatasetError, match=r"expected one that starts, .*add --engine threads"):
-        generate(tmp_path / "data", engine="processes", workers=1)
+    with pytest.raises(DatasetError, match=r"expected one that starts, .*add --executor threads"):
+        generate(tmp_path / "data", executor="processes", workers=1)

@@ -58,7 +58,7 @@ def test_two_workers_killed_in_the_middle_change_not_one_byte(cluster, tmp_path)
     told: list[int] = []
     with Killer(tmp_path / "killed", kills=2) as killer:
         killed = generate(
-            tmp_path / "killed", engine="ray", progress=lambda done, _: told.append(done)
+            tmp_path / "killed", executor="ray", progress=lambda done, _: told.append(done)
         )
     assert len(killer.killed) == 2
     assert all(name.startswith("ray::") for name in killer.killed.values())
@@ -79,7 +79,7 @@ def test_a_cluster_completes_what_threads_have_begun(cluster, tmp_path, monkeypa
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("part-0000[01].parquet")}
     assert before
     monkeypatch.chdir(tmp_path)  # Workers have a working directory of their own.
-    completed = api.resume_dataset("data", engine="ray")
+    completed = api.resume_dataset("data", executor="ray")
     assert {path: path.stat().st_mtime_ns for path in before} == before
     completed.verify()
     assert len(completed) == NUM_SIMULATIONS
@@ -87,7 +87,7 @@ def test_a_cluster_completes_what_threads_have_begun(cluster, tmp_path, monkeypa
 
 def test_a_place_that_workers_do_not_see_is_refused(cluster):
     with pytest.raises(DatasetError, match=r"expected one that every worker sees, got nothing"):
-        generate(f"memory://{uuid.uuid4()}", engine="ray")
+        generate(f"memory://{uuid.uuid4()}", executor="ray")
 
 
 def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
@@ -96,7 +96,7 @@ def test_what_goes_wrong_in_a_worker_is_told_as_if_it_had_gone_wrong_here(
     other = ray_executor._packages() | {"numpy": "0.1"}
     monkeypatch.setattr(ray_executor, "_packages", lambda: other)
     with pytest.raises(ConfigError, match=r"\Aworker on .*: version of numpy: expected 0\.1, got"):
-        generate(tmp_path / "data", engine="ray")
+        generate(tmp_path / "data", executor="ray")
     assert not (tmp_path / "data" / PARTIAL).exists()
 
 
@@ -148,16 +148,16 @@ def _read(path: Path) -> str:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ({"engine": "spark"}, "engine: expected auto or threads or processes or ray, got spark"),
-        ({"address": "10.0.0.1:6379"}, "address: expected the engine ray beside it"),
+        ({"executor": "spark"}, "executor: expected auto or threads or processes or ray"),
+        ({"address": "10.0.0.1:6379"}, "address: expected the executor ray beside it"),
         (
-            {"engine": "threads", "workers": 2},
-            "workers: expected the engine processes or ray beside it",
+            {"executor": "threads", "workers": 2},
+            "workers: expected the executor processes or ray beside it",
         ),
-        ({"engine": "processes", "workers": 0}, "workers: expected 1 or more, got 0"),
-        ({"engine": "processes", "address": "h:1"}, "got h:1 with processes; add --engine ray"),
-        ({"engine": "ray", "workers": 0}, "workers: expected 1 or more, got 0"),
-        ({"engine": "ray", "workers": 2, "address": "h:1"}, "expected none beside an address"),
+        ({"executor": "processes", "workers": 0}, "workers: expected 1 or more, got 0"),
+        ({"executor": "processes", "address": "h:1"}, "got h:1 with processes; add --executor ray"),
+        ({"executor": "ray", "workers": 0}, "workers: expected 1 or more, got 0"),
+        ({"executor": "ray", "workers": 2, "address": "h:1"}, "expected none beside an address"),
     ],
 )
 def test_words_that_do_not_fit_are_refused_before_anything_is_made(words, said, tmp_path):
@@ -173,7 +173,7 @@ IMPATIENT = {"RAY_gcs_rpc_server_connect_timeout_s": "1", "RAY_py_gcs_connect_ti
 def refused(address: str, out: Path) -> tuple[str, int]:
     """What is said to an address after nothing was written, and how often Ray tried it."""
     command = [sys.executable, "-m", "overtaking", "generate", "-n", "10", "--out", str(out)]
-    command += ["--engine", "ray", "--address", address]
+    command += ["--executor", "ray", "--address", address]
     done = subprocess.run(
         command,
         capture_output=True,
@@ -217,10 +217,10 @@ def test_ray_is_not_started_where_others_could_reach_it(tmp_path, monkeypatch):
     )
     monkeypatch.setitem(sys.modules, "ray", ray)
     with pytest.raises(ConfigError, match="expected a cluster that only this machine can reach"):
-        generate(tmp_path / "data", engine="ray")
+        generate(tmp_path / "data", executor="ray")
 
 
 def test_ray_that_is_missing_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(MissingExtraError, match=r"engine ray: .*pip install 'ray>="):
-        generate(tmp_path / "data", engine="ray")
+        generate(tmp_path / "data", executor="ray")

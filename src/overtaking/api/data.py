@@ -17,7 +17,7 @@ from overtaking.data import generate as writing
 from overtaking.data import load as reading
 from overtaking.data.balance import ClassBalance
 from overtaking.data.estimate import Allowed
-from overtaking.data.executors import ENGINES, executor_of
+from overtaking.data.executors import EXECUTORS, executor_for_recipe
 from overtaking.data.load import Dataset
 from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import read_manifest
@@ -46,7 +46,7 @@ def generate_dataset(
     driver: Driver | None = None,
     shard_size: int | None = None,
     balance: ClassBalance | None = None,
-    engine: str = ENGINES[0],
+    executor: str = EXECUTORS[0],
     address: str | None = None,
     workers: int | None = None,
     allow_large: Allowed = False,
@@ -72,8 +72,8 @@ def generate_dataset(
         shard_size: Simulations a file; what suits the simulator if left out.
         balance: Which classes get equal shares, and the treatment of a class that is too rare;
             None for natural shares.
-        engine: Who makes it, one of `ENGINES`: the threads of this process, processes of this
-            machine, or those of a Ray cluster; `auto` takes processes for a large data set in a
+        executor: One of `EXECUTORS`: the threads of this process, processes of this machine, or
+            those of a Ray cluster; `auto` takes processes for a large data set in a
             folder. The files are the same.
         address: Of a Ray cluster; None for one on this machine, as long as the work lasts.
         workers: Processes on this machine; one on each core if left out.
@@ -88,7 +88,7 @@ def generate_dataset(
         The complete data set.
 
     Raises:
-        ConfigError: The specification, a number, the engine or the cluster cannot be used, or the
+        ConfigError: The specification, a number, the executor or the cluster cannot be used, or the
             data set would be large and `allow_large` is not given.
         MissingExtraError: Ray, or what reaches the store, is not installed.
         DatasetError: It does not fit on the disk, the folder holds something else or cannot be
@@ -113,7 +113,9 @@ def generate_dataset(
         recipe,
         location,
         chosen,
-        executor=executor_of(engine, recipe, chosen, location, address=address, workers=workers),
+        executor=executor_for_recipe(
+            executor, recipe, chosen, location, address=address, workers=workers
+        ),
         resume=resume,
         allow_large=allow_large,
         progress=progress,
@@ -125,7 +127,7 @@ def generate_dataset(
 def resume_dataset(
     out: str | Path,
     *,
-    engine: str = ENGINES[0],
+    executor: str = EXECUTORS[0],
     address: str | None = None,
     workers: int | None = None,
     progress: ProgressCallback | None = None,
@@ -135,11 +137,11 @@ def resume_dataset(
 
     Args:
         out: Folder of the data set, or its URL.
-        engine: As in `generate`; it may differ from that of the earlier calls.
-        address: As in `generate`.
-        workers: As in `generate`.
+        executor: As in `generate_dataset`; it may differ from that of the earlier calls.
+        address: As in `generate_dataset`.
+        workers: As in `generate_dataset`.
         progress: Called with the number of simulations that are done, and of all.
-        on_candidates: As in `generate`.
+        on_candidates: As in `generate_dataset`.
 
     Returns:
         The complete data set; shards that were damaged are written again.
@@ -184,7 +186,7 @@ def resume_dataset(
         simulator=begun.simulator,
         shard_size=begun.shard_size,
         balance=begun.balance,
-        engine=engine,
+        executor=executor,
         address=address,
         workers=workers,
         progress=progress,

@@ -278,7 +278,7 @@ def label_recordings(
     folder: str | Path,
     out: str | Path,
     *,
-    engine: str = "auto",
+    executor: str = "auto",
     workers: int | None = None,
     address: str | None = None,
     resume: bool = False,
@@ -299,7 +299,7 @@ def label_recordings(
             A simulation has the number of its recording, counted by name, times a million plus its
             own. `fault-*.txt` has the traceback of a fault of this package, with the number of the
             recording.
-        engine: `auto`, `threads`, `processes` or `ray`; the choice changes no byte.
+        executor: `auto`, `threads`, `processes` or `ray`; the choice changes no byte.
         workers: How many processes; one on each core by default.
         address: Of a Ray cluster that runs.
         resume: Whether to complete what an earlier call has begun; failed recordings are tried
@@ -319,13 +319,13 @@ def label_recordings(
 
     Raises:
         ConfigError: There is no recording, an option is not for the format or out of its range, or
-            the engine cannot be used.
+            the executor cannot be used.
         ImportFormatError: `strict` refuses a finding.
         DatasetError: The folder holds something else or cannot be written; finished shards are
             kept.
     """
     from overtaking.data.collection import label_folder
-    from overtaking.data.executors import executor_for
+    from overtaking.data.executors import executor_for_shards
     from overtaking.data.import_report import warn_about
     from overtaking.recordings.reading_progress import report_reading
 
@@ -337,7 +337,9 @@ def label_recordings(
             folder_of(folder, "read"),
             folder_of(out, "label to"),
             _with_road(options),
-            executor=lambda shards: executor_for(engine, shards, address=address, workers=workers),
+            executor=lambda shards: executor_for_shards(
+                executor, shards, address=address, workers=workers
+            ),
             resume=resume,
             strict=strict,
             progress=progress,

@@ -89,7 +89,7 @@ def generate(
     profile_word: options.ProfileWord = None,
     profile: options.Profile = None,
     threads: options.Threads = None,
-    engine: options.Engine = "auto",
+    executor: options.Executor = "auto",
     address: options.Address = None,
     workers: options.Workers = None,
 ) -> None:
@@ -99,8 +99,8 @@ def generate(
     arguments.limit_threads(threads)
     recipe = making.recipe(made, making.choose_profile(profile_word, profile), road)
     recipe |= arguments.given(balance=making.balance(balanced))
-    executor = {"engine": engine, "address": address, "workers": workers}
-    making.make(output, out, recipe, made, executor=executor)
+    execution = {"executor": executor, "address": address, "workers": workers}
+    making.make(output, out, recipe, made, execution=execution)
 
 
 def show(

@@ -124,7 +124,7 @@ def import_recording(
     smooth: Smooth = None,
     strict: Strict = False,
     template: Template = False,
-    engine: options.Engine = "auto",
+    executor: options.Executor = "auto",
     workers: options.Workers = None,
     address: options.Address = None,
     resume: options.Resume = False,
@@ -133,7 +133,7 @@ def import_recording(
 
     Each overtake, and each vehicle that follows another, becomes a simulation. --map and --road
     name the road of a table, in the axes of its positions. Of a folder all recordings are labelled,
-    each on its own road, without keeping frames: --engine, --workers and --resume are for these.
+    each on its own road, without keeping frames: --executor, --workers and --resume are for these.
     A recording that fails is named, and the others go on; the exit status is 70 after a fault of
     overtaking itself.
     """
@@ -162,7 +162,7 @@ def import_recording(
                 file_format,
                 file,
                 out,
-                engine=engine,
+                executor=executor,
                 resume=resume,
                 strict=strict,
                 progress=meter,
@@ -175,7 +175,7 @@ def import_recording(
         values = {"data": str(out)} | result | output.duration
         output.wrote(values, lambda _: facts(_of_folder(values)))
         return FAULT if result["faults"] else None
-    _refuse_of_file(resume=resume, engine=engine != "auto", **how)
+    _refuse_of_file(resume=resume, executor=executor != "auto", **how)
     with output.progress("simulations") as meter:
         data = api.import_recording(
             file_format,

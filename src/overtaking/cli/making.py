@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def recipe(made: Making, profile: str | None, road: RoadChoice) -> dict[str, Any]:
-    """The arguments of `api.generate` that the user gave.
+    """The arguments of `api.generate_dataset` that the user gave.
 
     Args:
         made: The options of the simulations.
@@ -68,17 +68,17 @@ def make(
     made: Making,
     *,
     simulator: str = "engine",
-    executor: dict[str, Any] | None = None,
+    execution: dict[str, Any] | None = None,
 ) -> None:
     """Make a data set, or complete one, and print a summary.
 
     Args:
         output: The output of the command.
         out: Its folder, or its URL.
-        recipe: Arguments of `api.generate`; may be empty to resume.
+        recipe: Arguments of `api.generate_dataset`; may be empty to resume.
         made: How to make it.
         simulator: What simulates.
-        executor: What makes the shards: `engine`, `address` and `workers` of `api.generate`.
+        execution: `executor`, `address` and `workers` of `api.generate_dataset`.
     """
     from overtaking import api
     from overtaking.cli import summary
@@ -87,7 +87,7 @@ def make(
         talk: dict[str, Any] = {
             "progress": phases.of("simulations"),
             "on_candidates": phases.of("candidates"),
-            **(executor or {}),
+            **(execution or {}),
         }
         if made.resume and not recipe:
             data = api.resume_dataset(out, **talk)

@@ -167,10 +167,10 @@ Yes = Annotated[
 Threads = Annotated[
     int | None, option("--threads N", "Threads to compute with.  [default: one per core]", min=1)
 ]
-Engine = Annotated[
+Executor = Annotated[
     str,
     option(
-        "--engine auto|threads|processes|ray",
+        "--executor auto|threads|processes|ray",
         "Where to compute: threads of this process, processes on this machine, or a Ray "
         "cluster; auto takes processes for large data sets.",
     ),

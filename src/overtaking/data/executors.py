@@ -9,15 +9,15 @@ from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Recipe, Simulator
 from overtaking.data.work import Executor, in_this_process
 
-ENGINES = ("auto", "threads", "processes", "ray")
+EXECUTORS = ("auto", "threads", "processes", "ray")
 """Choices: automatic by size, threads of this process, processes of this machine, a Ray cluster."""
 
 MIN_PIECES = 40
 """Least number of batches of a simulator for which starting processes pays."""
 
 
-def executor_of(
-    engine: str,
+def executor_for_recipe(
+    executor: str,
     recipe: Recipe,
     simulator: Simulator,
     location: Location,
@@ -25,10 +25,10 @@ def executor_of(
     address: str | None = None,
     workers: int | None = None,
 ) -> Executor:
-    """The executor of an engine.
+    """The executor of a data set.
 
     Args:
-        engine: One of `ENGINES`.
+        executor: One of `EXECUTORS`.
         recipe: The data set to make.
         simulator: What simulates.
         location: Where it is to lie.
@@ -38,17 +38,17 @@ def executor_of(
     Raises:
         ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
-    check_choice(engine, ENGINES, what="engine", where="generate")
-    if engine == "ray":
+    check_choice(executor, EXECUTORS, what="executor", where="generate")
+    if executor == "ray":
         return _ray(address, workers)
-    _refuse_strangers(engine, address, workers)
-    if engine == "threads":
+    _refuse_strangers(executor, address, workers)
+    if executor == "threads":
         return in_this_process
-    if engine == "auto" and workers is None and not _pays(recipe, simulator, location):
+    if executor == "auto" and workers is None and not _pays(recipe, simulator, location):
         return in_this_process
     if simulator.shares_world:
         raise ConfigError(
-            what="engine",
+            what="executor",
             where="generate",
             expected="threads",
             got="processes",
@@ -59,13 +59,13 @@ def executor_of(
     )
 
 
-def executor_for(
-    engine: str, shards: int, *, address: str | None = None, workers: int | None = None
+def executor_for_shards(
+    executor: str, shards: int, *, address: str | None = None, workers: int | None = None
 ) -> Executor:
     """The executor of work without a simulator; `auto` takes processes for several shards.
 
     Args:
-        engine: One of `ENGINES`.
+        executor: One of `EXECUTORS`.
         shards: How many there are to make.
         address: Of a Ray cluster.
         workers: How many processes; with `auto` it asks for processes.
@@ -73,11 +73,11 @@ def executor_for(
     Raises:
         ConfigError: One of them cannot be used, they do not go together, or there is no cluster.
     """
-    check_choice(engine, ENGINES, what="engine", where="import")
-    if engine == "ray":
+    check_choice(executor, EXECUTORS, what="executor", where="import")
+    if executor == "ray":
         return _ray(address, workers)
-    _refuse_strangers(engine, address, workers)
-    if engine == "threads" or (engine == "auto" and workers is None and shards == 1):
+    _refuse_strangers(executor, address, workers)
+    if executor == "threads" or (executor == "auto" and workers is None and shards == 1):
         return in_this_process
     return ProcessExecutor(
         workers=process_limits.processors_to_use() if workers is None else workers
@@ -93,11 +93,11 @@ def _ray(address: str | None, workers: int | None) -> Executor:
     return executor
 
 
-def _refuse_strangers(engine: str, address: str | None, workers: int | None) -> None:
-    """Refuse what an engine of this machine has no use for."""
-    _refuse_beside(engine, "address", address, "ray")
-    if engine == "threads":
-        _refuse_beside(engine, "workers", workers, "processes or ray")
+def _refuse_strangers(executor: str, address: str | None, workers: int | None) -> None:
+    """Refuse options that executors of this machine do not have."""
+    _refuse_beside(executor, "address", address, "ray")
+    if executor == "threads":
+        _refuse_beside(executor, "workers", workers, "processes or ray")
 
 
 def _pays(recipe: Recipe, simulator: Simulator, location: Location) -> bool:
@@ -115,13 +115,13 @@ def _pays(recipe: Recipe, simulator: Simulator, location: Location) -> bool:
     )
 
 
-def _refuse_beside(engine: str, what: str, value: object, others: str) -> None:
-    """Refuse an option that only other engines have."""
+def _refuse_beside(executor: str, what: str, value: object, others: str) -> None:
+    """Refuse an option that only other executors have."""
     if value is not None:
         raise ConfigError(
             what=what,
             where="generate",
-            expected=f"the engine {others} beside it",
-            got=f"{value} with {engine}",
-            next_step=f"add --engine {others}, or leave it out",
+            expected=f"the executor {others} beside it",
+            got=f"{value} with {executor}",
+            next_step=f"add --executor {others}, or leave it out",
         )

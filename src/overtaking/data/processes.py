@@ -144,7 +144,7 @@ class _Run:
                 where="generate",
                 expected="one that starts",
                 got=str(error),
-                next_step="add --engine threads, which needs none",
+                next_step="add --executor threads, which needs none",
             ) from error
 
     def _go_on(self, worker: WorkerProcess, task: HasShard | None) -> None:

@@ -261,7 +261,7 @@ def _not_started(error: Exception) -> DatasetError:
         where="generate",
         expected=f"a cluster on this machine after {_STARTS} tries",
         got=str(error),
-        next_step="see that the machine is not too busy; the engine threads needs no cluster",
+        next_step="see that the machine is not too busy; the executor threads needs no cluster",
     )
 
 
@@ -297,6 +297,6 @@ def _ray(*, is_only_here: bool) -> Any:
         import ray
     except ImportError:
         raise MissingExtraError.for_extra(
-            "ray", what="Ray, of the engine ray", where="generate"
+            "ray", what="Ray, of the executor ray", where="generate"
         ) from None
     return ray

@@ -12,7 +12,7 @@ from tests.support.carla import needs_wheel
 from overtaking.api.choices import simulator_of
 from overtaking.core import process_limits
 from overtaking.core.errors import ConfigError
-from overtaking.data.executors import MIN_PIECES, executor_of
+from overtaking.data.executors import MIN_PIECES, executor_for_recipe
 from overtaking.data.location import Folder, Location
 from overtaking.data.processes import ProcessExecutor
 from overtaking.data.recipe import Keep, Recipe
@@ -47,7 +47,7 @@ def recipe(num_simulations: int, shard_size: int = 4096) -> Recipe:
 def chosen(location: Path | Location, made: Recipe, engine: str = "auto", **changes):
     simulator = dataclasses.replace(simulator_of("engine"), **changes.pop("simulator", {}))
     there = Folder(location) if not hasattr(location, "put") else location
-    return executor_of(engine, made, simulator, there, **changes)
+    return executor_for_recipe(engine, made, simulator, there, **changes)
 
 
 def test_much_work_is_done_by_a_process_on_each_processor(tmp_path):
@@ -83,4 +83,4 @@ def test_what_is_asked_for_is_what_there_is(tmp_path):
 @pytest.mark.parametrize("name", ["carla", "carla-traffic-manager"])
 def test_a_world_that_all_processes_share_is_left_to_one(name, tmp_path):
     with pytest.raises(ConfigError, match=f"all processes share the world of {name}"):
-        executor_of("processes", recipe(9), simulator_of(name), Folder(tmp_path))
+        executor_for_recipe("processes", recipe(9), simulator_of(name), Folder(tmp_path))

@@ -166,7 +166,7 @@ def test_a_folder_reports_the_bytes_of_each_recording(tmp_path: Path):
         folder,
         tmp_path / "out",
         columns=COLUMNS,
-        engine="threads",
+        executor="threads",
         progress=lambda done, total: recordings.append((done, total)),
         on_read=lambda done, total: read.append((done, total)),
     )
