@@ -5,8 +5,8 @@
 
 Steps all environments with a constant wish to go on, 20 times a second unless held, while episodes
 begin and end at their own times. Memory is what the process holds after every 20 steps; the largest
-of the last half is compared with that of the first. Verdicts are left out (`labels=False`): they
-cost a simulation and its labels at the end of each episode. Needs the extra [gym]. Linux only.
+of the last half is compared with that of the first. Verdicts are left out (`with_labels=False`):
+they cost a simulation and its labels at the end of each episode. Needs the extra [gym]. Linux only.
 """
 
 import os
@@ -44,7 +44,7 @@ def main() -> int:
         observation="human",
         action_repeat=given.hold,
         reward="progress",
-        labels=False,
+        with_labels=False,
     )
     envs.reset(seed=1)
     wish, memory, ended = np.zeros((given.envs, 2)), list[float](), 0

@@ -132,7 +132,7 @@ class Learned:
 
     def __call__(self, observation: ot.Observation) -> NDArray[Any]:
         """A move for each simulation."""
-        inputs = flatten_observation(observation, scaled=True)
+        inputs = flatten_observation(observation, normalize=True)
         return guarded(self.model.predict(inputs, deterministic=True)[0], inputs)
 
 
@@ -189,12 +189,12 @@ def _environments(profile: str, seed: int) -> VecNormalize:
         profile,
         ENVS,
         seed=seed,
-        first=FIRST,
+        first_scenario=FIRST,
         observation="truth",
         action="decision",
         action_repeat=HOLD,
         reward=soon_back,
-        scaled=True,
+        normalize=True,
     )
     return VecNormalize(VecMonitor(Guarded(envs)), norm_obs=False)
 

@@ -14,7 +14,7 @@ pytest.importorskip("torchrl", reason="run by make test-rl")
 
 STEPS = 100
 SHORT = {"time.horizon_s": 8.0, "time.attempt_deadline_s": 6.0}
-INFO = {"index", "stage", "clipped", "outcome", "legal", "broken"}
+INFO = {"scenario_index", "stage", "num_clipped", "outcome", "is_legal", "num_broken"}
 
 
 def make_env(mode: str):
@@ -26,7 +26,7 @@ def make_env(mode: str):
         action_repeat=10,
         observation="truth",
         reward="overtake_once",
-        labels=True,
+        with_labels=True,
         overrides=SHORT,
         autoreset_mode=mode,
     )

@@ -45,7 +45,7 @@ def test_stable_baselines_accepts_an_environment(action):
 
 
 def test_who_has_ended_begins_at_once_and_is_told_of():
-    env = vec_env(labels=True)
+    env = vec_env(with_labels=True)
     env.reset()
     for _ in range(20):
         seen, reward, done, infos = env.step(np.zeros((4, 2), np.float32))

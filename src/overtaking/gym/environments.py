@@ -25,7 +25,13 @@ from overtaking.core.errors import (
 )
 from overtaking.gym.episodes import EpisodeBatch, EpisodeSettings, EpisodeVerdicts, ScenarioSupply
 from overtaking.gym.rewards import NEED_LABELS, REWARDS, RewardFunction, StepOutcome
-from overtaking.gym.spaces import action_space, clip_actions, clip_observation, observation_space
+from overtaking.gym.spaces import (
+    OBSERVATION_COLUMNS,
+    action_space,
+    clip_actions,
+    clip_observation,
+    observation_space,
+)
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Stage
 from overtaking.scenarios import profiles
@@ -39,6 +45,13 @@ MAX_INDEX = 2**62
 
 RENDER_MODES = ("rgb_array",)
 
+_LABEL_DTYPES: dict[str, type[np.generic]] = {
+    "outcome": np.uint8,
+    "is_legal": np.bool_,
+    "num_broken": np.uint8,
+}
+"""Keys of `info` about episodes that have ended; PyTorch has these types, too."""
+
 Info = dict[str, Any]
 EnvStep = tuple[F32, NDArray[np.float64], Mask, Mask, Info]
 
@@ -46,15 +59,15 @@ EnvStep = tuple[F32, NDArray[np.float64], Mask, Mask, Info]
 class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     """Environments in each of which an agent drives the ego, all in one batch.
 
-    Episode k of environment i is simulation first + i + k n of the seed given to `reset`, with n
-    environments. An episode terminates at an accident of the ego or when its overtake is over, and
-    is truncated at the horizon, or at the deadline without an attempt.
+    Episode k of environment i has the scenario index first_scenario + i + k n under the seed given
+    to `reset`, with n environments. An episode terminates at an accident of the ego or when its
+    overtake is over, and is truncated at the horizon, or at the deadline without an attempt.
 
     `info` has the same keys at every reset and step, each with a mask of the same name after an
-    underscore: `index`, the number of the simulation; `stage`, the `Stage` of the ego; `clipped`,
-    how many actions of the episode were outside their limits. With `labels` also, where an episode
-    has just ended: `outcome`, an `Outcome`; `legal`, whether the simulation is legal under the
-    policy `default`; `broken`, how many rules of that policy it breaks.
+    underscore: `scenario_index`; `stage`, the `Stage` of the ego; `num_clipped`, the number of
+    actions of the episode outside their limits. With `with_labels` also, where an episode has just
+    ended: `outcome`, an `Outcome`; `is_legal`, whether the simulation is legal under the policy
+    `default`; `num_broken`, the number of rules of that policy that it breaks.
 
     Args:
         profile: Profile of the scenarios, as in `overtaking.sample`.
@@ -63,10 +76,11 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         action: Kind of the actions, as in `overtaking.drive`.
         action_repeat: Number of decisions for which an action holds, 20 a second.
         reward: A function, or a name in `REWARDS`; None for 0.
-        labels: Whether each simulation is labelled at its end. Labels cost more than all steps of
-            an episode; some rewards need them.
-        scaled: Whether observations are divided by the scales of `COLUMNS`.
-        first: Number of the first simulation: training and evaluation should not share any.
+        with_labels: Whether each simulation is labelled at its end. Labels cost more than all steps
+            of an episode; some rewards need them.
+        normalize: Whether observations are divided by the scales of `OBSERVATION_COLUMNS`.
+        first_scenario: Scenario index of the first episode, 0 to 2^62. Training and evaluation
+            should not share any index.
         overrides: Dotted keys of the specification with other values.
         road: A road instead of the profile's.
         autoreset_mode: Reaction to the end of an episode: a member of Gymnasium's
@@ -90,9 +104,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         action: str = "accel_lane",
         action_repeat: int = 1,
         reward: str | RewardFunction | None = None,
-        labels: bool = False,
-        scaled: bool = False,
-        first: int = 0,
+        with_labels: bool = False,
+        normalize: bool = False,
+        first_scenario: int = 0,
         overrides: Mapping[str, Any] | None = None,
         road: str | Path | Road | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
@@ -105,12 +119,14 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         action_repeat = check_whole_number(
             action_repeat, 1, MAX_ACTION_REPEAT, what="action_repeat", where="gym"
         )
-        first = check_whole_number(first, 0, MAX_INDEX, what="first", where="gym")
-        self._reward = _find_reward(reward, labels=labels)
+        first_scenario = check_whole_number(
+            first_scenario, 0, MAX_INDEX, what="first_scenario", where="gym"
+        )
+        self._reward = _find_reward(reward, with_labels=with_labels)
         _check_render_mode(render_mode)
         spec = profiles.load_specification(profile, overrides)
         self._supply = ScenarioSupply(
-            spec, road_of(road or spec.road), num_envs=num_envs, first=first
+            spec, road_of(road or spec.road), num_envs=num_envs, first_scenario=first_scenario
         )
         self._settings = EpisodeSettings(
             num_envs=num_envs,
@@ -118,7 +134,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             action_repeat=action_repeat,
             observes_truth=observation == "truth",
         )
-        self._with_labels, self._scaled = labels, scaled
+        self._with_labels, self._normalize = with_labels, normalize
         self._episodes: EpisodeBatch | None = None
         self.num_envs, self.render_mode = num_envs, render_mode
         self.autoreset_mode = _parse_autoreset_mode(autoreset_mode)
@@ -127,11 +143,16 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             "render_modes": list(RENDER_MODES),
             "render_fps": _frames_per_second(action_repeat),
         }
-        self.single_observation_space = observation_space(scaled=scaled)
+        self.single_observation_space = observation_space(normalize=normalize)
         self.single_action_space = action_space(action)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._has_ended = np.zeros(num_envs, np.bool_)
+
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """Name of each number of an observation, such as `leader.gap`, in order."""
+        return tuple(column.name for column in OBSERVATION_COLUMNS)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -142,7 +163,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             seed: Seed of the scenarios. With None the sequence of episodes continues; at the first
                 reset the system provides a seed.
             options: `reset_mask`, the environments to reset, shape (env,); all if left out.
-                `index`, the numbers of the simulations to begin, one for each environment that is
+                `scenario_index`, the scenario indices to begin, one for each environment that is
                 reset; the next ones of the sequence if left out.
 
         Raises:
@@ -152,12 +173,12 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         options = options or {}
         if seed is not None:
             seed = check_whole_number(seed, 0, MAX_SEED, what="seed", where="reset")
-        _check_option_names(options, ("reset_mask", "index"))
+        _check_option_names(options, ("reset_mask", "scenario_index"))
         mask = self._check_mask(options.get("reset_mask"), seed)
         rows = np.flatnonzero(mask)
         scenario_index = None
-        if "index" in options:
-            scenario_index = _check_index(options["index"], len(rows))
+        if "scenario_index" in options:
+            scenario_index = _check_scenario_index(options["scenario_index"], len(rows))
         if seed is not None or self._episodes is None:
             super().reset(seed=seed)
             self._supply.restart(int(self.np_random.integers(2**63)) if seed is None else seed)
@@ -179,8 +200,9 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             actions: Shape (env, part), or (env,) of `Move`.
 
         Returns:
-            Observations of shape (env, column), with the columns of `COLUMNS`; rewards, which
-            episodes have terminated and which were truncated, each of shape (env,); and `info`.
+            Observations of shape (env, column), with the columns `OBSERVATION_COLUMNS`; rewards,
+            which episodes have terminated and which were truncated, each of shape (env,); and
+            `info`.
 
         Raises:
             ConfigError: `reset` was not called before, or the actions have another shape, or in the
@@ -277,28 +299,28 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
     ) -> StepOutcome:
         assert self._episodes is not None
         ended = terminated | truncated
-        legal, completed = np.zeros((2, self.num_envs), np.bool_)
+        is_legal, is_completed = np.zeros((2, self.num_envs), np.bool_)
         if verdicts is not None:
-            legal[ended], completed[ended] = verdicts.legal, verdicts.is_completed
+            is_legal[ended], is_completed[ended] = verdicts.is_legal, verdicts.is_completed
         return StepOutcome(
             seconds=self._episodes.num_step_decisions / float(DECISIONS_PER_SECOND),
             terminated=terminated,
             truncated=truncated,
-            crashed=has_crashed,
-            judged=ended & self._with_labels,
-            legal=legal,
-            completed=completed,
+            has_crashed=has_crashed,
+            is_judged=ended & self._with_labels,
+            is_legal=is_legal,
+            is_completed=is_completed,
         )
 
     def _observe(self, episodes: EpisodeBatch) -> F32:
-        return clip_observation(episodes.observations, scaled=self._scaled)
+        return clip_observation(episodes.observations, normalize=self._normalize)
 
     def _describe_episodes(self, episodes: EpisodeBatch) -> Info:
         """The part of `info` that every episode has at all times."""
         values: dict[str, NDArray[Any]] = {
-            "index": episodes.scenario_index.copy(),
+            "scenario_index": episodes.scenario_index.copy(),
             "stage": episodes.stage.astype(np.uint8),
-            "clipped": episodes.num_clipped.copy(),
+            "num_clipped": episodes.num_clipped.copy(),
         }
         return values | {f"_{name}": np.ones(self.num_envs, np.bool_) for name in values}
 
@@ -308,7 +330,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         """`info` before the next episodes begin in place of those that have ended."""
         info = self._describe_episodes(episodes)
         if self._with_labels:
-            for name, dtype in (("outcome", np.uint8), ("legal", np.bool_), ("broken", np.uint8)):
+            for name, dtype in _LABEL_DTYPES.items():
                 info[name], info[f"_{name}"] = (
                     np.zeros(self.num_envs, dtype),
                     np.zeros_like(self._has_ended),
@@ -368,6 +390,11 @@ class OvertakingEnv(Env[F32, Any]):
         self.observation_space = self._batch.single_observation_space
         self.action_space = self._batch.single_action_space
 
+    @property
+    def observation_names(self) -> tuple[str, ...]:
+        """Name of each number of an observation, such as `leader.gap`, in order."""
+        return self._batch.observation_names
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[F32, Info]:
@@ -376,7 +403,7 @@ class OvertakingEnv(Env[F32, Any]):
         Args:
             seed: Seed of the scenarios. With None the sequence of episodes continues; at the first
                 reset the system provides a seed.
-            options: `index`, the number of the simulation to begin; the next one of the sequence if
+            options: `scenario_index`, the scenario index to begin; the next one of the sequence if
                 left out.
 
         Raises:
@@ -385,7 +412,7 @@ class OvertakingEnv(Env[F32, Any]):
         if seed is not None:
             seed = check_whole_number(seed, 0, MAX_SEED, what="seed", where="reset")
         super().reset(seed=seed)
-        _check_option_names(options or {}, ("index",))
+        _check_option_names(options or {}, ("scenario_index",))
         observations, info = self._batch.reset(seed=seed, options=options)
         return observations[0], _info_of_single(info)
 
@@ -452,17 +479,19 @@ def _info_of_single(info: Info) -> Info:
     }
 
 
-def _find_reward(reward: str | RewardFunction | None, *, labels: bool) -> RewardFunction | None:
+def _find_reward(
+    reward: str | RewardFunction | None, *, with_labels: bool
+) -> RewardFunction | None:
     if isinstance(reward, str):
         check_choice(reward, REWARDS, what="reward", where="gym")
         reward = REWARDS[reward]
-    if reward is not None and reward in NEED_LABELS and not labels:
+    if reward is not None and reward in NEED_LABELS and not with_labels:
         raise ConfigError(
-            what="labels",
+            what="with_labels",
             where="gym",
             expected=f"True for the reward {reward.__name__}",
-            got=labels,
-            next_step="set labels=True",
+            got=with_labels,
+            next_step="set with_labels=True",
         )
     return reward
 
@@ -503,12 +532,12 @@ def _check_option_names(options: Mapping[str, Any], allowed: Iterable[str]) -> N
         check_choice(name, allowed, what="option", where="reset")
 
 
-def _check_index(index: Any, num_rows: int) -> NDArray[np.uint64]:
-    """Numbers of simulations, one for each environment that is reset."""
-    numbers = [whole_number(number) for number in np.atleast_1d(np.asarray(index))]
+def _check_scenario_index(scenario_index: Any, num_rows: int) -> NDArray[np.uint64]:
+    """Scenario indices, one for each environment that is reset."""
+    numbers = [whole_number(number) for number in np.atleast_1d(np.asarray(scenario_index))]
     if len(numbers) != num_rows or any(n is None or not 0 <= n <= MAX_INDEX for n in numbers):
         noun = "whole number" if num_rows == 1 else "whole numbers"
-        raise _option_error("index", f"{num_rows} {noun} of 0 to 2^62", index)
+        raise _option_error("scenario_index", f"{num_rows} {noun} of 0 to 2^62", scenario_index)
     return np.array(numbers, np.uint64)
 
 

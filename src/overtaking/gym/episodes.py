@@ -65,21 +65,23 @@ class ScenarioRef(NamedTuple):
 class ScenarioSupply:
     """The scenarios of several environments.
 
-    Episode k of environment i takes scenario first + i + k n, with n environments. The scenarios of
-    an environment therefore do not depend on how long the episodes of the others last.
+    Episode k of environment i has the scenario index first_scenario + i + k n, with n environments.
+    The scenarios of an environment therefore do not depend on how long the episodes of the others
+    last.
 
     Args:
         spec: The specification to sample from.
         road: The road of all scenarios.
         num_envs: Number of environments, n.
-        first: Index of the first scenario.
+        first_scenario: Scenario index of the first episode.
     """
 
     def __init__(
-        self, spec: specification.Specification, road: Road, *, num_envs: int, first: int
+        self, spec: specification.Specification, road: Road, *, num_envs: int, first_scenario: int
     ) -> None:
         """Start with seed 0; the first call of `take` draws scenarios."""
-        self._spec, self._road, self._num_envs, self._first = spec, road, num_envs, first
+        self._spec, self._road, self._num_envs = spec, road, num_envs
+        self._first_scenario = first_scenario
         self.restart(0)
 
     def restart(self, seed: int) -> None:
@@ -112,7 +114,7 @@ class ScenarioSupply:
         scenario_index = np.empty(len(rows), np.uint64)
         for position, row in enumerate(rows):
             episode = self._next_episode[row]
-            scenario_index[position] = np.uint64(self._first + row) + episode * np.uint64(
+            scenario_index[position] = np.uint64(self._first_scenario + row) + episode * np.uint64(
                 self._num_envs
             )
             self._next_episode[row] += np.uint64(1)
@@ -144,13 +146,13 @@ class EpisodeVerdicts:
 
     Attributes:
         outcome: `Outcome`.
-        legal: Whether the simulation is legal under the policy `default`.
-        broken: Number of rules of that policy that it breaks.
+        is_legal: Whether the simulation is legal under the policy `default`.
+        num_broken: Number of rules of that policy that it breaks.
     """
 
     outcome: NDArray[np.uint8]
-    legal: Mask
-    broken: NDArray[np.uint8]
+    is_legal: Mask
+    num_broken: NDArray[np.uint8]
 
     @property
     def is_completed(self) -> Mask:
@@ -258,14 +260,14 @@ class EpisodeBatch:
         """Labels of the whole simulation of some episodes that have ended."""
         refs = [self._refs[row] for row in rows]
         # Rules judge a whole simulation, and a stepper records nothing, so the actions are replayed
-        # with recording. It costs more than the episode; labels=False leaves it out.
+        # with recording. It costs more than the episode; with_labels=False leaves it out.
         trajectories = self._simulate(refs, join_parameters(refs), rows)
         labels = label(trajectories).labels
         policy = labels.policies.index("default")
         return EpisodeVerdicts(
             outcome=labels.outcome,
-            legal=labels.is_legal[:, policy],
-            broken=labels.num_broken[:, policy],
+            is_legal=labels.is_legal[:, policy],
+            num_broken=labels.num_broken[:, policy],
         )
 
     def record(self, row: int) -> Trajectories:

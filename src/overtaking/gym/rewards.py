@@ -28,19 +28,20 @@ class StepOutcome:
         seconds: Length of the step [s]; where the episode ended within it, the time until then.
         terminated: The ego has had an accident, or its overtake is over.
         truncated: The episode has reached the horizon, or the deadline without an attempt.
-        crashed: The ego has hit another vehicle, or left the road.
-        judged: Whether `legal` and `completed` are known: at the end, where environments label.
-        legal: Whether the whole simulation is legal under the policy `default`.
-        completed: Whether the label of the whole simulation says that the overtake was completed.
+        has_crashed: The ego has hit another vehicle, or left the road.
+        is_judged: Whether `is_legal` and `is_completed` are known: at the end of an episode, in
+            environments with labels.
+        is_legal: Whether the whole simulation is legal under the policy `default`.
+        is_completed: Whether the overtake was completed, by the label of the whole simulation.
     """
 
     seconds: F64
     terminated: Mask
     truncated: Mask
-    crashed: Mask
-    judged: Mask
-    legal: Mask
-    completed: Mask
+    has_crashed: Mask
+    is_judged: Mask
+    is_legal: Mask
+    is_completed: Mask
 
 
 RewardFunction = Callable[[EgoObservation, F64, EgoObservation, StepOutcome], F64]
@@ -65,7 +66,7 @@ def progress(
     lost = outcome.seconds - distance / np.maximum(
         observation.vehicle.desired_speed.astype(np.float64), 1.0
     )
-    return -np.maximum(lost, 0.0) - np.where(outcome.crashed, CRASH_COST, 0.0)
+    return -np.maximum(lost, 0.0) - np.where(outcome.has_crashed, CRASH_COST, 0.0)
 
 
 def progress_legal(
@@ -91,7 +92,7 @@ def progress_legal(
     min_gap = lawful_gap(ego.speed, leader.closing_speed, decel_limit)
     missing_share = np.clip(1.0 - leader.gap / np.maximum(min_gap, 1.0), 0.0, 1.0)
     missing_share = np.where(leader.is_detected > 0, missing_share, 0.0)
-    cost = outcome.seconds * missing_share + BREACH_COST * (outcome.judged & ~outcome.legal)
+    cost = outcome.seconds * missing_share + BREACH_COST * (outcome.is_judged & ~outcome.is_legal)
     return progress(observation, action, next_observation, outcome) - cost
 
 
@@ -114,19 +115,19 @@ def overtake_once(
     """
     del observation, action, next_observation
     _check_judged(outcome, "overtake_once")
-    return np.where(outcome.completed, 1.0, -outcome.crashed.astype(np.float64))
+    return np.where(outcome.is_completed, 1.0, -outcome.has_crashed.astype(np.float64))
 
 
 def _check_judged(outcome: StepOutcome, reward: str) -> None:
     """Refuse simulations that have ended without a label."""
     ended = outcome.terminated | outcome.truncated
-    if (ended & ~outcome.judged).any():
+    if (ended & ~outcome.is_judged).any():
         raise ConfigError(
-            what="labels",
+            what="with_labels",
             where=reward,
             expected="environments that label each simulation at its end",
             got=False,
-            next_step="make them with labels=True",
+            next_step="make the environments with with_labels=True",
         )
 
 

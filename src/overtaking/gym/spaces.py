@@ -31,7 +31,7 @@ class ObservationColumn:
         unit: Unit.
         low: Smallest value; smaller ones are clipped to it.
         high: Largest value; larger ones are clipped to it.
-        scale: Divisor of scaled numbers.
+        scale: Divisor of normalized numbers.
     """
 
     name: str
@@ -106,25 +106,25 @@ _LOW, _HIGH, _SCALE = (
 )
 
 
-def flatten_observation(observation: EgoObservation, *, scaled: bool = False) -> F32:
+def flatten_observation(observation: EgoObservation, *, normalize: bool = False) -> F32:
     """The numbers of an observation for a network, shape (simulation, `OBSERVATION_COLUMNS`).
 
     Args:
         observation: Observation of environments, or of the drivers of `overtaking.drive`.
-        scaled: Whether to divide each by its scale.
+        normalize: Whether to divide each by its scale.
     """
-    return clip_observation(observation.table, scaled=scaled)
+    return clip_observation(observation.table, normalize=normalize)
 
 
-def clip_observation(table: F32, *, scaled: bool) -> F32:
-    """Numbers within their bounds, perhaps scaled, shape (simulation, `OBSERVATION_COLUMNS`)."""
+def clip_observation(table: F32, *, normalize: bool) -> F32:
+    """Numbers within their bounds, shape (simulation, `OBSERVATION_COLUMNS`)."""
     numbers = np.clip(table, _LOW, _HIGH)
-    return np.divide(numbers, _SCALE, out=numbers) if scaled else numbers
+    return np.divide(numbers, _SCALE, out=numbers) if normalize else numbers
 
 
-def observation_space(*, scaled: bool) -> spaces.Box:
+def observation_space(*, normalize: bool) -> spaces.Box:
     """Space of observations: a number for each of `OBSERVATION_COLUMNS`."""
-    scale = _SCALE if scaled else np.float32(1.0)
+    scale = _SCALE if normalize else np.float32(1.0)
     return spaces.Box(_LOW / scale, _HIGH / scale, dtype=np.float32)
 
 

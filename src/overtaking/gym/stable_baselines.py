@@ -3,7 +3,7 @@
 from stable_baselines3 import PPO
 from overtaking.gym.stable_baselines import StableBaselinesVecEnv
 
-envs = StableBaselinesVecEnv("motorway", 64, observation="truth", reward="progress", scaled=True)
+envs = StableBaselinesVecEnv("motorway", 64, observation="truth", reward="progress", normalize=True)
 PPO("MlpPolicy", envs).learn(100_000)
 """
 

@@ -83,10 +83,10 @@ def test_make_vec_gives_the_native_one():
 
 def test_an_episode_is_the_simulation_of_drive():
     """Bit for bit, with verdicts, though others began and ended around it at other times."""
-    ended = episodes(made(labels=True), 120)
-    assert len({one["index"] for one in ended}) == len(ended) >= 8
-    assert all(one["index"] % 6 == one["row"] for one in ended)
-    most = max(one["index"] for one in ended)
+    ended = episodes(made(with_labels=True), 120)
+    assert len({one["scenario_index"] for one in ended}) == len(ended) >= 8
+    assert all(one["scenario_index"] % 6 == one["row"] for one in ended)
+    most = max(one["scenario_index"] for one in ended)
     scenes = ot.sample(PROFILE, num_simulations=most + 1, seed=5, overrides=SHORT)
     run = ot.drive(
         scenes,
@@ -97,10 +97,10 @@ def test_an_episode_is_the_simulation_of_drive():
     labels = ot.label(run).labels
     place = labels.policies.index("default")
     for one in ended:
-        number = one["index"]
+        number = one["scenario_index"]
         assert one["outcome"] == labels.outcome[number]
-        assert one["legal"] == labels.is_legal[number, place]
-        assert one["broken"] == labels.num_broken[number, place]
+        assert one["is_legal"] == labels.is_legal[number, place]
+        assert one["num_broken"] == labels.num_broken[number, place]
     assert {Outcome.NO_ATTEMPT} < {Outcome(one["outcome"]) for one in ended}
 
 
@@ -109,14 +109,14 @@ def test_what_is_seen_is_what_drive_shows():
     env = made(4)
     shown = dict[int, list[np.ndarray]]()
     seen, info = env.reset(seed=5)
-    index = info["index"].copy()
+    index = info["scenario_index"].copy()
     waiting = np.zeros(4, bool)
     for _ in range(160):
         for row in range(4):
             shown.setdefault(int(index[row]), []).append(seen[row])
         seen, _, terminated, truncated, info = env.step(wish(seen))
         if waiting.any():
-            index = info["index"].copy()
+            index = info["scenario_index"].copy()
         waiting = terminated | truncated
     late = [number for number, rows in shown.items() if number >= 8 and len(rows) > 10]
     assert late
@@ -138,7 +138,7 @@ def test_what_is_seen_is_what_drive_shows():
 def test_the_same_seed_gives_the_same_episodes():
     assert episodes(made(), 40) == episodes(made(), 40)
     assert episodes(made(), 40) != episodes(made(), 40, seed=6)
-    apart = {one["index"] for one in episodes(made(first=1000), 40)}
+    apart = {one["scenario_index"] for one in episodes(made(first_scenario=1000), 40)}
     assert min(apart) >= 1000
 
 
@@ -155,7 +155,7 @@ def test_actions_beyond_the_limits_are_counted_by_episode():
         ended = terminated | truncated
         for row in np.flatnonzero(ended):
             expected = 0 if row == 0 else int(steps[row])
-            counted.append((int(info["clipped"][row]), expected))
+            counted.append((int(info["num_clipped"][row]), expected))
     assert len(counted) > 3
     assert all(told == expected for told, expected in counted)
     assert max(told for told, _ in counted) > 5
@@ -165,7 +165,7 @@ def test_how_long_others_take_changes_nothing():
     """Episode k of environment i is number i + k n, whenever it begins."""
     ended = episodes(made(3), 120)
     for row in range(3):
-        mine = [one["index"] for one in ended if one["row"] == row]
+        mine = [one["scenario_index"] for one in ended if one["row"] == row]
         assert mine == [row + 3 * k for k in range(len(mine))]
         assert len(mine) >= 2
 
@@ -210,7 +210,7 @@ def test_same_step_begins_at_once_and_keeps_the_last_observation():
     for row in np.flatnonzero(ended):
         np.testing.assert_array_equal(info["final_obs"][row], first[row])
         assert not np.array_equal(seen[row], first[row])
-    assert info["final_info"]["_index"][ended].all()
+    assert info["final_info"]["_scenario_index"][ended].all()
 
 
 def test_disabled_wants_a_reset_of_those_that_have_ended():
@@ -242,7 +242,7 @@ def test_an_end_is_an_accident_an_overtake_or_the_clock():
         {"action": "fly"},
         {"action_repeat": 0},
         {"reward": "money"},
-        {"first": -1},
+        {"first_scenario": -1},
         {"count": 0},
         {"render_mode": "human"},
         {"autoreset_mode": "LATER"},
@@ -267,11 +267,11 @@ def test_it_says_that_reset_comes_first():
         made().step(np.zeros((6, 2)))
 
 
-def test_scaled_numbers_are_divided_by_their_scales():
-    plain, scaled = made().reset(seed=1)[0], made(scaled=True).reset(seed=1)[0]
+def test_normalized_numbers_are_divided_by_their_scales():
+    plain, normalized = made().reset(seed=1)[0], made(normalize=True).reset(seed=1)[0]
     scale = np.array([one.scale for one in envs.OBSERVATION_COLUMNS], np.float32)
-    np.testing.assert_array_equal(scaled, plain / scale)
-    assert made(scaled=True).observation_space.contains(scaled)
+    np.testing.assert_array_equal(normalized, plain / scale)
+    assert made(normalize=True).observation_space.contains(normalized)
 
 
 def test_observations_are_nobody_elses():
@@ -313,17 +313,19 @@ def test_the_autoreset_mode_is_an_attribute_and_in_the_metadata(mode):
 @pytest.mark.parametrize("kind", INTEGER_TYPES)
 def test_seeds_and_numbers_are_integers_of_any_library(kind):
     convert = INTEGER_TYPES[kind]
-    settings = {"action_repeat": convert(4), "first": convert(3), "overrides": SHORT}
+    settings = {"action_repeat": convert(4), "first_scenario": convert(3), "overrides": SHORT}
     env = envs.OvertakingVectorEnv(PROFILE, convert(3), **settings)
-    expected = envs.OvertakingVectorEnv(PROFILE, 3, action_repeat=4, first=3, overrides=SHORT)
-    options = {"index": [convert(9), convert(8), convert(7)]}
+    expected = envs.OvertakingVectorEnv(
+        PROFILE, 3, action_repeat=4, first_scenario=3, overrides=SHORT
+    )
+    options = {"scenario_index": [convert(9), convert(8), convert(7)]}
     observations, info = env.reset(seed=convert(7), options=options)
     np.testing.assert_array_equal(observations, expected.reset(seed=7, options=options)[0])
-    assert info["index"].tolist() == [9, 8, 7]
+    assert info["scenario_index"].tolist() == [9, 8, 7]
     single = envs.OvertakingEnv(PROFILE, **settings)
-    observation, info = single.reset(seed=convert(7), options={"index": convert(9)})
+    observation, info = single.reset(seed=convert(7), options={"scenario_index": convert(9)})
     np.testing.assert_array_equal(observation, observations[0])
-    assert info["index"] == 9
+    assert info["scenario_index"] == 9
 
 
 @pytest.mark.parametrize("value", [*NO_INTEGERS, -1, 2**64])
@@ -338,35 +340,35 @@ def test_another_value_is_no_number_of_environments_or_simulation(value):
     with pytest.raises(ConfigError, match="num_envs"):
         made(value)
     with pytest.raises(ConfigError, match="first"):
-        made(2, first=value)
-    with pytest.raises(ConfigError, match="index"):
-        made(1).reset(seed=1, options={"index": value})
+        made(2, first_scenario=value)
+    with pytest.raises(ConfigError, match="scenario_index"):
+        made(1).reset(seed=1, options={"scenario_index": value})
 
 
 def test_an_option_of_reset_chooses_the_simulations():
     env = made(3)
-    _, info = env.reset(seed=5, options={"index": [7, 100, 2]})
-    np.testing.assert_array_equal(info["index"], [7, 100, 2])
-    observations, _ = env.reset(options={"index": [1, 0, 2]})
+    _, info = env.reset(seed=5, options={"scenario_index": [7, 100, 2]})
+    np.testing.assert_array_equal(info["scenario_index"], [7, 100, 2])
+    observations, _ = env.reset(options={"scenario_index": [1, 0, 2]})
     _, info = env.reset()
     np.testing.assert_array_equal(
-        info["index"], [0, 1, 2]
+        info["scenario_index"], [0, 1, 2]
     )  # `index` does not advance the sequence.
     first, _ = env.reset(seed=5)
     np.testing.assert_array_equal(observations, first[[1, 0, 2]])
     mask = np.array([False, True, False])
-    _, info = env.reset(options={"reset_mask": mask, "index": 40})
-    np.testing.assert_array_equal(info["index"], [0, 40, 2])
+    _, info = env.reset(options={"reset_mask": mask, "scenario_index": 40})
+    np.testing.assert_array_equal(info["scenario_index"], [0, 40, 2])
 
 
 @pytest.mark.parametrize(
     "options",
     [
         {"no_such_option": 1},
-        {"index": -1},
-        {"index": 1.5},
-        {"index": [1, 2]},
-        {"index": "seven"},
+        {"scenario_index": -1},
+        {"scenario_index": 1.5},
+        {"scenario_index": [1, 2]},
+        {"scenario_index": "seven"},
         {"reset_mask": [True, False]},
     ],
 )
@@ -384,13 +386,13 @@ def single_env(**settings) -> envs.OvertakingEnv:
 
 def test_every_reset_names_the_simulation():
     env = single_env()
-    assert env.reset(seed=5)[1]["index"] == 0
-    assert env.reset()[1]["index"] == 1
-    assert env.reset(options={"index": 70})[1]["index"] == 70
+    assert env.reset(seed=5)[1]["scenario_index"] == 0
+    assert env.reset()[1]["scenario_index"] == 1
+    assert env.reset(options={"scenario_index": 70})[1]["scenario_index"] == 70
     for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP):
         indices = set()
         for *_, info in stepped(mode):
-            indices |= set(info["index"].tolist())
+            indices |= set(info["scenario_index"].tolist())
         assert {0, 1, 2, 3, 4} < indices
 
 
@@ -401,10 +403,10 @@ FINAL = {"final_obs", "_final_obs", "final_info", "_final_info"}
 @pytest.mark.parametrize("labels", [False, True])
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_info_has_the_same_keys_and_types_at_reset_and_at_every_step(mode, labels):
-    env = made(3, labels=labels, autoreset_mode=mode)
+    env = made(3, with_labels=labels, autoreset_mode=mode)
     observations, info = env.reset(seed=5)
     types = {name: values.dtype for name, values in info.items()}
-    assert "index" in types
+    assert "scenario_index" in types
     assert ("outcome" in types) == labels
     # NumPy's unsigned integers of more than 8 bits have no counterpart in most functions of torch.
     assert {str(dtype) for dtype in types.values()} <= {"bool", "uint8", "int64"}
@@ -442,7 +444,7 @@ def test_a_copy_goes_on_as_the_original(action, duplicate):
         expected, observed = env.step(action_of_step), twin.step(action_of_step)
         for value, twin_value in zip(expected[:4], observed[:4], strict=True):
             np.testing.assert_array_equal(value, twin_value)
-        np.testing.assert_array_equal(expected[4]["index"], observed[4]["index"])
+        np.testing.assert_array_equal(expected[4]["scenario_index"], observed[4]["scenario_index"])
 
 
 def test_a_copy_of_a_single_environment_goes_on_as_the_original():
@@ -531,3 +533,12 @@ def test_gymnasium_records_a_film(tmp_path):
         env.step(np.zeros(2, np.float32))
     env.close()
     assert [path.suffix for path in (tmp_path / "films").iterdir()] == [".mp4"]
+
+
+def test_the_names_of_an_observation_are_those_of_its_numbers():
+    names = tuple(column.name for column in envs.OBSERVATION_COLUMNS)
+    env = gymnasium.make(f"overtaking/{PROFILE}-v0", overrides=SHORT)
+    assert env.unwrapped.observation_names == names  # pyright: ignore[reportAttributeAccessIssue]
+    assert made(2).observation_names == names
+    observation, _ = env.reset(seed=1)
+    assert len(names) == len(observation)

@@ -38,7 +38,7 @@ def observed(**columns) -> EgoObservation:
 
 def events(**changes) -> envs.StepOutcome:
     none = np.zeros(2, bool)
-    names = ("terminated", "truncated", "crashed", "judged", "legal", "completed")
+    names = ("terminated", "truncated", "has_crashed", "is_judged", "is_legal", "is_completed")
     return envs.StepOutcome(seconds=np.full(2, 0.5), **(dict.fromkeys(names, none) | changes))
 
 
@@ -46,7 +46,7 @@ def test_progress_is_time_lost():
     after = observed(s=[15.0, 9.0])  # 0.5 s at the wished 30 m/s, and at 18 m/s.
     lost = envs.progress(observed(), ACTION, after, events())
     np.testing.assert_allclose(lost, [0.0, -0.2], atol=1e-6)
-    crashed = envs.progress(observed(), ACTION, after, events(crashed=np.array([True, False])))
+    crashed = envs.progress(observed(), ACTION, after, events(has_crashed=np.array([True, False])))
     np.testing.assert_allclose(crashed, [-CRASH_COST, -0.2], atol=1e-6)
 
 
@@ -59,7 +59,7 @@ def test_following_too_close_costs_by_what_the_gap_lacks():
 
 def test_a_breach_costs_at_the_end():
     ended = np.ones(2, bool)
-    judged = events(truncated=ended, judged=ended, legal=np.array([True, False]))
+    judged = events(truncated=ended, is_judged=ended, is_legal=np.array([True, False]))
     after = observed(s=15.0, gap=1000.0)
     cost = envs.progress_legal(observed(), ACTION, after, judged)
     np.testing.assert_allclose(cost, [0.0, -BREACH_COST], atol=1e-6)
@@ -70,7 +70,7 @@ def test_a_breach_costs_at_the_end():
 def test_an_overtake_counts_where_the_label_says_that_it_was_completed():
     ended = np.ones(2, bool)
     completed, crashed = np.array([True, False]), np.array([False, True])
-    outcome = events(terminated=ended, judged=ended, completed=completed, crashed=crashed)
+    outcome = events(terminated=ended, is_judged=ended, is_completed=completed, has_crashed=crashed)
     after = observed(stage=[Stage.DONE, Stage.CRASHED])
     np.testing.assert_array_equal(
         envs.overtake_once(observed(), ACTION, after, outcome), [1.0, -1.0]
@@ -135,7 +135,12 @@ def stay_out(observations: np.ndarray, clock: np.ndarray) -> np.ndarray:
 def test_overtake_once_and_the_label_agree(driver):
     """The reward follows the label also after a second pull-out with another target."""
     env = made(
-        50, action_repeat=10, action="decision", reward="overtake_once", labels=True, overrides=None
+        50,
+        action_repeat=10,
+        action="decision",
+        reward="overtake_once",
+        with_labels=True,
+        overrides=None,
     )
     observations, _ = env.reset(seed=3)
     clock, completed, rewarded = np.zeros(50, int), list[bool](), list[bool]()
@@ -152,7 +157,7 @@ def test_overtake_once_and_the_label_agree(driver):
 
 @pytest.mark.parametrize("name", envs.REWARDS)
 def test_an_environment_pays_it(name):
-    env = made(8, reward=name, labels=True)
+    env = made(8, reward=name, with_labels=True)
     seen_now, _ = env.reset(seed=2)
     paid = np.zeros(8)
     for _ in range(35):
