@@ -49,7 +49,7 @@ def test_a_twin_is_told_saved_and_read_again(
 
 def test_a_saved_branch_is_exported(data: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     gone = ot.branch(
-        ot.load_dataset(data)[0], changes=[ot.Intervention(frame=20, slot=1, remove=True)]
+        ot.load_dataset(data)[0], interventions=[ot.Intervention(frame=20, slot=1, remove=True)]
     )
     saved = ot.whatif.save_branches(data, {"alone": gone}, tmp_path / "gone")
     for file_format in ("pinto2023", "commonroad", "highd"):

@@ -107,19 +107,19 @@ def branch(
     *,
     decision: ForcedDecision | None = None,
     weather: Weather | None = None,
-    changes: Iterable[Intervention] = (),
+    interventions: Iterable[Intervention] = (),
     simulator: str = "engine",
 ) -> Trajectories:
     """Simulate again, with something changed from a frame on.
 
     Args:
-        source: A batch of scenarios, or recorded simulations. The changes of a branch come before
-            these.
+        source: A batch of scenarios, or recorded simulations. The interventions of a branch come
+            before these.
         frame: First frame that `decision` and `weather` can affect, before the horizon of the
             longest simulation; up to it, all is as it was.
         decision: Decision forced on every ego, at the first instant that allows it.
         weather: Weather of every simulation from then on, as long as the batch.
-        changes: Any number of other changes, at frames of their own.
+        interventions: Any number of other changes, at frames of their own.
         simulator: One of `BRANCHING`.
 
     Returns:
@@ -134,11 +134,13 @@ def branch(
     run = module_of(simulator, BRANCHING).run
     scenario = source if isinstance(source, Scenario) else source.scenario
     check_runnable(scenario, "branch")
-    made = tuple(changes)
-    for one in (Intervention(weather=weather), *made):
-        check_batch(one, "branch")
-        check_batch(changed(scenario, one), "branch")
-    return branched(source, frame, decision=decision, weather=weather, changes=made, run=run)
+    interventions = tuple(interventions)
+    for intervention in (Intervention(weather=weather), *interventions):
+        check_batch(intervention, "branch")
+        check_batch(changed(scenario, intervention), "branch")
+    return branched(
+        source, frame, decision=decision, weather=weather, interventions=interventions, run=run
+    )
 
 
 @check_arguments

@@ -148,7 +148,7 @@ def _again(data: Dataset, number: int) -> Trajectories:
     record = identity.branches[number]
     redrawn = None if record.redrawn is None else Intervention.from_dict(record.redrawn)
     scenario = drawn(data, record.index, redrawn)
-    return branch(scenario, changes=map(Intervention.from_dict, record.interventions))
+    return branch(scenario, interventions=map(Intervention.from_dict, record.interventions))
 
 
 def drawn(

@@ -64,7 +64,7 @@ def branch(
     *,
     decision: ForcedDecision | None = None,
     weather: Weather | None = None,
-    changes: Iterable[Intervention] = (),
+    interventions: Iterable[Intervention] = (),
     run: Run = engine.run,
 ) -> Trajectories:
     """Simulate again, with something changed.
@@ -78,7 +78,7 @@ def branch(
             horizon.
         decision: Decision forced on every ego.
         weather: Weather of every simulation from then on, shape as in the scenarios.
-        changes: Other changes, at frames of their own.
+        interventions: Other changes, at frames of their own.
         run: `engine.run`, or `reference.run` for the readable twin.
 
     Raises:
@@ -87,7 +87,7 @@ def branch(
     before = _before(source)
     first = Intervention(frame=frame, decision=decision, weather=weather)
     # The later of two that begin together is made on top of the earlier.
-    made = tuple(sorted((*before.interventions, first, *changes), key=lambda one: one.frame))
+    made = tuple(sorted((*before.interventions, first, *interventions), key=lambda one: one.frame))
     stages = versions(before.scenario, made)
     found = as_changed(run_versions(before.scenario, stages, run), before.scenario, stages, made)
     meant = tuple(one for one in made if one != Intervention(frame=one.frame))

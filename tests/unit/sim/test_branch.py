@@ -78,8 +78,8 @@ CHANGES = (
 
 @pytest.mark.ci
 def test_engine_and_reference_make_many_changes_alike():
-    one = branch(traffic(), changes=CHANGES)
-    two = branch(traffic(), changes=CHANGES, run=reference.run)
+    one = branch(traffic(), interventions=CHANGES)
+    two = branch(traffic(), interventions=CHANGES, run=reference.run)
     np.testing.assert_array_equal(one.trace_hash, two.trace_hash)
     for name in one.states.__slots__:
         np.testing.assert_array_equal(getattr(one.states, name), getattr(two.states, name))
@@ -87,22 +87,24 @@ def test_engine_and_reference_make_many_changes_alike():
 
 @pytest.mark.parametrize("cut", range(len(CHANGES) + 1))
 def test_a_branch_of_a_branch_is_a_branch_with_both_changes(cut: int):
-    first = branch(traffic(), changes=CHANGES[:cut])
-    both = branch(first, changes=CHANGES[cut:])
-    whole = branch(traffic(), changes=CHANGES)
+    first = branch(traffic(), interventions=CHANGES[:cut])
+    both = branch(first, interventions=CHANGES[cut:])
+    whole = branch(traffic(), interventions=CHANGES)
     np.testing.assert_array_equal(both.trace_hash, whole.trace_hash)
     assert both.branch_origin is not None
     assert both.branch_origin.interventions == CHANGES
 
 
 def test_the_order_in_which_changes_are_given_does_not_matter():
-    late = branch(traffic(), changes=CHANGES[::-1])
-    np.testing.assert_array_equal(late.trace_hash, branch(traffic(), changes=CHANGES).trace_hash)
+    late = branch(traffic(), interventions=CHANGES[::-1])
+    np.testing.assert_array_equal(
+        late.trace_hash, branch(traffic(), interventions=CHANGES).trace_hash
+    )
 
 
 @pytest.mark.parametrize("run", [engine.run, pytest.param(reference.run, marks=pytest.mark.ci)])
 def test_nothing_changed_is_the_undisturbed_simulation(run):
-    one = branch(traffic(), changes=[Intervention(frame=17), Intervention(frame=40)], run=run)
+    one = branch(traffic(), interventions=[Intervention(frame=17), Intervention(frame=40)], run=run)
     np.testing.assert_array_equal(one.trace_hash, engine.simulate(traffic()).trace_hash)
     assert one.branch_origin is None
 
@@ -110,7 +112,8 @@ def test_nothing_changed_is_the_undisturbed_simulation(run):
 def test_a_vehicle_is_moved_and_slowed_from_its_frame_on():
     before = engine.simulate(traffic()).states
     after = branch(
-        traffic(), changes=[Intervention(frame=40, slot=1, position_change=12.5, speed_change=-3.0)]
+        traffic(),
+        interventions=[Intervention(frame=40, slot=1, position_change=12.5, speed_change=-3.0)],
     ).states
     np.testing.assert_array_equal(after.s[0, :, :40], before.s[0, :, :40])
     assert after.s[0, 1, 40] - before.s[0, 1, 40] == 12_500
@@ -123,16 +126,16 @@ def test_a_change_at_the_start_is_another_start():
     place = moved.start_s.copy()
     place[0, 1] += np.float32(7.0)
     moved = moved.replace(start_s=place)
-    one = branch(traffic(), changes=[Intervention(slot=1, position_change=7.0)])
+    one = branch(traffic(), interventions=[Intervention(slot=1, position_change=7.0)])
     np.testing.assert_array_equal(one.trace_hash, engine.simulate(moved).trace_hash)
 
 
 def test_who_is_removed_is_not_there_and_met_by_nobody():
-    run = branch(traffic(), changes=[Intervention(frame=100, slot=1, remove=True)])
+    run = branch(traffic(), interventions=[Intervention(frame=100, slot=1, remove=True)])
     assert run.state_mask[0, 1, :100].all()
     assert not run.state_mask[0, 1, 100:].any()
     assert not run.states.s[0, 1, 100:].any()
-    alone = branch(traffic(), changes=[Intervention(slot=1, remove=True)])
+    alone = branch(traffic(), interventions=[Intervention(slot=1, remove=True)])
     assert not alone.state_mask[0, 1].any()
     # Behind the slower leader it cannot drive as it wants; alone it does.
     assert engine.simulate(traffic()).states.speed[0, 0, 250] < 30_000
@@ -150,14 +153,14 @@ def test_who_is_removed_is_not_there_and_met_by_nobody():
 )
 def test_a_change_that_cannot_be_made_is_refused(change: Intervention, message: str):
     with pytest.raises(ConfigError, match=message):
-        branch(traffic(), changes=[change])
+        branch(traffic(), interventions=[change])
 
 
 @pytest.mark.parametrize("change", [*CHANGES, Intervention(weather=traffic().weather.replace())])
 def test_a_change_survives_being_written_down(change: Intervention):
     again = Intervention.from_dict(json.loads(json.dumps(change.to_dict())))
     assert again.to_dict() == change.to_dict()
-    ran = [branch(traffic(), changes=[one]).trace_hash for one in (change, again)]
+    ran = [branch(traffic(), interventions=[one]).trace_hash for one in (change, again)]
     np.testing.assert_array_equal(*ran)
 
 

@@ -306,7 +306,8 @@ def _later_classes(scene: Scene, policy: str) -> tuple[Values, NDArray[np.uint8]
         if frame >= int(scene.run.num_frames[0]):
             break
         run = branch(
-            scene.run, changes=[stay, Intervention(frame=frame, decision=ForcedDecision.PULL_OUT)]
+            scene.run,
+            interventions=[stay, Intervention(frame=frame, decision=ForcedDecision.PULL_OUT)],
         )
         began = pull_out(run)
         if began is not None:

@@ -116,7 +116,9 @@ def fan_of(
     check_choice(condition_on, CONDITIONS, what="condition_on", where="fan")
     policy = choose_policy(policy, scene.scenario.profile)
     policy_named(policy)
-    stayed = branch(scene.scenario, decision=ForcedDecision.STAY, changes=scene.world.interventions)
+    stayed = branch(
+        scene.scenario, decision=ForcedDecision.STAY, interventions=scene.world.interventions
+    )
     step = max(round(every * scene.rate), 1)
     frames = np.arange(0, _sound_frames(stayed), step)
     counts = np.zeros((len(frames), len(OvertakeClass)), np.int64)

@@ -78,7 +78,7 @@ class Scene:
 
     def branch(self, *changes: Intervention) -> Trajectories:
         """The simulation with something changed."""
-        return branch(self.run, changes=changes)
+        return branch(self.run, interventions=changes)
 
     def redrawn(self, change: Intervention) -> Trajectories:
         """The simulation drawn again from the same numbers, with something changed before.

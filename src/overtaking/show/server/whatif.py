@@ -82,7 +82,7 @@ def branch(
 
 def changed(scenario: Scenario, changes: Sequence[Intervention]) -> Trajectories:
     """The simulation with one change after another."""
-    return branching.branch(scenario, changes=changes)
+    return branching.branch(scenario, interventions=changes)
 
 
 def futures(scene: Scene, asked: Futures) -> dict[str, Any]:

@@ -153,7 +153,7 @@ def test_a_branch_of_a_saved_branch_goes_on_from_it(data: ot.Dataset, begun: int
 
 
 def test_a_removed_vehicle_is_in_no_table_of_states(data: ot.Dataset, begun: int, tmp_path: Path):
-    gone = ot.branch(data[begun], changes=[ot.Intervention(frame=30, slot=1, remove=True)])
+    gone = ot.branch(data[begun], interventions=[ot.Intervention(frame=30, slot=1, remove=True)])
     saved = ot.whatif.save_branches(data, {"without vehicle 1": gone}, tmp_path / "gone")
     states = saved.states(0)
     assert (states[states["vehicle"] == 1]["frame"] < 30).all()
@@ -164,7 +164,7 @@ def test_a_removed_vehicle_is_in_no_table_of_states(data: ot.Dataset, begun: int
 def test_the_first_future_has_the_random_numbers_of_the_simulation(data: ot.Dataset, begun: int):
     scene = scene_of(data, begun)
     futures = started(scene.world, 40, copies(scene.world, 40, 8))
-    alone = ot.branch(scene.scenario, changes=STARTS)
+    alone = ot.branch(scene.scenario, interventions=STARTS)
     np.testing.assert_array_equal(futures.trace_hash[:1], alone.trace_hash)
     assert len(np.unique(futures.trace_hash, axis=0)) == 8
     for name in futures.states.__slots__:
@@ -183,12 +183,13 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
         ot.Intervention(frame=60, slot=3, remove=True),
     ]
     told = ot.branch(
-        data[begun], changes=[*changes, ot.Intervention(frame=25, decision=STARTS[1].decision)]
+        data[begun],
+        interventions=[*changes, ot.Intervention(frame=25, decision=STARTS[1].decision)],
     )
     saved = ot.whatif.save_branches(data, {"much changed": told}, tmp_path / "much")
     scene = scene_of(saved, 0)
     futures = started(scene.world, 40, copies(scene.world, 40, 3))
-    alone = ot.branch(data[begun], changes=[*changes, *STARTS])
+    alone = ot.branch(data[begun], interventions=[*changes, *STARTS])
     np.testing.assert_array_equal(futures.trace_hash[:1], alone.trace_hash)
     np.testing.assert_array_equal(
         ot.label(futures).findings.margin[:1], ot.label(alone).findings.margin
@@ -198,7 +199,7 @@ def test_the_changes_of_a_branch_are_made_in_its_futures(
 
 
 def test_a_fan_is_that_of_the_changed_world(data: ot.Dataset, begun: int, tmp_path: Path):
-    dry = ot.branch(data[begun], changes=[ot.Intervention(without=("rain",))])
+    dry = ot.branch(data[begun], interventions=[ot.Intervention(without=("rain",))])
     stays = ot.branch(data[begun], decision=ot.ForcedDecision.STAY)
     saved = ot.whatif.save_branches(data, {"dry": dry, "stays": stays}, tmp_path / "two")
     was, changed, same = (
@@ -220,7 +221,7 @@ def test_worlds_of_a_belief_agree_with_the_changes_of_a_branch(
         ot.Intervention(frame=10, slot=2, traits={"time_gap": 2.5}),
     ]
     saved = ot.whatif.save_branches(
-        data, {"one": ot.branch(data[begun], changes=changes)}, tmp_path / "one"
+        data, {"one": ot.branch(data[begun], interventions=changes)}, tmp_path / "one"
     )
     scene = scene_of(saved, 0)
     stayed = scene.branch(ot.Intervention(decision=ot.ForcedDecision.STAY))
@@ -285,7 +286,7 @@ def test_each_sufficient_change_is_confirmed_by_a_simulation(data: ot.Dataset):
                 continue
             scenario = data.scenario(number)
             value = float(scenario.drivers.time_gap[0, 0]) + one.least
-            run = ot.branch(scenario, changes=[ot.Intervention(traits={"time_gap": value})])
+            run = ot.branch(scenario, interventions=[ot.Intervention(traits={"time_gap": value})])
             assert class_of(ot.label(run), "paper") == one.becomes == "Success_L"
         confirmed += sum(one.least is not None for one in found.found)
         assert all(math.isnan(one.larger) or 0 <= one.larger <= 1 for one in found.found)
@@ -308,7 +309,7 @@ def test_who_knows_what_a_pass_takes_would_not_have_collided(data: ot.Dataset):
     assert least is not None
     assert least > 0.0
     value = float(drawn.drivers.passing_time_factor[0, 0]) + least
-    run = ot.branch(drawn, changes=[ot.Intervention(traits={"passing_time_factor": value})])
+    run = ot.branch(drawn, interventions=[ot.Intervention(traits={"passing_time_factor": value})])
     assert class_of(ot.label(run), "paper") not in [kind.title for kind in ACCIDENTS]
 
 
