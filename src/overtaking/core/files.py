@@ -37,7 +37,7 @@ def unreadable_error(
     Such a file may be intact: the message never advises to write it again.
 
     Args:
-        error: Exception of the reader. Arrow sets `errno` only where the system refuses it.
+        error: Exception of the reader. Arrow sets `errno` only if the system refuses the file.
         where: The file.
         kind: Class of the error, unless the system lacks memory, threads or open files.
 
@@ -68,12 +68,15 @@ def check_output_path(path: str | Path) -> None:
 
     Arrow and other libraries write to names in UTF-8 only.
 
+    Args:
+        path: The path, or the URL of a store.
+
     Raises:
         ConfigError: A part of the absolute path has other bytes.
     """
     absolute = str(path)
     if "://" not in absolute:
-        with suppress(OSError):  # The working directory does not exist any more.
+        with suppress(OSError):  # The working directory no longer exists.
             absolute = os.path.abspath(path)  # noqa: PTH100 - `resolve` would follow links.
     if as_utf8(absolute) != absolute:
         raise ConfigError(
@@ -86,11 +89,17 @@ def check_output_path(path: str | Path) -> None:
 
 
 def check_regular_file(path: Path) -> Path:
-    """A path, refused if reading there might never end.
+    """Refuse pipes and devices, because reading them might never end.
+
+    Args:
+        path: Path of a file or a folder.
+
+    Returns:
+        The path.
 
     Raises:
-        FileNotFoundError: Nothing is there, or a pipe or a device.
-        OSError: It cannot be looked at.
+        FileNotFoundError: The path does not exist, or is a pipe or a device.
+        OSError: The system does not tell its type.
     """
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
@@ -99,23 +108,23 @@ def check_regular_file(path: Path) -> Path:
 
 
 def open_regular_file(path: Path) -> BufferedReader:
-    """A file, open for reading.
+    """Open a file for reading.
 
     Raises:
-        OSError: It cannot be opened, or is a pipe or a device.
+        OSError: The file cannot be opened, or is a pipe or a device.
     """
     return check_regular_file(path).open("rb")
 
 
 def read_bounded(file: BufferedIOBase, max_bytes: int) -> bytes:
-    """The content of an open file.
+    """Read an open file of limited size.
 
     Args:
-        file: The file.
-        max_bytes: How much is read at most [bytes].
+        file: The file. It is open already, because a store has files without a path.
+        max_bytes: Largest size of the file [bytes].
 
     Raises:
-        OSError: It holds more, or cannot be read.
+        OSError: The file is larger, or cannot be read.
     """
     data = file.read(max_bytes + 1)
     if len(data) > max_bytes:
@@ -124,16 +133,16 @@ def read_bounded(file: BufferedIOBase, max_bytes: int) -> bytes:
 
 
 def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
-    """The content of a TOML file, with or without a byte order mark.
+    """Read a TOML file with or without a byte order mark.
 
     Some editors on Windows write that mark at the beginning of UTF-8 files; TOML forbids it.
 
     Args:
         path: The file.
-        max_bytes: Largest size of a file that is read [bytes].
+        max_bytes: Largest size of the file [bytes].
 
     Raises:
-        OSError: The file is too large or cannot be read.
+        OSError: The file is larger, or cannot be read.
         ValueError: The content is not TOML in UTF-8.
         RecursionError: Its values are nested too deeply.
     """
@@ -141,34 +150,61 @@ def read_toml(path: Path, max_bytes: int) -> dict[str, Any]:
         return tomllib.loads(read_bounded(file, max_bytes).decode("utf-8-sig"))
 
 
-def write_atomically(path: Path, content: bytes) -> None:
-    """Put a file into its place, whole or not at all.
+@contextlib.contextmanager
+def atomic_file(path: Path) -> Generator[Path]:
+    """Replace a file only if the block succeeds: no reader ever sees a part of it.
+
+    Args:
+        path: The file; its folder exists.
+
+    Yields:
+        A path in the same folder, with the same suffix, for the block to write to.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written. It names `path`, not the path of the block.
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    partial = path.with_name(path.name + ".partial")
+    partial = path.with_name(f".{path.stem}.{uuid4().hex[:8]}.partial{path.suffix}")
     try:
-        with partial.open("wb") as file:
-            file.write(content)
-            file.flush()
+        yield partial
+        with partial.open("rb+") as file:  # Windows flushes only files that are open for writing.
             os.fsync(file.fileno())
         partial.replace(path)
+    except OSError as error:
+        if error.filename in (None, str(partial)):  # Not a file that the block reads.
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+        raise
     finally:
         partial.unlink(missing_ok=True)
 
 
-@contextlib.contextmanager
-def atomic_folder(out: Path) -> Generator[Path]:
-    """A folder beside `out` that takes its name if the block succeeds, and goes away if not.
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file, or leave an earlier file of this name as it is.
 
     Args:
-        out: The name; it must be free, or that of an empty folder.
+        path: The file; its folder exists.
+        content: Its bytes.
 
     Raises:
-        ConfigError: Something is there.
+        OSError: The file cannot be written.
+    """
+    with atomic_file(path) as partial:
+        partial.write_bytes(content)
+
+
+@contextlib.contextmanager
+def atomic_folder(out: Path) -> Generator[Path]:
+    """Make a folder that appears under its name only if the block succeeds.
+
+    Args:
+        out: The folder. It does not exist, or is empty.
+
+    Yields:
+        A folder beside `out` for the block to write to.
+
+    Raises:
+        ConfigError: The name is taken.
         OSError: The folder cannot be made or renamed.
     """
     check_folder_is_free(out)
@@ -178,7 +214,7 @@ def atomic_folder(out: Path) -> Generator[Path]:
     try:
         yield folder
         if out.is_dir():
-            out.rmdir()  # An empty one; Windows does not replace it.
+            out.rmdir()  # Windows does not replace an empty folder.
         folder.rename(out)
         fsync_folder(out.parent)
     finally:
@@ -186,10 +222,10 @@ def atomic_folder(out: Path) -> Generator[Path]:
 
 
 def check_folder_is_free(out: Path) -> None:
-    """Refuse a place where something is.
+    """Refuse a path that exists, unless it is an empty folder.
 
     Raises:
-        ConfigError: It is not free.
+        ConfigError: The path is a file, a link, or a folder with files.
     """
     if out.is_dir() and not any(out.iterdir()):
         return
@@ -211,10 +247,16 @@ def describe_place(path: Path) -> str:
 
 
 def write_new_file(path: Path, text: str) -> None:
-    """Write a text and force it to the disk.
+    """Write a text to a new file and force it to the disk.
+
+    Args:
+        path: The file. It is in a folder that `atomic_folder` or a lock protects, so that it needs
+            no temporary name.
+        text: Its content.
 
     Raises:
-        OSError: It cannot be written.
+        FileExistsError: The file exists.
+        OSError: The file cannot be written.
     """
     with path.open("x", encoding="utf-8", newline="\n") as file:
         file.write(text)
@@ -223,7 +265,7 @@ def write_new_file(path: Path, text: str) -> None:
 
 
 def fsync_folder(folder: Path) -> None:
-    """Force the names in a folder to the disk, where the system knows how to."""
+    """Force the names in a folder to the disk; on Windows do nothing."""
     if os.name == "nt":  # Windows cannot open folders.
         return
     handle = os.open(folder, os.O_RDONLY)

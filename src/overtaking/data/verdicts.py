@@ -1,7 +1,5 @@
 """Verdicts of any law and policies in a file beside a data set, which stays as it is."""
 
-import os
-import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -10,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from overtaking.core.files import atomic_file
 from overtaking.labels.label import LabelledTrajectories
 from overtaking.model.verdicts import OvertakeClass, Verdict
 
@@ -46,17 +45,10 @@ def written(batches: Iterable[Judged], law: str, out: Path) -> Iterator[Judged]:
     Raises:
         OSError: The file cannot be written.
     """
-    handle, name = tempfile.mkstemp(dir=out.parent, suffix=".parquet")
-    os.close(handle)
-    waiting = Path(name)
-    try:
-        with pq.ParquetWriter(waiting, _SCHEMA) as writer:
-            for numbers, labelled in batches:
-                writer.write_table(_table(numbers, labelled, law))
-                yield numbers, labelled
-        waiting.replace(out)
-    finally:
-        waiting.unlink(missing_ok=True)
+    with atomic_file(out) as partial, pq.ParquetWriter(partial, _SCHEMA) as writer:
+        for numbers, labelled in batches:
+            writer.write_table(_table(numbers, labelled, law))
+            yield numbers, labelled
 
 
 def _table(numbers: NDArray[np.int64], labelled: LabelledTrajectories, law: str) -> pa.Table:

@@ -5,13 +5,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
-import os
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
-from uuid import uuid4
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -19,7 +16,7 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
 from overtaking.core.errors import ConfigError, ImportFormatError
-from overtaking.core.files import unreadable_error
+from overtaking.core.files import atomic_file, unreadable_error
 from overtaking.core.process_limits import refusal_of
 from overtaking.recordings.messages import refused
 from overtaking.recordings.pinto2023_schema import COLUMNS, SCHEMA, VEHICLE_COLUMNS
@@ -27,7 +24,7 @@ from overtaking.recordings.pinto2023_text import CellError, from_text, to_text
 from overtaking.recordings.table_streams import open_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable
+    from collections.abc import Iterable
 
 
 _TEXT = pa.schema([(name, pa.string()) for name in COLUMNS], metadata=SCHEMA.metadata)
@@ -65,27 +62,9 @@ def write_table(tables: Iterable[pa.Table], path: Path | str) -> int:
             next_step="choose such a name",
         )
     write = _write_csv if target.suffix == ".csv" else _write_parquet
-    with _whole_or_nothing(target) as file:
-        return write(file, tables)
-
-
-@contextlib.contextmanager
-def _whole_or_nothing(target: Path) -> Generator[IO[bytes]]:
-    """A file that takes its name, and its place on the disk, only if the block succeeds."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.{uuid4().hex}.tmp")
-    try:
-        with partial.open("xb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(target)
-    except OSError as error:
-        if error.filename in (None, str(partial)):  # Not what the block had to read.
-            raise OSError(error.errno, error.strerror or str(error), str(target)) from error
-        raise
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_file(target) as partial, partial.open("xb") as file:
+        return write(file, tables)
 
 
 def _write_parquet(file: IO[bytes], tables: Iterable[pa.Table]) -> int:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+
 import pytest
 
-from overtaking.core.files import read_toml, write_atomically
+from overtaking.core.files import atomic_file, read_toml, write_atomically
 
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
@@ -32,3 +34,40 @@ def test_a_file_replaces_a_symbolic_link_to_nothing(tmp_path):
     write_atomically(path, b"content")
     assert path.read_bytes() == b"content"
     assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_file_is_replaced_when_the_block_has_succeeded(tmp_path):
+    path = tmp_path / "film.mp4"
+    path.write_bytes(b"old")
+    with atomic_file(path) as partial:
+        assert (partial.parent, partial.suffix) == (tmp_path, ".mp4")
+        partial.write_bytes(b"new")
+        assert path.read_bytes() == b"old"
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_block_that_fails_leaves_the_earlier_file_alone(tmp_path):
+    path = tmp_path / "film.mp4"
+    path.write_bytes(b"old")
+    with pytest.raises(KeyError), atomic_file(path) as partial:
+        partial.write_bytes(b"new")
+        raise KeyError
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_of_writing_names_the_file_and_not_the_partial_one(tmp_path):
+    path = tmp_path / "missing" / "film.mp4"
+    with pytest.raises(FileNotFoundError) as caught:
+        write_atomically(path, b"content")
+    assert caught.value.filename == str(path)
+    with (
+        pytest.raises(OSError, match="No space left") as caught,
+        atomic_file(tmp_path / "film.mp4"),
+    ):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert caught.value.filename == str(tmp_path / "film.mp4")
+    with pytest.raises(FileNotFoundError) as caught, atomic_file(tmp_path / "film.mp4"):
+        (tmp_path / "input").read_bytes()
+    assert caught.value.filename == str(tmp_path / "input")

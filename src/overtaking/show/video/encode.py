@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from overtaking import _core
 from overtaking.core.errors import DatasetError, MissingExtraError
-from overtaking.core.files import fsync_folder
+from overtaking.core.files import atomic_file, fsync_folder
 from overtaking.show.video.canvas import Canvas
 from overtaking.show.video.scene import RATE
 
@@ -76,17 +75,11 @@ def write_film(
         OSError: The file cannot be written.
     """
     av = require()
-    # The ending stays: by it the encoder knows the format.
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-    try:
-        _encode(av, film, partial, title, is_wanted)
-        with partial.open("rb+") as file:
-            os.fsync(file.fileno())
-        partial.replace(path)
-    except av.error.FFmpegError as error:
-        raise _failed(path, error) from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_file(path) as partial:
+        try:
+            _encode(av, film, partial, title, is_wanted)
+        except av.error.FFmpegError as error:
+            raise _failed(path, error) from error
     fsync_folder(path.parent)
 
 
