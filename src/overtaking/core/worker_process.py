@@ -3,6 +3,7 @@
 import _thread
 import atexit
 import importlib
+import math
 import os
 import pickle
 import signal
@@ -11,22 +12,28 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import IO, Any, Final, Self
 
 from overtaking.core.process_limits import explain_refusals, thread_error
 
+# Messages of both directions are pickles in frames. A frame is its length and that many bytes.
 _LENGTH = struct.Struct("<Q")
 
 
 def write_frame(stream: IO[bytes], data: bytes) -> None:
     """Write one frame.
 
+    Args:
+        stream: A pipe.
+        data: The content of the frame.
+
     Raises:
-        OSError: The other end is closed.
+        OSError: The reader has closed its end.
     """
     stream.write(_LENGTH.pack(len(data)))
     stream.write(data)
@@ -34,10 +41,10 @@ def write_frame(stream: IO[bytes], data: bytes) -> None:
 
 
 def read_frame(stream: IO[bytes]) -> bytes:
-    """Read one frame.
+    """Wait for one frame and read its content.
 
     Raises:
-        EOFError: The other end was closed, before or within a frame.
+        EOFError: The writer has closed its end, before or within a frame.
     """
     head = stream.read(_LENGTH.size)
     if len(head) < _LENGTH.size:
@@ -50,14 +57,17 @@ def read_frame(stream: IO[bytes]) -> bytes:
 
 
 STOP_FRAME = b""
-"""The frame that asks a worker to stop; no pickle is empty."""
+"""The frame that asks a worker to stop. It cannot be a message, because no pickle is empty."""
 
 
 class ParentConnection:
-    """The process that started this one. Where it ends, this process ends at once."""
+    """The connection of a worker to the process that started it.
+
+    If that process ends, the worker ends at once.
+    """
 
     def __init__(self) -> None:
-        """Take over the standard streams; call it once, first of all."""
+        """Take over the standard streams: the first call in a worker, once."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal.
         self._requests: SimpleQueue[bytes] = SimpleQueue()
         self._is_stopped = False
@@ -65,7 +75,7 @@ class ParentConnection:
         threading.Thread(target=self._read_frames, args=(requests,), daemon=True).start()
 
     def __iter__(self) -> Iterator[Any]:
-        """Messages, until this process is asked to stop."""
+        """Messages, until the parent asks this process to stop."""
         while (frame := self._requests.get()) != STOP_FRAME and not self._is_stopped:
             yield pickle.loads(frame)
 
@@ -78,97 +88,66 @@ class ParentConnection:
         write_frame(self._answers, pickle.dumps(message))
 
     def _read_frames(self, requests: IO[bytes]) -> None:
-        """Collect messages, also while the main thread works."""
+        """Receive messages, also while the main thread works."""
         try:
             while True:
                 frame = read_frame(requests)
                 if frame == STOP_FRAME:
                     self._is_stopped = True
-                    _thread.interrupt_main(signal.SIGTERM)  # Ignored unless the module handles it.
+                    _thread.interrupt_main(signal.SIGTERM)  # Only a module with a handler notices.
                 self._requests.put(frame)
         except BaseException:  # The parent has ended, or a message is larger than the memory.
-            # At once and without cleaning up: the lock of the parent on the folder is free from now
-            # on, and another process may already write there.
+            # At once and without cleaning up: the parent's lock on its folder is free from now on,
+            # and another process may already write there.
             os._exit(1)
 
 
 def run_worker() -> None:
-    """Call the `main` of the module that the command line names, with its arguments."""
+    """Run a worker: call `main` of the module that the command line names, with its arguments."""
     parent = ParentConnection()
     module, *arguments = sys.argv[1:]
     importlib.import_module(module).main(parent, *arguments)
 
 
 def _private_streams() -> tuple[IO[bytes], IO[bytes]]:
-    """Both pipes, out of reach of code that reads standard input or prints."""
+    """Move both pipes to other descriptors, for code that reads standard input or prints."""
     requests, answers = (os.fdopen(os.dup(number), mode) for number, mode in ((0, "rb"), (1, "wb")))
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(nothing, 0)
-    os.close(nothing)
-    os.dup2(2, 1)
+    null_device = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null_device, 0)
+    os.close(null_device)
+    os.dup2(2, 1)  # Printed text goes to standard error, which the parent keeps for messages.
     return requests, answers
 
 
 SHUTDOWN_TIMEOUT = 5.0
-"""Time that a worker has to end in order [s]."""
+"""Time for a worker to clean up before it is killed [s]."""
+
 _START = "from overtaking.core.worker_process import run_worker; run_worker()"
-_PRINTED_BYTES = 4096
+_PRINTED_BYTES = 4096  # The end of the printed text that is kept: an exception and its cause.
 _POLL = 1.0  # Windows handles Ctrl-C only between two waits [s].
 
 
 class WorkerEnded:
-    """Type of `ENDED`."""
+    """Type of `WORKER_ENDED`."""
 
 
 WORKER_ENDED: Final = WorkerEnded()
-"""The last message of every worker, however it ended."""
+"""The last message from each worker, whether it has stopped or crashed."""
 
 
-class Inbox:
-    """Messages of one or more workers, in the order of their arrival."""
-
-    def __init__(self) -> None:
-        """Create an empty one."""
-        self._frames: SimpleQueue[tuple[WorkerProcess, bytes | None]] = SimpleQueue()
-
-    def put(self, worker: "WorkerProcess", frame: bytes | None) -> None:
-        """Add a frame; None after the last one."""
-        self._frames.put((worker, frame))
-
-    def receive(self, timeout: float | None = None) -> "tuple[WorkerProcess, Any]":
-        """Wait for the next message.
-
-        Args:
-            timeout: Longest time to wait [s]; None for as long as it takes.
-
-        Returns:
-            The worker and its message.
-
-        Raises:
-            TimeoutError: No message arrived in time.
-        """
-        end = None if timeout is None else time.monotonic() + timeout
-        while True:
-            left = _POLL if end is None else max(0.0, min(_POLL, end - time.monotonic()))
-            try:
-                worker, frame = self._frames.get(timeout=left)
-            except Empty:
-                if end is not None and time.monotonic() >= end:
-                    raise TimeoutError from None
-            else:
-                return worker, WORKER_ENDED if frame is None else pickle.loads(frame)
+_frame_received = threading.Condition()
+"""Guards the received frames of all workers; notified after each new one."""
 
 
 class WorkerProcess:
-    """A child process that runs a module; a context that closes it.
+    """A child process that runs a module; as a context manager it ends with the block.
 
-    The child ends with this process, ignores Ctrl-C, and finds the modules that this process finds.
+    The child ends with this process, ignores Ctrl-C, and imports from the same folders.
 
     Args:
-        module: Name of the module.
-        arguments: What its `main` gets after the parent.
-        inbox: Where its messages go; None for an inbox of its own.
-        variables: Environment variables of the child, in addition to those of this process.
+        module: Name of the module. Its `main` receives a `ParentConnection` and the arguments.
+        arguments: Further arguments of `main`.
+        variables: Environment variables to set in the child; it inherits the others.
 
     Raises:
         OSError: The process cannot be started.
@@ -176,15 +155,11 @@ class WorkerProcess:
     """
 
     def __init__(
-        self,
-        module: str,
-        *arguments: str,
-        inbox: Inbox | None = None,
-        variables: Mapping[str, str] | None = None,
+        self, module: str, *arguments: str, variables: Mapping[str, str] | None = None
     ) -> None:
         """Start the process."""
-        found = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
-        self.inbox = inbox or Inbox()
+        search_path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
+        self._frames: deque[bytes | None] = deque()  # None after the last one.
         self._printed = b""
         # Not multiprocessing: its fork copies a process whose threads hold locks, and its spawn
         # runs the main module of the user again, so that every script would need a guard.
@@ -195,11 +170,11 @@ class WorkerProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
-                env={**os.environ, **(variables or {}), "PYTHONPATH": found},
+                env={**os.environ, **(variables or {}), "PYTHONPATH": search_path},
             )
         atexit.register(self.close)
-        targets = (self._read_frames, self._read_printed)
-        self._threads = [threading.Thread(target=one, daemon=True) for one in targets]
+        readers = (self._read_frames, self._read_printed)
+        self._threads = [threading.Thread(target=reader, daemon=True) for reader in readers]
         try:
             for thread in self._threads:
                 thread.start()
@@ -213,7 +188,7 @@ class WorkerProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
+        """Close the worker."""
         self.close()
 
     @property
@@ -223,16 +198,42 @@ class WorkerProcess:
 
     @property
     def is_running(self) -> bool:
-        """Whether the process has not ended."""
+        """Whether the process is still running."""
         return self._process.poll() is None
 
     def send(self, message: object) -> None:
-        """Send a message. Where the process has ended, `ENDED` says so, not this method."""
+        """Send a message. After the end of the process it is lost; `receive` tells of the end."""
         self._send_frame(pickle.dumps(message))
 
     def receive(self, timeout: float | None = None) -> Any:
-        """The next message of a worker with an inbox of its own; see `Inbox.receive`."""
-        return self.inbox.receive(timeout)[1]
+        """Wait for the next message from this worker; see `receive_from_any`."""
+        return self.receive_from_any((self,), timeout)[1]
+
+    @staticmethod
+    def receive_from_any(
+        workers: "Collection[WorkerProcess]", timeout: float | None = None
+    ) -> "tuple[WorkerProcess, Any]":
+        """Wait for the next message from one of several workers.
+
+        Args:
+            workers: The workers.
+            timeout: Longest time to wait [s]; None waits without limit.
+
+        Returns:
+            The worker and its message, which after the end of the worker is `WORKER_ENDED`, once.
+
+        Raises:
+            TimeoutError: No message arrived in time.
+        """
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        with _frame_received:
+            while (worker := next((worker for worker in workers if worker._frames), None)) is None:
+                remaining = end - time.monotonic()
+                if remaining <= 0.0:
+                    raise TimeoutError
+                _frame_received.wait(min(_POLL, remaining))
+            frame = worker._frames.popleft()
+        return worker, WORKER_ENDED if frame is None else pickle.loads(frame)
 
     def stop(self) -> None:
         """Ask the process to end; `close` gives it the time to clean up."""
@@ -242,7 +243,7 @@ class WorkerProcess:
         """End the process and free its pipes and threads. A second call does nothing.
 
         Args:
-            timeout: Time that it has to end by itself before it is killed [s].
+            timeout: Time to wait for the process to end before it is killed [s].
         """
         try:
             self._process.wait(timeout)
@@ -258,13 +259,17 @@ class WorkerProcess:
         atexit.unregister(self.close)
 
     def describe_exit(self) -> str:
-        """Close a worker that sent `ENDED`, and tell how it ended and what it printed last."""
+        """Close a worker after `WORKER_ENDED`, and describe its end.
+
+        Returns:
+            Its exit status or signal, and the last line that it printed.
+        """
         self.close(SHUTDOWN_TIMEOUT)
         status = self._process.returncode
-        how = _signal_name(-status) if status < 0 else f"with exit status {status}"
+        cause = _signal_name(-status) if status < 0 else f"with exit status {status}"
         lines = self._printed.decode(errors="replace").split("\n")
-        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
-        return f"{how}: {last}" if last else how
+        last_line = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        return f"{cause}: {last_line}" if last_line else cause
 
     def _send_frame(self, data: bytes) -> None:
         with suppress(OSError):
@@ -274,14 +279,19 @@ class WorkerProcess:
         try:
             with suppress(EOFError, OSError):
                 while True:
-                    self.inbox.put(self, read_frame(_open(self._process.stdout)))
+                    self._add_frame(read_frame(_open(self._process.stdout)))
         finally:
-            self.inbox.put(self, None)
+            self._add_frame(None)
+
+    def _add_frame(self, frame: bytes | None) -> None:
+        with _frame_received:
+            self._frames.append(frame)
+            _frame_received.notify_all()
 
     def _read_printed(self) -> None:
-        """Keep the last lines that the process prints."""
-        while some := os.read(_open(self._process.stderr).fileno(), _PRINTED_BYTES):
-            self._printed = (self._printed + some)[-_PRINTED_BYTES:]
+        """Keep the end of the text that the process prints."""
+        while text := os.read(_open(self._process.stderr).fileno(), _PRINTED_BYTES):
+            self._printed = (self._printed + text)[-_PRINTED_BYTES:]
 
 
 def _open(pipe: IO[bytes] | None) -> IO[bytes]:

@@ -17,7 +17,6 @@ from overtaking.core.process_limits import THREADS_VARIABLE
 from overtaking.core.worker_process import (
     SHUTDOWN_TIMEOUT,
     WORKER_ENDED,
-    Inbox,
     ParentConnection,
     WorkerProcess,
 )
@@ -99,7 +98,6 @@ class _Run:
 
     def __init__(self, job: Work, where: str, on_done: OnDone) -> None:
         self._job, self._where, self._on_done = job, where, on_done
-        self._inbox = Inbox()
         self._busy: dict[WorkerProcess, _Attempts] = {}
         self._idle: list[WorkerProcess] = []
 
@@ -113,14 +111,12 @@ class _Run:
     def records(self, given: Iterator[HasShard]) -> Iterator[ShardRecord]:
         """The records that workers return; each worker then gets the next task."""
         while self._busy:
-            worker, message = self._inbox.receive()
-            if (attempts := self._busy.get(worker)) is None:
-                continue  # It was idle, and has ended.
+            worker, message = WorkerProcess.receive_from_any(self._busy)
             if isinstance(message, ShardRecord):
                 self._go_on(worker, next(given, None))
                 yield message
             elif isinstance(message, int):
-                self._on_done(attempts.advance(message))
+                self._on_done(self._busy[worker].advance(message))
             elif message is WORKER_ENDED:
                 self._replace(worker)
             else:
@@ -135,9 +131,7 @@ class _Run:
 
     def _started(self) -> WorkerProcess:
         try:
-            return WorkerProcess(
-                __name__, inbox=self._inbox, variables=dict.fromkeys(_ONE_THREAD, "1")
-            )
+            return WorkerProcess(__name__, variables=dict.fromkeys(_ONE_THREAD, "1"))
         except OSError as error:
             raise DatasetError(
                 what="worker process",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from contextlib import suppress
 
 import pytest
 
@@ -50,7 +51,7 @@ def test_a_file_is_replaced_when_the_block_has_succeeded(tmp_path):
 def test_a_block_that_fails_leaves_the_earlier_file_alone(tmp_path):
     path = tmp_path / "film.mp4"
     path.write_bytes(b"old")
-    with pytest.raises(KeyError), atomic_file(path) as partial:
+    with suppress(KeyError), atomic_file(path) as partial:
         partial.write_bytes(b"new")
         raise KeyError
     assert path.read_bytes() == b"old"
@@ -62,12 +63,10 @@ def test_an_error_of_writing_names_the_file_and_not_the_partial_one(tmp_path):
     with pytest.raises(FileNotFoundError) as caught:
         write_atomically(path, b"content")
     assert caught.value.filename == str(path)
-    with (
-        pytest.raises(OSError, match="No space left") as caught,
-        atomic_file(tmp_path / "film.mp4"),
-    ):
+    path = tmp_path / "film.mp4"
+    with pytest.raises(OSError, match="No space left") as caught, atomic_file(path):
         raise OSError(errno.ENOSPC, "No space left on device")
-    assert caught.value.filename == str(tmp_path / "film.mp4")
-    with pytest.raises(FileNotFoundError) as caught, atomic_file(tmp_path / "film.mp4"):
+    assert caught.value.filename == str(path)
+    with pytest.raises(FileNotFoundError) as caught, atomic_file(path):
         (tmp_path / "input").read_bytes()
     assert caught.value.filename == str(tmp_path / "input")

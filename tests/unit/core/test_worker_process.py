@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.support.processes import eventually, is_running
 
-from overtaking.core.worker_process import WORKER_ENDED, Inbox, WorkerProcess
+from overtaking.core.worker_process import WORKER_ENDED, WorkerProcess
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -62,12 +62,25 @@ def test_messages_of_any_kind_are_answered_in_order():
     assert not worker.is_running
 
 
-def test_workers_may_share_an_inbox():
-    inbox = Inbox()
-    with WorkerProcess(MODULE, "a", inbox=inbox) as a, WorkerProcess(MODULE, "b", inbox=inbox) as b:
-        assert dict(inbox.receive() for _ in range(2)) == {a: ("a",), b: ("b",)}
+def test_the_next_message_comes_from_any_of_several_workers():
+    receive = WorkerProcess.receive_from_any
+    with WorkerProcess(MODULE, "a") as a, WorkerProcess(MODULE, "b") as b:
+        assert dict(receive((a, b)) for _ in range(2)) == {
+            a: ("a",),
+            b: ("b",),
+        }
         b.send("hello")
-        assert inbox.receive() == (b, "hello")
+        assert receive((a, b)) == (b, "hello")
+        a.send("hello")
+        a.send("again")
+        assert [receive((a, b)) for _ in range(2)] == [
+            (a, "hello"),
+            (a, "again"),
+        ]
+        with pytest.raises(TimeoutError):
+            receive((a, b), 0.01)
+        a.stop()
+        assert receive((a, b)) == (a, WORKER_ENDED)
 
 
 def test_a_worker_finds_the_same_modules_and_gets_more_variables():
