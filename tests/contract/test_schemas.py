@@ -94,7 +94,7 @@ def test_every_attribute_has_a_column_in_its_unit(cls, table, path, elsewhere):
     assert {one.path.rpartition(".")[2] for one in columns} | elsewhere == attributes
     documented = units_in_docstring(cls)
     for one in columns:
-        assert unit_of(one.field) == documented[one.path.rpartition(".")[2]], one.name
+        assert one.spec.unit == documented[one.path.rpartition(".")[2]], one.name
 
 
 def test_the_docstrings_are_read():

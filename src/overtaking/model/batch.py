@@ -72,13 +72,16 @@ class FieldSpec:
         low: Smallest value.
         high: Largest value.
         low_is_open: Whether `low` itself is excluded.
-        missing: One value outside the range that stands for "none".
+        missing: One value outside the range that stands for "none"; null in tables.
         axes: Axes of the array; the axes of its class (`Batch.AXES`) if left out.
         column: Name of the column; None for a field that is not written.
         null_unless: Path of the flag or count that says where there is a value: from the outermost
-            batch, or from this one if it begins with a dot.
+            batch, or from this one if it begins with a dot. The column is null where that flag is
+            false, that count 0, or that field has its `missing` value.
         needs: Properties that a recording must state, in `model.trajectories.UNKNOWNS`.
         names: Names of the codes of an enumeration.
+        flags: Names of the bits, from the lowest.
+        is_key: Whether the column identifies a row.
     """
 
     meaning: str = ""
@@ -93,6 +96,8 @@ class FieldSpec:
     null_unless: str = ""
     needs: Sequence[str] = ()
     names: Sequence[str] = ()
+    flags: Sequence[str] = ()
+    is_key: bool = False
 
     @property
     def is_bounded(self) -> bool:

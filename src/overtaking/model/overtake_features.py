@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from overtaking.core.arrays import F32, I32, U8, Mask
 from overtaking.knowledge.glossary import terms
 from overtaking.model.batch import Batch, ColumnName, FieldSpec, with_field_docs
+from overtaking.model.overtake_events import NEVER
 from overtaking.model.safety_measures import Encounter
 from overtaking.model.vehicles import VehicleKind
 
@@ -52,7 +53,8 @@ class PaperFeatures(Batch):
     frame: Annotated[
         I32,
         FieldSpec(
-            "Frame at which they were measured, `NEVER` for means over all frames", column=None
+            "Frame at which they were measured, none for means over all frames",
+            missing=int(NEVER),
         ),
     ]
 
@@ -282,27 +284,38 @@ class LawMarginsOnPullOut(Batch):
     ]
 
 
+_perceived = partial(FieldSpec, null_unless=".is_detected", needs=["percepts"])
+
+
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeliefsAtPullOut(Batch):
     """Beliefs of the ego's driver at its last decision to pull out.
 
     Arrays have shape (simulation,), or (simulation, 3) for the leader, and the leader and the
-    follower in the lane on the left.
-
-    Attributes:
-        exists: Whether there was such a decision; otherwise all other fields are undefined.
-        age: Time since the decision [s].
-        is_detected: Whether the driver had noticed the vehicle, (simulation, 3); otherwise its gap
-            and speed are undefined.
-        gap: Believed gap to it, from bumper to bumper, (simulation, 3) [m].
-        closing_speed: Believed speed at which that gap shrinks, (simulation, 3) [m/s].
+    follower in the lane on the left. Where `exists` is false, all other fields are undefined; gap
+    and closing speed also where `is_detected` is.
     """
 
-    exists: Mask
-    age: F32
-    is_detected: Mask
-    gap: F32
-    closing_speed: F32
+    exists: Annotated[Mask, FieldSpec("Whether there was such a decision", column=None)]
+    age: Annotated[
+        F32,
+        FieldSpec(
+            "Time since the last decision to pull out",
+            "s",
+            column=ColumnName(prefix="believed_"),
+            null_unless=".exists",
+            needs=["percepts"],
+        ),
+    ]
+    is_detected: Annotated[
+        Mask,
+        FieldSpec(
+            "Whether the driver had noticed the vehicle", null_unless=".exists", needs=["percepts"]
+        ),
+    ]
+    gap: Annotated[F32, _perceived("Gap from bumper to bumper as the driver believed it", "m")]
+    closing_speed: Annotated[F32, _perceived("Speed of approach as the driver believed it", "m/s")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,7 +335,7 @@ class AttemptFeatures(Batch):
         beliefs: Beliefs of the driver at the last decision to pull out.
     """
 
-    frame: I32
+    frame: Annotated[I32, FieldSpec("Frame of the attempt, or of what stands for it")]
     ego: EgoState
     leader: LeaderState
     left: LeftLane

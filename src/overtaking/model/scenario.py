@@ -60,20 +60,33 @@ class Scenario(IdentityBatch):
     road: Road
     seed: Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
     frame_interval_ms: Annotated[int, FieldSpec(unit="ms", low=1, high=1000)]
-    scenario_index: U64
-    horizon: Annotated[F32, FieldSpec(unit="s", low=0.0, high=MAX_DURATION, low_is_open=True)]
-    attempt_deadline: Annotated[F32, FieldSpec(unit="s", low=0.0, high=1e6, low_is_open=True)]
-    weight: Annotated[F64, FieldSpec(low=0.0, high=1e12)]
+    scenario_index: Annotated[U64, FieldSpec("Number from which the scenario was drawn")]
+    horizon: Annotated[F32, FieldSpec("Longest duration", "s", 0.0, MAX_DURATION, low_is_open=True)]
+    attempt_deadline: Annotated[
+        F32, FieldSpec("A simulation without an attempt ends here", "s", 0.0, 1e6, low_is_open=True)
+    ]
+    weight: Annotated[
+        F64, FieldSpec("Sampling weight: natural over sampled probability", "1", 0.0, 1e12)
+    ]
     vehicles: VehicleSpecs
     drivers: DriverTraits
     weather: Weather
     start_s: Annotated[
-        F32, FieldSpec(unit="m", low=-MAX_LENGTH, high=MAX_LENGTH, axes=_VEHICLE_AXES)
+        F32,
+        FieldSpec(
+            "Position along the road before the first step",
+            "m",
+            -MAX_LENGTH,
+            MAX_LENGTH,
+            axes=_VEHICLE_AXES,
+        ),
     ]
     start_lane: Annotated[
         U8, FieldSpec(low=0, high=AxisEnd("lane or oncoming"), axes=_VEHICLE_AXES)
     ]
-    start_speed: Annotated[F32, FieldSpec(unit="m/s", low=0.0, high=150.0, axes=_VEHICLE_AXES)]
+    start_speed: Annotated[
+        F32, FieldSpec("Speed before the first step", "m/s", 0.0, 150.0, axes=_VEHICLE_AXES)
+    ]
     pushes: LateralPushes | None = None
 
     def __post_init__(self) -> None:

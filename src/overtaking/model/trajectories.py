@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
+from functools import partial
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -20,6 +21,7 @@ from overtaking.core.errors import SchemaError
 from overtaking.model.batch import (
     AxisEnd,
     Batch,
+    ColumnName,
     Constraint,
     FieldSpec,
     IdentityBatch,
@@ -196,57 +198,86 @@ BYTES_PER_STATE = sum(np.dtype(kind).itemsize for kind in STATE_DTYPES.values())
 """Size of the recorded state of one vehicle in one frame [bytes]."""
 
 
+_contact = partial(
+    FieldSpec, column=ColumnName(prefix="contact_"), null_unless=".partner", needs=["impulse"]
+)
+
+
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contacts(Batch):
     """First collision of each vehicle; shape (simulation, vehicle).
 
-    Attributes:
-        partner: Slot of the other vehicle, `NO_VEHICLE` without a collision.
-        time: Instant of the first contact [ms].
-        impulse: Magnitude of the impulse of the first contact [N s].
-        closing_speed: Speed of approach along the contact normal [mm/s].
+    A vehicle without a collision has the partner `NO_VEHICLE`.
     """
 
     AXES = ("simulation", "vehicle")
 
-    partner: Annotated[U8, FieldSpec(low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE))]
-    time: Annotated[I32, FieldSpec(unit="ms", low=0, high=MAX_DURATION * 1000)]
-    impulse: Annotated[I32, FieldSpec(unit="N s", low=0, high=2**31 - 1)]
-    closing_speed: I32
+    partner: Annotated[
+        U8,
+        FieldSpec(
+            "Slot it first collided with",
+            "1",
+            0,
+            AxisEnd("vehicle"),
+            missing=int(NO_VEHICLE),
+            column=ColumnName("vehicle", "contact_"),
+        ),
+    ]
+    time: Annotated[
+        I32, _contact("Instant of that contact", "ms", 0, MAX_DURATION * 1000, needs=())
+    ]
+    impulse: Annotated[I32, _contact("Impulse of that contact", "N s", 0, 2**31 - 1)]
+    closing_speed: Annotated[I32, _contact("Speed of approach along the contact normal", "mm/s")]
 
 
+_decision = partial(FieldSpec, axes=("simulation", "decision"))
+_belief = partial(FieldSpec, null_unless=".is_detected")
+_truth = partial(FieldSpec, null_unless=".slot")
+
+
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percepts(Batch):
     """Beliefs of the ego's driver at each decision.
 
     Arrays have shape (simulation, decision), or a last axis of three: the leader, and the new
-    leader and the new follower in the lane that the ego enters.
-
-    Attributes:
-        valid: Whether the row holds a decision.
-        kind: `ManoeuvreKind`.
-        time: Instant of the decision [ms].
-        slot: Slot of the true neighbour, `NO_VEHICLE` without one, (simulation, decision, 3).
-        is_detected: Whether the ego had noticed it, (simulation, decision, 3).
-        gap: Believed bumper-to-bumper gap, (simulation, decision, 3) [mm].
-        closing_speed: Believed speed of approach, (simulation, decision, 3) [mm/s].
-        true_gap: True gap, (simulation, decision, 3) [mm].
-        true_closing_speed: True speed of approach, (simulation, decision, 3) [mm/s].
+    leader and the new follower in the lane that the ego enters. Without a neighbour its slot is
+    `NO_VEHICLE`.
     """
 
     AXES = ("simulation", "decision", 3)
 
-    valid: Annotated[Mask, FieldSpec(axes=("simulation", "decision"))]
-    kind: Annotated[U8, FieldSpec(low=0, high=max(ManoeuvreKind), axes=("simulation", "decision"))]
-    time: Annotated[
-        I32, FieldSpec(unit="ms", low=0, high=MAX_DURATION * 1000, axes=("simulation", "decision"))
+    valid: Annotated[Mask, _decision("Whether the row holds a decision", column=None)]
+    kind: Annotated[
+        U8,
+        _decision(
+            "Kind of the decision",
+            "1",
+            0,
+            max(ManoeuvreKind),
+            names=[kind.name for kind in ManoeuvreKind],
+        ),
     ]
-    slot: Annotated[U8, FieldSpec(low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE))]
-    is_detected: Mask
-    gap: I32
-    closing_speed: I32
-    true_gap: I32
-    true_closing_speed: I32
+    time: Annotated[I32, _decision("Instant of the decision", "ms", 0, MAX_DURATION * 1000)]
+    slot: Annotated[
+        U8,
+        FieldSpec(
+            "Slot of the true neighbour",
+            "1",
+            0,
+            AxisEnd("vehicle"),
+            missing=int(NO_VEHICLE),
+            column=ColumnName("vehicle"),
+        ),
+    ]
+    is_detected: Annotated[Mask, FieldSpec("Whether the ego had noticed it")]
+    gap: Annotated[I32, _belief("Bumper gap as the ego believed it, null unless detected", "mm")]
+    closing_speed: Annotated[
+        I32, _belief("Speed of approach as the ego believed it, null unless detected", "mm/s")
+    ]
+    true_gap: Annotated[I32, _truth("Bumper gap as it was", "mm")]
+    true_closing_speed: Annotated[I32, _truth("Speed of approach as it was", "mm/s")]
 
     @classmethod
     def empty(cls, num_simulations: int, num_rows: int) -> "Percepts":
@@ -334,13 +365,29 @@ class Trajectories(IdentityBatch):
     """
 
     scenario: Scenario
-    num_frames: I32
+    num_frames: Annotated[I32, FieldSpec("Number of recorded frames")]
     states: States
-    stage: Annotated[U8, FieldSpec(low=0, high=max(Stage), axes=("simulation", "time"))]
+    stage: Annotated[
+        U8,
+        FieldSpec(
+            "Stage of the overtake, as the ego's driver sees it",
+            "1",
+            0,
+            max(Stage),
+            axes=("simulation", "time"),
+            needs=["stage"],
+            names=[stage.name for stage in Stage],
+        ),
+    ]
     collided_with: Annotated[
         U8,
         FieldSpec(
-            low=0, high=AxisEnd("vehicle"), missing=int(NO_VEHICLE), axes=("simulation", "time")
+            "Slot that the ego has collided with so far",
+            "1",
+            0,
+            AxisEnd("vehicle"),
+            missing=int(NO_VEHICLE),
+            axes=("simulation", "time"),
         ),
     ]
     contacts: Contacts

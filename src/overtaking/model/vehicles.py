@@ -88,8 +88,28 @@ class VehicleSpecs(Batch):
             "Whether the slot holds a vehicle; an empty one has values in range without meaning"
         ),
     ]
-    kind: Annotated[U8, FieldSpec("`VehicleKind`", "1", 0, max(VehicleKind))]
-    colour: Annotated[U8, FieldSpec("`Paint`", "1", 0, max(Colour))]
+    kind: Annotated[
+        U8,
+        FieldSpec(
+            "Small, medium or large car, van, truck, motorcycle, bicycle",
+            "1",
+            0,
+            max(VehicleKind),
+            needs=["kinds"],
+            names=[kind.code for kind in VehicleKind],
+        ),
+    ]
+    colour: Annotated[
+        U8,
+        FieldSpec(
+            "Colour of the body",
+            "1",
+            0,
+            max(Colour),
+            needs=["bodies"],
+            names=[colour.name.lower() for colour in Colour],
+        ),
+    ]
     length: Annotated[F32, FieldSpec("Bumper to bumper", "m", 0.1, 60.0)]
     width: Annotated[F32, FieldSpec("Body without mirrors", "m", 0.1, 60.0)]
     height: Annotated[F32, FieldSpec("Height", "m", 0.1, 6.0)]

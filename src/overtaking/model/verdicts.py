@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Annotated
 
 from overtaking.core.arrays import F32, I32, U8, Mask
-from overtaking.model.batch import Batch, IdentityBatch
+from overtaking.model.batch import Batch, ColumnName, FieldSpec, IdentityBatch, with_field_docs
 from overtaking.model.ego_signals import EgoSignals, TargetSignals
-from overtaking.model.overtake_events import OvertakeEvents
+from overtaking.model.overtake_events import NEVER, Outcome, OutcomeDetail, OvertakeEvents
 from overtaking.model.trajectories import Trajectories
 
 
@@ -85,28 +86,42 @@ class Case(IdentityBatch):
     target: TargetSignals
 
 
+def _code(meaning: str, codes: type[IntEnum]) -> FieldSpec:
+    """Declaration of codes, whose names tables write in small letters."""
+    return FieldSpec(meaning, names=[code.name.lower() for code in codes])
+
+
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding(Batch):
     """Findings of one rule; every array has shape (simulation,).
 
-    Attributes:
-        verdict: `Verdict`.
-        margin: Distance from the limit of the law, in the unit of the rule, negative in a breach; 0
-            where the verdict is neither legal nor illegal.
-        first: First frame of the breach, `NEVER` without one.
-        last: Last frame of the breach, `NEVER` without one.
-        longest: Number of frames of its longest unbroken part, 0 without one.
-        severity: `Severity` of the breach, `NONE` without one.
-        belief: `Belief`.
+    The margin is 0 where the verdict is neither legal nor illegal. Without a breach its first and
+    last frame are `NEVER`, its longest part is 0 and its severity `NONE`.
     """
 
-    verdict: U8
-    margin: F32
-    first: I32
-    last: I32
-    longest: I32
-    severity: U8
-    belief: U8
+    verdict: Annotated[U8, _code("Verdict of the rule", Verdict)]
+    margin: Annotated[
+        F32,
+        FieldSpec(
+            "Distance from the limit of the law in the unit of the rule, negative in a breach"
+        ),
+    ]
+    first: Annotated[
+        I32,
+        FieldSpec(
+            "First frame of the breach", missing=int(NEVER), column=ColumnName("first_frame")
+        ),
+    ]
+    last: Annotated[
+        I32,
+        FieldSpec("Last frame of the breach", missing=int(NEVER), column=ColumnName("last_frame")),
+    ]
+    longest: Annotated[
+        I32, FieldSpec("Number of frames of the longest unbroken part of the breach", column=None)
+    ]
+    severity: Annotated[U8, _code("Severity of the breach", Severity)]
+    belief: Annotated[U8, _code("Verdict by the belief of the driver", Belief)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,24 +137,34 @@ class Findings(Finding):
     version: str
 
 
+@with_field_docs
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Labels(Batch):
-    """The class of each simulation; arrays have shape (simulation,) or (simulation, policy).
+    """The class of each simulation.
 
-    Attributes:
-        policies: Names of the policies, in the order of the last axis.
-        outcome: `Outcome`, shape (simulation,).
-        detail: `OutcomeDetail`, shape (simulation,).
-        classes: `OvertakeClass`, (simulation, policy).
-        is_legal: Whether no rule that the policy requires is broken, as far as can be decided.
-        num_broken: Number of required rules that are broken.
-        num_undecidable: Number of required rules that apply and cannot be decided.
+    Arrays have shape (simulation, policy); `outcome` and `detail` have shape (simulation,).
     """
 
-    policies: tuple[str, ...]
-    outcome: U8
-    detail: U8
-    classes: U8
-    is_legal: Mask
-    num_broken: U8
-    num_undecidable: U8
+    policies: Annotated[
+        tuple[str, ...],
+        FieldSpec("Names of the policies, in the order of the last axis", column=None),
+    ]
+    outcome: Annotated[U8, _code("How the overtake ended, legality aside", Outcome)]
+    detail: Annotated[U8, _code("Reason of the outcome", OutcomeDetail)]
+    classes: Annotated[
+        U8,
+        FieldSpec(
+            "Class of the simulation under the policy",
+            column=ColumnName("class"),
+            names=[one.title for one in OvertakeClass],
+        ),
+    ]
+    is_legal: Annotated[
+        Mask,
+        FieldSpec(
+            "Whether no required rule is known to be broken",
+            column=ColumnName("legal_as_far_as_decidable"),
+        ),
+    ]
+    num_broken: Annotated[U8, FieldSpec("Required rules that are broken")]
+    num_undecidable: Annotated[U8, FieldSpec("Required rules that apply and cannot be decided")]

@@ -79,14 +79,15 @@ def read_columns(columns: Iterable[Column], batch: Batch, rows: Rows) -> dict[st
     """
 
     @cache
-    def absent(path: str, index: int | None, nothing: int) -> Mask:
-        return rows(_attribute(batch, path, index)) == nothing
+    def absent(path: str, index: int | None, null_value: int) -> Mask:
+        return rows(_attribute(batch, path, index)) == null_value
 
     given: dict[str, Given] = {}
     for one in columns:
         values = rows(_attribute(batch, one.path, one.index))
-        missing = absent(one.present, one.index, one.nothing) if one.present else None
-        if one.field.nullable and values.dtype.kind == "f":
+        path = one.spec.null_unless
+        missing = absent(path, one.index, one.null_value) if path else None
+        if one.is_nullable and values.dtype.kind == "f":
             infinite = ~np.isfinite(values)
             missing = infinite if missing is None else missing | infinite
         given[one.name] = values if missing is None else Masked(values, missing)

@@ -1,4 +1,4 @@
-"""Declarations of columns: name, type, unit, meaning, and the attribute that has the values.
+"""Columns of tables: those that the fields of a batch declare, and those that encoders compute.
 
 A name ends in its unit. Integer columns count steps of a unit and carry the step in their name:
 `x_mm`, `heading_100urad`. Read through this package they come back as SI numbers under the SI name:
@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from overtaking.core.units import INTEGER_UNITS, NAME_SUFFIXES
 from overtaking.data.tables.arrow import missing_in, to_numpy
-from overtaking.model.batch import Batch, BatchField, batch_fields
+from overtaking.model.batch import Batch, BatchField, FieldSpec, batch_fields
 
-FLOAT, DOUBLE, BOOL, TEXT = pa.float32(), pa.float64(), pa.bool_(), pa.string()
-BYTE, SHORT, INT, LONG, ULONG = pa.uint8(), pa.int16(), pa.int32(), pa.int64(), pa.uint64()
+TEXT = pa.string()
 
 Names = tuple[str, ...]
 """The names that an enumeration column can hold, in the order of their codes in memory."""
@@ -30,170 +29,157 @@ Names = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column of a table, and where the batch that the table is made from has its values.
+    """A column of a table, and where its values are.
 
     Attributes:
-        field: Name and type; the metadata has unit and meaning.
-        path: Attribute of the batch, dotted. What is no attribute is computed by the encoder.
-        index: Index on the last axis of the attribute; None if the table has every axis of it.
-        present: Attribute that tells where there is a value, dotted; empty if there always is one.
-        nothing: Value of `present` where the column is null.
-        needs: Names among `model.trajectories.UNKNOWNS`. The column is null throughout in
-            recordings that do not tell one of them.
-        is_key: Whether it is one of the columns that identify a row.
+        name: Name with the suffix of its unit.
+        dtype: Type of the values; Arrow's for texts and fixed bytes. Of an enumeration it is the
+            type of the codes.
+        spec: Declaration of the field. Its `null_unless` begins at the batch of the table, and its
+            `needs` include what the whole table or part of a table needs.
+        path: Attribute of the batch, dotted; an encoder computes a column that has no attribute.
+        index: Index on the last axis; None if the table has a row for every element.
+        null_value: Value of the attribute `spec.null_unless` where the column is null.
+        is_nullable: Whether it may hold nulls.
     """
 
-    field: pa.Field
+    name: str
+    dtype: np.dtype[Any] | pa.DataType
+    spec: FieldSpec
     path: str
     index: int | None = None
-    present: str = ""
-    nothing: int = 0
-    needs: tuple[str, ...] = ()
-    is_key: bool = False
+    null_value: int = 0
+    is_nullable: bool = False
 
     @property
-    def name(self) -> str:
-        """The name, with the ending of the unit."""
-        return self.field.name
+    def arrow_field(self) -> pa.Field:
+        """The column in an Arrow schema, with unit, meaning and names as metadata."""
+        spec, dtype = self.spec, self.dtype
+        metadata = {"unit": spec.unit, "description": spec.meaning}
+        kind = dtype if isinstance(dtype, pa.DataType) else pa.from_numpy_dtype(dtype)
+        if spec.names:
+            # Parquet gives dictionaries back with this type of index.
+            kind = pa.dictionary(pa.int32(), pa.string())
+            metadata["names"] = json.dumps(list(spec.names))
+        if spec.flags:
+            metadata["flags"] = json.dumps(list(spec.flags))
+        return pa.field(self.name, kind, nullable=self.is_nullable, metadata=metadata)
 
     def is_silent(self, unknown: Collection[str]) -> bool:
-        """Whether it is null throughout where some things are unknown."""
-        return any(name in unknown for name in self.needs)
+        """Whether it is null throughout where some properties are unknown."""
+        return any(name in unknown for name in self.spec.needs)
 
 
-def column(
+def computed_column(
     name: str,
-    kind: pa.DataType | Names,
-    meaning: str,
-    unit: str = "1",
+    dtype: type[np.generic] | pa.DataType,
+    spec: FieldSpec,
     *,
     path: str = "",
-    nullable: bool = False,
-    flags: Names = (),
-    needs: Sequence[str] = (),
-    present: str = "",
-    nothing: int = 0,
-    is_key: bool = False,
+    is_nullable: bool = False,
 ) -> Column:
-    """Declare a column.
+    """A column that no field of a batch declares: an encoder computes it.
 
     Args:
-        name: Its name, to which the ending of the unit is added.
-        kind: An Arrow type; or the names of an enumeration, which the metadata then lists.
-        meaning: One sentence without a full stop.
-        unit: A key of `SUFFIXES`.
+        name: Its name, to which the suffix of the unit is added.
+        dtype: As in `Column`.
+        spec: Its declaration.
         path: As in `Column`; the name if left out.
-        nullable: Whether the column may hold nulls.
-        flags: Names of the bits of an integer column, from the lowest.
-        needs: As in `Column`.
-        present: As in `Column`.
-        nothing: As in `Column`.
-        is_key: As in `Column`.
+        is_nullable: As in `Column`.
     """
-    metadata = {"unit": unit, "description": meaning}
-    if isinstance(kind, tuple):
-        # Parquet gives dictionaries back with this type of index.
-        kind, metadata["names"] = pa.dictionary(pa.int32(), pa.string()), json.dumps(kind)
-    if flags:
-        metadata["flags"] = json.dumps(flags)
     return Column(
-        field=pa.field(name + NAME_SUFFIXES[unit], kind, nullable=nullable, metadata=metadata),
+        name=name + NAME_SUFFIXES[spec.unit],
+        dtype=dtype if isinstance(dtype, pa.DataType) else np.dtype(dtype),
+        spec=spec,
         path=path or name,
-        present=present,
-        nothing=nothing,
-        needs=tuple(needs),
-        is_key=is_key,
+        is_nullable=is_nullable,
     )
 
 
-def attributes(
-    path: str, *columns: Column, prefix: str = "", nullable: bool = False, **shared: Any
-) -> list[Column]:
-    """Columns that are attributes of one part of a batch.
-
-    Args:
-        path: The part, dotted.
-        columns: The columns, with names and paths relative to that part.
-        prefix: What all names begin with.
-        nullable: Whether all of these columns may hold nulls.
-        shared: Fields that these columns have in common, unless a column has a value of its own.
-    """
-    return [
-        dataclasses.replace(
-            one,
-            field=one.field.with_name(prefix + one.name).with_nullable(
-                nullable or one.field.nullable
-            ),
-            path=f"{path}.{one.path}".lstrip("."),
-            **{name: getattr(one, name) or value for name, value in shared.items()},
-        )
-        for one in columns
-    ]
-
-
-def declared(
-    path: str,
+def columns_of(
     cls: type[Batch],
+    path: str = "",
     *,
     only: Collection[str] = (),
     without: Collection[str] = (),
-    kinds: Mapping[str, pa.DataType] = MappingProxyType({}),
-    units: Mapping[str, str] = MappingProxyType({}),
+    prefix: str = "",
+    about: str = "",
+    index: int | None = None,
     needs: Sequence[str] = (),
     nullable: bool | Collection[str] = (),
+    dtypes: Mapping[str, type[np.generic]] = MappingProxyType({}),
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> list[Column]:
-    """Columns that the fields of a batch declare themselves, in the order of the fields.
+    """Columns of the fields that a batch declares, in their order.
 
     Args:
-        path: Where the table's batch has this one, dotted; empty if it is the same.
-        cls: Its class; see `model.batch.FieldSpec`.
+        cls: The class of the batch; see `model.batch.FieldSpec`.
+        path: Where the batch of the table holds it, dotted; empty if it is the same.
         only: Names of the fields that are wanted; all of them if empty.
         without: Names of fields that are left out.
-        kinds: Types of columns that are not those of their fields.
+        prefix: What the names of the columns begin with.
+        about: What is added to each meaning, such as "the vehicle ahead".
+        index: Index on the last axis of each array.
+        needs: What all of these columns need, besides the `needs` of their fields.
+        nullable: Whether all of these columns may hold nulls. Names of fields allow nulls in their
+            columns, and in columns that need something. A column without a value everywhere always
+            may.
+        dtypes: Types of columns that are not those of their fields.
         units: The same for units.
-        needs: What all of these columns need, as in `Column`.
-        nullable: Whether columns may hold nulls. Names of fields allow nulls in their columns, in
-            those that need something, and in those without a value everywhere.
     """
-    found: list[Column] = []
+    columns: list[Column] = []
     for name, field in batch_fields(cls).items():
         if field.column is None or name in without or (only and name not in only):
             continue
         spec, where = field.spec, f"{path}.{name}".lstrip(".")
-        if field.dtype is None:
-            found += _nested(where, field.type, field)
+        if field.dtype is None:  # A batch in the batch.
+            columns += columns_of(
+                field.type, where, prefix=f"{prefix}{field.column}_", about=spec.meaning
+            )
             continue
-        present = spec.null_unless
-        if present.startswith("."):
-            present = f"{path}{present}".lstrip(".")
+        null_unless, null_value = _null_rule(cls, path, field)
+        is_nullable = bool(null_unless)
         if isinstance(nullable, bool):
-            is_nullable = nullable or bool(present)
+            is_nullable |= nullable
         else:
-            is_nullable = name in nullable or bool(present or spec.needs)
-        found.append(
-            column(
-                field.column,
-                tuple(spec.names) or kinds.get(name) or pa.from_numpy_dtype(field.dtype),
-                spec.meaning,
-                units.get(name, spec.unit),
+            is_nullable |= name in nullable or bool(spec.needs)
+        spec = dataclasses.replace(
+            spec,
+            meaning=f"{spec.meaning}; {about}" if about else spec.meaning,
+            unit=units.get(name, spec.unit),
+            null_unless=null_unless,
+            needs=(*needs, *spec.needs),
+        )
+        columns.append(
+            Column(
+                name=prefix + field.column + NAME_SUFFIXES[spec.unit],
+                dtype=np.dtype(dtypes.get(name, field.dtype)),
+                spec=spec,
                 path=where,
-                nullable=is_nullable,
-                present=present,
-                needs=[*needs, *spec.needs],
+                index=index,
+                null_value=null_value,
+                is_nullable=is_nullable,
             )
         )
-    return found
+    return columns
 
 
-def _nested(path: str, cls: type[Batch], outer: BatchField) -> list[Column]:
-    """The columns of a batch in a batch, whose names and meanings extend those of its parts."""
-    found: list[Column] = []
-    for one in declared(path, cls):
-        meaning = f"{one.field.metadata[b'description'].decode()}; {outer.spec.meaning}"
-        metadata = one.field.metadata | {b"description": meaning.encode()}
-        field = one.field.with_name(f"{outer.column}_{one.name}").with_metadata(metadata)
-        found.append(dataclasses.replace(one, field=field))
-    return found
+def _null_rule(cls: type[Batch], path: str, field: BatchField) -> tuple[str, int]:
+    """The attribute that tells where a column is null, and its value there.
+
+    Args:
+        cls: Class of the batch that declares the field.
+        path: Where the batch of the table holds that batch.
+        field: The field.
+    """
+    relative = field.spec.null_unless
+    if not relative and field.spec.missing is not None:
+        relative = f".{field.name}"
+    if not relative.startswith("."):
+        return relative, 0
+    flag = batch_fields(cls).get(relative[1:])
+    null_value = 0 if flag is None or flag.spec.missing is None else flag.spec.missing
+    return f"{path}{relative}".lstrip("."), null_value
 
 
 def unit_of(field: pa.Field) -> str:

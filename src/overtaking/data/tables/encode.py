@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import Mask
 from overtaking.data.tables.arrow import Array, Masked, to_texts
 from overtaking.data.tables.build import Given, Rows, Texts, build
-from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.derived import derived_weather
 from overtaking.data.tables.lanes import lane_columns, start_lane_ids
 from overtaking.data.tables.schemas import (
@@ -176,9 +175,9 @@ def actions(trajectories: Trajectories, numbers: Numbers) -> pa.Table:
     nothing = np.ones(len(action), np.bool_)
     computed: dict[str, Given] = {"simulation": numbers[simulation], "action": action}
     for one in COLUMNS["actions"][len(computed) :]:
-        kind = np.int64 if names_of(one.field) else one.field.type.to_pandas_dtype()
-        none = Masked(np.zeros(len(action), kind), nothing)
-        computed[one.name] = known[one.path].astype(kind) if one.path in known else none
+        dtype = np.int64 if one.spec.names else one.dtype
+        none = Masked(np.zeros(len(action), dtype), nothing)
+        computed[one.name] = known[one.path].astype(dtype) if one.path in known else none
     return build("actions", trajectories, _as_they_are, computed)
 
 

@@ -193,7 +193,7 @@ def _of_known_kinds(labelled: LabelledTrajectories) -> dict[str, Given]:
         "leader": run.known_kinds[rows, slot_of(leader)],
         "oncoming": np.asarray(run.known_kinds.all(axis=1)),
     }
-    columns = [one for one in COLUMNS["attempts"] if "kinds" in one.needs]
+    columns = [one for one in COLUMNS["attempts"] if "kinds" in one.spec.needs]
     columns = [one for one in columns if not one.is_silent(run.unknown)]
     made: dict[str, Given] = {}
     for name, one in read_columns(columns, found, lambda values: values).items():

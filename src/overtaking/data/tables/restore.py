@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from overtaking.core.arrays import Mask
 from overtaking.core.errors import SchemaError
 from overtaking.data.tables.arrow import column_to_numpy, to_arrow
-from overtaking.data.tables.columns import Column, codes, names_of
+from overtaking.data.tables.columns import Column, codes
 from overtaking.data.tables.lanes import lane_codes, start_lane_codes
 from overtaking.data.tables.names import INDICATORS, KINDS, STAGES
 from overtaking.data.tables.schemas import COLUMNS, NUM_INDICATOR_BITS
@@ -321,13 +321,13 @@ def _read(
         tables: The tables.
         path: The part, dotted.
         put: Makes an array of the batch from the rows of a column, and a value for padding.
-        missing: Values of nulls and padding, by attribute, where `Column.nothing` is not meant.
+        missing: Values of nulls and padding, by attribute, where `Column.null_value` is not meant.
     """
     found: dict[str, list[Array]] = {}
     for one in COLUMNS[name]:
         part, _, attribute = one.path.rpartition(".")
         if part == path:
-            null = missing.get(attribute, one.nothing if one.present == one.path else 0)
+            null = missing.get(attribute, one.null_value if one.spec.null_unless == one.path else 0)
             found.setdefault(attribute, []).append(put(_values(tables[name], one, null), null))
     return {
         attribute: np.stack(arrays, axis=-1) if len(arrays) > 1 else arrays[0]
@@ -337,8 +337,8 @@ def _read(
 
 def _values(table: pa.Table, column: Column, missing: int) -> Array:
     """The rows of a column, an enumeration as its codes."""
-    if names := names_of(column.field):
-        return _codes(table, column.name, names, missing)
+    if column.spec.names:
+        return _codes(table, column.name, tuple(column.spec.names), missing)
     return _numbers(table, column.name, missing)
 
 

@@ -8,26 +8,15 @@ never a number. States are sorted by simulation, vehicle, frame: frames of a veh
 from collections.abc import Collection
 from functools import partial
 
+import numpy as np
 import pyarrow as pa
 
 from overtaking.data.tables import names
-from overtaking.data.tables.columns import (
-    BOOL,
-    BYTE,
-    DOUBLE,
-    FLOAT,
-    INT,
-    LONG,
-    SHORT,
-    TEXT,
-    ULONG,
-    Column,
-    attributes,
-    column,
-    declared,
-)
-from overtaking.model.overtake_events import NEVER
+from overtaking.data.tables.columns import TEXT, Column, columns_of, computed_column
+from overtaking.model.batch import FieldSpec
 from overtaking.model.overtake_features import (
+    AttemptFeatures,
+    BeliefsAtPullOut,
     EgoState,
     LawMarginsOnPullOut,
     LeaderState,
@@ -37,9 +26,10 @@ from overtaking.model.overtake_features import (
     RoadAndWeather,
 )
 from overtaking.model.safety_measures import MEASURED_MOMENTS, SafetyMeasures
-from overtaking.model.scenario import MAX_VEHICLES
-from overtaking.model.trajectories import NO_VEHICLE, Lights, States
+from overtaking.model.scenario import MAX_VEHICLES, Scenario
+from overtaking.model.trajectories import Contacts, Lights, Percepts, States, Trajectories
 from overtaking.model.vehicles import DriverTraits, VehicleSpecs
+from overtaking.model.verdicts import Findings, Labels
 from overtaking.model.weather import Weather
 
 FORMAT = "overtaking"
@@ -51,313 +41,292 @@ VERSION = 1
 NUM_INDICATOR_BITS = int(Lights.BRAKE).bit_length() - 1
 """The lowest bits of `Lights` are the indicator's."""
 
-_NOBODY = int(NO_VEHICLE)
-_ALONG = ("x", "y", "s", "d")  # The states that come before the lane in the table.
-_optional = partial(column, nullable=True)
-_key = partial(column, is_key=True)
+_BEFORE_LANE = ("x", "y", "s", "d")  # The states that come before the lane in the table.
+_BODY = ("kind", "colour", "length", "width")  # What is known of some recorded vehicles.
+_OF_ONE_VEHICLE = ("is_detected", "gap", "closing_speed")  # Beliefs at a decision to pull out.
 
-_SIMULATION = _key("simulation", LONG, "Number of the simulation in its data set")
-_VEHICLE = _key("vehicle", BYTE, "Slot of the vehicle in its simulation, 0 is the ego")
-_FRAME = _key("frame", INT, "Number of the frame in its simulation")
+_optional = partial(computed_column, is_nullable=True)
 
-
-def _frame(name: str, meaning: str, attribute: str, path: str = "") -> Column:
-    """A column of frames, null where the attribute is `NEVER`."""
-    return _optional(name, INT, meaning, path=path, present=attribute, nothing=int(NEVER))
-
-
-def _percept(index: int, who: str, whose: str) -> list[Column]:
-    """Columns of one neighbour at a decision: the belief of the ego, and the true values."""
-    believed = partial(_optional, present="percepts.is_detected")
-    true = partial(_optional, present="percepts.slot", nothing=_NOBODY)
-    by_ego = f"as the ego believed it; null unless {who}_is_detected"
-    in_truth = "as it was; null if there was none"
-    return attributes(
-        "percepts",
-        true("vehicle", BYTE, f"Slot of {whose}", path="slot"),
-        column("is_detected", BOOL, f"Whether the ego had noticed {whose}"),
-        believed("gap", INT, f"Bumper gap {by_ego}", "mm"),
-        believed("closing_speed", INT, f"Speed of approach {by_ego}", "mm/s"),
-        true("true_gap", INT, f"Bumper gap {in_truth}", "mm"),
-        true("true_closing_speed", INT, f"Speed of approach {in_truth}", "mm/s"),
-        prefix=f"{who}_",
-        index=index,
-    )
+_SIMULATION = computed_column(
+    "simulation", np.int64, FieldSpec("Number of the simulation in its data set", is_key=True)
+)
+_VEHICLE = computed_column(
+    "vehicle",
+    np.uint8,
+    FieldSpec("Slot of the vehicle in its simulation, 0 is the ego", is_key=True),
+)
+_FRAME = computed_column(
+    "frame", np.int32, FieldSpec("Number of the frame in its simulation", is_key=True)
+)
+_scenario = partial(columns_of, Scenario, "scenario")
+_vehicles = partial(columns_of, VehicleSpecs, "scenario.vehicles", nullable=False)
+_weather = partial(FieldSpec, needs=("weather",))
+_percepts = partial(columns_of, Percepts, "percepts")
+_perceived = partial(_percepts, without=("kind", "time"))
+_beliefs = partial(columns_of, BeliefsAtPullOut, "beliefs", only=_OF_ONE_VEHICLE, nullable=True)
 
 
-def _believed(index: int, who: str, whose: str) -> list[Column]:
-    """Columns of one vehicle: the belief of the driver at the last decision to pull out."""
-    seen = partial(_optional, present="beliefs.is_detected")
-    return attributes(
-        "beliefs",
-        _optional(
-            "is_detected", BOOL, f"Whether the driver had noticed {whose}", present="beliefs.exists"
-        ),
-        seen("gap", FLOAT, f"Gap to {whose} as the driver believed it", "m"),
-        seen("closing_speed", FLOAT, "Speed of approach as the driver believed it", "m/s"),
-        prefix=f"believed_{who}_",
-        index=index,
-        needs=("percepts",),
-    )
+def _enumeration(
+    name: str,
+    meaning: str,
+    codes: tuple[str, ...],
+    *,
+    needs: tuple[str, ...] = (),
+    is_nullable: bool = False,
+    is_key: bool = False,
+) -> Column:
+    """A computed column of codes with names."""
+    spec = FieldSpec(meaning, names=codes, needs=needs, is_key=is_key)
+    return computed_column(name, np.uint8, spec, is_nullable=is_nullable)
 
 
 _RECORDED: dict[str, list[Column]] = {
     "simulations": [
         _SIMULATION,
-        column("seed", ULONG, "Seed of the random numbers"),
-        column(
-            "scenario_index",
-            ULONG,
-            "Number from which the scenario was drawn",
-            path="scenario.scenario_index",
+        computed_column("seed", np.uint64, FieldSpec("Seed of the random numbers")),
+        *_scenario(only=("scenario_index",)),
+        computed_column("profile", TEXT, FieldSpec("Profile from which the scenario was drawn")),
+        computed_column("road", TEXT, FieldSpec("Name of the road; the manifest describes it")),
+        computed_column(
+            "num_vehicles", np.uint8, FieldSpec("Number of vehicles, the ego included")
         ),
-        column("profile", TEXT, "Profile from which the scenario was drawn"),
-        column("road", TEXT, "Name of the road; the manifest describes it"),
-        column("num_vehicles", BYTE, "Number of vehicles, the ego included"),
-        column("weather", LONG, "Key of its row in the weather table"),
-        column("num_frames", INT, "Number of recorded frames"),
-        column("frame_interval", INT, "Time between two frames", "ms"),
-        *attributes(
-            "scenario",
-            column("horizon", FLOAT, "Longest duration", "s"),
-            column("attempt_deadline", FLOAT, "Ends here if nothing was attempted", "s"),
-            column("weight", DOUBLE, "Sampling weight: natural over sampled probability"),
+        computed_column("weather", np.int64, FieldSpec("Key of its row in the weather table")),
+        *columns_of(Trajectories, only=("num_frames",)),
+        computed_column("frame_interval", np.int32, FieldSpec("Time between two frames", "ms")),
+        *_scenario(only=("horizon", "attempt_deadline", "weight")),
+        computed_column(
+            "trace_hash", pa.binary(16), FieldSpec("128-bit hash over the recorded integers")
         ),
-        column("trace_hash", pa.binary(16), "128-bit hash over the recorded integers"),
-        _optional("source_recording", TEXT, "Recording from which it was imported"),
+        _optional("source_recording", TEXT, FieldSpec("Recording from which it was imported")),
     ],
     "weather": [
-        _key("weather", LONG, "Key; that of the simulation it was drawn for"),
-        *attributes(
-            "",
-            _optional("preset", TEXT, "CARLA preset, null if drawn freely"),
-            *declared("scenario.weather", Weather, without=["preset"]),
-            column("rain", FLOAT, "Rain rate", "mm/h"),
-            column(
-                "water_film",
-                FLOAT,
-                "Water above the texture of the slowest lane, outside puddles",
-                "m",
+        computed_column(
+            "weather",
+            np.int64,
+            FieldSpec("Key; that of the simulation it was drawn for", is_key=True),
+        ),
+        _optional("preset", TEXT, _weather("CARLA preset, null if drawn freely")),
+        *columns_of(Weather, "scenario.weather", without=("preset",), needs=("weather",)),
+        computed_column("rain", np.float32, _weather("Rain rate", "mm/h")),
+        computed_column(
+            "water_film",
+            np.float32,
+            _weather("Water above the texture of the slowest lane, outside puddles", "m"),
+        ),
+        computed_column(
+            "friction",
+            np.float32,
+            _weather("Peak friction of a half-worn car tyre at 100 km/h on that film"),
+        ),
+        computed_column("wind", np.float32, _weather("Mean speed of the wind", "m/s")),
+        computed_column(
+            "optical_range", np.float32, _weather("Meteorological optical range of the fog", "m")
+        ),
+        computed_column(
+            "sight_unlit",
+            np.float32,
+            _weather(
+                "Distance at which a vehicle of contrast 0.5 is seen ahead, light or not", "m"
             ),
-            column(
-                "friction", FLOAT, "Peak friction of a half-worn car tyre at 100 km/h on that film"
-            ),
-            column("wind", FLOAT, "Mean speed of the wind", "m/s"),
-            column("optical_range", FLOAT, "Meteorological optical range of the fog", "m"),
-            column(
-                "sight_unlit",
-                FLOAT,
-                "Distance at which a vehicle of contrast 0.5 is seen ahead, light or not",
-                "m",
-            ),
-            column("sight_lit", FLOAT, "Distance at which rear lamps are seen", "m"),
-            needs=("weather",),
+        ),
+        computed_column(
+            "sight_lit", np.float32, _weather("Distance at which rear lamps are seen", "m")
         ),
     ],
     "vehicles": [
         _SIMULATION,
         _VEHICLE,
-        column("role", names.ROLES, "Whether it is the overtaking vehicle under study"),
-        *attributes(
-            "scenario.vehicles",
-            column(
-                "kind",
-                names.KINDS,
-                "Small, medium or large car, van, truck, motorcycle, bicycle",
-                needs=["kinds"],
-            ),
-            column("colour", names.COLOURS, "Colour of the body", needs=["bodies"]),
+        _enumeration("role", "Whether it is the overtaking vehicle under study", names.ROLES),
+        *_vehicles(only=_BODY),
+        *_vehicles(without=("valid", *_BODY), needs=("bodies",)),
+        *columns_of(DriverTraits, "scenario.drivers", needs=("drivers",)),
+        *_scenario(only=("start_s",)),
+        computed_column(
+            "start_lane_id", np.int16, FieldSpec("OpenDRIVE id of the lane it starts in")
         ),
-        *declared("scenario.vehicles", VehicleSpecs, only=["length", "width"]),
-        *declared(
-            "scenario.vehicles",
-            VehicleSpecs,
-            without=["valid", "kind", "colour", "length", "width"],
-            needs=["bodies"],
-        ),
-        *declared("scenario.drivers", DriverTraits, needs=["drivers"]),
-        *attributes(
-            "scenario",
-            column("start_s", FLOAT, "Position along the road before the first step", "m"),
-            column("start_lane_id", SHORT, "OpenDRIVE id of the lane it starts in"),
-            column("start_speed", FLOAT, "Speed before the first step", "m/s"),
-        ),
-        *attributes(
-            "contacts",
-            column("vehicle", BYTE, "Slot it first collided with", path="partner"),
-            column("time", INT, "Instant of that contact", "ms"),
-            column("impulse", INT, "Impulse of that contact", "N s", needs=["impulse"]),
-            column(
-                "closing_speed",
-                INT,
-                "Speed of approach along the contact normal",
-                "mm/s",
-                needs=["impulse"],
-            ),
-            prefix="contact_",
-            nullable=True,
-            present="contacts.partner",
-            nothing=_NOBODY,
-        ),
+        *_scenario(only=("start_speed",)),
+        *columns_of(Contacts, "contacts", nullable=True),
     ],
     "frames": [
         _SIMULATION,
         _FRAME,
-        column("time", INT, "Time since the first frame", "ms"),
-        _optional("lane_id", SHORT, "OpenDRIVE id of the ego's lane"),
-        _optional("speed_limit", DOUBLE, "Limit in the ego's lane", "m/s", needs=["speed_limit"]),
+        computed_column("time", np.int32, FieldSpec("Time since the first frame", "ms")),
+        _optional("lane_id", np.int16, FieldSpec("OpenDRIVE id of the ego's lane")),
         _optional(
-            "right_line", names.MARKS, "Line on the right of the ego's lane", needs=["marks"]
+            "speed_limit",
+            np.float64,
+            FieldSpec("Limit in the ego's lane", "m/s", needs=("speed_limit",)),
         ),
-        _optional("left_line", names.MARKS, "Line on the left of the ego's lane", needs=["marks"]),
-        _optional("lane_width", DOUBLE, "Width of the ego's lane", "m"),
-        _optional("right_lane_id", SHORT, "Lane right of the ego's"),
-        _optional("right_lane_width", DOUBLE, "Width of that lane", "m"),
-        _optional("left_lane_id", SHORT, "Lane left of the ego's"),
-        _optional("left_lane_width", DOUBLE, "Width of that lane", "m"),
-        _optional(
-            "collided_with",
-            BYTE,
-            "Slot that the ego has collided with so far",
-            present="collided_with",
-            nothing=_NOBODY,
+        _enumeration(
+            "right_line",
+            "Line on the right of the ego's lane",
+            names.MARKS,
+            needs=("marks",),
+            is_nullable=True,
         ),
-        column(
+        _enumeration(
+            "left_line",
+            "Line on the left of the ego's lane",
+            names.MARKS,
+            needs=("marks",),
+            is_nullable=True,
+        ),
+        _optional("lane_width", np.float64, FieldSpec("Width of the ego's lane", "m")),
+        _optional("right_lane_id", np.int16, FieldSpec("Lane right of the ego's")),
+        _optional("right_lane_width", np.float64, FieldSpec("Width of that lane", "m")),
+        _optional("left_lane_id", np.int16, FieldSpec("Lane left of the ego's")),
+        _optional("left_lane_width", np.float64, FieldSpec("Width of that lane", "m")),
+        *columns_of(Trajectories, only=("collided_with",)),
+        computed_column(
             "lane_change_begins",
-            BOOL,
-            "Whether the ego begins to pull out or to return in this frame",
-            needs=["stage"],
+            np.bool_,
+            FieldSpec(
+                "Whether the ego begins to pull out or to return in this frame", needs=("stage",)
+            ),
         ),
-        column("stage", names.STAGES, "What the ego is doing, as it sees it", needs=["stage"]),
+        *columns_of(Trajectories, only=("stage",), nullable=False),
     ],
     "states": [
         _SIMULATION,
         _VEHICLE,
         _FRAME,
-        *declared("states", States, only=_ALONG),
-        _optional("lane_id", SHORT, "OpenDRIVE id of its lane"),
-        *declared("states", States, without=_ALONG, nullable=False),  # But see `schema_of`.
-        column("indicator", names.INDICATORS, "Direction indicator", needs=["indicators"]),
-        column(
-            "lights", BYTE, "Lights that are on, one bit each", flags=names.FLAGS, needs=["lamps"]
+        *columns_of(States, "states", only=_BEFORE_LANE),
+        _optional("lane_id", np.int16, FieldSpec("OpenDRIVE id of its lane")),
+        # Simulations have every state; `schema_of` allows the nulls of recordings.
+        *columns_of(States, "states", without=_BEFORE_LANE, nullable=False),
+        _enumeration("indicator", "Direction indicator", names.INDICATORS, needs=("indicators",)),
+        computed_column(
+            "lights",
+            np.uint8,
+            FieldSpec("Lights that are on, one bit each", needs=("lamps",), flags=names.FLAGS),
         ),
     ],
     "percepts": [
         _SIMULATION,
-        _key("percept", INT, "Number of the percept in its simulation"),
-        *attributes(
-            "percepts",
-            column("kind", names.MANOEUVRE_KINDS, "What was decided"),
-            column("time", INT, "Instant of the decision", "ms"),
+        computed_column(
+            "percept", np.int32, FieldSpec("Number of the percept in its simulation", is_key=True)
         ),
-        *_percept(0, "leader", "the vehicle ahead"),
-        *_percept(1, "new_leader", "the vehicle ahead in the lane that is entered"),
-        *_percept(2, "new_follower", "the vehicle behind in the lane that is entered"),
+        *_percepts(only=("kind", "time")),
+        *_perceived(prefix="leader_", about="the vehicle ahead", index=0),
+        *_perceived(
+            prefix="new_leader_", about="the vehicle ahead in the lane that is entered", index=1
+        ),
+        *_perceived(
+            prefix="new_follower_", about="the vehicle behind in the lane that is entered", index=2
+        ),
     ],
     "actions": [
         _SIMULATION,
-        _key("action", INT, "Number of the decision from which on it holds, 20 a second"),
-        column("time", INT, "Instant of that decision", "ms"),
-        _optional("move", names.MOVES, "Decision of another driver of the ego"),
-        _optional("accel", INT, "Acceleration that it asked for", "mm/s^2"),
-        _optional("lane_change", INT, "Wish for a lane: 1 the faster one, -1 the slower one"),
-        _optional("wheel_angle", SHORT, "Front wheels, positive to the fast side", "0.1 mrad"),
+        computed_column(
+            "action",
+            np.int32,
+            FieldSpec("Number of the decision from which on it holds, 20 a second", is_key=True),
+        ),
+        computed_column("time", np.int32, FieldSpec("Instant of that decision", "ms")),
+        _enumeration(
+            "move", "Decision of another driver of the ego", names.MOVES, is_nullable=True
+        ),
+        _optional("accel", np.int32, FieldSpec("Acceleration that it asked for", "mm/s^2")),
+        _optional(
+            "lane_change",
+            np.int32,
+            FieldSpec("Wish for a lane: 1 the faster one, -1 the slower one"),
+        ),
+        _optional(
+            "wheel_angle",
+            np.int16,
+            FieldSpec("Front wheels, positive to the fast side", "0.1 mrad"),
+        ),
     ],
 }
 
 _LABELS: dict[str, list[Column]] = {
     "events": [
         _SIMULATION,
-        _key("event", names.EVENTS, "What happened, see the page on events"),
-        column("frame", INT, "First frame in which it is so"),
-        column("time", INT, "Time of that frame", "ms"),
-        _optional("vehicle", BYTE, "Slot of the vehicle that it is about"),
-        _optional("speed_change", FLOAT, "Change of the ego's speed by the first contact", "m/s"),
-        _optional("was_intended", BOOL, "Whether the ego's driver meant the attempt, if recorded"),
+        _enumeration("event", "What happened, see the page on events", names.EVENTS, is_key=True),
+        computed_column("frame", np.int32, FieldSpec("First frame in which it is so")),
+        computed_column("time", np.int32, FieldSpec("Time of that frame", "ms")),
+        _optional("vehicle", np.uint8, FieldSpec("Slot of the vehicle that it is about")),
+        _optional(
+            "speed_change",
+            np.float32,
+            FieldSpec("Change of the ego's speed by the first contact", "m/s"),
+        ),
+        _optional(
+            "was_intended",
+            np.bool_,
+            FieldSpec("Whether the ego's driver meant the attempt, if recorded"),
+        ),
     ],
     "labels": [
         _SIMULATION,
-        _key("policy", names.POLICY_NAMES, "Which rules decide, and what is done in doubt"),
-        *attributes(
-            "labels",
-            column(
-                "class", names.CLASSES, "Class of the simulation under that policy", path="classes"
-            ),
-            column("outcome", names.OUTCOMES, "How it ended, legality aside"),
-            column("detail", names.DETAILS, "How it came to that"),
-            column(
-                "legal_as_far_as_decidable",
-                BOOL,
-                "Whether no required rule is known to be broken",
-                path="is_legal",
-            ),
-            column("num_broken", BYTE, "Required rules that are broken"),
-            column("num_undecidable", BYTE, "Required rules that apply and are undecidable"),
+        _enumeration(
+            "policy",
+            "Which rules decide, and what is done in doubt",
+            names.POLICY_NAMES,
+            is_key=True,
         ),
-        column("rule_set", TEXT, "Version of the rules"),
-        column("balance_weight", DOUBLE, "Weight that gives back the natural rates"),
+        *columns_of(Labels, "labels", only=("classes",)),
+        *columns_of(Labels, "labels", without=("classes",)),
+        computed_column("rule_set", TEXT, FieldSpec("Version of the rules")),
+        computed_column(
+            "balance_weight", np.float64, FieldSpec("Weight that gives back the natural rates")
+        ),
     ],
     "findings": [
         _SIMULATION,
-        _key("rule", names.RULES, "Code of the rule"),
-        *attributes(
+        _enumeration("rule", "Code of the rule", names.RULES, is_key=True),
+        *columns_of(
+            Findings,
             "findings",
-            column("verdict", names.VERDICTS, "What it says"),
-            _optional(
-                "margin",
-                FLOAT,
-                "Distance from the border of the law in the unit of the rule, negative in a breach",
-            ),
-            _frame("first_frame", "First frame of the breach", "findings.first", path="first"),
-            _frame("last_frame", "Last frame of the breach", "findings.last", path="last"),
-            column("article", names.ARTICLES, "Article of the Highway Code"),
-            column("severity", names.SEVERITIES, "Severity of the breach"),
-            column("belief", names.BELIEFS, "The same judged on what the driver believed"),
+            only=("verdict", "margin", "first", "last"),
+            nullable=("margin",),
         ),
+        _enumeration("article", "Article of the Highway Code", names.ARTICLES),
+        *columns_of(Findings, "findings", only=("severity", "belief")),
     ],
     "features": [
         _SIMULATION,
-        _key("reading", names.READINGS, "The paper's way of measuring, or alike in every class"),
-        *declared(
-            "",
+        _enumeration(
+            "reading",
+            "The paper's way of measuring, or alike in every class",
+            names.READINGS,
+            is_key=True,
+        ),
+        *columns_of(
             PaperFeatures,
             units={"left_occupancy": "%"},
-            nullable=["waiting_time", "overtaking_time"],
+            nullable=("waiting_time", "overtaking_time"),
         ),
-        _frame("frame", "Measured in this frame, null for means", "frame"),
     ],
     "attempts": [
         _SIMULATION,
-        column("frame", INT, "Frame of the attempt, or of what stands for it"),
-        *declared("ego", EgoState, nullable=True),
-        *declared("leader", LeaderState, nullable=True),
-        *declared("left", LeftLane, nullable=True),
-        *declared("oncoming", OncomingState, nullable=True),
-        *declared(
-            "surroundings",
+        *columns_of(AttemptFeatures, only=("frame",)),
+        *columns_of(EgoState, "ego", nullable=True),
+        *columns_of(LeaderState, "leader", nullable=True),
+        *columns_of(LeftLane, "left", nullable=True),
+        *columns_of(OncomingState, "oncoming", nullable=True),
+        *columns_of(
             RoadAndWeather,
+            "surroundings",
             nullable=True,
-            kinds={"lane_width": DOUBLE, "speed_limit": DOUBLE},
+            dtypes={"lane_width": np.float64, "speed_limit": np.float64},
         ),
-        *declared("law", LawMarginsOnPullOut, nullable=True),
-        _optional(
-            "believed_age",
-            FLOAT,
-            "Time since the last decision to pull out",
-            "s",
-            path="beliefs.age",
-            present="beliefs.exists",
-            needs=["percepts"],
-        ),
-        *_believed(0, "leader", "the vehicle ahead"),
-        *_believed(1, "new_leader", "the vehicle ahead on the left"),
-        *_believed(2, "new_follower", "the vehicle behind on the left"),
+        *columns_of(LawMarginsOnPullOut, "law", nullable=True),
+        *columns_of(BeliefsAtPullOut, "beliefs", only=("age",), nullable=True),
+        *_beliefs(prefix="believed_leader_", about="the vehicle ahead", index=0),
+        *_beliefs(prefix="believed_new_leader_", about="the vehicle ahead on the left", index=1),
+        *_beliefs(prefix="believed_new_follower_", about="the vehicle behind on the left", index=2),
     ],
     "safety": [
         _SIMULATION,
-        _key("moment", MEASURED_MOMENTS, "The worst of the manoeuvre, or at an event"),
-        column("frame", INT, "Frame of the event, or the first of the manoeuvre"),
-        *declared("", SafetyMeasures, nullable=True),
+        _enumeration(
+            "moment", "The worst of the manoeuvre, or at an event", MEASURED_MOMENTS, is_key=True
+        ),
+        computed_column(
+            "frame", np.int32, FieldSpec("Frame of the event, or the first of the manoeuvre")
+        ),
+        *columns_of(SafetyMeasures, nullable=True),
     ],
 }
 
@@ -371,13 +340,14 @@ COLUMNS: dict[str, list[Column]] = _RECORDED | _LABELS
 """The columns of each table, by the name of its folder; `KEYS` and `SCHEMAS` follow from them."""
 
 KEYS = {
-    table: tuple(one.name for one in columns if one.is_key) for table, columns in COLUMNS.items()
+    table: tuple(one.name for one in columns if one.spec.is_key)
+    for table, columns in COLUMNS.items()
 }
 """The columns that name a row, in the order by which the table is sorted."""
 
 SCHEMAS: dict[str, pa.Schema] = {
     table: pa.schema(
-        [one.field for one in columns],
+        [one.arrow_field for one in columns],
         metadata={"schema": f"{FORMAT}.{table}", "version": str(VERSION)},
     )
     for table, columns in COLUMNS.items()
@@ -399,7 +369,7 @@ def schema_of(table: str, unknown: Collection[str] = (), *, recorded: bool = Fal
     if recorded and table == "simulations":
         silent.add("seed")
     if "bodies" in unknown:  # A recording, which may know the kinds of some vehicles only.
-        silent |= {one.name for one in COLUMNS[table] if "kinds" in one.needs}
+        silent |= {one.name for one in COLUMNS[table] if "kinds" in one.spec.needs}
     schema = SCHEMAS[table]
     if not silent:
         return schema
@@ -409,7 +379,7 @@ def schema_of(table: str, unknown: Collection[str] = (), *, recorded: bool = Fal
 
 NEVER_NULL = {
     table: frozenset(
-        one.name for one in columns if not (one.field.nullable or one.needs or one.name == "seed")
+        one.name for one in columns if not (one.is_nullable or one.spec.needs or one.name == "seed")
     )
     for table, columns in COLUMNS.items()
 }

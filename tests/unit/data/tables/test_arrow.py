@@ -88,7 +88,7 @@ def test_writing_a_data_set_does_not_load_pandas(module: str):
         "from overtaking.data.tables import arrow, digest, columns\n"
         "import pyarrow as pa\n"
         "table = pa.table({'a': arrow.to_arrow(np.arange(3, dtype=np.int32))})\n"
-        "field = columns.column('a', pa.int32(), 'A').field\n"
+        "field = columns.computed_column('a', pa.int32(), columns.FieldSpec('A')).arrow_field\n"
         "digest.content_of(table.cast(pa.schema([field])))\n"
         "print('pandas' in sys.modules)"
     )
@@ -103,6 +103,6 @@ def test_a_column_in_pieces_is_one_array_with_a_value_for_its_nulls():
     assert values.tolist() == [1, 255, 3, 5]
     assert column_to_numpy(pa.chunked_array([], pa.bool_())).dtype == np.bool_
     assert column_to_numpy(pa.chunked_array([[True, None]]), missing=True).tolist() == [True, True]
-    # Older tables lack a column that holds yes or no.
+    # A recording may tell nothing of a column that holds yes or no.
     absent = column_to_numpy(pa.chunked_array([pa.nulls(2, pa.bool_())]))
     assert (absent.dtype, absent.tolist()) == (np.bool_, [False, False])

@@ -39,7 +39,7 @@ def tables(silent):
 
 
 def test_a_column_needs_only_what_may_be_unknown():
-    needs = {name for columns in COLUMNS.values() for one in columns for name in one.needs}
+    needs = {name for columns in COLUMNS.values() for one in columns for name in one.spec.needs}
     assert needs == set(UNKNOWNS)
 
 
