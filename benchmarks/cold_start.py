@@ -72,11 +72,11 @@ def flatness(executor: str, folder: Path) -> list[Measure]:
 
 def rate(folder: Path) -> Measure:
     """Simulations a second without frames, sampling and all small tables included."""
-    from overtaking import api
+    import overtaking as ot
 
     count = 32_768
     begin = time.perf_counter()
-    data = api.generate_dataset(
+    data = ot.generate_dataset(
         "pinto2023-physical", num_simulations=count, seed=2, out=folder / "rate", keep="features"
     )
     taken = time.perf_counter() - begin

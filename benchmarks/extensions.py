@@ -41,14 +41,14 @@ def _data() -> Any:
 
 def rule() -> None:
     """It judges nights alone, and tells which speed would have been lawful."""
-    from overtaking import api
+    import overtaking as ot
 
     data = _data()
     found = data.findings().query("rule == 'L99'").set_index("simulation")["verdict"]
     night = data.attempts().set_index("simulation")["night"]
     assert set(found.index[found != "not_applicable"]) == set(night.index[night])
     broken = int(found.index[found == "illegal"][0])
-    said = api.explain(data.path, broken, rules=["L99"])
+    said = ot.law.explain(data.path, broken, rules=["L99"])
     assert "100" in str(said), said
 
 
@@ -87,14 +87,14 @@ def format() -> None:  # noqa: A001
     """A file of it becomes a data set in which one vehicle overtakes another."""
     import numpy as np
 
-    from overtaking import api
+    import overtaking as ot
 
     time = np.arange(0.0, 20.0, 0.1)
     out = np.clip((time - 3.0) / 4.0, 0.0, 1.0) - np.clip((time - 12.0) / 4.0, 0.0, 1.0)
     ego = {"s": (10.0 + 30.0 * time).tolist(), "d": (1.75 + 3.5 * out).tolist()}
     other = {"s": (60.0 + 20.0 * time).tolist(), "d": [1.75] * len(time)}
     Path("one.tracks.json").write_text(json.dumps({"ego": ego, "other": other}), encoding="utf-8")
-    data = api.import_recording("jsontracks", "one.tracks.json", "data")
+    data = ot.import_recording("jsontracks", "one.tracks.json", "data")
     assert "completed" in set(data.labels()["outcome"])
 
 

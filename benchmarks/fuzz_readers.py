@@ -140,19 +140,19 @@ def _maps(_folder: Path) -> list[Named]:
 
 def _tables(folder: Path) -> list[Named]:
     """The paper's table of two short simulations, as text and as Parquet."""
-    from overtaking import api
+    import overtaking as ot
 
     short = {
         "time.horizon_s": "2",
         "time.attempt_deadline_s": "1",
         "traffic.vehicles": "2..3",
     }
-    api.generate_dataset(
+    ot.generate_dataset(
         "pinto2023-physical", num_simulations=2, seed=1, out=folder / "data", overrides=short
     )
     paths = [folder / "table.csv", folder / "table.parquet"]
     for path in paths:
-        api.export_dataset(folder / "data", path)
+        ot.export_dataset(folder / "data", path)
     return [(paths[0].name, paths[0].read_text("utf-8")), (paths[1].name, paths[1].read_bytes())]
 
 

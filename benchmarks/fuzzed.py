@@ -37,11 +37,12 @@ class Target:
 
 def _data_set(folder: Path) -> list[str]:
     """The manifests that a data set in the folder might have; the last one is its own."""
-    from overtaking import ClassBalance, api
+    import overtaking as ot
+    from overtaking import ClassBalance
 
     elsewhere = folder / "balanced"
     balance = ClassBalance(candidates=20, allows_missing=True)
-    api.generate_dataset(
+    ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=6,
         seed=1,
@@ -49,15 +50,15 @@ def _data_set(folder: Path) -> list[str]:
         keep="features",
         balance=balance,
     )
-    api.generate_dataset("motorway", num_simulations=6, seed=1, out=folder / "data", shard_size=4)
+    ot.generate_dataset("motorway", num_simulations=6, seed=1, out=folder / "data", shard_size=4)
     return [(path / MANIFEST).read_text(encoding="utf-8") for path in (elsewhere, folder / "data")]
 
 
 def _load(manifest: bytes, folder: Path) -> None:
-    from overtaking import api
+    import overtaking as ot
 
     (folder / "data" / MANIFEST).write_bytes(manifest)
-    data = api.load_dataset(folder / "data")
+    data = ot.load_dataset(folder / "data")
     assert repr(data)
     data.labels()
     assert len(data[-1].trace_hash) == 1
@@ -70,12 +71,12 @@ def _profiles(_folder: Path) -> list[str]:
 
 
 def _simulate(text: bytes, folder: Path) -> None:
-    from overtaking import api
+    import overtaking as ot
 
     path = folder / "specification.toml"
     path.write_bytes(text)
-    runs = api.simulate(api.sample(path, num_simulations=3, seed=1))
-    api.label(runs)
+    runs = ot.simulate(ot.sample(path, num_simulations=3, seed=1))
+    ot.label(runs)
 
 
 TARGETS = (

@@ -28,7 +28,8 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from overtaking import api
+import overtaking as ot
+from overtaking.api import simulator_registry
 from overtaking.data.tables.schemas import KEYS
 
 CHANGES = frozenset({"open", "os.mkdir", "os.rename", "os.truncate", "shutil.rmtree"})
@@ -56,7 +57,7 @@ class Job:
     def run(self, out: Path) -> None:
         """Make the data set, or complete it."""
         overrides = {"time.horizon_s": self.horizon, "time.attempt_deadline_s": self.horizon}
-        api.generate_dataset(
+        ot.generate_dataset(
             "pinto2023-physical",
             num_simulations=self.simulations,
             seed=1,
@@ -244,7 +245,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--simulations", type=int, default=400)
     parser.add_argument("--shard-size", type=int, default=50)
-    parser.add_argument("--simulator", choices=api.SIMULATORS, default="engine")
+    parser.add_argument("--simulator", choices=simulator_registry.SIMULATORS, default="engine")
     parser.add_argument("--executor", choices=("threads", "processes"), default="threads")
     parser.add_argument("--horizon", type=float, default=20.0, help="longest duration in seconds")
     given = parser.parse_args()

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+import overtaking as ot
 from measure import Measure, parser, report
 from memory import Watch
-from overtaking import api
 from overtaking.core.arrays import Buffers
 from overtaking.data.load import Dataset
 from overtaking.data.location import Folder
@@ -56,7 +56,7 @@ def rate(folder: Path, simulations: int) -> tuple[list[Measure], Dataset]:
     """Time by the clock and memory of generating labels, findings and features."""
     begin = time.perf_counter()
     with Watch(os.getpid()) as watch:
-        data = api.generate_dataset(
+        data = ot.generate_dataset(
             "pinto2023-physical", num_simulations=simulations, seed=5, out=folder, keep="features"
         )
     seconds = (time.perf_counter() - begin) * MILLION / simulations
@@ -90,9 +90,9 @@ def against_the_reference(data: Dataset, count: int) -> Measure:
 
 def from_memory_and_from_files(folder: Path, count: int) -> Measure:
     """How many tables differ between labels from memory and labels from stored frames."""
-    data = api.generate_dataset("pinto2023-physical", num_simulations=count, seed=6, out=folder)
+    data = ot.generate_dataset("pinto2023-physical", num_simulations=count, seed=6, out=folder)
     before = {name: data.table(name) for name in LABEL_TABLES}
-    again = api.relabel_dataset(folder)
+    again = ot.relabel_dataset(folder)
     different = sum(not again.table(name).equals(before[name]) for name in LABEL_TABLES)
     return Measure(
         name="tables differ from stored frames",

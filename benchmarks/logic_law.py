@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from overtaking import api
+import overtaking as ot
 from overtaking.analysis.logic.law import PROGRAMS, judged, lawyer
 from overtaking.analysis.logic.reasoning import Reasoner
 from overtaking.analysis.logic.source import Group, groups
@@ -97,7 +97,7 @@ def main() -> int:
     given = parser.parse_args()
     begin, tally = time.perf_counter(), Tally()
     if given.data:
-        sources = {given.data: groups(api.load_dataset(given.data), size=PIECE)}
+        sources = {given.data: groups(ot.load_dataset(given.data), size=PIECE)}
     else:
         sources = {
             profile: drawn(profile, round(given.simulations * share), given.seed)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from overtaking.analysis.reproduction.replicates import Replicates, members, replicates
 from overtaking.analysis.stats.columns import PAPER_CLASSES
-from overtaking.api.choices import simulator_of
+from overtaking.api.simulator_registry import get_simulator
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profiles
 
@@ -42,7 +42,7 @@ def run(profile: str, pushes: dict[str, Any] | None, sets: int, seed: int) -> Re
     if pushes is not None:
         resolved["weather"]["pushes"] = pushes
     spec = profiles.load_specification(resolved)
-    return replicates(spec, load_road(spec.road), seed, sets, simulator_of("engine"))
+    return replicates(spec, load_road(spec.road), seed, sets, get_simulator("engine"))
 
 
 def row(found: Replicates, which: Mask) -> str:

@@ -16,9 +16,9 @@ import tempfile
 import time
 from pathlib import Path
 
+import overtaking as ot
 from measure import Measure, parser
 from measure import report as told
-from overtaking import api
 
 STUDY, MILLION = 276, 1_000_000
 MUST_S, MUST_OF_A_MILLION_S = 15.0, 60.0
@@ -66,12 +66,12 @@ def main() -> int:
     given = command_line.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="overtaking-"))
     try:
-        api.generate_dataset(
+        ot.generate_dataset(
             "pinto2023-physical", num_simulations=STUDY, seed=1, out=folder / "study"
         )
         asked = [folder / "study", *([given.data] if given.data else [])]
         if given.simulations:
-            api.generate_dataset(
+            ot.generate_dataset(
                 "pinto2023-physical",
                 num_simulations=given.simulations,
                 seed=1,

@@ -11,8 +11,8 @@ import time
 from collections.abc import Callable
 from functools import partial
 
+import overtaking as ot
 from measure import Measure, number, parser, report
-from overtaking import api
 from overtaking.labels.events import case_of
 from overtaking.labels.law import PORTUGAL, Rule, check, judge
 from overtaking.model.verdicts import Case
@@ -24,7 +24,7 @@ LIMIT = 60.0
 
 def case() -> Case:
     """A batch of the study's profile with everything that rules look at."""
-    return case_of(api.simulate(api.sample("pinto2023-physical", num_simulations=BATCH, seed=1)))
+    return case_of(ot.simulate(ot.sample("pinto2023-physical", num_simulations=BATCH, seed=1)))
 
 
 def cost(action: Callable[[], object]) -> float:
@@ -45,7 +45,7 @@ def measures() -> list[Measure]:
     def one(rule: Rule) -> object:
         return judge(rule, batch.replace())
 
-    made = cost(lambda: api.simulate(scenarios))
+    made = cost(lambda: ot.simulate(scenarios))
     # What many rules ask of a case is answered once, so each run has a case of its own.
     everything = cost(lambda: check(PORTUGAL, batch.replace()))
     each = [

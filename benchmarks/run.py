@@ -17,9 +17,9 @@ from pathlib import Path
 import cold_start
 import engine
 import identity
+import overtaking as ot
 import writer
 from measure import Measure, load_note, parser
-from overtaking import api
 
 PIECES, REPEATS = 4, 3
 IDENTITY_SIMULATIONS = 480
@@ -34,8 +34,8 @@ def to_disk() -> list[Measure]:
     """All states of some simulations into a file that is safe on the disk, and read back."""
     size = writer.PIECE
     pieces = [
-        api.simulate(
-            api.sample(
+        ot.simulate(
+            ot.sample(
                 "pinto2023-physical", num_simulations=size, seed=1, first_scenario=number * size
             )
         )

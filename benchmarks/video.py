@@ -19,8 +19,8 @@ from typing import cast
 import av
 import numpy as np
 
+import overtaking as ot
 from measure import Measure, parser, report
-from overtaking import api
 from overtaking.show.video import encode, jobs, produce
 from overtaking.show.video.canvas import HEIGHT, WIDTH, Canvas
 from overtaking.show.video.film import Film
@@ -98,7 +98,7 @@ def measures(count: int) -> list[Measure]:
     """Everything that is measured."""
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as name:
         folder = Path(name)
-        data = api.generate_dataset(
+        data = ot.generate_dataset(
             "pinto2023-physical", num_simulations=count, seed=1, out=folder / "data"
         )
         wanted = list(jobs.jobs(data, jobs.ALL))

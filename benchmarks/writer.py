@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from overtaking import api
+import overtaking as ot
 from overtaking.data.tables.decode import decode
 from overtaking.data.tables.encode import encode
 from overtaking.data.tables.files import TableWriter, read_table
@@ -88,8 +88,8 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     given = parser.parse_args()
     pieces = [
-        api.simulate(
-            api.sample(
+        ot.simulate(
+            ot.sample(
                 "pinto2023-physical", num_simulations=PIECE, seed=1, first_scenario=number * PIECE
             )
         )

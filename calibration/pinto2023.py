@@ -28,7 +28,7 @@ from overtaking.analysis.reproduction.statements import (
     calibration,
     statements,
 )
-from overtaking.api.choices import simulator_of
+from overtaking.api.simulator_registry import get_simulator
 from overtaking.recordings.roads import load_road
 from overtaking.scenarios import profiles
 from overtaking.scenarios.profiles import PROFILE_FOLDER
@@ -103,7 +103,7 @@ def run(sets: int, seed: int, point: Point | None = None) -> dict[str, float]:
     """
     changes = {one.name: value for one, value in zip(SEARCHED, point or (), strict=False)}
     spec = profiles.load_specification(PROFILE, changes or None)
-    found = replicates(spec, load_road(spec.road), seed, sets, simulator_of("engine"))
+    found = replicates(spec, load_road(spec.road), seed, sets, get_simulator("engine"))
     return {name: float(measured(found, one).mean() / one.factor) for name, one in fitted().items()}
 
 

@@ -22,7 +22,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import DatasetError
 from overtaking.data.store import Store
 
@@ -39,14 +39,14 @@ class Stopped(BaseException):
     """The run was stopped on purpose."""
 
 
-def generate(out: str | Path, simulations: int, stop_after: int = 0) -> api.Dataset:
+def generate(out: str | Path, simulations: int, stop_after: int = 0) -> ot.Dataset:
     """Make the data set, or go on with it."""
 
     def progress(done: int, _: int) -> None:
         if stop_after and done >= stop_after:
             raise Stopped
 
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=simulations,
         seed=1,
@@ -98,7 +98,7 @@ def compare(simulations: int, folder: Path) -> list[str]:
     store = Store(url)
     store.put_text("labels/part-00000.parquet", "damaged")
     try:
-        api.load_dataset(url).verify()
+        ot.load_dataset(url).verify()
         wrong.append("damage was not noticed")
     except DatasetError as error:
         print(f"as it should be: {error}")

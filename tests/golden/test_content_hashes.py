@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from overtaking import api
+import overtaking as ot
 
 GOLDEN = Path(__file__).with_name("content_hashes.json")
 """Content hash of each profile's data set. A change is an entry under Data in the changelog:
@@ -24,7 +24,7 @@ COUNTS = {
 
 
 def content_hash(profile: str, folder: Path) -> str:
-    found = api.generate_dataset(
+    found = ot.generate_dataset(
         profile, num_simulations=COUNTS[profile], seed=7, out=folder
     ).manifest.content_hash
     assert found is not None

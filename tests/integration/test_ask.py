@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import overtaking
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 
@@ -28,7 +28,7 @@ SIMULATIONS = 24
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / '"). #script(python). x'
-    api.generate_dataset(
+    ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=SIMULATIONS,
         seed=5,

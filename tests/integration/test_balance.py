@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from overtaking import api
+import overtaking as ot
+from overtaking.api import simulator_registry
 from overtaking.cli import making
 from overtaking.cli.options import Balancing
 from overtaking.core.errors import ConfigError, DatasetError
@@ -38,7 +39,7 @@ BALANCE = ClassBalance()
 
 GENERATE = f"""
 import sys
-from overtaking import api
+import overtaking as ot
 from overtaking.data.balance import ClassBalance
 held, after = sys.argv[2], int(sys.argv[3])
 def teller(phase):
@@ -47,15 +48,15 @@ def teller(phase):
         if phase == held and done > after:
             sys.stdin.read()
     return tell
-api.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed={SEED},
+ot.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed={SEED},
              out=sys.argv[1], balance=ClassBalance(), progress=teller("simulations"),
              on_candidates=teller("candidates"), **{SETTINGS!r})
 """
 
 
-def generate(out: Path, balance: ClassBalance = BALANCE, **changes) -> api.Dataset:
+def generate(out: Path, balance: ClassBalance = BALANCE, **changes) -> ot.Dataset:
     settings = {**SETTINGS, **changes}
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=NUM_SIMULATIONS,
         seed=SEED,
@@ -65,34 +66,34 @@ def generate(out: Path, balance: ClassBalance = BALANCE, **changes) -> api.Datas
     )
 
 
-def record_of(data: api.Dataset) -> BalanceRecord:
+def record_of(data: ot.Dataset) -> BalanceRecord:
     """What became of its cells."""
     assert data.manifest.balance is not None
     return data.manifest.balance
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     return generate(tmp_path_factory.mktemp("balanced") / "data")
 
 
 @pytest.fixture(scope="module")
-def candidates(data, tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+def candidates(data, tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     """The candidates of that data set, all of them, as an ordinary one."""
     found = record_of(data)
     out = tmp_path_factory.mktemp("candidates") / "data"
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical", num_simulations=found.candidates, seed=SEED, out=out, keep="features"
     )
 
 
 @pytest.fixture
-def copy(data: api.Dataset, tmp_path: Path) -> Path:
+def copy(data: ot.Dataset, tmp_path: Path) -> Path:
     """A copy of the data set, to be damaged."""
     return shutil.copytree(data.path, tmp_path / "data")
 
 
-def assert_same(one: api.Dataset, other: api.Dataset) -> None:
+def assert_same(one: ot.Dataset, other: ot.Dataset) -> None:
     """The same files with the same bytes; only the manifest says when and where."""
     files = {path.relative_to(one.path) for path in one.path.rglob("*")}
     assert files == {path.relative_to(other.path) for path in other.path.rglob("*")}
@@ -134,7 +135,7 @@ def test_weighted_class_shares_are_those_of_the_candidates(data, candidates):
 
 def test_statistics_count_by_the_weights(data, candidates):
     natural = candidates.features()["CLASS"].value_counts(normalize=True)
-    for row in api.dataset_statistics(data, weighted=True).classes.records():
+    for row in ot.dataset_statistics(data, weighted=True).classes.records():
         assert row["count"] in QUOTAS
         assert row["share"] == pytest.approx(natural[row["class"]])
 
@@ -167,7 +168,9 @@ def test_candidates_without_a_quota_are_counted_and_not_kept(tmp_path):
 @pytest.mark.ci
 @pytest.mark.parametrize(("chunk_size", "threads"), [(7, 1), (64, 3), (512, 2)])
 def test_batches_and_threads_change_nothing(chunk_size, threads, data, tmp_path):
-    engine = dataclasses.replace(api.simulator_of("engine"), chunk_size=chunk_size, threads=threads)
+    engine = dataclasses.replace(
+        simulator_registry.get_simulator("engine"), chunk_size=chunk_size, threads=threads
+    )
     profile = load_specification("pinto2023-physical")
     recipe = Recipe(
         spec=profile,
@@ -213,14 +216,14 @@ def test_what_was_ended_is_resumed_to_the_same_bytes(by, phase, after, remembere
     if by == signal.SIGTERM:
         assert "--resume" in said.splitlines()[-1]
     looked: list[int] = []
-    assert_same(api.resume_dataset(out, on_candidates=lambda n, _: looked.append(n)), data)
+    assert_same(ot.resume_dataset(out, on_candidates=lambda n, _: looked.append(n)), data)
     assert looked[0] == (remembered or record_of(data).candidates)
 
 
 def test_a_repaired_data_set_needs_no_second_search(data, copy):
     (copy / "labels" / "part-00001.parquet").unlink()
     looked: list[int] = []
-    repaired = api.resume_dataset(copy, on_candidates=lambda done, _: looked.append(done))
+    repaired = ot.resume_dataset(copy, on_candidates=lambda done, _: looked.append(done))
     assert looked == [record_of(data).candidates]
     assert_same(repaired, data)
 
@@ -232,7 +235,7 @@ def test_a_damaged_plan_is_made_again(text, data, copy):
     file = copy / FILE_NAME
     file.write_text(text if isinstance(text, str) else text(file.read_text()))
     assert file.read_bytes() != (data.path / FILE_NAME).read_bytes()
-    assert_same(api.resume_dataset(copy), data)
+    assert_same(ot.resume_dataset(copy), data)
 
 
 def test_a_plan_longer_than_its_simulations_can_be_is_not_read(data, copy):
@@ -240,7 +243,7 @@ def test_a_plan_longer_than_its_simulations_can_be_is_not_read(data, copy):
     file.write_text(file.read_text() + " " * 2_000)
     (copy / "labels" / "part-00001.parquet").unlink()
     looked: list[int] = []
-    assert_same(api.resume_dataset(copy, on_candidates=lambda done, _: looked.append(done)), data)
+    assert_same(ot.resume_dataset(copy, on_candidates=lambda done, _: looked.append(done)), data)
     assert looked[0] == 0
 
 
@@ -261,7 +264,7 @@ def test_the_longest_plan_is_read(tmp_path):
 
 
 def test_labelling_anew_keeps_the_weights(data, copy):
-    assert api.relabel_dataset(copy).content_hash == data.content_hash
+    assert ot.relabel_dataset(copy).content_hash == data.content_hash
 
 
 def test_a_class_that_is_too_rare_is_named_and_nothing_is_written(tmp_path):
@@ -271,7 +274,7 @@ def test_a_class_that_is_too_rare_is_named_and_nothing_is_written(tmp_path):
     assert "\n" not in str(error.value)
     assert not list(tmp_path.rglob("*.parquet"))
     with pytest.raises(DatasetError, match="one that is not finished"):
-        api.load_dataset(tmp_path / "data")
+        ot.load_dataset(tmp_path / "data")
 
 
 def test_looking_further_goes_on_where_it_stopped(data, tmp_path):

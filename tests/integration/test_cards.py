@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from tests.support.recordings import Mover, commonroad
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import DatasetError
 from overtaking.data import completion
 from overtaking.data.card import Card, size_category, texts
@@ -36,8 +36,8 @@ MOVERS = (
 CARDS = ("README.md", "croissant.json")
 
 
-def generate(out: Path, **settings: Any) -> api.Dataset:
-    return api.generate_dataset(
+def generate(out: Path, **settings: Any) -> ot.Dataset:
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=SIZE,
         seed=3,
@@ -49,21 +49,21 @@ def generate(out: Path, **settings: Any) -> api.Dataset:
 
 
 @pytest.fixture(scope="module", params=["frames", "features", "recording"])
-def data(request, tmp_path_factory) -> api.Dataset:
+def data(request, tmp_path_factory) -> ot.Dataset:
     folder = tmp_path_factory.mktemp(request.param)
     if request.param != "recording":
         return generate(folder / "data", keep=request.param)
     scene = folder / "scene.xml"
     scene.write_text(commonroad(MOVERS), encoding="utf-8")
-    return api.import_recording("commonroad", scene, folder / "data")
+    return ot.import_recording("commonroad", scene, folder / "data")
 
 
 @pytest.fixture(scope="module")
-def told(data: api.Dataset) -> dict[str, Any]:
+def told(data: ot.Dataset) -> dict[str, Any]:
     return json.loads((data.path / "croissant.json").read_text(encoding="utf-8"))
 
 
-def files(data: api.Dataset) -> list[str]:
+def files(data: ot.Dataset) -> list[str]:
     """The Parquet files of a data set, as its folder has them."""
     return sorted(path.relative_to(data.path).as_posix() for path in data.path.glob("*/*.parquet"))
 
@@ -228,7 +228,7 @@ def test_labelling_again_makes_them_anew(data, tmp_path):
     before = {name: (copy / name).read_bytes() for name in CARDS}
     for name in CARDS:
         (copy / name).write_text("spoiled", encoding="utf-8")
-    api.relabel_dataset(copy)
+    ot.relabel_dataset(copy)
     assert {name: (copy / name).read_bytes() for name in CARDS} == before
 
 

@@ -18,7 +18,7 @@ from tests.support.carla import headless_server, needs_wheel, stopped_by_signals
 from tests.support.processes import eventually
 from tests.support.worlds import Vehicle, scenario
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.simulators.carla import processes
@@ -130,7 +130,7 @@ def test_a_server_that_dies_leaves_a_list_of_what_is_missing_and_resume_goes_on(
     with headless_server() as there:
         assert main([*words, "--resume", "--server", f"127.0.0.1:{there.port}"]) == 0
     processes.dismiss()
-    data = api.load_dataset(tmp_path / "data")
+    data = ot.load_dataset(tmp_path / "data")
     data.verify()
     assert data.simulations()["scenario_index"].tolist() == list(range(10))
 

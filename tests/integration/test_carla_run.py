@@ -17,7 +17,7 @@ from tests.support.carla import free_port, needs_wheel
 from tests.support.processes import eventually, is_running
 from tests.support.worlds import Vehicle, scenario
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError
 from overtaking.model.trajectories import Stage
@@ -80,7 +80,7 @@ def test_our_driver_overtakes_at_120_kmh_through_the_genuine_client(overtaken: T
 
 def test_it_drives_as_in_our_own_simulation(overtaken: Trajectories):
     """The same drivers, the same bodies' motion: only pedals and a wheel lie between."""
-    there, here = overtaken, api.simulate(overtake())
+    there, here = overtaken, ot.simulate(overtake())
     frames = min(int(there.num_frames[0]), int(here.num_frames[0]), 160)
     for name, most in (("s", 2.5), ("d", 0.5), ("speed", 0.6)):
         apart = np.abs(metres(there, name)[:frames] - metres(here, name)[:frames])
@@ -96,7 +96,7 @@ def test_bodies_and_lanes_are_those_that_carla_reports(overtaken: Trajectories):
 
 
 def test_the_same_simulation_has_the_same_hash_in_any_batch():
-    given = api.sample("pinto2023-physical", num_simulations=2, seed=5).replace(
+    given = ot.sample("pinto2023-physical", num_simulations=2, seed=5).replace(
         horizon=np.full(2, 3.0, np.float32)
     )
     both = carla.simulate(given)
@@ -146,7 +146,7 @@ def test_a_recorded_simulation_is_played_pose_by_pose_and_filmed(tmp_path: Path)
     import av
 
     short = {"time.horizon_s": 0.6, "time.attempt_deadline_s": 0.6}
-    data = api.generate_dataset(
+    data = ot.generate_dataset(
         "pinto2023-physical", num_simulations=1, seed=3, out=tmp_path / "data", overrides=short
     )
     words = [
@@ -223,7 +223,7 @@ def test_the_command_writes_a_data_set_with_labels(tmp_path: Path, capsys: pytes
     short = ["--set", "time.horizon_s=4", "--set", "time.attempt_deadline_s=4"]
     assert main([*words, *short]) == 0
     assert json.loads(capsys.readouterr().out)["simulations"] == 1
-    data = api.load_dataset(out)
+    data = ot.load_dataset(out)
     assert data.features().shape[0] == 1
     assert main([*words[:-1], *short, "--resume"]) == 0
     assert main(["carla", "run", "--out", str(tmp_path / "b"), "--driver", "ghost"]) == 2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.support.carla import needs_wheel
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import main
 from overtaking.model.verdicts import OvertakeClass
 from overtaking.simulators.carla.library import SERVER_VARIABLE
@@ -56,7 +56,7 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
     ]
     short = [f"--set={key}={value}" for key, value in SHORT.items()]
     assert main([*words, *short, "--out", str(tmp_path / "data"), "--quiet"]) == 0
-    data = api.load_dataset(tmp_path / "data")
+    data = ot.load_dataset(tmp_path / "data")
     data.verify()
     runs = data.simulations().set_index("scenario_index")
     assert runs.index.tolist() == list(range(COUNT))
@@ -66,8 +66,8 @@ def test_twenty_scenarios_go_from_the_command_to_labels_and_films(
     assert set(classes["class"]) <= {one.title for one in OvertakeClass}
 
     # The second time a few of them, in a batch and on a server of their own.
-    given = api.sample("pinto2023-physical", num_simulations=COUNT, seed=SEED, overrides=SHORT)
-    again = api.simulate(given.select(slice(COUNT - AGAIN, COUNT)), simulator=SIMULATORS[driver])
+    given = ot.sample("pinto2023-physical", num_simulations=COUNT, seed=SEED, overrides=SHORT)
+    again = ot.simulate(given.select(slice(COUNT - AGAIN, COUNT)), simulator=SIMULATORS[driver])
     hashes = [data.trajectory(number).trace_hash[0].tolist() for number in range(COUNT)]
     assert again.trace_hash.tolist() == hashes[-AGAIN:]
     assert len({tuple(one) for one in hashes}) == COUNT

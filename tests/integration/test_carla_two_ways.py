@@ -9,7 +9,7 @@ from tests.support.carla import ask, headless_server, needs_wheel, stopped_by_si
 from tests.support.two_way import pair, road
 from tests.support.worlds import scenario
 
-from overtaking import api
+import overtaking as ot
 from overtaking.simulators.carla.library import SERVER_VARIABLE
 
 pytestmark = [pytest.mark.ci, needs_wheel]
@@ -24,7 +24,7 @@ def test_vehicles_of_both_directions_drive_as_on_the_engine(
 ):
     monkeypatch.setenv(SERVER_VARIABLE, "headless")
     world = scenario(pair(250.0), road=on(road(), *BENDS, grade=grade), horizon=7.0)
-    run, ours = (api.simulate(world, simulator=name) for name in ("carla", "engine"))
+    run, ours = (ot.simulate(world, simulator=name) for name in ("carla", "engine"))
     assert run.road.is_two_way
     frames = int(run.num_frames[0])
     assert frames == int(ours.num_frames[0])

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from tests.support.commands import run
 
-from overtaking import api
+import overtaking as ot
 from overtaking.knowledge.glossary import terms
 from overtaking.recordings.pinto2023 import COLUMNS, read_table
 
@@ -58,7 +58,7 @@ def folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def data(folder):
-    return api.load_dataset(folder)
+    return ot.load_dataset(folder)
 
 
 def test_help_is_quick_because_it_loads_nothing_heavy():
@@ -110,7 +110,7 @@ def test_threads_and_frame_interval_and_changes_arrive(tmp_path):
     out = tmp_path / "changed"
     changes = ("--set", "traffic.vehicles=3..3", "--frame-interval", 100, "--threads", 1)
     done("generate", "-n", 4, "--out", out, *changes, "--quiet")
-    made = api.load_dataset(out)
+    made = ot.load_dataset(out)
     assert made.simulations()["num_vehicles"].tolist() == [3] * 4
     assert set(np.diff(made.frames(0)["time_s"]).round(6)) == {0.1}
 
@@ -133,7 +133,7 @@ def test_a_map_of_ones_own_can_be_used(tmp_path, shared_data):
     out = tmp_path / "town06"
     road = ("--map", town06, "--road", 40)
     done("generate", "-n", 2, "--out", out, *road, "--set", "time.horizon_s=8", "--quiet")
-    assert api.load_dataset(out).road.num_lanes == 5
+    assert ot.load_dataset(out).road.num_lanes == 5
 
 
 def test_show_draws_the_simulation_that_was_asked_for(folder, data):

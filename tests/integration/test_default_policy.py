@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, get_args
 import pytest
 
 import overtaking as ot
-from overtaking import api
 from overtaking.cli import main, options
 from overtaking.data.balance import ClassBalance
 from overtaking.knowledge.toml_reader import load_toml
@@ -39,9 +38,9 @@ def read(
         return data, POLICY_OF[name]
     # The recording is of the study's profile: the format of a recording decides, not its origin.
     data = ot.generate_dataset("pinto2023-physical", num_simulations=2, seed=3, out=folder / "data")
-    api.export_dataset(data, folder / "highd", file_format="highd")
+    ot.export_dataset(data, folder / "highd", file_format="highd")
     tracks = next((folder / "highd").rglob("*_tracks.csv"))
-    return api.import_recording("highd", tracks, folder / "recording"), POLICY_OF[name]
+    return ot.import_recording("highd", tracks, folder / "recording"), POLICY_OF[name]
 
 
 def run_command(capsys: pytest.CaptureFixture[str], *words: Any) -> str:
@@ -122,7 +121,7 @@ def test_other_functions_use_the_default_policy(
     read: tuple[Dataset, str], capsys: pytest.CaptureFixture[str]
 ):
     data, policy = read
-    assert api.tolerance_curve(data.path).policy == policy
+    assert ot.law.tolerance_curve(data.path).policy == policy
     assert json.loads(run_command(capsys, "law", "curve", data.path, "--json"))["policy"] == policy
     if data.profile in profile_names():
         assert ot.whatif.outcome_fan(data, 0, futures=1, interval=10.0).policy == policy
@@ -143,7 +142,7 @@ def test_balanced_data_sets_record_the_default_policy(profile: str, policy: str,
 
 @pytest.mark.parametrize(("profile", "policy"), [("motorway", "default"), ("pinto2023", "paper")])
 def test_comparisons_of_simulators_have_the_default_policy(profile: str, policy: str):
-    comparison = api.compare_simulators(
+    comparison = ot.compare_simulators(
         profile, num_simulations=2, seed=1, simulators=("engine", "reference")
     )
     assert comparison.policy == policy

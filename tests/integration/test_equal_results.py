@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 
 import overtaking as ot
-from overtaking import api
 from overtaking.analysis.stats.results import Statistics
 from overtaking.core.equality import ContentEquality
 
@@ -45,7 +44,7 @@ CALLS: dict[str, Callable[[ot.Dataset], Any]] = {
         "rules", "pinto2023-physical", num_simulations=4, references=["stay"]
     ),
     "fan": lambda data: ot.whatif.outcome_fan(data, 0),
-    "law_curve": lambda data: api.tolerance_curve(data.path),
+    "law_curve": lambda data: ot.law.tolerance_curve(data.path),
     "learn_factors": lambda data: ot.learning.learn_factors(data, features=["speed of the ego"]),
     "learn_rules": lambda data: ot.learning.learn_rules(data, "start"),
     "prove": lambda data: ot.logic.prove(data, _first(data, "Success_I")),

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking import api
 from overtaking.analysis.evaluation.endpoints import EVERY, PRIMARY
 from overtaking.analysis.evaluation.words import warnings
+from overtaking.api import evaluation
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DriverError
 from overtaking.model.driver_interface import OBSERVATION_SIZE, PASSING_COLUMNS
@@ -31,7 +31,7 @@ ARGUMENTS = ["--set", "time.horizon_s=12.0", "--set", "time.attempt_deadline_s=1
 
 def test_the_built_in_ego_as_a_policy_does_not_differ_from_it():
     name = f"{EXAMPLES / 'human_ego.py'}:HumanEgo"
-    ego = api.resolve_driver(name, "human", action="decision", action_repeat=1)
+    ego = evaluation.resolve_driver(name, "human", action="decision", action_repeat=1)
     found = ot.evaluate(
         ego, "pinto2023-physical", num_simulations=24, seed=3, references=["human"], overrides=SHORT
     )
@@ -209,7 +209,7 @@ def test_a_network_in_a_file_drives_as_the_same_function(tmp_path, width):
     pytest.importorskip("onnxruntime")
     path = tmp_path / "linear.onnx"
     same = network(path, width)
-    driver = api.load_driver(str(path), "truth", action="accel_lane", action_repeat=4)
+    driver = evaluation.load_driver(str(path), "truth", action="accel_lane", action_repeat=4)
     assert driver.digest
     scenes = ot.sample("pinto2023-physical", num_simulations=8, seed=1, overrides=SHORT)
     options = {"observation": "truth", "action_repeat": 4}
@@ -235,7 +235,7 @@ def test_the_network_of_the_examples_overtakes_and_signals_before(repository: Pa
     pytest.importorskip("onnxruntime")
     path = repository / "examples" / "rl" / "learned.onnx"
     assert path.stat().st_size < 100_000
-    driver = api.load_driver(str(path), "truth", action="decision", action_repeat=20)
+    driver = evaluation.load_driver(str(path), "truth", action="decision", action_repeat=20)
     scenes = ot.sample("pinto2023-physical", num_simulations=60, seed=11)
     runs = ot.drive(
         scenes, driver.function, observation="truth", action="decision", action_repeat=20
@@ -267,7 +267,7 @@ def test_a_file_that_is_no_network_of_that_shape_is_refused(tmp_path):
         (tmp_path / "none.onnx", "a file that can be read"),
     ):
         with pytest.raises(ConfigError, match=said):
-            api.load_driver(str(path), "human", action="accel_lane", action_repeat=1)
+            evaluation.load_driver(str(path), "human", action="accel_lane", action_repeat=1)
 
 
 def test_an_unknown_reference_in_python_names_the_argument():

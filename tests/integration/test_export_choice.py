@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from overtaking import api
+import overtaking as ot
+from overtaking.api import file_formats
 from overtaking.cli import main
 from overtaking.recordings.pinto2023 import read_table
 
@@ -19,14 +20,14 @@ if TYPE_CHECKING:
 
 SIMULATIONS = 1200
 CHOSEN = [0, 5, 6, 290]
-FORMATS = [one for one in api.EXPORT_FORMATS if one != "popper"]
+FORMATS = [one for one in file_formats.EXPORT_FORMATS if one != "popper"]
 """Popper's learner needs more examples than a few."""
 
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     out = tmp_path_factory.mktemp("data") / "pinto"
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical", num_simulations=SIMULATIONS, seed=5, out=out, keep="features"
     )
 

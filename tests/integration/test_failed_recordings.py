@@ -15,7 +15,6 @@ import pytest
 from tests.support.faulty_road import FAR, faulty_road
 
 import overtaking as ot
-from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DatasetError, ImportFormatError
 from overtaking.data import collection, plan, shards
@@ -78,7 +77,7 @@ def folder(tmp_path: Path) -> Path:
 
 def labelled(folder: Path, out: Path, **options: Any) -> dict[str, Any]:
     chosen = {"columns": COLUMNS, "road": faulty_road(), "executor": "threads", **options}
-    return api.label_recordings("table", folder, out, **chosen)
+    return ot.label_recordings("table", folder, out, **chosen)
 
 
 def recordings_of(out: Path) -> list[str]:
@@ -330,7 +329,7 @@ def test_an_error_in_the_options_of_a_format_ends_the_run(tmp_path, file_format,
     for name in ("01_tracks.csv", "a.xml", "b.csv"):
         write(tmp_path / "in", name, "")
     with pytest.raises(ConfigError, match=message):
-        api.label_recordings(file_format, tmp_path / "in", tmp_path / "out", **options)
+        ot.label_recordings(file_format, tmp_path / "in", tmp_path / "out", **options)
     assert not (tmp_path / "out").exists() or not contents(tmp_path / "out")
 
 

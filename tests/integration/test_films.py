@@ -9,7 +9,7 @@ import sys
 import pytest
 from tests.support.commands import run
 
-from overtaking import api
+import overtaking as ot
 
 pytestmark = pytest.mark.usefixtures("parent")
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("parent")
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     spec = {"time.horizon_s": 3, "time.attempt_deadline_s": 3}
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=6,
         seed=1,

@@ -11,7 +11,6 @@ import pytest
 from tests.support.recordings import Mover, commonroad, highd
 
 import overtaking as ot
-from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DatasetError, ImportFormatError
 from overtaking.data import shards as writing
@@ -47,7 +46,7 @@ def scene(tmp_path: Path) -> Path:
 
 
 def test_an_overtake_in_a_recording_is_labelled_like_one_of_ours(scene, tmp_path):
-    data = api.import_recording("commonroad", scene, tmp_path / "data")
+    data = ot.import_recording("commonroad", scene, tmp_path / "data")
     assert source_of(data).counts["candidate_overtakes"] == 1
     assert len(data) == 3
     run = data[0]
@@ -69,7 +68,7 @@ def test_an_overtake_in_a_recording_is_labelled_like_one_of_ours(scene, tmp_path
 @pytest.mark.ci
 def test_what_is_read_back_is_what_was_read(scene, tmp_path):
     found = scenes(read_commonroad(scene))
-    data = api.import_recording("commonroad", scene, tmp_path / "data")
+    data = ot.import_recording("commonroad", scene, tmp_path / "data")
     for numbers, again in data.batches():
         memory = found.trajectories(range(int(numbers[0]), int(numbers[-1]) + 1))
         assert np.array_equal(again.trace_hash, memory.trace_hash)
@@ -83,16 +82,16 @@ def test_what_is_read_back_is_what_was_read(scene, tmp_path):
 
 
 def test_what_a_recording_does_not_tell_is_not_made_up_for_the_papers_table(scene, tmp_path):
-    data = api.import_recording("commonroad", scene, tmp_path / "data")
+    data = ot.import_recording("commonroad", scene, tmp_path / "data")
     with pytest.raises(ConfigError, match="does not tell speed_limit, stage, weather"):
-        api.export_dataset(data, tmp_path / "table.csv")
+        ot.export_dataset(data, tmp_path / "table.csv")
     assert [each.name for each in tmp_path.glob("table*")] == []
 
 
 @pytest.mark.ci
 def test_the_same_file_gives_the_same_content_and_names_its_hash(scene, tmp_path):
-    one = api.import_recording("commonroad", scene, tmp_path / "a")
-    two = api.import_recording("commonroad", scene, tmp_path / "b")
+    one = ot.import_recording("commonroad", scene, tmp_path / "a")
+    two = ot.import_recording("commonroad", scene, tmp_path / "b")
     assert one.content_hash == two.content_hash
     source = source_of(one)
     assert source.files == {"scene.xml": hashlib.sha256(scene.read_bytes()).hexdigest()}
@@ -164,7 +163,7 @@ def test_a_disk_that_fills_up_leaves_nothing(scene, tmp_path, monkeypatch):
 
     monkeypatch.setattr(writing, "write_shard", full)
     with pytest.raises(DatasetError, match="No space left"):
-        api.import_recording("commonroad", scene, tmp_path / "data")
+        ot.import_recording("commonroad", scene, tmp_path / "data")
     assert {path.name for path in tmp_path.iterdir()} == {"in"}
 
 
@@ -173,7 +172,7 @@ def test_a_folder_that_holds_something_is_not_touched(scene, tmp_path):
     out.mkdir()
     (out / "mine.txt").write_text("mine", encoding="utf-8")
     with pytest.raises(ConfigError, match="expected a name that is free"):
-        api.import_recording("commonroad", scene, out)
+        ot.import_recording("commonroad", scene, out)
     assert [path.name for path in out.iterdir()] == ["mine.txt"]
 
 
@@ -182,7 +181,7 @@ def test_a_recording_without_any_overtake_says_so(tmp_path):
     path = tmp_path / "still.xml"
     path.write_text(commonroad(MOVERS[1:2]), encoding="utf-8")
     with pytest.raises(ImportFormatError, match="none and no followers"):
-        api.import_recording("commonroad", path, tmp_path / "data")
+        ot.import_recording("commonroad", path, tmp_path / "data")
     path.write_text(commonroad([MOVERS[1], Mover(number=4, s=40.0, speed=24.0)]), encoding="utf-8")
     with pytest.raises(ImportFormatError, match="import the followers too"):
-        api.import_recording("commonroad", path, tmp_path / "data", attempts_only=True)
+        ot.import_recording("commonroad", path, tmp_path / "data", attempts_only=True)

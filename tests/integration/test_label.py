@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.support.page_inputs import WRITERS
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError
 from overtaking.data import relabel
@@ -17,7 +17,7 @@ SIZE = 12
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=SIZE,
         seed=5,
@@ -28,11 +28,11 @@ def data(tmp_path_factory):
 @pytest.mark.parametrize("table", LABEL_TABLES)
 def test_labels_from_memory_and_from_files_are_the_same(data, table):
     before = data.table(table)
-    assert api.relabel_dataset(data.path).table(table).equals(before)
+    assert ot.relabel_dataset(data.path).table(table).equals(before)
 
 
 def test_labelling_again_changes_nothing(data):
-    again = api.relabel_dataset(data.path)
+    again = ot.relabel_dataset(data.path)
     assert again.content_hash == data.content_hash
     again.verify()
 
@@ -48,15 +48,15 @@ def test_labelling_again_changes_nothing(data):
 )
 def test_labelling_a_recording_again_changes_nothing(tmp_path, file_format: str, name: str):
     WRITERS[name](tmp_path / name)
-    data = api.import_recording(file_format, tmp_path / name, tmp_path / "data")
-    again = api.relabel_dataset(data.path)
+    data = ot.import_recording(file_format, tmp_path / name, tmp_path / "data")
+    again = ot.relabel_dataset(data.path)
     assert again.content_hash == data.content_hash
     again.verify()
 
 
 def test_labels_agree_with_those_of_a_run_in_memory(data):
-    runs = api.simulate(api.sample("pinto2023-physical", num_simulations=SIZE, seed=5))
-    found = api.label(runs)
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=SIZE, seed=5))
+    found = ot.label(runs)
     rows = data.labels()
     paper = rows[rows["policy"] == "paper"]
     assert paper["num_broken"].tolist() == found.labels.num_broken[:, 0].tolist()
@@ -107,7 +107,7 @@ def test_ending_the_work_leaves_the_data_set_as_it_was(data, monkeypatch):
 
     monkeypatch.setattr(relabel, "encode_labels", full)
     with pytest.raises(DatasetError, match="No space left on device"):
-        api.relabel_dataset(data.path)
+        ot.relabel_dataset(data.path)
     after = {path: path.read_bytes() for path in data.path.rglob("*") if path.is_file()}
     assert after == before
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import collection
 from overtaking.recordings.formats import FORMATS
@@ -62,7 +62,7 @@ def files(out: Path) -> dict[str, bytes]:
 
 
 def labelled(folder: Path, out: Path, **given: Any) -> dict[str, Any]:
-    return api.label_recordings("table", folder, out, columns=COLUMNS, **given)
+    return ot.label_recordings("table", folder, out, columns=COLUMNS, **given)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_labels_are_those_of_the_recordings_one_by_one(folder, once, tmp_path):
     together = pd.read_parquet(once / "labels")
     assert said["simulations"] == together.simulation.nunique() > 0
     for number in (0, 5):
-        alone = api.import_recording(
+        alone = ot.import_recording(
             "table", folder / f"{number:02d}.csv", tmp_path / f"{number}", columns=COLUMNS
         )
         mine = together[together.simulation // collection.NUMBERS == number]

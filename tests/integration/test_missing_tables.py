@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError
 
@@ -18,7 +18,7 @@ LACKING = ("attempts", "safety")
 @pytest.fixture
 def incomplete(tmp_path):
     """A data set without two of its tables."""
-    made = api.generate_dataset(
+    made = ot.generate_dataset(
         "pinto2023-physical", num_simulations=SIZE, seed=5, out=tmp_path / "data"
     )
     file = made.path / "dataset.json"
@@ -32,7 +32,7 @@ def incomplete(tmp_path):
 
 
 def test_a_missing_table_is_one_line_with_the_way_to_make_it(incomplete):
-    data = api.load_dataset(incomplete)
+    data = ot.load_dataset(incomplete)
     for read in (data.attempts, data.safety):
         with pytest.raises(DatasetError, match=r"run: overtaking label .*data") as caught:
             read()
@@ -40,15 +40,15 @@ def test_a_missing_table_is_one_line_with_the_way_to_make_it(incomplete):
 
 
 def test_all_else_is_as_it_was(incomplete):
-    data = api.load_dataset(incomplete)
+    data = ot.load_dataset(incomplete)
     data.verify()
     assert len(data.labels()) == 3 * SIZE
     assert main(["info", str(incomplete)]) == 0
 
 
 def test_labelling_it_makes_the_tables(incomplete):
-    api.relabel_dataset(incomplete)
-    data = api.load_dataset(incomplete)
+    ot.relabel_dataset(incomplete)
+    data = ot.load_dataset(incomplete)
     data.verify()
     assert len(data.attempts()) == SIZE
     assert set(data.safety()["simulation"]) == set(range(SIZE))

@@ -15,7 +15,6 @@ import pyarrow.parquet as pq
 import pytest
 
 import overtaking as ot
-from overtaking import api
 from overtaking.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -107,7 +106,7 @@ def test_commands_show_the_name_with_escapes(dataset):
 def test_a_recording_is_read(tmp_path, suffix, write):
     write(track_table(), tmp_path / f"table{suffix}")
     path = (tmp_path / f"table{suffix}").rename(tmp_path / f"{NAME}{suffix}")
-    data = api.import_recording("table", path, tmp_path / "out", columns=COLUMNS)
+    data = ot.import_recording("table", path, tmp_path / "out", columns=COLUMNS)
     source = data.manifest.identity.source
     assert source is not None
     assert f"{SHOWN}{suffix}" in source.files
@@ -118,7 +117,7 @@ def test_a_profile_and_a_map_are_read(dataset, tmp_path):
     profile = tmp_path / f"{NAME}.toml"
     profile.write_text('base = "motorway"\n')
     assert ot.sample(profile, num_simulations=2, seed=1).num_simulations == 2
-    api.export_dataset(
+    ot.export_dataset(
         ot.load_dataset(dataset), tmp_path / "out", file_format="openscenario", simulation_ids=[0]
     )
     opendrive = next((tmp_path / "out").rglob("*.xodr")).rename(tmp_path / f"{NAME}.xodr")
@@ -131,7 +130,7 @@ def test_a_profile_and_a_map_are_read(dataset, tmp_path):
     "write",
     [
         lambda _, out: ot.generate_dataset("motorway", num_simulations=2, seed=1, out=out),
-        lambda data, out: api.export_dataset(data, out, file_format="commonroad"),
+        lambda data, out: ot.export_dataset(data, out, file_format="commonroad"),
         lambda data, out: ot.write_report(data, out),
         lambda data, out: ot.write_viewer_page(data, out),
         lambda data, out: ot.film(data, out, simulation_ids=[0]),

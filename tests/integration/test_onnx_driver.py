@@ -13,7 +13,7 @@ import pytest
 from tests.support.processes import eventually, is_running
 
 import overtaking as ot
-from overtaking import api
+from overtaking.api import evaluation
 from overtaking.core.errors import ConfigError, DriverError
 from overtaking.model.driver_interface import OBSERVATION_SIZE
 from overtaking.sim import networks
@@ -130,7 +130,7 @@ def of_shape(path: Path, shape: list[int]) -> Path:
 def load_error(path: Path) -> str:
     """The message with which a file is refused."""
     with pytest.raises(ConfigError) as caught:
-        api.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
+        evaluation.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
     message = str(caught.value)
     assert "\n" not in message
     assert path.name in message
@@ -139,7 +139,7 @@ def load_error(path: Path) -> str:
 
 def drive_error(path: Path) -> str:
     """The message with which a drive ends."""
-    driver = api.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
+    driver = evaluation.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
     scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     with pytest.raises(DriverError) as caught:
         ot.drive(scenes, driver.function, observation="truth")
@@ -182,7 +182,7 @@ def test_a_network_that_ends_for_zeros_only_is_stopped_in_the_drive(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     path = looping(tmp_path / "loop.onnx", if_nonzero=True)
-    driver = api.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
+    driver = evaluation.load_driver(str(path), "truth", action="accel_lane", action_repeat=1)
     monkeypatch.setattr(networks, "TIMEOUT_S", 1.0)
     scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
     with pytest.raises(DriverError, match=r"loop\.onnx.*within 1 s"):

@@ -11,7 +11,6 @@ import pytest
 from matplotlib.figure import Figure
 
 import overtaking as ot
-from overtaking import api
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.show.plots.style import WIDTHS
 from overtaking.show.report.figures import nearest_first
@@ -106,4 +105,4 @@ def test_an_example_of_a_class_is_drawn_if_the_data_have_one(data, tmp_path: Pat
 
 def test_statistics_and_a_curve_of_the_law_are_drawn(data, tmp_path: Path):
     ot.plot(ot.dataset_statistics(data), "boxes", out=tmp_path / "boxes.pdf", width="column")
-    ot.plot(api.tolerance_curve(data.path), out=tmp_path / "law.svg", width="column")
+    ot.plot(ot.law.tolerance_curve(data.path), out=tmp_path / "law.svg", width="column")

@@ -18,7 +18,7 @@ from tests.support.processes import eventually
 from tests.support.sumo import needs_sumo
 from tests.support.troubled import troubled
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import DatasetError
 from overtaking.data import generate as writing
 from overtaking.data import processes
@@ -57,8 +57,8 @@ except (Exception, KeyboardInterrupt) as error:
 """
 
 
-def generate(out: str | Path, **changes) -> api.Dataset:
-    return api.generate_dataset(
+def generate(out: str | Path, **changes) -> ot.Dataset:
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=NUM_SIMULATIONS,
         seed=1,
@@ -149,7 +149,7 @@ def test_a_shard_of_which_every_worker_dies_is_given_up(tmp_path, monkeypatch, u
     ):
         generate(tmp_path / "data", executor="processes", workers=1)
     assert not (tmp_path / "data" / PARTIAL).exists()
-    api.resume_dataset(tmp_path / "data", executor="threads")
+    ot.resume_dataset(tmp_path / "data", executor="threads")
     assert contents(tmp_path / "data") == undisturbed
 
 
@@ -176,7 +176,7 @@ def test_workers_end_with_a_parent_that_is_killed(script, undisturbed):
     finished = (script.parent / "data").glob("simulations/*.parquet")
     before = {path: path.stat().st_mtime_ns for path in finished}
     assert before
-    api.resume_dataset(script.parent / "data", executor="processes", workers=2)
+    ot.resume_dataset(script.parent / "data", executor="processes", workers=2)
     assert contents(script.parent / "data") == undisturbed
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
@@ -206,7 +206,7 @@ def test_a_balanced_data_set_on_another_road_is_the_same(tmp_path):
         "overrides": {"time.horizon_s": 8.0, "time.attempt_deadline_s": 8.0},
     }
     made = [
-        api.generate_dataset(
+        ot.generate_dataset(
             "pinto2023-physical", seed=2, out=tmp_path / executor, executor=executor, **settings
         )
         for executor in ("threads", "processes")
@@ -227,7 +227,7 @@ def test_a_store_is_filled_with_the_same(tmp_path, undisturbed, monkeypatch):
 @needs_sumo
 def test_every_process_has_a_sumo_of_its_own(tmp_path):
     made = [
-        api.generate_dataset(
+        ot.generate_dataset(
             "pinto2023-physical",
             num_simulations=4,
             seed=2,
@@ -244,7 +244,7 @@ def test_a_place_that_workers_do_not_see_is_refused():
         generate(f"memory://{uuid.uuid4()}", executor="processes", workers=1)
 
 
-def troubled_data(trouble: str, out: Path) -> api.Dataset:
+def troubled_data(trouble: str, out: Path) -> ot.Dataset:
     given = load_specification(
         "pinto2023-physical", {"time.horizon_s": 0.2, "time.attempt_deadline_s": 0.2}
     )

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from tests.support.killer import Killer, contents
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ConfigError, DatasetError, MissingExtraError
 from overtaking.data import ray_executor
 from overtaking.data.location import PARTIAL
@@ -33,8 +33,8 @@ SETTINGS = {
 }
 
 
-def generate(out: str | Path, **changes) -> api.Dataset:
-    return api.generate_dataset(
+def generate(out: str | Path, **changes) -> ot.Dataset:
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=NUM_SIMULATIONS,
         seed=1,
@@ -79,7 +79,7 @@ def test_a_cluster_completes_what_threads_have_begun(cluster, tmp_path, monkeypa
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("part-0000[01].parquet")}
     assert before
     monkeypatch.chdir(tmp_path)  # Workers have a working directory of their own.
-    completed = api.resume_dataset("data", executor="ray")
+    completed = ot.resume_dataset("data", executor="ray")
     assert {path: path.stat().st_mtime_ns for path in before} == before
     completed.verify()
     assert len(completed) == NUM_SIMULATIONS
@@ -205,7 +205,7 @@ def test_an_address_at_which_no_cluster_answers_is_refused(tmp_path):
         line, tries = refused(f"127.0.0.1:{mute.getsockname()[1]}", tmp_path / "data")
     assert tries == 1  # Ray by itself would try twenty times.
     assert "expected that of a Ray cluster that runs, got 127.0.0.1:" in line
-    api.generate_dataset(
+    ot.generate_dataset(
         "pinto2023-physical", num_simulations=1, seed=1, out=tmp_path / "data"
     )  # The right call is not kept out.
 

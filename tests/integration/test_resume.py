@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import DatasetError, LockedError
 from overtaking.data.tables.schemas import KEYS
 
@@ -28,13 +28,13 @@ SETTINGS = {"overrides": SHORT, "shard_size": SHARD_SIZE}
 
 GENERATE = f"""
 import sys
-from overtaking import api
+import overtaking as ot
 def progress(done, total):
     print(done, flush=True)
     if done == int(sys.argv[2]):
         sys.stdin.read()
 try:
-    api.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed=1,
+    ot.generate_dataset("pinto2023-physical", num_simulations={NUM_SIMULATIONS}, seed=1,
                  out=sys.argv[1], progress=progress, **{SETTINGS!r})
 except (Exception, KeyboardInterrupt) as error:
     print(type(error).__name__, error, file=sys.stderr)
@@ -42,8 +42,8 @@ except (Exception, KeyboardInterrupt) as error:
 """
 
 
-def generate(out: Path, *, seed: int = 1, resume: bool = False) -> api.Dataset:
-    return api.generate_dataset(
+def generate(out: Path, *, seed: int = 1, resume: bool = False) -> ot.Dataset:
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=NUM_SIMULATIONS,
         seed=seed,
@@ -54,12 +54,12 @@ def generate(out: Path, *, seed: int = 1, resume: bool = False) -> api.Dataset:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     return generate(tmp_path_factory.mktemp("undisturbed") / "data")
 
 
 @pytest.fixture
-def copy(undisturbed: api.Dataset, tmp_path: Path) -> Path:
+def copy(undisturbed: ot.Dataset, tmp_path: Path) -> Path:
     """A copy of the data set, to be damaged."""
     return shutil.copytree(undisturbed.path, tmp_path / "data")
 
@@ -87,7 +87,7 @@ def end(process: subprocess.Popen[str], by: signal.Signals) -> tuple[int, str]:
     return process.returncode, said
 
 
-def assert_same(data: api.Dataset, undisturbed: api.Dataset) -> None:
+def assert_same(data: ot.Dataset, undisturbed: ot.Dataset) -> None:
     """Same values, same bytes, every key once for whoever reads the folders, nothing left over."""
     data.verify()
     assert data.content_hash == undisturbed.content_hash
@@ -162,7 +162,7 @@ def test_two_processes_do_not_write_one_folder(undisturbed, tmp_path: Path):
     assert "\n" not in str(caught.value)
     process.communicate(input="", timeout=60)
     assert process.returncode == 0
-    assert_same(api.load_dataset(out), undisturbed)
+    assert_same(ot.load_dataset(out), undisturbed)
 
 
 def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_path: Path):
@@ -170,7 +170,7 @@ def test_an_unfinished_data_set_is_not_overwritten_without_being_asked_to(tmp_pa
     with pytest.raises(DatasetError, match=r"got one that is not finished; .*--resume"):
         generate(tmp_path / "data")
     with pytest.raises(DatasetError, match=r"got one that is not finished; .*--resume"):
-        api.load_dataset(tmp_path / "data")
+        ot.load_dataset(tmp_path / "data")
 
 
 def test_another_recipe_does_not_go_on_with_it(tmp_path: Path):
@@ -181,20 +181,20 @@ def test_another_recipe_does_not_go_on_with_it(tmp_path: Path):
 
 def test_the_manifest_alone_says_how_to_go_on(undisturbed, tmp_path: Path):
     end(start(tmp_path / "data", 16), signal.SIGKILL)
-    assert_same(api.resume_dataset(tmp_path / "data"), undisturbed)
+    assert_same(ot.resume_dataset(tmp_path / "data"), undisturbed)
 
 
 def test_resuming_what_is_complete_changes_nothing(undisturbed, copy: Path):
     before = {path: path.stat().st_mtime_ns for path in copy.rglob("*.parquet")}
     manifest = (copy / "dataset.json").read_text()
-    assert_same(api.resume_dataset(copy), undisturbed)
+    assert_same(ot.resume_dataset(copy), undisturbed)
     assert {path: path.stat().st_mtime_ns for path in copy.rglob("*.parquet")} == before
     assert (copy / "dataset.json").read_text() == manifest
 
 
 def test_nothing_to_resume_says_so(tmp_path: Path):
     with pytest.raises(DatasetError, match=r"expected its folder, which holds dataset\.json"):
-        api.resume_dataset(tmp_path)
+        ot.resume_dataset(tmp_path)
 
 
 def cut(path: Path) -> None:
@@ -221,20 +221,20 @@ def test_a_damaged_file_is_found_and_named_and_written_again(
 ):
     file = copy / table / "part-00001.parquet"
     damage(file)
-    data = api.load_dataset(copy)
+    data = ot.load_dataset(copy)
     with pytest.raises(DatasetError, match="the bytes that were written, got") as caught:
         data.verify()
     assert "\n" not in str(caught.value)
     assert str(file) in str(caught.value)
     with pytest.raises(DatasetError, match="the bytes that were written, got"):
         data.table(table)
-    assert_same(api.resume_dataset(copy), undisturbed)
+    assert_same(ot.resume_dataset(copy), undisturbed)
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_other_simulations_can_be_read_beside_a_damaged_file(damage, undisturbed, copy: Path):
     damage(copy / "states" / "part-00001.parquet")
-    data = api.load_dataset(copy)
+    data = ot.load_dataset(copy)
     assert data.states(0).equals(undisturbed.states(0))
     with pytest.raises(DatasetError, match=r"part-00001\.parquet"):
         data.states(8)
@@ -256,9 +256,9 @@ def test_any_bit_of_a_commit_mark_may_be_wrong(share, bit, undisturbed, tmp_path
     data[int(share * len(data))] ^= 1 << bit
     file.write_bytes(data)
     with pytest.raises(DatasetError, match="the bytes that were written, got others"):
-        api.load_dataset(copy).verify()
+        ot.load_dataset(copy).verify()
     forget(copy)
-    resumed = api.resume_dataset(copy)
+    resumed = ot.resume_dataset(copy)
     resumed.verify()
     assert resumed.content_hash == undisturbed.content_hash
 
@@ -268,4 +268,4 @@ def test_a_shard_of_another_data_set_is_not_taken_for_finished(undisturbed, copy
     for file in other.path.rglob("part-00000.parquet"):
         shutil.copy(file, copy / file.relative_to(other.path))
     forget(copy)
-    assert_same(api.resume_dataset(copy), undisturbed)
+    assert_same(ot.resume_dataset(copy), undisturbed)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from overtaking import _core, api
+import overtaking as ot
+from overtaking import _core
 from overtaking.core.errors import ConfigError
 from overtaking.sim import engine
 
@@ -71,7 +72,7 @@ def test_threads_are_those_that_were_asked_for(repository):
 
 
 def test_an_unknown_level_is_refused_with_the_known_ones(monkeypatch):
-    scenario = api.sample("pinto2023-physical", num_simulations=1, seed=1)
+    scenario = ot.sample("pinto2023-physical", num_simulations=1, seed=1)
     with pytest.raises(ConfigError, match=r"portable.*sse9"):
         engine.simulate(scenario, level="sse9")
     monkeypatch.setenv("OVERTAKING_SIMD", "avx1024")
@@ -85,4 +86,4 @@ def test_a_level_that_this_cpu_lacks_is_refused(monkeypatch):
     for level in lacking or ["avx512-of-another-cpu"]:
         monkeypatch.setenv("OVERTAKING_SIMD", level)
         with pytest.raises(ConfigError, match=level):
-            engine.simulate(api.sample("pinto2023-physical", num_simulations=1, seed=1))
+            engine.simulate(ot.sample("pinto2023-physical", num_simulations=1, seed=1))

@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 
 import overtaking
-from overtaking import api
+import overtaking as ot
 from overtaking.analysis.database.entities import Relation, relations
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, DatasetError
@@ -35,7 +35,7 @@ SHARDS = 3
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data set whose name is an attempt of its own."""
     path = tmp_path_factory.mktemp("data") / "it's; DROP TABLE labels --"
-    api.generate_dataset(
+    ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=SIMULATIONS,
         seed=5,
@@ -58,7 +58,7 @@ def states(data: Dataset) -> pd.DataFrame:
 
 
 def ask(data: Dataset, sql: str, **bounds: Any) -> list[tuple[Any, ...]]:
-    return api.sql(data, sql, **bounds).rows
+    return ot.sql(data, sql, **bounds).rows
 
 
 # --- answers, from easy to hard ---
@@ -254,7 +254,7 @@ def test_an_attempt_to_do_anything_else_fails_and_does_nothing(
         "data": str(data.path / "labels").replace("'", "''"),
     }
     with pytest.raises(ConfigError) as caught:
-        api.sql(data, attempt.format(**names))
+        ot.sql(data, attempt.format(**names))
     assert "\n" not in str(caught.value)
     assert "opensesame" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == ["secret.csv"]
@@ -265,27 +265,27 @@ def test_an_attempt_to_do_anything_else_fails_and_does_nothing(
 def test_a_change_of_a_table_in_memory_is_gone_with_the_answer(data: Dataset):
     before = ask(data, "select count(*) from labels")
     with pytest.raises(ConfigError):
-        api.sql(data, "with gone as (delete from labels returning *) select * from gone")
+        ot.sql(data, "with gone as (delete from labels returning *) select * from gone")
     assert ask(data, "select count(*) from labels") == before
 
 
 def test_time_is_bounded(data: Dataset):
     with pytest.raises(ConfigError, match=r"within 0\.3 s"):
-        api.sql(data, "select count(*) from range(1000000000000)", timeout_s=0.3)
+        ot.sql(data, "select count(*) from range(1000000000000)", timeout_s=0.3)
 
 
 def test_memory_is_bounded(data: Dataset):
     wide = "select list(x) from (select repeat('a', 100000) || range as x from range(10000))"
     with pytest.raises(ConfigError, match="at most 64 MiB"):
-        api.sql(data, wide, memory_mib=64)
+        ot.sql(data, wide, memory_mib=64)
 
 
 MEASURED = """
 import resource, sys
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ConfigError
 try:
-    api.sql(sys.argv[1], sys.argv[2], memory_mib=128, max_rows=10**9)
+    ot.sql(sys.argv[1], sys.argv[2], memory_mib=128, max_rows=10**9)
 except ConfigError as error:
     print(error)
 # Not ru_maxrss, which counts the memory of the parent before the start.
@@ -334,7 +334,7 @@ def test_a_long_cell_is_whole_but_in_a_table(
 
 
 def test_rows_are_bounded_without_making_the_others(data: Dataset):
-    answer = api.sql(data, "select * from range(1000000000000)", max_rows=3)
+    answer = ot.sql(data, "select * from range(1000000000000)", max_rows=3)
     assert answer.rows == [(0,), (1,), (2,)]
     assert answer.is_cut
 
@@ -344,19 +344,19 @@ def test_rows_are_bounded_without_making_the_others(data: Dataset):
 )
 def test_a_bound_that_is_none_is_refused(data: Dataset, bounds: dict[str, Any]):
     with pytest.raises(ConfigError, match="or more"):
-        api.sql(data, "select 1", **bounds)
+        ot.sql(data, "select 1", **bounds)
 
 
 @pytest.mark.parametrize("sql", ["", ";", "seek", "select * from nowhere", "select 'x"])
 def test_a_mistake_is_one_line(data: Dataset, sql: str):
     with pytest.raises(ConfigError) as caught:
-        api.sql(data, sql)
+        ot.sql(data, sql)
     assert "\n" not in str(caught.value)
 
 
 def test_a_damaged_file_is_noticed_by_a_question_about_it(tmp_path: Path):
     path = tmp_path / "small"
-    api.generate_dataset("pinto2023-physical", num_simulations=3, seed=1, out=path, keep="features")
+    ot.generate_dataset("pinto2023-physical", num_simulations=3, seed=1, out=path, keep="features")
     file = next((path / "labels").glob("*.parquet"))
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
@@ -364,10 +364,10 @@ def test_a_damaged_file_is_noticed_by_a_question_about_it(tmp_path: Path):
     data = overtaking.load_dataset(path)
     for sql in ("select count(*) from LABELS", "select count(*) from paper.simulations"):
         with pytest.raises(DatasetError, match="the bytes that were written"):
-            api.sql(data, sql)
+            ot.sql(data, sql)
     assert ask(data, "select count(*) from vehicles")[0][0] > 3
     with pytest.raises(ConfigError, match="EgoVehicle"):
-        api.sql(data, "select * from paper.EgoVehicle")  # Frames were not kept.
+        ot.sql(data, "select * from paper.EgoVehicle")  # Frames were not kept.
 
 
 # --- the command line ---

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import generate as generating
 from overtaking.data.balance import ClassBalance
@@ -26,8 +26,8 @@ SETTINGS = {
 }
 
 
-def generate(out: str | Path, seed: int = 1, **changes) -> api.Dataset:
-    return api.generate_dataset(
+def generate(out: str | Path, seed: int = 1, **changes) -> ot.Dataset:
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=NUM_SIMULATIONS,
         seed=seed,
@@ -37,7 +37,7 @@ def generate(out: str | Path, seed: int = 1, **changes) -> api.Dataset:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     return generate(tmp_path_factory.mktemp("folder") / "data")
 
 
@@ -46,7 +46,7 @@ def url() -> str:
     return f"memory://{uuid.uuid4()}/data"
 
 
-def assert_same(stored: api.Dataset, folder: api.Dataset) -> None:
+def assert_same(stored: ot.Dataset, folder: ot.Dataset) -> None:
     """Every file has the bytes that it has in the folder, and there are no others."""
     stored.verify()
     assert stored.manifest.shards == folder.manifest.shards
@@ -69,13 +69,13 @@ def test_a_store_holds_the_bytes_of_a_folder(url, folder):
 
 def test_a_data_set_in_a_store_is_read_like_any_other(url, folder, tmp_path):
     generate(url)
-    stored = api.load_dataset(url)
+    stored = ot.load_dataset(url)
     assert stored.features().equals(folder.features())
     assert (stored[3].trace_hash == folder[3].trace_hash).all()
     assert stored.states(7).equals(folder.states(7))
-    rows = [api.export_dataset(data, tmp_path / f"{data.name}.csv") for data in (stored, folder)]
+    rows = [ot.export_dataset(data, tmp_path / f"{data.name}.csv") for data in (stored, folder)]
     assert rows[0] == rows[1]
-    answer = api.sql(stored, "select count(*) from labels where policy = 'paper'")
+    answer = ot.sql(stored, "select count(*) from labels where policy = 'paper'")
     assert answer.rows == [(NUM_SIMULATIONS,)]
 
 
@@ -91,9 +91,9 @@ def test_what_a_store_has_is_kept_when_work_goes_on(after, url, folder):
     with pytest.raises(Stopped):
         generate(url, progress=stop)
     with pytest.raises(DatasetError, match="expected one that is complete"):
-        api.load_dataset(url)
+        ot.load_dataset(url)
     told: list[int] = []
-    assert_same(api.resume_dataset(url, progress=lambda done, _: told.append(done)), folder)
+    assert_same(ot.resume_dataset(url, progress=lambda done, _: told.append(done)), folder)
     assert told[:2] == [0, 8]  # A shard that is there counts at once.
 
 
@@ -105,8 +105,8 @@ def test_damage_in_a_store_is_noticed_and_healed(name, damage, url, folder):
     key = f"{Store(url)._root}/{name}"
     files.rm_file(key) if damage is None else files.pipe_file(key, damage)
     with pytest.raises(DatasetError, match=f"{url}/{name}.*--resume --out {url}"):
-        api.load_dataset(stored.where).verify()
-    assert_same(api.resume_dataset(url), folder)
+        ot.load_dataset(stored.where).verify()
+    assert_same(ot.resume_dataset(url), folder)
 
 
 def test_two_processes_do_not_begin_two_data_sets_in_one_store(url, monkeypatch):
@@ -149,9 +149,9 @@ def test_a_balanced_data_set_in_a_store_is_the_same(url, tmp_path):
 def test_what_writes_beside_the_data_asks_for_a_folder(url, tmp_path):
     stored = generate(url)
     for refused in (
-        lambda: api.relabel_dataset(url),
-        lambda: api.write_report(stored),
-        lambda: api.export_dataset(stored, "memory://elsewhere/table.csv"),
+        lambda: ot.relabel_dataset(url),
+        lambda: ot.write_report(stored),
+        lambda: ot.export_dataset(stored, "memory://elsewhere/table.csv"),
     ):
         with pytest.raises(ConfigError, match="expected a folder of this machine to"):
             refused()

@@ -11,7 +11,6 @@ from tests.support.serving import serving
 from tests.support.viewing import ROWS, enter
 
 import overtaking as ot
-from overtaking import api
 from overtaking.model.import_report import ImportFinding
 from overtaking.recordings.scenes import Parts
 
@@ -43,7 +42,7 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
     scene = tmp_path / "a.xml"
     scene.write_text(commonroad(OVERTAKE), encoding="utf-8")
     with pytest.warns(ot.RecordingWarning):
-        return api.import_recording("commonroad", scene, tmp_path / "data")
+        return ot.import_recording("commonroad", scene, tmp_path / "data")
 
 
 def test_an_exported_page_has_a_row_for_each_finding(

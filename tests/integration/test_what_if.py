@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import overtaking as ot
-from overtaking import api
 from overtaking.cli import main
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def test_a_saved_branch_is_exported(data: str, tmp_path: Path, capsys: pytest.Ca
     saved = ot.whatif.save_branches(data, {"alone": gone}, tmp_path / "gone")
     for file_format in ("pinto2023", "commonroad", "highd"):
         out = tmp_path / (file_format + (".csv" if file_format == "pinto2023" else ""))
-        assert api.export_dataset(saved, out, file_format=file_format) > 0
+        assert ot.export_dataset(saved, out, file_format=file_format) > 0
     capsys.readouterr()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking import api
+from overtaking.api import evaluation
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -93,7 +93,7 @@ def test_a_network_in_onnx_drives_as_the_trained_one(tmp_path: Path):
     model = train(4096, seed=2)
     model.save(tmp_path / "learned.zip")
     export(model, tmp_path / "learned.onnx")
-    driver = api.load_driver(
+    driver = evaluation.load_driver(
         str(tmp_path / "learned.onnx"), "truth", action="decision", action_repeat=HOLD
     )
     scenes = ot.sample(PROFILE, num_simulations=40, seed=1)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _PARENT = """
 import json, os, resource, sys
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import app, arguments, main, show, summary
 from overtaking.recordings import pinto2023
 for line in sys.stdin:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from overtaking import api
+import overtaking as ot
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ SETTINGS = {"overrides": HORIZON, "shard_size": 8}
 
 
 def generate(out: Path, simulations: int = NUM_SIMULATIONS, seed: int = 1, **changes):
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=simulations,
         seed=seed,

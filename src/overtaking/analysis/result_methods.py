@@ -42,7 +42,7 @@ class Plottable:
             MissingExtraError: The extra `plots` is not installed.
             OSError: The file cannot be written.
         """
-        plotting = import_module("overtaking.api.plotting")
+        plotting = import_module("overtaking.api.reports")
         return plotting.plot(self, figure, out=out, ax=ax, width=width, policy=policy)
 
 
@@ -65,5 +65,5 @@ class Reportable:
             ConfigError: An option is not for this result.
             OSError: A file cannot be written.
         """
-        reports = import_module("overtaking.api.results")
+        reports = import_module("overtaking.api.reports")
         return reports.write_report(self, out, **options)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from overtaking.api.data import load_dataset
+from overtaking.api.datasets import load_dataset
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
 from overtaking.model.checks import check_arguments

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from overtaking.api.data import load_dataset
+from overtaking.api.datasets import load_dataset
 from overtaking.core.errors import check_in_range
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset

@@ -1,43 +1,45 @@
-"""Simulations in memory: sample, simulate, branch, label and compare them."""
+"""Simulations in memory: sample, simulate, drive, branch and label them."""
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
-from overtaking.api.choices import (
-    BRANCHING,
-    Count,
-    Profile,
+from overtaking.api.law import load_pack, policies_for
+from overtaking.api.simulator_registry import (
+    MODEL_SIMULATORS,
+    ProfileSource,
     Seed,
-    module_of,
-    road_of,
-    several,
-    simulator_of,
+    get_simulator,
+    simulator_module,
 )
-from overtaking.api.rules import load_pack, policies_for
 from overtaking.core.errors import ConfigError
 from overtaking.core.process_limits import check_memory
-from overtaking.core.progress import ProgressCallback
+from overtaking.data.recipe import PolicyRecord, Simulator
 from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.label import label as labelled
-from overtaking.labels.law import PORTUGAL, MeasurementErrors, Pack, default_policy
-from overtaking.labels.law import lacking as rules_lacking
-from overtaking.model.batch import FieldSpec, concatenate
+from overtaking.labels.law import PORTUGAL, MeasurementErrors, Pack
+from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments, check_batch
 from overtaking.model.road import Road
 from overtaking.model.scenario import MAX_VEHICLES, ForcedDecision, Intervention, Scenario
 from overtaking.model.trajectories import BYTES_PER_STATE, Trajectories
 from overtaking.model.weather import Weather
+from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles, sampler
+from overtaking.sim import driving
 from overtaking.sim.branch import branch as branched
 from overtaking.sim.branch import changed
-from overtaking.simulators.comparison import Comparison
+from overtaking.sim.driving import OBSERVATION_SOURCES, Driver
+from overtaking.sim.sensor import Sensor
 from overtaking.world.constants import STEP_MS
 
 BYTES_PER_LABELLED_FRAME = 64
 """Memory of the signals of a frame, measured with 400 simulations of `motorway` [bytes]."""
+
 
 MAX_SCENARIOS = 100_000_000
 """Largest number of scenarios in a batch; data sets may be larger."""
@@ -45,7 +47,7 @@ MAX_SCENARIOS = 100_000_000
 
 @check_arguments
 def sample(
-    profile: Profile,
+    profile: ProfileSource,
     *,
     num_simulations: Annotated[int, FieldSpec(low=0, high=MAX_SCENARIOS)],
     seed: Seed,
@@ -70,13 +72,13 @@ def sample(
         SystemLimitError: They need more memory than the system grants.
     """
     spec = profiles.load_specification(profile, overrides)
-    place = road_of(road or spec.road)
+    place = resolve_road(road or spec.road)
     index = np.uint64(first_scenario) + np.arange(num_simulations, dtype=np.uint64)
-    one = sampler.ScenarioSource(spec, place, seed).sample(index[:1])
-    check_batch(one, "sample", "scenario")
+    first_row = sampler.ScenarioSource(spec, place, seed).sample(index[:1])
+    check_batch(first_row, "sample", "scenario")
     # Twice, as parts are joined in the end.
     next_step = "draw fewer at a time, or call generate_dataset"
-    check_memory(2 * one.nbytes * num_simulations, "sample", next_step)
+    check_memory(2 * first_row.nbytes * num_simulations, "sample", next_step)
     return sampler.ScenarioSource(spec, place, seed).sample(index)
 
 
@@ -95,9 +97,9 @@ def simulate(scenario: Scenario, *, simulator: str = "engine") -> Trajectories:
         MissingExtraError: The simulator is not installed.
         SystemLimitError: The system grants too little memory or too few threads.
     """
-    chosen = simulator_of(simulator)
+    used_simulator = get_simulator(simulator)
     check_runnable(scenario, "simulate")
-    return chosen.simulate(scenario)
+    return used_simulator.simulate(scenario)
 
 
 @check_arguments
@@ -120,7 +122,7 @@ def branch(
         decision: Decision forced on every ego, at the first instant that allows it.
         weather: Weather of every simulation from then on, as long as the batch.
         interventions: Any number of other changes, at frames of their own.
-        simulator: One of `BRANCHING`.
+        simulator: One of `MODEL_SIMULATORS`.
 
     Returns:
         The batch, with `branched` to say what it branches from. Labels take weather and drivers
@@ -131,7 +133,7 @@ def branch(
             simulation has the frame or vehicle, a policy drives the ego, or there is no such
             simulator.
     """
-    run = module_of(simulator, BRANCHING).run
+    run = simulator_module(simulator, MODEL_SIMULATORS).run
     scenario = source if isinstance(source, Scenario) else source.scenario
     check_runnable(scenario, "branch")
     interventions = tuple(interventions)
@@ -157,7 +159,7 @@ def label(
         runs: A batch from `simulate`, `branch` or any other source.
         errors: Standard deviations of recorded positions and speeds; None for a recording without
             errors. A rule is undecidable where its margin is less than two standard errors.
-        law: A pack of rules, or the text that `rules.load_pack` takes.
+        law: A pack of rules, or `pt`, `de` or `module:NAME`, as in `law.load_pack`.
         policies: Names of its policies; None for those that data sets store.
 
     Returns:
@@ -171,62 +173,6 @@ def label(
     check_memory(BYTES_PER_LABELLED_FRAME * runs.stage.size, "label", "label fewer at a time")
     pack = load_pack(law)
     return labelled(runs, pack=pack, policies=policies_for(pack, policies), errors=errors)
-
-
-def undecidable_rules(unknown: Iterable[str]) -> dict[str, list[str]]:
-    """The rules that a recording cannot decide.
-
-    Args:
-        unknown: What it does not tell: `Trajectories.unknown`.
-
-    Returns:
-        Codes of rules: `always` undecidable where they apply, or `sometimes`.
-    """
-    return rules_lacking(PORTUGAL, unknown)
-
-
-@check_arguments
-def compare_simulators(
-    profile: Profile,
-    *,
-    num_simulations: Count,
-    seed: Seed,
-    simulators: Sequence[str] = ("engine", "sumo"),
-    overrides: Mapping[str, Any] | None = None,
-    road: str | Path | Road | None = None,
-    progress: ProgressCallback | None = None,
-) -> Comparison:
-    """Simulate the same scenarios on several simulators: how they end, and where they differ.
-
-    Args:
-        profile: As in `sample`.
-        num_simulations: Number of scenarios, 1 to 1,000,000.
-        seed: Seed of all random numbers, 0 <= seed < 2**64.
-        simulators: Two or more of `SIMULATORS`; the others are held against the first.
-        overrides: Dotted keys of the specification with other values.
-        road: A road instead of the profile's.
-        progress: Called with the number of simulations that are done, and of all.
-
-    Raises:
-        ConfigError: The specification or a number cannot be used, or there is no such simulator,
-            or it is compared with itself.
-        MissingExtraError: A simulator is not installed.
-    """
-    spec = profiles.load_specification(profile, overrides)
-    place = road_of(road or spec.road)
-    chosen = [simulator_of(name) for name in several(simulators)]
-    step = min(one.chunk_size for one in chosen)
-    parts: list[Comparison] = []
-    for first in range(0, num_simulations, step):
-        count = min(step, num_simulations - first)
-        batch = sample(spec, num_simulations=count, seed=seed, first_scenario=first, road=place)
-        runs = [by.simulate(batch) for by in chosen]
-        recordings = [(run, labelled(run).labels) for run in runs]
-        policy = default_policy(batch.profile)
-        parts.append(Comparison.of(simulators, recordings, policy=policy))
-        if progress is not None:
-            progress(first + count, num_simulations)
-    return concatenate(parts)
 
 
 def check_runnable(scenario: Scenario, where: str) -> None:
@@ -248,3 +194,90 @@ def check_runnable(scenario: Scenario, where: str) -> None:
     frames = int(longest * 1000.0) // interval + 1
     size = scenario.num_simulations * slots * frames * BYTES_PER_STATE
     check_memory(size, where, "simulate fewer at a time, or call generate_dataset")
+
+
+@check_arguments
+def drive(
+    scenario: Scenario,
+    driver: Any,
+    *,
+    observation: str | Sensor | None = None,
+    action: str | None = None,
+    action_repeat: int | None = None,
+    simulator: str = "engine",
+) -> Trajectories:
+    """Simulate a batch in which a driver of one's own drives every ego.
+
+    The other vehicles keep the drivers of the model.
+
+    Args:
+        scenario: A batch of scenarios.
+        driver: A function from an `Observation` of all simulations to an array with an action for
+            each, or a `Driver`, which states the next three arguments itself.
+        observation: Observation of the function, required with one: `human` for what the model's
+            driver
+            believes, `truth` for the state of the world, or a `Sensor`.
+        action: Answer of a function: `accel_lane` (the default), `speed_lane`, `accel_steer`,
+            `trajectory` or `decision`; with the indicator as a part of it, `accel_move` or
+            `accel_steer_signal`.
+        action_repeat: Number of decisions for which an action holds, 20 a second, 1 to 200; 1 by
+            default.
+        simulator: One of `MODEL_SIMULATORS`; the results are the same, bit for bit.
+
+    Returns:
+        The batch, with the actions of the driver as `actions`; a simulation with these actions
+        gives the same batch.
+
+    Raises:
+        ConfigError: An argument cannot be used, or the scenario cannot be run.
+        DriverError: The driver raises an exception, or its answer is not an action.
+    """
+    run = simulator_module(simulator, MODEL_SIMULATORS).run
+    check_runnable(scenario, "drive")
+    settings: dict[str, Any] = {
+        "observation": observation,
+        "action": action,
+        "action_repeat": action_repeat,
+    }
+    stated = {name: value for name, value in settings.items() if value is not None}
+    if isinstance(driver, Driver) and stated:
+        raise ConfigError(
+            what=", ".join(stated),
+            where="drive",
+            expected="no value beside a Driver, which states it",
+            got=", ".join(map(str, stated.values())),
+            next_step="leave it out, or give the function of the driver",
+        )
+    if not isinstance(driver, Driver):
+        if observation is None:
+            raise ConfigError(
+                what="observation",
+                where="drive",
+                expected=f"{', '.join(OBSERVATION_SOURCES)} or a Sensor",
+                got=None,
+                next_step="state it, because results depend on it",
+            )
+        driver = Driver(function=driver, **stated)
+    return driving.drive(scenario, driver, run, simulator)
+
+
+def simulator_with_driver(driver: Driver, simulator: str) -> Simulator:
+    """The simulator in which a driver of one's own drives every ego."""
+    base = get_simulator(simulator)
+    run = simulator_module(simulator, MODEL_SIMULATORS).run
+    asks = partial(driving.drive, driver=driver, run=run, simulator=simulator)
+    # A driver may keep a state of its own, so one process calls it, one batch at a time.
+    return dataclasses.replace(base, simulate=asks, threads=1, shares_world=True)
+
+
+def driver_record(driver: Driver) -> PolicyRecord:
+    """The record of a driver in a manifest."""
+    sensor = driver.observation
+    return PolicyRecord(
+        name=driver.display_name,
+        version=driver.version,
+        digest=driver.digest,
+        observe=dataclasses.asdict(sensor) if isinstance(sensor, Sensor) else sensor,
+        action=driver.action,
+        hold=driver.action_repeat,
+    )

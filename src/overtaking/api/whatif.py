@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from overtaking.api.data import load_dataset
+from overtaking.api.datasets import load_dataset
 from overtaking.core.errors import ConfigError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     Branches = Mapping[str, Trajectories] | Twin
 else:
     Branches = Any  # The module of `Twin` is loaded when a twin is made.
+
 
 Futures = Annotated[int, FieldSpec(low=1, high=100_000)]
 """Futures at each instant of a fan."""

@@ -113,22 +113,22 @@ def show(
 
     Each broken rule comes with what would have been legal.
     """
-    from overtaking import api
+    from overtaking.api import datasets, simulating
     from overtaking.cli import arguments, show
     from overtaking.show import description
 
     errors = arguments.measurement_errors(error_options)
-    labelled = api.label(api.load_dataset(data).trajectory(simulation), errors=errors)
+    labelled = simulating.label(datasets.load_dataset(data).trajectory(simulation), errors=errors)
     values = description.describe(labelled, simulation)
     output.result(values, lambda console: show.render(labelled.trajectories, values, console))
 
 
 def info(output: Output, data: options.Data) -> None:
     """Print what a data set contains and how it was made."""
-    from overtaking import api
+    from overtaking.api import datasets
     from overtaking.cli import summary
 
-    values = summary.of_dataset(api.load_dataset(data))
+    values = summary.of_dataset(datasets.load_dataset(data))
     output.result(values, lambda _: summary.render(values))
 
 
@@ -143,14 +143,16 @@ def export(
     about: options.AboutTarget = None,
 ) -> None:
     """Convert a data set to the format of another program or paper."""
-    from overtaking import api
+    from overtaking.api import file_formats
     from overtaking.cli import arguments, summary
 
     target = arguments.export_target(out, file_format, is_csv=is_csv)
     given = arguments.chosen(chosen, "export")
     given |= arguments.given(with_law=with_law or None, about=about)
     with output.progress("simulations") as meter:
-        rows = api.export_dataset(data, target, file_format=file_format, progress=meter, **given)
+        rows = file_formats.export_dataset(
+            data, target, file_format=file_format, progress=meter, **given
+        )
     values = summary.of_table(target, rows)
     output.wrote(values, lambda _: summary.render_table(values))
 
@@ -169,7 +171,7 @@ def compare(
 
     Prints the classes on each simulator, and when and where the trajectories diverge.
     """
-    from overtaking import api
+    from overtaking.api import studies
     from overtaking.cli import arguments, comparison
 
     arguments.limit_threads(threads)
@@ -182,7 +184,7 @@ def compare(
         overrides=arguments.overrides(changes or [], None),
     )
     with output.progress("simulations") as meter:
-        found = api.compare_simulators(simulators=chosen, progress=meter, **recipe)
+        found = studies.compare_simulators(simulators=chosen, progress=meter, **recipe)
     values = comparison.values_of(found)
     output.result(values, lambda _: comparison.render(values))
 

@@ -41,7 +41,7 @@ def serve(
 
     Needs neither CARLA nor a graphics card.
     """
-    from overtaking import api
+    from overtaking.api import carla
 
     places = maps or ["town06"]
 
@@ -50,7 +50,7 @@ def serve(
         text = f"ready for CARLA 0.9.16 clients on {host}:{calls} (streams {streams}); Ctrl-C ends"
         output.wrote(values, lambda _: text)
 
-    api.serve(port=port, host=host, maps=places, seed=seed or 1, ready=ready, log=output.say)
+    carla.serve(port=port, host=host, maps=places, seed=seed or 1, ready=ready, log=output.say)
 
 
 Driver = Annotated[
@@ -91,11 +91,11 @@ def run(
 
 def limits(output: Output, server: Server = "headless") -> None:
     """Measure when CARLA's Traffic Manager refuses lane changes."""
-    from overtaking import api
+    from overtaking.api import carla
     from overtaking.cli import arguments
 
     arguments.choose_carla(server)
-    found = api.measure_limits()
+    found = carla.measure_limits()
     rows = [
         {"speed_kmh": speed, "changed": changed, "asked": found.trials}
         for speed, changed in zip(found.speeds_kmh, found.changed, strict=True)
@@ -133,14 +133,14 @@ def replay(
     server: Server = "headless",
 ) -> None:
     """Replay recorded simulations in CARLA and film them."""
-    from overtaking import api
+    from overtaking.api import carla
     from overtaking.cli import arguments
 
     arguments.choose_carla(server)
     numbers = arguments.numbers(simulations, "carla replay") or []
     pixels = arguments.picture_size(size)
     with output.progress("simulations") as meter:
-        films = api.replay(data, out, simulation_ids=numbers, size=pixels, progress=meter)
+        films = carla.replay(data, out, simulation_ids=numbers, size=pixels, progress=meter)
     files = [
         {"file": str(path), "frames": film.num_frames} for film in films for path in film.files
     ]

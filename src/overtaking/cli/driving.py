@@ -46,9 +46,9 @@ def drive(
     action_repeat: ActionRepeat = 1,
 ) -> None:
     """Let a driver of your own drive every ego, and write a labelled data set."""
-    from overtaking import api
+    from overtaking.api import evaluation
     from overtaking.cli import making
 
-    loaded = api.load_driver(driver, observation, action=action, action_repeat=action_repeat)
+    loaded = evaluation.load_driver(driver, observation, action=action, action_repeat=action_repeat)
     recipe = making.recipe(made, profile, road)
     making.make(output, out, recipe | {"driver": loaded}, made)

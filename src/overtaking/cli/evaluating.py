@@ -85,12 +85,12 @@ def evaluate(
     Rates per scene, km and attempt with intervals, differences, breaches of the law, conflicts and
     lane changes. No conformity with any regulation is claimed.
     """
-    from overtaking import api
+    from overtaking.api import evaluation
     from overtaking.cli import arguments
 
     arguments.limit_threads(threads)
     evaluated, *others = (
-        api.resolve_driver(
+        evaluation.resolve_driver(
             name.strip(), observation, action=action, action_repeat=action_repeat, option=option
         )
         for name, option in (
@@ -109,10 +109,12 @@ def evaluate(
     with output.progress("simulations") as meter:
         if benchmark is not None:
             _refuse(scenes)
-            found = api.run_benchmark(evaluated, benchmark, references=others, progress=meter)
+            found = evaluation.run_benchmark(
+                evaluated, benchmark, references=others, progress=meter
+            )
         else:
             scenes = {"profile": "motorway", "num_simulations": NUM_SIMULATIONS} | scenes
-            found = api.evaluate(
+            found = evaluation.evaluate(
                 evaluated, references=others, progress=meter, say=output.say, **scenes
             )
     values = found.values() | _written(output, found, out, films)
@@ -135,12 +137,12 @@ def _written(
     output: Output, found: "Evaluation | BenchmarkResult", out: Path | None, films: int
 ) -> dict[str, Any]:
     """Write the pages, if they are wanted: where they are, and what they lack."""
-    from overtaking import api
+    from overtaking.api import reports
 
     if out is None:
         return {}
     with output.progress("films") as meter:
-        made = api.write_report(found, out, films=films, progress=meter)
+        made = reports.write_report(found, out, films=films, progress=meter)
     pages = made if isinstance(made, list) else [made]
     for page in pages:
         output.say(f"{page.path}: {len(page.figures)} figures, {len(page.films)} films")

@@ -28,10 +28,10 @@ def film(
     threads: options.Threads = None,
 ) -> None:
     """Render simulations as mp4 films, seen from above."""
-    from overtaking import api
+    from overtaking.api import reports
 
     with output.progress("films") as meter:
-        films = api.film(
+        films = reports.film(
             data,
             out,
             simulation_ids=choice(shown, "film"),
@@ -44,7 +44,7 @@ def film(
 
 
 def choice(shown: options.Shown, where: str) -> list[int] | str:
-    """The chosen simulations, as `api.film` takes them.
+    """The selected simulations, as an argument of `film`.
 
     Args:
         shown: The options.

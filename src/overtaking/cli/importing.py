@@ -137,12 +137,12 @@ def import_recording(
     A recording that fails is named, and the others go on; the exit status is 70 after a fault of
     overtaking itself.
     """
-    from overtaking import api
+    from overtaking.api import file_formats
     from overtaking.cli import arguments
     from overtaking.cli.tables import facts
 
     if template:
-        api.write_column_map(file, out)
+        file_formats.write_column_map(file, out)
         output.wrote({"map": str(out)}, lambda _: facts([("map of columns", str(out))]))
         return None
     given = arguments.given(
@@ -158,7 +158,7 @@ def import_recording(
     how = {"workers": workers, "address": address}
     if file.is_dir():
         with output.progress("recordings") as meter:
-            result = api.label_recordings(
+            result = file_formats.label_recordings(
                 file_format,
                 file,
                 out,
@@ -177,7 +177,7 @@ def import_recording(
         return FAULT if result["faults"] else None
     _refuse_of_file(resume=resume, executor=executor != "auto", **how)
     with output.progress("simulations") as meter:
-        data = api.import_recording(
+        data = file_formats.import_recording(
             file_format,
             file,
             out,
@@ -235,7 +235,7 @@ def _of_folder(values: dict[str, Any]) -> list[tuple[str, str]]:
 
 def of_import(data: "Dataset") -> dict[str, Any]:
     """Counts of an imported recording, and the folder of the data set."""
-    from overtaking import api
+    from overtaking.api import law
 
     identity = data.manifest.identity
     source = identity.source
@@ -247,7 +247,7 @@ def of_import(data: "Dataset") -> dict[str, Any]:
         "files": source.files,
         "simulations": len(data),
         "unknown": list(identity.unknown),
-        "undecidable": api.undecidable_rules(identity.unknown),
+        "undecidable": law.undecidable_rules(identity.unknown),
         "counts": source.counts,
         "notes": source.notes,
         "content_hash": data.content_hash,

@@ -38,7 +38,8 @@ def label(
 
     With --law, --policies or --out the data set stays as it is.
     """
-    from overtaking import api
+    from overtaking.api import datasets
+    from overtaking.api import law as api_law
     from overtaking.cli import arguments
 
     errors = arguments.measurement_errors(error_options)
@@ -46,11 +47,11 @@ def label(
         named = None if policies is None else [one.strip() for one in policies.split(",")]
         chosen = arguments.given(policies=named, out=out, errors=errors)
         with output.progress("simulations") as meter:
-            batches = api.judged(data, law or "pt", progress=meter, **chosen)
+            batches = api_law.judge(data, law or "pt", progress=meter, **chosen)
             judged = of_batches(data, batches) | output.duration
         return output.result(judged, lambda _: render(judged))
     with output.progress("simulations") as meter:
-        labelled = api.relabel_dataset(data, errors=errors, progress=meter)
+        labelled = datasets.relabel_dataset(data, errors=errors, progress=meter)
     values = of_labels(labelled) | output.duration
     output.wrote(values, lambda _: render(values))
 

@@ -26,15 +26,16 @@ def curve(
 
     Also which rule alone decides, and in how many overtakes. Nothing is written.
     """
-    from overtaking import api
+    from overtaking.api import law as api_law
+    from overtaking.api import reports
     from overtaking.cli import arguments
 
     figure = arguments.figure_file(plot)
     errors = arguments.measurement_errors(error_options)
     with output.progress("simulations") as meter:
-        found = api.tolerance_curve(data, law=law, policy=policy, progress=meter, errors=errors)
+        found = api_law.tolerance_curve(data, law=law, policy=policy, progress=meter, errors=errors)
     if figure is not None:
-        api.plot(found, out=figure)
+        reports.plot(found, out=figure)
     values = found.values()
     output.result(values, lambda _: render_curve(values))
 
@@ -50,13 +51,13 @@ def compare(
 
     Nothing is written.
     """
-    from overtaking import api
+    from overtaking.api import law as api_law
     from overtaking.cli import arguments
 
     errors = arguments.measurement_errors(error_options)
     laws, chosen = ([one.strip() for one in text.split(",")] for text in (law, policies))
     with output.progress("simulations") as meter:
-        values = api.compare(data, laws, policies=chosen, progress=meter, errors=errors)
+        values = api_law.compare(data, laws, policies=chosen, progress=meter, errors=errors)
     output.result(values, lambda _: render_comparison(values))
 
 
@@ -73,12 +74,12 @@ def explain(
     Broken rules come first. A paragraph has the article, the facts, the margin, and what would have
     been lawful.
     """
-    from overtaking import api
+    from overtaking.api import law as api_law
     from overtaking.cli import arguments
 
     errors = arguments.measurement_errors(error_options)
     codes = None if rules is None else [one.strip() for one in rules.split(",")]
-    told = api.explain(data, simulation, law=law, rules=codes, errors=errors)
+    told = api_law.explain(data, simulation, law=law, rules=codes, errors=errors)
     output.result({"verdicts": told}, lambda _: render_paragraphs(told))
 
 

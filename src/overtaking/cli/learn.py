@@ -57,10 +57,10 @@ def rules(
 
     Each attribute is known when the overtake starts, or could have started.
     """
-    from overtaking import api
+    from overtaking.api import learning
 
     with output.progress("rounds") as meter:
-        found = api.learn_rules(
+        found = learning.learn_rules(
             data,
             about,
             policy=policy,
@@ -83,10 +83,10 @@ def factors(
     show_leakage: ShowLeakage = False,
 ) -> None:
     """Rank the factors that decide, with calibrated models."""
-    from overtaking import api
+    from overtaking.api import learning
 
     with output.progress("models") as meter:
-        found = api.learn_factors(
+        found = learning.learn_factors(
             data,
             about,
             features=[one.strip() for one in (features or "").split(",") if one.strip()],

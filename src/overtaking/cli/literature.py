@@ -60,10 +60,10 @@ def datasets(
     as_printed: AsPrinted = False,
 ) -> None:
     """List driving data sets with the properties you need."""
-    from overtaking import api
     from overtaking.analysis.literature.answers import answer
+    from overtaking.api import datasets as api_datasets
 
-    dataset = None if own is None else api.load_dataset(own)
+    dataset = None if own is None else api_datasets.load_dataset(own)
     words = [word for word, is_wanted in dataclasses.asdict(wanted).items() if is_wanted]
     found = answer("datasets", wanted=words, own=dataset, is_corrected=not as_printed)
     header = ("data set", "year", "scenes", "hours", "frames", "3D", "seen in", "roads")

@@ -45,7 +45,7 @@ def ask(
     memory_mib: Memory = 2048,
 ) -> None:
     """Query simulations in logic, or prove why one is illegal."""
-    from overtaking import api
+    from overtaking.api import logic
     from overtaking.cli import arguments
     from overtaking.cli.tables import drawn_rows
 
@@ -56,14 +56,14 @@ def ask(
         header = ("predicate", "from", "says")
         output.result({"predicates": words}, lambda _: drawn_rows(header, cells))
     elif why is not None:
-        proofs = api.prove(data, why)
+        proofs = logic.prove(data, why)
         found = {"simulation": why, "proofs": [_proof(one) for one in proofs]}
         output.text(found, _proofs_page(why, proofs))
     else:
         given = arguments.chosen(chosen, "ask")
         given |= {"max_rows": rows, "timeout_s": timeout_s, "memory_mib": memory_mib}
         with output.progress("simulations") as meter:
-            answers = api.ask(data, str(query), progress=meter, **given)
+            answers = logic.ask(data, str(query), progress=meter, **given)
         if answers.is_cut:
             output.say(f"there are more answers than these {rows}; --rows gives more")
         values = values_of(answers)

@@ -80,7 +80,7 @@ def make(
         simulator: What simulates.
         execution: `executor`, `address` and `workers` of `api.generate_dataset`.
     """
-    from overtaking import api
+    from overtaking.api import datasets
     from overtaking.cli import summary
 
     with _Phases(output) as phases:
@@ -90,12 +90,12 @@ def make(
             **(execution or {}),
         }
         if made.resume and not recipe:
-            data = api.resume_dataset(out, **talk)
+            data = datasets.resume_dataset(out, **talk)
         else:
             complete = arguments.DEFAULTS | recipe
             talk |= {"resume": made.resume, "simulator": simulator}
             talk["allow_large"] = _asked(output, made.yes)
-            data = api.generate_dataset(out=out, **talk, **complete)
+            data = datasets.generate_dataset(out=out, **talk, **complete)
     values = summary.of_dataset(data) | output.duration
     output.wrote(values, lambda _: summary.render_generated(values))
 

@@ -42,12 +42,12 @@ def reproduce(
     changes: options.Changes = None,
 ) -> None:
     """Compare each number of the study with replicates of its data."""
-    from overtaking import api
+    from overtaking.api import reports, studies
     from overtaking.cli import arguments
 
     arguments.limit_threads(threads)
     with output.progress("simulations") as meter:
-        found = api.reproduce_study(
+        found = studies.reproduce_study(
             study,
             num_replicates=num_replicates,
             seed=seed,
@@ -56,7 +56,7 @@ def reproduce(
         )
     values = found.values()
     if out is not None:
-        made = api.write_report(found, out)
+        made = reports.write_report(found, out)
         values |= {"page": str(made.path), "missing": list(made.remarks)}
         for text in (f"{made.path}: {len(made.figures)} figures", *made.remarks):
             output.say(text)

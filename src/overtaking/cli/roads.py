@@ -35,16 +35,17 @@ def roads(
 
     Says which can be simulated, and why the others cannot.
     """
-    from overtaking import api
+    from overtaking.api import reports
     from overtaking.cli import arguments
+    from overtaking.recordings.opendrive_map import list_opendrive_roads
 
     figure = arguments.figure_file(plot)
     limit = arguments.speed_limit(speed_limit)
-    mapped_roads = api.list_opendrive_roads(
+    mapped_roads = list_opendrive_roads(
         file, speed_limit=limit, driving_side=cast("Side | None", driving_side)
     )
     if figure is not None:
-        api.plot(mapped_roads, out=figure)
+        reports.plot(mapped_roads, out=figure)
     values = values_of(file, mapped_roads, with_junctions=with_junctions)
     output.result(values, lambda _: render(values))
 

@@ -38,10 +38,10 @@ def sql(
     memory_mib: Memory = 1024,
 ) -> None:
     """Query the tables of a data set in SQL."""
-    from overtaking import api
+    from overtaking.api import datasets
 
     check_choice(written, FORMATS, what="--format", where="sql")
-    answer = api.sql(data, question, max_rows=rows, timeout_s=timeout_s, memory_mib=memory_mib)
+    answer = datasets.sql(data, question, max_rows=rows, timeout_s=timeout_s, memory_mib=memory_mib)
     values = answer.values()
     if answer.is_cut:
         output.say(f"there are more rows than these {rows}; --rows gives more")

@@ -40,11 +40,11 @@ def stats(
     written: Written = "text",
 ) -> None:
     """Print class frequencies, feature statistics and waiting times."""
-    from overtaking import api
     from overtaking.analysis.stats import formats
+    from overtaking.api import studies
 
     check_choice(written, formats.FORMATS, what="--format", where="stats")
-    found = api.dataset_statistics(data, policy=policy, reading=reading, weighted=weighted)
+    found = studies.dataset_statistics(data, policy=policy, reading=reading, weighted=weighted)
     if written == "text":
         output.page(found.values(), formats.page_parts(found))
     else:
@@ -61,10 +61,10 @@ def report(
     learn: Learn = False,
 ) -> None:
     """Write an HTML report: figures, tables and associations."""
-    from overtaking import api
+    from overtaking.api import reports
 
     with output.progress("parts") as meter:
-        made = api.write_report(
+        made = reports.write_report(
             data,
             out,
             policy=policy,

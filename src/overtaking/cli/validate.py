@@ -36,13 +36,13 @@ def validate(
     The standing of a figure says whether the drivers of the profile were fitted on it. The exit
     status is 1 if a target is missed.
     """
-    from overtaking import api
+    from overtaking.api import reports, studies
     from overtaking.cli import arguments, validation_page
 
     arguments.limit_threads(threads)
     figure = arguments.figure_file(plot)
     with output.progress("simulations") as meter:
-        found = api.validate_profile(
+        found = studies.validate_profile(
             profile,
             num_simulations=num_simulations,
             seed=1 if seed is None else seed,
@@ -52,7 +52,7 @@ def validate(
             recordings=recordings,
         )
     if figure is not None:
-        api.plot(found, out=figure)
+        reports.plot(found, out=figure)
     values = found.values()
     output.result(values, lambda _: validation_page.render(values))
     return 0 if found.is_met else 1

@@ -48,7 +48,7 @@ def view(
 def _serve(output: Output, data: str, shown: options.Shown, port: int, *, opens: bool) -> None:
     import webbrowser
 
-    from overtaking import api
+    from overtaking.api import reports
 
     if shown.simulation_ids is not None or shown.one_per_class or shown.every:
         raise ConfigError(
@@ -64,14 +64,14 @@ def _serve(output: Output, data: str, shown: options.Shown, port: int, *, opens:
         if opens:
             webbrowser.open(url)
 
-    api.serve_viewer(data, policy=shown.policy, port=port, ready=ready)
+    reports.serve_viewer(data, policy=shown.policy, port=port, ready=ready)
 
 
 def _write(output: Output, data: str, shown: options.Shown, export: Path) -> None:
-    from overtaking import api
+    from overtaking.api import reports
 
     with output.progress("simulations") as meter:
-        page = api.write_viewer_page(
+        page = reports.write_viewer_page(
             data,
             export,
             simulation_ids=choice(shown, "view"),

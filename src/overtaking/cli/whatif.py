@@ -93,10 +93,10 @@ def twin(
 
     Prints both classes and the first frame in which the two differ.
     """
-    from overtaking import api
+    from overtaking.api import reports, whatif
 
     figure = arguments.figure_file(plot)
-    found = api.counterfactual(
+    found = whatif.counterfactual(
         data,
         simulation,
         without=[one.strip() for one in without.split(",")] if without else (),
@@ -109,12 +109,12 @@ def twin(
     values = values_of_twin(found, policy)
     files = []
     if figure is not None:
-        api.plot(found, out=figure, policy=policy)
+        reports.plot(found, out=figure, policy=policy)
         files.append(figure)
     if film is not None:
-        files.append(api.film(found, film, policy=policy))
+        files.append(reports.film(found, film, policy=policy))
     if out is not None:
-        files.append(api.save_branches(data, found, out).path)
+        files.append(whatif.save_branches(data, found, out).path)
     values["files"] = [str(one) for one in files]
     output.result(values, lambda _: render_twin(values))
 
@@ -133,12 +133,12 @@ def fan(
 
     Prints the share of each class among many futures, with 95 % intervals.
     """
-    from overtaking import api
+    from overtaking.api import reports, whatif
     from overtaking.show.futures import values_of_fan
 
     figure = arguments.figure_file(plot)
     with output.progress("instants") as meter:
-        found = api.outcome_fan(
+        found = whatif.outcome_fan(
             data,
             simulation,
             condition_on=condition_on,
@@ -149,7 +149,7 @@ def fan(
         )
     values = values_of_fan(found)
     if figure is not None:
-        api.plot(found, out=figure)
+        reports.plot(found, out=figure)
         values["files"] = [str(figure)]
     output.result(values, lambda _: render_fan(values))
 
@@ -166,10 +166,12 @@ def enough(
     A stated list of quantities is tried, each alone; every answer is simulated. Many may be enough,
     and none of them is the cause.
     """
-    from overtaking import api
+    from overtaking.api import whatif
 
     with output.progress("quantities") as meter:
-        found = api.sufficient_changes(data, simulation, goal=goal, policy=policy, progress=meter)
+        found = whatif.sufficient_changes(
+            data, simulation, goal=goal, policy=policy, progress=meter
+        )
     values = values_of_enough(found)
     output.result(values, lambda _: render_enough(values))
 

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from overtaking.api.choices import Profile, road_of
+from overtaking.api.simulator_registry import ProfileSource
 from overtaking.core.arrays import F32, Mask
 from overtaking.core.errors import (
     ConfigError,
@@ -34,6 +34,7 @@ from overtaking.gym.spaces import (
 )
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Stage
+from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles
 from overtaking.scenarios.sampler import MAX_SEED
 from overtaking.sim.controls import CONTROLS
@@ -97,7 +98,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
 
     def __init__(
         self,
-        profile: Profile,
+        profile: ProfileSource,
         num_envs: int = 1,
         *,
         observation: str = "human",
@@ -126,7 +127,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
         _check_render_mode(render_mode)
         spec = profiles.load_specification(profile, overrides)
         self._supply = ScenarioSupply(
-            spec, road_of(road or spec.road), num_envs=num_envs, first_scenario=first_scenario
+            spec, resolve_road(road or spec.road), num_envs=num_envs, first_scenario=first_scenario
         )
         self._settings = EpisodeSettings(
             num_envs=num_envs,
@@ -376,7 +377,7 @@ class OvertakingEnv(Env[F32, Any]):
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012
 
-    def __init__(self, profile: Profile, **settings: Any) -> None:
+    def __init__(self, profile: ProfileSource, **settings: Any) -> None:
         """Check the arguments; `reset` draws the first scenario."""
         self._batch = OvertakingVectorEnv(
             profile, 1, autoreset_mode=AutoresetMode.DISABLED, **settings

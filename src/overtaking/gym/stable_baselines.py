@@ -18,7 +18,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from overtaking.api.choices import Profile
+from overtaking.api.simulator_registry import ProfileSource
 from overtaking.core.arrays import F32
 from overtaking.core.errors import ConfigError
 from overtaking.gym.environments import Info, OvertakingVectorEnv
@@ -35,7 +35,7 @@ class StableBaselinesVecEnv(VecEnv):
     """
 
     def __init__(
-        self, profile: Profile, num_envs: int, *, seed: int | None = None, **settings: Any
+        self, profile: ProfileSource, num_envs: int, *, seed: int | None = None, **settings: Any
     ) -> None:
         """Make the environments."""
         mode = AutoresetMode.SAME_STEP

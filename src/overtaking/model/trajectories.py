@@ -405,7 +405,7 @@ class Trajectories(IdentityBatch):
         """The overtakes in a table of states, of any columns, units and rate.
 
         The arguments `columns`, `road`, `driving_side`, `speed_limit`, `attempts_only`, `vehicles`
-        and `strict` are those of `overtaking.api.formats.trajectories_from_table`.
+        and `strict` are those of `overtaking.api.file_formats.trajectories_from_table`.
 
         Args:
             table: A row per vehicle and instant: a pandas or Arrow table, or a mapping of columns.
@@ -416,7 +416,9 @@ class Trajectories(IdentityBatch):
             ImportFormatError: The table cannot be used; the message names row and column.
         """
         # By name, as the root does: a noun imports no reader (docs/adr/0040).
-        return import_module("overtaking.api.formats").trajectories_from_table(table, **options)
+        return import_module("overtaking.api.file_formats").trajectories_from_table(
+            table, **options
+        )
 
     @property
     def import_report(self) -> Any:

@@ -9,6 +9,19 @@ from overtaking.recordings.opendrive import Side, read_opendrive
 from overtaking.scenarios.profiles import path_exists
 
 
+def resolve_road(road: str | Path | Road) -> Road:
+    """A road itself, or the road of a name or file.
+
+    Args:
+        road: A road, the name of a road of the package, or the path of an OpenDRIVE file.
+
+    Raises:
+        ConfigError: No road has this name, or the file has several roads.
+        ImportFormatError: The file or its road cannot be used.
+    """
+    return road if isinstance(road, Road) else load_road(road)
+
+
 def load_road(
     name_or_path: str | Path,
     road_id: str | int | None = None,

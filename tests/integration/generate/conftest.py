@@ -11,20 +11,20 @@ from tests.support.small import generate
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from overtaking import api
+    import overtaking as ot
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+def data(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     return generate(tmp_path_factory.mktemp("frames") / "data")
 
 
 @pytest.fixture(scope="module")
-def summary(tmp_path_factory: pytest.TempPathFactory) -> api.Dataset:
+def summary(tmp_path_factory: pytest.TempPathFactory) -> ot.Dataset:
     return generate(tmp_path_factory.mktemp("summary") / "data", keep="features")
 
 
 @pytest.fixture
-def copy(data: api.Dataset, tmp_path: Path) -> Path:
+def copy(data: ot.Dataset, tmp_path: Path) -> Path:
     """A copy of the data set, to be changed."""
     return shutil.copytree(data.path, tmp_path / "data")

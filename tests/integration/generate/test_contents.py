@@ -15,7 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 from tests.support.small import HORIZON, NUM_SIMULATIONS, generate
 
-from overtaking import api
+import overtaking as ot
+from overtaking.api import simulator_registry
 from overtaking.core.errors import ConfigError
 from overtaking.data.tables.columns import names_of
 from overtaking.data.tables.schemas import SCHEMAS
@@ -31,10 +32,10 @@ pytestmark = pytest.mark.ci
 @pytest.fixture(scope="module")
 def runs() -> Trajectories:
     """The same simulations without any file."""
-    scenarios = api.sample(
+    scenarios = ot.sample(
         "pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1, overrides=HORIZON
     )
-    return api.simulate(scenarios)
+    return ot.simulate(scenarios)
 
 
 def assert_same(one, other, filled: np.ndarray) -> None:
@@ -132,9 +133,9 @@ def test_a_simulation_is_the_same_in_a_data_set_of_any_size(data, tmp_path: Path
     assert small.states(2).equals(data.states(2))
 
 
-@pytest.mark.parametrize("simulator", api.BRANCHING)
+@pytest.mark.parametrize("simulator", simulator_registry.MODEL_SIMULATORS)
 def test_a_branch_without_a_change_is_the_simulation_itself(simulator: str, runs):
-    again = api.branch(runs.scenario, 7, simulator=simulator)
+    again = ot.branch(runs.scenario, 7, simulator=simulator)
     assert np.array_equal(again.trace_hash, runs.trace_hash)
 
 
@@ -142,7 +143,7 @@ def test_a_branch_is_the_same_up_to_its_frame_and_another_after_it(runs):
     chosen = runs.select(np.flatnonzero(runs.num_frames > 15))
     still = chosen.scenario.weather
     storm = still.replace(wind=np.full_like(still.wind, 100.0))
-    other = api.branch(chosen.scenario, 7, weather=storm)
+    other = ot.branch(chosen.scenario, 7, weather=storm)
     valid = chosen.scenario.vehicles.valid
     before, after = (
         np.abs(other.states.x[:, :, part] - chosen.states.x[:, :, part])[valid]
@@ -177,7 +178,7 @@ def test_tables_come_as_pandas_in_si(data):
 
 def test_anyone_can_group_tables_of_many_shards_by_any_of_their_names(tmp_path: Path):
     # Arrow refuses to where the parts of a column list other names.
-    data = api.generate_dataset(
+    data = ot.generate_dataset(
         "pinto2023-physical",
         num_simulations=40,
         seed=5,
@@ -236,7 +237,7 @@ def test_the_manifest_says_how_to_make_it_again(data, tmp_path: Path):
     identity = manifest["identity"]
     assert (identity["profile"], identity["seed"]) == ("pinto2023-physical", 1)
     assert identity["spec"]["time"]["horizon_s"] == 1.0
-    again = api.generate_dataset(
+    again = ot.generate_dataset(
         identity["spec"],
         num_simulations=identity["simulations"],
         seed=identity["seed"],

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from tests.support.small import NUM_SIMULATIONS, generate, refused
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ConfigError, DatasetError, SchemaError
 from overtaking.data.load import load
 from overtaking.data.recipe import Simulator
@@ -98,7 +98,7 @@ def test_a_data_set_of_a_newer_version_says_to_upgrade(copy: Path):
     with refused(
         SchemaError, "version of the manifest: expected at most 1, got 2; use the version"
     ):
-        api.load_dataset(copy)
+        ot.load_dataset(copy)
 
 
 def test_a_table_of_a_newer_version_says_to_upgrade(copy: Path):
@@ -107,7 +107,7 @@ def test_a_table_of_a_newer_version_says_to_upgrade(copy: Path):
     pq.write_table(pq.read_table(path).replace_schema_metadata(newer), path)
     refresh(copy, path)
     with refused(SchemaError, str(path), f"at most {VERSION}, got {VERSION + 1}"):
-        api.load_dataset(copy).table("states")
+        ot.load_dataset(copy).table("states")
 
 
 def refresh(folder: Path, path: Path) -> None:

@@ -17,13 +17,13 @@ pytestmark = pytest.mark.ci
 UNTIL_FULL = """
 import shutil, sys
 from pathlib import Path
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import DatasetError
 disk, room = Path(sys.argv[1]), int(sys.argv[2])
 ballast = disk / "ballast"
 ballast.write_bytes(bytes(shutil.disk_usage(disk).free - room))
 def generate(resume):
-    return api.generate_dataset("pinto2023-physical", num_simulations=20, seed=1, out=disk / "data",
+    return ot.generate_dataset("pinto2023-physical", num_simulations=20, seed=1, out=disk / "data",
                         shard_size=8, resume=resume,
                         overrides={"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0})
 try:
@@ -66,11 +66,11 @@ def test_a_disk_that_fills_up_ends_in_one_line_and_loses_nothing(data, tmp_path:
 
 LIMITED = """
 import resource, sys
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import DatasetError
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 try:
-    api.generate_dataset("pinto2023-physical", num_simulations=20, seed=1, out=sys.argv[1],
+    ot.generate_dataset("pinto2023-physical", num_simulations=20, seed=1, out=sys.argv[1],
                  shard_size=8, overrides={"time.horizon_s": 1.0, "time.attempt_deadline_s": 1.0})
 except DatasetError as error:
     print(error, file=sys.stderr)
@@ -99,8 +99,8 @@ def test_a_file_that_may_not_grow_ends_in_one_line(missing: int, data, tmp_path:
 
 MEASURED = """
 import resource, sys
-from overtaking import api
-api.generate_dataset("pinto2023-physical", num_simulations=int(sys.argv[2]), seed=1,
+import overtaking as ot
+ot.generate_dataset("pinto2023-physical", num_simulations=int(sys.argv[2]), seed=1,
              out=sys.argv[1], shard_size=2048,
              overrides={"time.horizon_s": 2.0, "time.attempt_deadline_s": 2.0})
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

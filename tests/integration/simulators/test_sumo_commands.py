@@ -9,7 +9,7 @@ import shlex
 import pytest
 from tests.support.sumo import needs_sumo
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli import main
 
 pytestmark = needs_sumo
@@ -30,7 +30,7 @@ def test_it_writes_an_ordinary_data_set(folder, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["simulations"] == 5
     assert re.fullmatch(r"sumo 1\+libsumo[\d.]+", told["simulator"])
-    data = api.load_dataset(folder)
+    data = ot.load_dataset(folder)
     data.verify()
     assert data.simulations()["num_frames"].max() == 121
     assert data.trajectory(3).unknown == {
@@ -39,7 +39,7 @@ def test_it_writes_an_ordinary_data_set(folder, capsys):
 
 
 def test_what_sumo_cannot_say_is_null(folder):
-    data = api.load_dataset(folder)
+    data = ot.load_dataset(folder)
     states = data.table("states")
     for name in ("wheel_angle_100urad", "yaw_rate_100uradps", "lights"):
         assert states[name].null_count == states.num_rows > 0
@@ -54,21 +54,21 @@ def test_what_sumo_cannot_say_is_null(folder):
 def test_the_same_command_gives_the_same_content(folder, tmp_path):
     out = tmp_path / "again"
     assert main(["sumo", "run", *FEW, "--out", str(out), "--quiet"]) == 0
-    assert api.load_dataset(out).content_hash == api.load_dataset(folder).content_hash
+    assert ot.load_dataset(out).content_hash == ot.load_dataset(folder).content_hash
 
 
 def test_frames_that_were_not_kept_are_simulated_again_on_sumo(folder, tmp_path):
     out = tmp_path / "small"
     given = ["sumo", "run", *FEW, "--out", str(out), "--keep", "features", "--quiet"]
     assert main(given) == 0
-    assert api.load_dataset(out).states(4).equals(api.load_dataset(folder).states(4))
+    assert ot.load_dataset(out).states(4).equals(ot.load_dataset(folder).states(4))
 
 
 def test_what_was_begun_is_completed_on_sumo(folder, tmp_path, capsys):
     for part in folder.glob("states/*.parquet"):
         part.unlink()
     assert main(["sumo", "run", "--resume", "--out", str(folder), "--quiet"]) == 0
-    api.load_dataset(folder).verify()
+    ot.load_dataset(folder).verify()
 
 
 def test_one_simulation_can_be_shown(folder, capsys):
@@ -77,9 +77,9 @@ def test_one_simulation_can_be_shown(folder, capsys):
 
 
 def test_a_branch_of_a_sumo_simulation_is_refused():
-    scenarios = api.sample("pinto2023-physical", num_simulations=1, seed=1)
+    scenarios = ot.sample("pinto2023-physical", num_simulations=1, seed=1)
     with pytest.raises(ValueError, match="expected engine or reference, got sumo"):
-        api.branch(scenarios, 3, simulator="sumo")
+        ot.branch(scenarios, 3, simulator="sumo")
 
 
 def test_a_comparison_counts_every_simulation_once(capsys):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rich.console import Console, Group
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli.drawing import Glyphs
 from overtaking.cli.law import law_lines
 from overtaking.cli.show import MAX_INSTANTS, render
@@ -33,8 +33,8 @@ NUM_SIMULATIONS = 48
 @pytest.fixture(scope="module")
 def labelled() -> LabelledTrajectories:
     """Enough simulations for every kind of ending to be among them."""
-    return api.label(
-        api.simulate(api.sample("pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1))
+    return ot.label(
+        ot.simulate(ot.sample("pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1))
     )
 
 
@@ -78,7 +78,7 @@ def drawn(labelled: LabelledTrajectories, **settings) -> str:
 
 def without(labelled: LabelledTrajectories, *unknown: str) -> LabelledTrajectories:
     """The same recording, some of it unknown."""
-    return api.label(labelled.trajectories.replace(unknown=frozenset(unknown)))
+    return ot.label(labelled.trajectories.replace(unknown=frozenset(unknown)))
 
 
 def test_there_is_something_to_see(runs):
@@ -314,7 +314,7 @@ def test_a_vehicle_that_leaves_the_recording_is_drawn_until_then(labelled, stori
     speed = run.states.speed.copy()
     speed[0, 1, last + 1 :] = 0
     gone = run.replace(is_recorded=present, states=run.states.replace(speed=speed))
-    values = describe(api.label(gone), 0)
+    values = describe(ot.label(gone), 0)
     assert values["vehicles"][1]["to_s"] == last * 50 / 1000
     lines = printed(lambda console: render(gone, values, console)).splitlines()
     (line,) = (each for each in lines if re.match(r"1 .* km/h, ", each))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from overtaking.api.choices import simulator_of
+from overtaking.api.simulator_registry import get_simulator
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.data import plan
 from overtaking.data.estimate import LARGE_SIMULATIONS, Estimate, estimate, refuse_too_large
@@ -20,7 +20,7 @@ from overtaking.data.recipe import Keep, Recipe
 if TYPE_CHECKING:
     from pathlib import Path
 
-ENGINE = simulator_of("engine")
+ENGINE = get_simulator("engine")
 
 
 @pytest.mark.ci

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.support.carla import needs_wheel
 
-from overtaking.api.choices import simulator_of
+from overtaking.api.simulator_registry import get_simulator
 from overtaking.core import process_limits
 from overtaking.core.errors import ConfigError
 from overtaking.data.executors import MIN_PIECES, executor_for_recipe
@@ -24,7 +24,7 @@ from overtaking.scenarios.profiles import load_specification
 if TYPE_CHECKING:
     from pathlib import Path
 
-ENOUGH = MIN_PIECES * simulator_of("engine").chunk_size
+ENOUGH = MIN_PIECES * get_simulator("engine").chunk_size
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +45,7 @@ def recipe(num_simulations: int, shard_size: int = 4096) -> Recipe:
 
 
 def chosen(location: Path | Location, made: Recipe, engine: str = "auto", **changes):
-    simulator = dataclasses.replace(simulator_of("engine"), **changes.pop("simulator", {}))
+    simulator = dataclasses.replace(get_simulator("engine"), **changes.pop("simulator", {}))
     there = Folder(location) if not hasattr(location, "put") else location
     return executor_for_recipe(engine, made, simulator, there, **changes)
 
@@ -83,4 +83,4 @@ def test_what_is_asked_for_is_what_there_is(tmp_path):
 @pytest.mark.parametrize("name", ["carla", "carla-traffic-manager"])
 def test_a_world_that_all_processes_share_is_left_to_one(name, tmp_path):
     with pytest.raises(ConfigError, match=f"all processes share the world of {name}"):
-        executor_for_recipe("processes", recipe(9), simulator_of(name), Folder(tmp_path))
+        executor_for_recipe("processes", recipe(9), get_simulator(name), Folder(tmp_path))

@@ -15,7 +15,6 @@ import pytest
 from tests.support.recordings import OVERTAKE, states
 
 import overtaking as ot
-from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import DatasetError, ImportFormatError
 from overtaking.data.import_report import FILE_NAME, report_frame, warn_about
@@ -177,7 +176,7 @@ def recorded(contradictory, tmp_path: Path) -> Path:
 @pytest.mark.ci
 def test_a_data_set_keeps_the_report_with_a_hash_of_its_own(recorded, tmp_path):
     with pytest.warns(ot.RecordingWarning, match="speeds") as caught:
-        data = api.import_recording("table", recorded, tmp_path / "data", columns=MAP)
+        data = ot.import_recording("table", recorded, tmp_path / "data", columns=MAP)
     assert [warning.filename for warning in caught] == [__file__]
     assert data.import_report.check.tolist() == ["speeds"]
     assert data.trajectory(0).import_findings == data.import_findings
@@ -186,28 +185,28 @@ def test_a_data_set_keeps_the_report_with_a_hash_of_its_own(recorded, tmp_path):
     assert data.manifest.identity.simulator_version == "3"
     data.verify()
 
-    api.relabel_dataset(tmp_path / "data")
-    again = api.load_dataset(tmp_path / "data")
+    ot.relabel_dataset(tmp_path / "data")
+    again = ot.load_dataset(tmp_path / "data")
     assert again.import_findings == data.import_findings
     assert again.manifest.import_report == data.manifest.import_report
 
     report = tmp_path / "data" / FILE_NAME
     report.write_text(report.read_text("utf-8").replace("3.6", "3.7"), encoding="utf-8")
-    damaged = api.load_dataset(tmp_path / "data")
+    damaged = ot.load_dataset(tmp_path / "data")
     with pytest.raises(DatasetError, match=r"import_report\.json: import report: .* other bytes"):
         damaged.verify()
     with pytest.raises(DatasetError, match="import report"):
         _ = damaged.import_report
     report.unlink()
     with pytest.raises(DatasetError, match="import report"):
-        api.load_dataset(tmp_path / "data").verify()
+        ot.load_dataset(tmp_path / "data").verify()
 
 
 @pytest.mark.ci
 def test_a_report_that_cannot_be_read_is_not_called_damaged(recorded, tmp_path, monkeypatch):
     with pytest.warns(ot.RecordingWarning):
-        api.import_recording("table", recorded, tmp_path / "data", columns=MAP)
-    data, opened = api.load_dataset(tmp_path / "data"), Folder.open
+        ot.import_recording("table", recorded, tmp_path / "data", columns=MAP)
+    data, opened = ot.load_dataset(tmp_path / "data"), Folder.open
 
     def refuse(self: Folder, name: str) -> Any:
         if name == FILE_NAME:
@@ -228,7 +227,7 @@ def test_the_report_is_no_part_of_the_content_hash(recorded, tmp_path, monkeypat
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ot.RecordingWarning)
-            data = api.import_recording("table", recorded, tmp_path / name, columns=MAP)
+            data = ot.import_recording("table", recorded, tmp_path / name, columns=MAP)
         assert data.import_findings == findings
         hashes.add(data.content_hash)
     assert len(hashes) == 1
@@ -237,13 +236,13 @@ def test_the_report_is_no_part_of_the_content_hash(recorded, tmp_path, monkeypat
 @pytest.mark.ci
 def test_a_data_set_without_a_report_has_an_empty_one(recorded, tmp_path):
     with pytest.warns(ot.RecordingWarning):
-        api.import_recording("table", recorded, tmp_path / "data", columns=MAP)
+        ot.import_recording("table", recorded, tmp_path / "data", columns=MAP)
     manifest = tmp_path / "data" / "dataset.json"
     content = json.loads(manifest.read_text("utf-8"))
     del content["import_report"]
     manifest.write_text(json.dumps(content), encoding="utf-8")
     (tmp_path / "data" / FILE_NAME).unlink()
-    data = api.load_dataset(tmp_path / "data")
+    data = ot.load_dataset(tmp_path / "data")
     data.verify()
     assert list(data.import_report.columns) == COLUMNS
     assert len(data.import_report) == len(data.trajectory(0).import_report) == 0
@@ -252,11 +251,11 @@ def test_a_data_set_without_a_report_has_an_empty_one(recorded, tmp_path):
 @pytest.mark.ci
 def test_strict_writes_nothing_and_changes_no_data_set(recorded, tmp_path):
     with pytest.raises(ImportFormatError, match="strict"):
-        api.import_recording("table", recorded, tmp_path / "data", columns=MAP, strict=True)
+        ot.import_recording("table", recorded, tmp_path / "data", columns=MAP, strict=True)
     assert list(tmp_path.iterdir()) == [recorded]
     table().to_csv(recorded, index=False)
     fingerprints = {
-        api.import_recording(
+        ot.import_recording(
             "table", recorded, tmp_path / f"strict-{strict}", columns=MAP, strict=strict
         ).manifest.identity.fingerprint
         for strict in (False, True)

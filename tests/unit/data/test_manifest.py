@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import DatasetError, SchemaError
 from overtaking.data.location import PARTIAL, Folder
 from overtaking.data.manifest import (
@@ -233,4 +233,4 @@ def test_the_content_hash_looks_at_values_and_not_at_bytes(manifest: Manifest):
 def test_a_profile_in_place_of_a_data_set_is_named_with_the_command_that_makes_one():
     step = "overtaking generate motorway --out data/motorway"
     with pytest.raises(DatasetError, match=f"got a profile; make a data set from it: {step}"):
-        api.load_dataset("motorway")
+        ot.load_dataset("motorway")

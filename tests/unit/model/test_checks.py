@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking import api
 from overtaking.core.errors import ConfigError, SystemLimitError
 from overtaking.model.batch import FieldSpec, batch_fields
 from overtaking.model.checks import check_arguments, check_batch
@@ -121,7 +120,7 @@ def test_what_profiles_and_simulators_make_passes(profile: str):
 def test_a_recording_of_others_passes(shared_data, tmp_path: Path):
     for name in ("C-DEU_MONAMerge-2_480_T-559", "OSC_CutIn-1_2_T-1"):
         source = shared_data / "commonroad" / f"{name}.xml"
-        data = api.import_recording("commonroad", source, tmp_path / name)
+        data = ot.import_recording("commonroad", source, tmp_path / name)
         for _, batch in data.batches():
             check_batch(batch, "test")
 

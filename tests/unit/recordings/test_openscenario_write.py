@@ -12,7 +12,6 @@ import pytest
 from scenariogeneration import xosc
 
 import overtaking as ot
-from overtaking import api
 from overtaking.core.units import rad_from_deg
 from overtaking.model.trajectories import STATE_RESOLUTION, Lights
 from overtaking.recordings.opendrive import read_opendrive
@@ -194,11 +193,11 @@ def test_a_name_may_hold_what_xml_does_not_know(runs, tmp_path):
 
 
 def test_a_data_set_becomes_the_same_bytes_again(tmp_path):
-    data = api.generate_dataset(
+    data = ot.generate_dataset(
         "pinto2023-physical", num_simulations=3, seed=1, out=tmp_path / "data"
     )
     for name in ("a", "b"):
-        rows = api.export_dataset(data, tmp_path / name, file_format="openscenario")
+        rows = ot.export_dataset(data, tmp_path / name, file_format="openscenario")
         assert rows == data.table("states").num_rows
     files = sorted(each.name for each in (tmp_path / "a").iterdir())
     ends = ("xodr", "xosc")

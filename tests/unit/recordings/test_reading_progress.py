@@ -12,7 +12,7 @@ import pyarrow.feather as feather
 import pyarrow.ipc as ipc
 import pytest
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ImportFormatError
 from overtaking.recordings import formats
 from overtaking.recordings.formats import read_recording
@@ -123,7 +123,7 @@ def test_an_import_reports_bytes_and_then_simulations(tmp_path: Path):
     WRITERS[path.name](path)
     size = path.stat().st_size
     calls: list[tuple[int, int]] = []
-    data = api.import_recording(
+    data = ot.import_recording(
         "table",
         path,
         tmp_path / "data",
@@ -141,7 +141,7 @@ def test_an_import_reports_bytes_apart_where_that_is_asked_for(tmp_path: Path):
     WRITERS[path.name](path)
     simulations: list[tuple[int, int]] = []
     read: list[tuple[int, int]] = []
-    data = api.import_recording(
+    data = ot.import_recording(
         "table",
         path,
         tmp_path / "data",
@@ -161,7 +161,7 @@ def test_a_folder_reports_the_bytes_of_each_recording(tmp_path: Path):
         table(20.0 + number).to_csv(folder / f"{number}.csv", index=False)
     recordings: list[tuple[int, int]] = []
     read: list[tuple[int, int]] = []
-    api.label_recordings(
+    ot.label_recordings(
         "table",
         folder,
         tmp_path / "out",

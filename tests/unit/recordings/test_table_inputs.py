@@ -18,7 +18,6 @@ from tests.support.recordings import OVERTAKE, Mover, exid, ngsim, states
 from tests.unit.recordings.test_pinto2023_files import ONE_ROW
 
 import overtaking as ot
-from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.overtake_events import Outcome
@@ -508,7 +507,7 @@ def test_kinds_that_are_not_known_are_null_in_data_sets_and_unknown_when_loaded(
     frame.loc[frame.id == 7, "length"] = 7.07
     frame.to_csv(path, index=False)
     options = {"columns": MAP, "speed_limit": 120 / 3.6}
-    data = api.import_recording("table", path, tmp_path / "data", **options)
+    data = ot.import_recording("table", path, tmp_path / "data", **options)
     runs = read_recording("table", path, options).scenes
     first = runs.trajectories(range(len(runs)))
     ((_, again),) = data.batches()
@@ -532,9 +531,9 @@ def test_exports_have_the_coordinates_of_the_source(tmp_path, frame):
     absolute = frame.assign(x=frame.x + 691_000.0, y=frame.y + 5_335_000.0)
     absolute.to_csv(path, index=False)
     content = {**MAP, "road": {"kind": "motorway"}}
-    data = api.import_recording("table", path, tmp_path / "data", columns=content)
+    data = ot.import_recording("table", path, tmp_path / "data", columns=content)
     assert (data.road.origin_x, data.road.origin_y) == (691_000.0, 5_335_000.0)
-    api.export_dataset(data, tmp_path / "scenes", file_format="commonroad")
+    ot.export_dataset(data, tmp_path / "scenes", file_format="commonroad")
     text = min((tmp_path / "scenes").glob("*.xml")).read_text(encoding="utf-8")
     x, y = (
         np.array(re.findall(rf"<{axis}>([-0-9.]+)</{axis}>", text.partition("<dynamicO")[2]), float)
@@ -550,8 +549,8 @@ def test_a_vehicle_of_unknown_kind_is_unknown_in_a_commonroad_file(tmp_path, fra
     path = tmp_path / "t.csv"
     frame.loc[frame.id == 7, "length"] = 7.07
     frame.to_csv(path, index=False)
-    data = api.import_recording("table", path, tmp_path / "data", columns=MAP)
-    api.export_dataset(data, tmp_path / "scenes", file_format="commonroad")
+    data = ot.import_recording("table", path, tmp_path / "data", columns=MAP)
+    ot.export_dataset(data, tmp_path / "scenes", file_format="commonroad")
     text = min((tmp_path / "scenes").glob("*.xml")).read_text(encoding="utf-8")
     types = re.findall(r"<dynamicObstacle id=\"(\d+)\"><type>(\w+)</type>", text)
     assert types[0] == ("1000", "unknown")

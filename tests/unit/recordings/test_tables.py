@@ -26,7 +26,6 @@ from tests.support.recordings import (
 )
 
 import overtaking as ot
-from overtaking import api
 from overtaking.cli import main
 from overtaking.core.errors import ConfigError, ImportFormatError
 from overtaking.model.reference_line import CurveSegment
@@ -415,7 +414,7 @@ def test_the_template_is_a_map_once_it_is_filled_in(tmp_path, capsys):
     line = ["import", "table", str(path), "--columns", str(out), "--out", str(tmp_path / "data")]
     assert main([*line, "--json"]) == 0
     told = json.loads(capsys.readouterr().out.split("map.toml\n", 1)[-1])
-    assert told["undecidable"] == api.undecidable_rules(told["unknown"])
+    assert told["undecidable"] == ot.law.undecidable_rules(told["unknown"])
     assert "L3" in told["undecidable"]["always"]
     assert set(told["files"]) == {"t.csv", "map.toml"}
     assert main(["import", "table", str(path), "--template", "--out", str(out)]) == 2

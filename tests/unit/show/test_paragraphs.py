@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.support import german_fixtures, law_fixtures
 
-from overtaking import api
+import overtaking as ot
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, Text, policies_for
 from overtaking.labels.law.texts import words_of
@@ -20,7 +20,7 @@ PACKS = {"pt": PORTUGAL, "de": GERMANY}
 
 @pytest.fixture(scope="module")
 def runs():
-    return api.simulate(api.sample("motorway", num_simulations=40, seed=1))
+    return ot.simulate(ot.sample("motorway", num_simulations=40, seed=1))
 
 
 @pytest.mark.parametrize("law", PACKS)

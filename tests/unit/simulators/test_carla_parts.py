@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ConfigError
 from overtaking.knowledge.carla_catalogue import carla_vehicles, weather_presets
 from overtaking.knowledge.vehicle_classes import VEHICLE_CLASS_NAMES
@@ -34,7 +34,7 @@ def test_every_class_is_played_by_a_vehicle_of_its_own(kind: str):
 
 
 def test_a_preset_goes_to_carla_as_it_is_there():
-    given = api.sample("pinto2023-physical", num_simulations=8, seed=1)
+    given = ot.sample("pinto2023-physical", num_simulations=8, seed=1)
     for row in range(8):
         one = given.select(slice(row, row + 1))
         base = list(weather_presets().values())[int(one.weather.preset[0])].carla_fields()
@@ -99,7 +99,7 @@ def test_simulations_of_different_lengths_become_one_batch():
     given = scenario([Vehicle()], [Vehicle(s=50.0)])
     horizons = np.array([1.0, 2.0], np.float32)
     parts = [
-        api.simulate(given.select(slice(k, k + 1)).replace(horizon=horizons[k : k + 1]))
+        ot.simulate(given.select(slice(k, k + 1)).replace(horizon=horizons[k : k + 1]))
         for k in range(2)
     ]
     both = joined(parts)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from overtaking import api
+import overtaking as ot
 from overtaking.analysis.law.curve import STEPS, curve, tolerances
 from overtaking.analysis.law.parting import compared
 from overtaking.cli import main
@@ -27,7 +27,7 @@ POLICY = {one.name: one for one in policies_for("pt")}
 
 @pytest.fixture(scope="module")
 def run():
-    return api.simulate(api.sample("motorway", num_simulations=COUNT, seed=1))
+    return ot.simulate(ot.sample("motorway", num_simulations=COUNT, seed=1))
 
 
 def said_by(run, pack, chosen):
@@ -98,7 +98,7 @@ def test_two_laws_part_where_their_classes_do(run):
 
 
 def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
-    data = api.generate_dataset("motorway", num_simulations=40, seed=1, out=tmp_path / "data")
+    data = ot.generate_dataset("motorway", num_simulations=40, seed=1, out=tmp_path / "data")
     before, picture = data.content_hash, tmp_path / "law.png"
     line = ["law", "curve", str(data.path), "--law", "de", "--plot", str(picture), "--json"]
     assert main(line) == 0
@@ -108,12 +108,12 @@ def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["law", "compare", str(data.path)]) == 0
     assert "de-2@2013" in capsys.readouterr().out
-    assert api.load_dataset(data.path).content_hash == before
+    assert ot.load_dataset(data.path).content_hash == before
 
 
 def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsys):
     data, out = (
-        api.generate_dataset("motorway", num_simulations=30, seed=1, out=tmp_path / "data"),
+        ot.generate_dataset("motorway", num_simulations=30, seed=1, out=tmp_path / "data"),
         tmp_path / "de.parquet",
     )
     before = data.content_hash
@@ -126,11 +126,11 @@ def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsy
     assert {*rows["law"]} == {"de"}
     for name, classes in told["classes"].items():
         assert rows[rows["policy"] == name]["class"].value_counts().to_dict() == classes
-    assert api.load_dataset(data.path).content_hash == before
+    assert ot.load_dataset(data.path).content_hash == before
     assert [path.name for path in tmp_path.glob("*.parquet")] == ["de.parquet"]
 
 
 def test_a_policy_that_a_law_lacks_is_refused(tmp_path):
-    data = api.generate_dataset("motorway", num_simulations=2, seed=1, out=tmp_path / "data")
+    data = ot.generate_dataset("motorway", num_simulations=2, seed=1, out=tmp_path / "data")
     with pytest.raises(ConfigError, match="expected paper or default or strict"):
-        api.tolerance_curve(data.path, policy="lenient")
+        ot.law.tolerance_curve(data.path, policy="lenient")

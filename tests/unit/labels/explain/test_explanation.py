@@ -8,7 +8,7 @@ from tests.support.cases import Belief as Believed
 from tests.support.cases import Track
 from tests.support.overtakes import crossing
 
-from overtaking import api
+import overtaking as ot
 from overtaking.labels.explain import explain
 from overtaking.labels.explain.thoughts import thoughts
 from overtaking.labels.label import LabelledTrajectories, label
@@ -25,8 +25,8 @@ FAR, NEAR = 60.0, 10.0
 @pytest.fixture(scope="module")
 def labelled() -> LabelledTrajectories:
     """Enough simulations for most rules to be broken in some."""
-    return api.label(
-        api.simulate(api.sample("pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1))
+    return ot.label(
+        ot.simulate(ot.sample("pinto2023-physical", num_simulations=NUM_SIMULATIONS, seed=1))
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.support.cases import Belief, Track, case, ramp, with_events
 from tests.support.worlds import wide_road
 
-from overtaking import api
+import overtaking as ot
 from overtaking.data.tables.encode_labels import attempts as attempts_table
 from overtaking.labels.events import case_of
 from overtaking.labels.features import attempt_features
@@ -71,7 +71,7 @@ def known_until(one: Case, frame: np.ndarray) -> Case:
 
 @pytest.fixture(scope="module")
 def simulated() -> Case:
-    return case_of(api.simulate(api.sample("pinto2023-physical", num_simulations=96, seed=3)))
+    return case_of(ot.simulate(ot.sample("pinto2023-physical", num_simulations=96, seed=3)))
 
 
 def test_nothing_in_them_is_later_than_the_decision(simulated):

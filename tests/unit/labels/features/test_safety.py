@@ -9,7 +9,7 @@ import pytest
 from tests.support.cases import Track, case, ramp
 from tests.support.worlds import wide_road
 
-from overtaking import api
+import overtaking as ot
 from overtaking.data.tables.encode_labels import safety as safety_table
 from overtaking.labels.events import case_of
 from overtaking.labels.features import safety_measures
@@ -143,7 +143,7 @@ def test_looming_is_the_growth_of_the_angle():
 
 @pytest.fixture(scope="module")
 def simulated():
-    return label(api.simulate(api.sample("pinto2023-physical", num_simulations=64, seed=11)))
+    return label(ot.simulate(ot.sample("pinto2023-physical", num_simulations=64, seed=11)))
 
 
 def test_the_worst_is_the_worst_of_every_frame(simulated):

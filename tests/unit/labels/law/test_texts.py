@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.support import german_fixtures, law_fixtures
 
-from overtaking import api
+import overtaking as ot
 from overtaking.knowledge.toml_reader import load_toml
 from overtaking.labels.label import label
 from overtaking.labels.law import GERMANY, PORTUGAL, Grade, adopt, policies_for
@@ -85,7 +85,7 @@ def test_no_text_of_a_rule_names_the_other_law(law):
 @pytest.mark.parametrize("law", PACKS)
 def test_no_explanation_names_the_other_law(law):
     foreign, pack, policies = foreign_words(law), PACKS[law], policies_for(law)
-    runs = api.simulate(api.sample("pinto2023-physical", num_simulations=24, seed=5))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=24, seed=5))
     labelled = labelled_by(law, runs)
     batches = [labelled.select(np.array([k])) for k in range(24)]
     breaches = [make for _, verdict, _, make in FIXTURES[law] if verdict is Verdict.ILLEGAL]
@@ -101,7 +101,7 @@ def test_no_explanation_names_the_other_law(law):
 
 @pytest.mark.ci
 def test_beliefs_are_compared_with_the_rules_of_the_law_that_judges():
-    runs = api.simulate(api.sample("pinto2023-physical", num_simulations=24, seed=5))
+    runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=24, seed=5))
     codes: dict[str, set[str]] = {}
     for law, pack in PACKS.items():
         labelled, policies = labelled_by(law, runs), policies_for(law)

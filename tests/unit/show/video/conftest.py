@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.support.worlds import Vehicle, scenario
 
-from overtaking import api
+import overtaking as ot
 from overtaking.show.video.film import Film
 
 
@@ -17,7 +17,7 @@ def run():
         Vehicle(kind="T", s=131.5, lane=1, speed=22.0, body={"colour": 6.0}),
         Vehicle(kind="MC", s=90.0, lane=2, speed=30.0),
     ]
-    return api.simulate(scenario(vehicles, horizon=2.0))
+    return ot.simulate(scenario(vehicles, horizon=2.0))
 
 
 @pytest.fixture(scope="session")

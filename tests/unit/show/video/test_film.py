@@ -9,7 +9,7 @@ import pytest
 from tests.support.drawing import drawn
 from tests.support.worlds import Vehicle, scenario, wide_road
 
-from overtaking import api
+import overtaking as ot
 from overtaking.core.errors import ConfigError
 from overtaking.labels.law import POLICIES, PORTUGAL, policy
 from overtaking.model.trajectories import Lights, Stage
@@ -77,7 +77,7 @@ def test_the_ego_has_its_colour_on_the_road(run, film):
 def test_the_ego_is_above_the_lane_line_that_it_has_crossed():
     """To the left of travel is up: a sign that is easily flipped."""
     cars = [Vehicle(kind="M", s=100.0, lane=2), Vehicle(kind="M", s=100.0, lane=0)]
-    film = Film(api.simulate(scenario(cars, horizon=1.0)))
+    film = Film(ot.simulate(scenario(cars, horizon=1.0)))
     assert film.view.y(float(film.scene.d[0, 0])) < film.view.y(float(film.scene.d[1, 0]))
 
 
@@ -98,7 +98,7 @@ def test_a_frame_that_is_not_there_is_refused(film, frame):
 
 def test_ego_and_target_stay_in_the_picture_while_both_fit():
     cars = [Vehicle(kind="M", s=100.0, lane=1, speed=25.0), Vehicle(kind="M", s=170.0, lane=1)]
-    film = Film(api.simulate(scenario(cars, horizon=3.0)))
+    film = Film(ot.simulate(scenario(cars, horizon=3.0)))
     for frame in range(film.num_frames):
         for index in (0, 1):
             assert 0 < film.view.x(frame, float(film.scene.s[index, frame])) < WIDTH
@@ -107,7 +107,7 @@ def test_ego_and_target_stay_in_the_picture_while_both_fit():
 def test_the_whole_width_of_any_road_is_in_the_picture():
     for lanes in (1, 3, 5, 8):
         road = wide_road(lanes=lanes, width=4.5)
-        film = Film(api.simulate(scenario([Vehicle(s=100.0)], road=road, horizon=0.5)))
+        film = Film(ot.simulate(scenario([Vehicle(s=100.0)], road=road, horizon=0.5)))
         for border in road.lane_boundaries:
             assert 0 < film.view.y(border) < film.view.height
 
@@ -115,7 +115,7 @@ def test_the_whole_width_of_any_road_is_in_the_picture():
 def test_real_time_is_kept_at_other_frame_intervals():
     cars = [Vehicle(s=100.0, lane=1)]
     for interval in (20, 50, 100, 250):
-        shown = scene(api.simulate(scenario(cars, horizon=2.0, frame_interval_ms=interval)))
+        shown = scene(ot.simulate(scenario(cars, horizon=2.0, frame_interval_ms=interval)))
         assert shown.num_frames == 41
         assert np.abs(shown.time - np.arange(41) * 0.05).max() <= interval / 2000.0 + 1e-9
 
@@ -128,7 +128,7 @@ def test_the_distance_to_the_target_is_that_of_the_bumpers(run, film):
 
 def test_a_target_that_was_passed_is_behind():
     cars = [Vehicle(kind="M", s=120.0, lane=2, speed=30.0), Vehicle(kind="M", s=112.0, lane=1)]
-    run = api.simulate(scenario(cars, horizon=1.0))
+    run = ot.simulate(scenario(cars, horizon=1.0))
     behind = dataclasses.replace(scene(run), target=1).lead
     assert behind is not None
     lengths = run.scenario.vehicles.length[0, :2].astype(float)
@@ -287,7 +287,7 @@ def test_values_of_one_axis_stay_clear_of_those_of_the_other(film):
 def test_a_collision_flashes_where_the_two_touch_and_is_told_from_then_on():
     cars = [Vehicle(kind="M", s=100.0, lane=1, speed=30.0, driver={"reaction_time": 10.0})]
     cars.append(Vehicle(kind="M", s=106.0, lane=1, speed=5.0))
-    film = Film(api.simulate(scenario(cars, horizon=3.0)))
+    film = Film(ot.simulate(scenario(cars, horizon=3.0)))
     assert film.contact is not None
     first, s, _ = film.contact
     rear = film.scene.s[1, first] - 0.5 * film.scene.bodies[1].length
@@ -307,7 +307,7 @@ def test_an_ego_that_leaves_the_lanes_is_told(run):
 
 
 def test_a_film_of_nobody_but_the_ego_is_a_film():
-    film = Film(api.simulate(scenario([Vehicle(s=100.0)], horizon=0.5)))
+    film = Film(ot.simulate(scenario([Vehicle(s=100.0)], horizon=0.5)))
     assert film.scene.target is None
     assert film.draw(3).rgb().any()
 
@@ -319,7 +319,7 @@ def test_a_recording_of_one_frame_is_a_film_of_one_frame(run):
 
 
 def test_two_simulations_at_once_are_refused_in_one_line(run):
-    both = api.simulate(scenario([Vehicle(s=100.0)], [Vehicle(s=100.0)], horizon=0.5))
+    both = ot.simulate(scenario([Vehicle(s=100.0)], [Vehicle(s=100.0)], horizon=0.5))
     with pytest.raises(ConfigError, match=r"a batch of one, got 2; select one") as caught:
         Film(both)
     assert "\n" not in str(caught.value)
@@ -331,12 +331,12 @@ def test_the_view_moves_by_whole_pixels_of_chroma(film):
 
 def test_names_at_the_edge_do_not_cover_each_other():
     cars = [Vehicle(kind="M", s=s, lane=2, speed=25.0) for s in (100.0, 130.0)]
-    alone = Film(api.simulate(scenario(cars)))
+    alone = Film(ot.simulate(scenario(cars)))
     edge = (int(alone.view.left[0]) + WIDTH) / alone.view.scale
     cars += [Vehicle(kind="M", s=edge + more, lane=2, speed=25.0) for more in (6.0, 22.0)]
     before, after = (
         film.draw(0).rgb()[SCENE_TOP:SCENE_BOTTOM, WIDTH - 80 :]
-        for film in (alone, Film(api.simulate(scenario(cars))))
+        for film in (alone, Film(ot.simulate(scenario(cars))))
     )
     height = 18  # Of a name; two of them must be seen whole.
     assert int((before != after).any(axis=(1, 2)).sum()) >= 2 * height

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from overtaking import api
+import overtaking as ot
 from overtaking.cli.film import choice
 from overtaking.cli.options import Shown
 from overtaking.core.errors import ConfigError
@@ -22,7 +22,7 @@ from overtaking.show.video.produce import produce
 def data(request, tmp_path_factory):
     """Data sets with and without what has a row per frame."""
     folder = tmp_path_factory.mktemp("data") / request.param
-    return api.generate_dataset(
+    return ot.generate_dataset(
         "pinto2023-physical", num_simulations=24, seed=1, out=folder, keep=request.param
     )
 
@@ -36,7 +36,7 @@ def test_one_film_for_each_class_the_first_of_it(data):
 
 
 def test_a_class_is_shown_by_its_first_simulation_that_lasts_long_enough():
-    batch = api.label(api.simulate(api.sample("pinto2023-physical", num_simulations=24, seed=1)))
+    batch = ot.label(ot.simulate(ot.sample("pinto2023-physical", num_simulations=24, seed=1)))
     classes = batch.labels.classes[:, 0]
     numbers = np.flatnonzero(classes == OvertakeClass.SUCCESS_I)
     trajectories = batch.trajectories
@@ -140,28 +140,26 @@ SHORT = {"time.horizon_s": 2, "time.attempt_deadline_s": 2}
 
 @pytest.fixture(scope="module")
 def runs():
-    return api.simulate(
-        api.sample("pinto2023-physical", num_simulations=3, seed=1, overrides=SHORT)
-    )
+    return ot.simulate(ot.sample("pinto2023-physical", num_simulations=3, seed=1, overrides=SHORT))
 
 
 def test_trajectories_are_labelled_and_filmed(runs, tmp_path):
-    made = api.film(runs, tmp_path, simulation_ids=[2, 0], policy="default")
+    made = ot.film(runs, tmp_path, simulation_ids=[2, 0], policy="default")
     assert [film.path.name for film in made] == ["000000.mp4", "000002.mp4"]
-    classes = api.label(runs).labels.classes[:, 1]
+    classes = ot.label(runs).labels.classes[:, 1]
     assert [film.label for film in made] == [OvertakeClass(classes[i]).title for i in (0, 2)]
     assert made[0].num_frames == 41
 
 
 def test_labels_that_are_known_are_not_computed_again(runs, monkeypatch):
-    labelled = api.label(runs)
+    labelled = ot.label(runs)
     monkeypatch.setattr(module, "label", None)
     assert [job.number for job in jobs(labelled, "all")] == [0, 1, 2]
 
 
 def test_a_branch_is_filmed(runs):
     scenario = runs.scenario.select(slice(0, 1))
-    (job,) = jobs(api.branch(scenario, 10, decision=ForcedDecision.CANCEL), "all")
+    (job,) = jobs(ot.branch(scenario, 10, decision=ForcedDecision.CANCEL), "all")
     assert job.number == 0
 
 

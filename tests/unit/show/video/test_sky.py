@@ -10,7 +10,7 @@ import pytest
 from tests.support.drawing import drawn
 from tests.support.worlds import Vehicle, scenario
 
-from overtaking import api
+import overtaking as ot
 from overtaking.show.video import sky as skies
 from overtaking.show.video.canvas import WIDTH
 from overtaking.show.video.film import Film
@@ -25,7 +25,7 @@ SCALE = 10.0
 
 
 def sky_of(**weather: float) -> Sky:
-    return skies.sky(api.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2)))
+    return skies.sky(ot.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2)))
 
 
 def veiled(veil: Veil, first: int = 0, grey: int = 0) -> NDArray[np.float64]:
@@ -133,7 +133,7 @@ def test_a_beam_turns_with_its_vehicle(degrees):
 
 def test_the_night_is_darker_than_the_day():
     def brightness(**weather: float) -> float:
-        run = api.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2))
+        run = ot.simulate(scenario([Vehicle(s=100.0)], weather=weather, horizon=0.2))
         return float(Film(run).draw(0).rgb()[60:280].mean())
 
     assert brightness(night=1.0, sun_altitude=-1.5) < 0.6 * brightness()

@@ -9,8 +9,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from overtaking.api.choices import road_of
-from overtaking.api.data import load_dataset
+from overtaking.api.datasets import load_dataset
 from overtaking.core.errors import ConfigError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
@@ -20,13 +19,18 @@ from overtaking.model.import_report import ImportFinding
 from overtaking.model.road import Road
 from overtaking.model.trajectories import Trajectories
 from overtaking.recordings import export as recording_export
+from overtaking.recordings.roads import resolve_road
 
 EXPORT_FORMATS = ("pinto2023", "commonroad", "highd", "openscenario", "asp", "prolog", "popper")
 """The formats that a data set can be written in."""
 
+
 _FACT_OPTIONS = ("every", "with_law")
+
+
 _EXPORT_OPTIONS = {"asp": _FACT_OPTIONS, "prolog": _FACT_OPTIONS, "popper": ("about",)}
 """The options that some formats have."""
+
 
 _READER_OPTIONS: dict[str, Any] = {
     "attempts_only": bool,
@@ -351,7 +355,7 @@ def label_recordings(
 def _with_road(options: Mapping[str, Any]) -> dict[str, Any]:
     """The options of a reader with the road itself in place of its name or file."""
     road = options.get("road")
-    return {**options} if road is None else {**options, "road": road_of(road)}
+    return {**options} if road is None else {**options, "road": resolve_road(road)}
 
 
 @check_arguments
@@ -398,7 +402,7 @@ def trajectories_from_table(
     from overtaking.recordings.tables import recording_of, with_driving_side
     from overtaking.recordings.track_table import track_rows_from_table
 
-    map_road = None if road is None else road_of(road)
+    map_road = None if road is None else resolve_road(road)
     declared = with_driving_side(column_map(columns), driving_side, map_road)
     recording = recording_of(
         track_rows_from_table(table, declared), declared, "table", road=map_road

@@ -1,11 +1,10 @@
-"""Statistics, reports, films, pages and queries of data sets and results."""
+"""Figures, films and pages of data sets and results."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, overload
 
-from overtaking.api.choices import Count, Profile, Seed, road_of, simulator_of
-from overtaking.api.data import load_dataset
+from overtaking.api.datasets import load_dataset
 from overtaking.core.errors import ConfigError, check_extra
 from overtaking.core.progress import ProgressCallback
 from overtaking.data.load import Dataset
@@ -13,17 +12,14 @@ from overtaking.labels.label import LabelledTrajectories
 from overtaking.labels.law import choose_policy
 from overtaking.model.batch import FieldSpec
 from overtaking.model.checks import check_arguments
-from overtaking.model.road import Road
 from overtaking.model.trajectories import Trajectories
-from overtaking.scenarios import profiles
 
 if TYPE_CHECKING:
-    from overtaking.analysis.database.query import Answer
+    from matplotlib.figure import Figure
+
     from overtaking.analysis.evaluation.benchmark import BenchmarkResult
     from overtaking.analysis.evaluation.results import Evaluation
     from overtaking.analysis.reproduction.run import Reproduction
-    from overtaking.analysis.stats.results import Statistics
-    from overtaking.analysis.validation.run import Validation
     from overtaking.analysis.whatif.twin import Twin
     from overtaking.show.report.evaluation import Evaluated
     from overtaking.show.report.files import Written
@@ -34,33 +30,54 @@ if TYPE_CHECKING:
 
 
 @check_arguments
-def dataset_statistics(
-    dataset: Dataset | str | Path,
+def plot(
+    source: Any,
+    figure: str | None = None,
     *,
+    out: str | Path | None = None,
+    ax: Any = None,
+    width: str = "page",
     policy: str | None = None,
-    reading: str | None = None,
-    weighted: bool = False,
-) -> "Statistics":
-    """The paper's tables, class frequencies and waiting times of a data set.
+) -> "Figure":
+    """Draw a figure of a data set or of a result.
 
     Args:
-        dataset: The data set, or its folder.
-        policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
+        source: A data set or its folder; the result of `dataset_statistics`, `validate_profile`,
+            `evaluate`, `reproduce_study`, `learning.learn_factors`, `law.tolerance_curve`,
+            `whatif.counterfactual` or `whatif.outcome_fan`; or the roads of
+            `list_opendrive_roads`.
+        figure: Name of the figure, needed where the source has several. A data set has the
+            figures of its report, such as `classes` or `waiting-time`. The error for an unknown
+            name lists all names.
+        out: File for the figure, replaced as a whole: `.svg`, `.pdf` or `.png` by its name.
+        ax: Axes of Matplotlib to draw into; only for figures with single axes.
+        width: `column` (3.5 inches, one column of a paper) or `page` (7.16 inches, both columns).
+            The figure is laid out for this width; the size of its letters does not change.
+        policy: Policy that decides about the classes of a data set or of twins; None for the
             default of the profile.
-        reading: How features are measured, `paper` or `matched`; as in `Dataset.features`.
-        weighted: Whether to count each simulation by its importance weight.
+
+    Returns:
+        The Matplotlib figure; with `ax`, the figure that `ax` belongs to.
 
     Raises:
-        ConfigError: There is no such policy or reading.
-        DatasetError: The data set is not complete, or damaged.
-        SchemaError: The weights cannot be used.
+        ConfigError: The source has no figures, no figure or width has this name, or the figure
+            cannot be drawn into `ax`.
+        DatasetError: The data set is not complete or damaged, or has too little to draw.
+        MissingExtraError: The extra `plots` is not installed.
+        OSError: The file cannot be written.
     """
-    from overtaking.analysis.stats.results import statistics as computed
+    from overtaking.show.report.figures import draw
+    from overtaking.show.report.files import check_figure_file, put_figure
 
-    source = load_dataset(dataset)
-    policy_name = choose_policy(policy, source.profile)
-    frame = source.features(policy_name, reading=reading)
-    return computed(frame, policy=policy_name, reading=reading, weighted=weighted)
+    path = None if out is None else Path(out)
+    if path is not None:
+        check_figure_file(path)
+    if isinstance(source, str | Path):
+        source = load_dataset(source)
+    drawn = draw(source, figure, axes=ax, width=width, policy=policy)
+    if path is not None:
+        put_figure(path, drawn)
+    return drawn
 
 
 @overload
@@ -398,117 +415,3 @@ def serve_viewer(
     from overtaking.show.server.running import serve
 
     return serve(load_dataset(dataset), policy=policy, port=port, ready=ready)
-
-
-@check_arguments
-def validate_profile(
-    profile: Profile,
-    *,
-    num_simulations: Count = 1000,
-    seed: Seed = 1,
-    overrides: Mapping[str, Any] | None = None,
-    road: str | Path | Road | None = None,
-    progress: ProgressCallback | None = None,
-    recordings: str | Path | None = None,
-) -> "Validation":
-    """Compare the traffic of a profile with published measurements.
-
-    Args:
-        profile: As in `sample`.
-        num_simulations: Number of simulations, 1 to 1,000,000.
-        seed: Seed of all random numbers, 0 <= seed < 2**64.
-        overrides: Dotted keys of the specification with other values.
-        road: A road instead of the profile's.
-        progress: Called with the number of simulations that are done, and of all.
-        recordings: A recording in CommonRoad's format, or a folder of recordings. Their drivers are
-            compared with drivers of the profile in traffic of the same density.
-
-    Returns:
-        Each figure with its interval, target and verdict, and outcomes by weather; `plot` draws
-        it. `recordings.import_report` has the findings of the recordings, of which a
-        `RecordingWarning` names the first.
-
-    Raises:
-        ConfigError: The specification or a number cannot be used.
-    """
-    from overtaking.analysis.validation.run import validate as run
-    from overtaking.data.import_report import warn_about
-
-    spec = profiles.load_specification(profile, overrides)
-    where = None if recordings is None else Path(recordings)
-    validation = run(spec, road_of(road or spec.road), num_simulations, seed, progress, where)
-    if validation.recordings is not None:
-        warn_about(validation.recordings.import_findings)
-    return validation
-
-
-@check_arguments
-def reproduce_study(
-    study: str,
-    *,
-    num_replicates: Count = 1000,
-    seed: Seed = 2023,
-    overrides: Mapping[str, Any] | None = None,
-    progress: ProgressCallback | None = None,
-) -> "Reproduction":
-    """Compare every number that a paper states with replicates of its data set.
-
-    Args:
-        study: `pinto2023`.
-        num_replicates: Number of sets of 276 simulations, 1 to 1,000,000.
-        seed: Seed of all random numbers, none that the drivers were fitted with.
-        overrides: Dotted keys of the specification with other values; the parameters are then not
-            the frozen ones, and it says so.
-        progress: Called with the number of simulations that are done, and of all.
-
-    Returns:
-        Each number with its place among ours, what it is to us, and what the paper's label hides;
-        `write_report` makes a page of it.
-
-    Raises:
-        ConfigError: There is no such study, or a number cannot be used.
-    """
-    from overtaking.analysis.reproduction.run import STUDIES
-    from overtaking.analysis.reproduction.run import reproduce as run
-
-    if study not in STUDIES:
-        raise ConfigError.unknown_choice(
-            what="study", where="reproduce", choices=STUDIES, got=study
-        )
-    spec = profiles.load_specification(study, overrides)
-    return run(spec, road_of(spec.road), num_replicates, seed, simulator_of("engine"), progress)
-
-
-@check_arguments
-def sql(
-    dataset: str | Path | Dataset,
-    query: str,
-    *,
-    max_rows: int = 10_000,
-    timeout_s: float = 60.0,
-    memory_mib: int = 1024,
-) -> "Answer":
-    """Ask a data set a question in SQL (DuckDB's), which reads its tables and nothing else.
-
-    Args:
-        dataset: The data set, or its folder.
-        query: One SELECT, DESCRIBE, SUMMARIZE or SHOW. The tables have their own names; the source
-            paper's entities are views, such as `paper.EgoVehicle`.
-        max_rows: How many rows to give at most.
-        timeout_s: How long it may take [s].
-        memory_mib: How much memory the database may use [MiB]; the answer may take an eighth of it.
-
-    Returns:
-        Names of the columns, the rows, and whether there are more.
-
-    Raises:
-        ConfigError: It is no query, is wrong, or needs more time or memory than it may.
-        DatasetError: The data set is not complete or damaged.
-        MissingExtraError: The extra `sql` is not installed.
-    """
-    from overtaking.analysis.database import query as asking
-
-    source = load_dataset(dataset)
-    return asking.query(
-        source, query, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib
-    )

@@ -1,16 +1,16 @@
-"""Data sets: generate, resume, load and label them again."""
+"""Data sets: generate, resume, load and label them again, and query them in SQL."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from overtaking.api.choices import BRANCHING, SIMULATORS, Profile, road_of, simulator_of
-from overtaking.api.driving import driver_record, simulator_with_driver
-from overtaking.api.rules import load_pack
-from overtaking.api.simulating import label
+from overtaking.api.simulating import driver_record, simulator_with_driver
+from overtaking.api.simulator_registry import (
+    MODEL_SIMULATORS,
+    SIMULATORS,
+    ProfileSource,
+    get_simulator,
+)
 from overtaking.core.errors import ConfigError, DatasetError
 from overtaking.core.progress import ProgressCallback
 from overtaking.data import generate as writing
@@ -22,18 +22,20 @@ from overtaking.data.load import Dataset
 from overtaking.data.location import folder_of, location_of
 from overtaking.data.manifest import read_manifest
 from overtaking.data.recipe import Keep, Recipe
-from overtaking.data.verdicts import written
-from overtaking.labels.label import LabelledTrajectories
-from overtaking.labels.law import MeasurementErrors, Pack
+from overtaking.labels.law import MeasurementErrors
 from overtaking.model.checks import check_arguments
 from overtaking.model.road import Road
+from overtaking.recordings.roads import resolve_road
 from overtaking.scenarios import profiles, sampler
 from overtaking.sim.driving import Driver
+
+if TYPE_CHECKING:
+    from overtaking.analysis.database.query import Answer
 
 
 @check_arguments
 def generate_dataset(
-    profile: Profile,
+    profile: ProfileSource,
     *,
     num_simulations: int,
     seed: int,
@@ -62,18 +64,18 @@ def generate_dataset(
         out: Folder for the data set, made if missing, or its URL in a store, such as
             `s3://bucket/data`.
         keep: `frames` writes everything; `features` leaves out what has a row per frame, which is
-            simulated again when it is asked for.
+            simulated again on demand.
         resume: Whether to complete what an earlier call has begun in this folder.
         overrides: Dotted keys of the specification with other values, as in `reading.spec`.
         road: A road instead of the profile's: a name, an OpenDRIVE file, or a `Road`.
         simulator: One of `SIMULATORS`.
-        driver: A driver of one's own for every ego, with one of `BRANCHING`; this process alone
-            calls it.
-        shard_size: Simulations a file; what suits the simulator if left out.
+        driver: A driver of one's own for every ego, with one of `MODEL_SIMULATORS`; only this
+            process calls it.
+        shard_size: Number of simulations in a file; a size that suits the simulator if left out.
         balance: Which classes get equal shares, and the treatment of a class that is too rare;
             None for natural shares.
         executor: One of `EXECUTORS`: the threads of this process, processes of this machine, or
-            those of a Ray cluster; `auto` takes processes for a large data set in a
+            processes of a Ray cluster; `auto` takes processes for a large data set in a
             folder. The files are the same.
         address: Of a Ray cluster; None for one on this machine, as long as the work lasts.
         workers: Processes on this machine; one on each core if left out.
@@ -92,19 +94,21 @@ def generate_dataset(
             data set would be large and `allow_large` is not given.
         MissingExtraError: Ray, or what reaches the store, is not installed.
         DatasetError: It does not fit on the disk, the folder holds something else or cannot be
-            written, another process writes it, or the process was asked to end. Finished shards are
-            kept, and `resume` goes on.
+            written, another process writes it, or the process received a signal to end. Finished
+            shards are kept, and `resume` goes on.
         KeyboardInterrupt: Ctrl-C; the same holds.
     """
     spec = profiles.load_specification(profile, overrides)
-    chosen = simulator_of(simulator) if driver is None else simulator_with_driver(driver, simulator)
+    used_simulator = (
+        get_simulator(simulator) if driver is None else simulator_with_driver(driver, simulator)
+    )
     recipe = Recipe(
         spec=spec,
-        road=sampler.extend_road(spec, road_of(road or spec.road)),
+        road=sampler.extend_road(spec, resolve_road(road or spec.road)),
         seed=seed,
         num_simulations=num_simulations,
         keep=_keep(keep),
-        shard_size=chosen.shard_size if shard_size is None else shard_size,
+        shard_size=used_simulator.shard_size if shard_size is None else shard_size,
         balance=balance,
         policy=None if driver is None else driver_record(driver),
     )
@@ -112,9 +116,9 @@ def generate_dataset(
     return writing.generate(
         recipe,
         location,
-        chosen,
+        used_simulator,
         executor=executor_for_recipe(
-            executor, recipe, chosen, location, address=address, workers=workers
+            executor, recipe, used_simulator, location, address=address, workers=workers
         ),
         resume=resume,
         allow_large=allow_large,
@@ -137,7 +141,7 @@ def resume_dataset(
 
     Args:
         out: Folder of the data set, or its URL.
-        executor: As in `generate_dataset`; it may differ from that of the earlier calls.
+        executor: As in `generate_dataset`; each call may choose another.
         address: As in `generate_dataset`.
         workers: As in `generate_dataset`.
         progress: Called with the number of simulations that are done, and of all.
@@ -150,16 +154,16 @@ def resume_dataset(
         DatasetError: Nothing was begun there, or as in `generate`.
         SchemaError: It was begun by a newer version.
     """
-    begun = read_manifest(location_of(out)).identity
-    if begun.seed is None:
+    identity = read_manifest(location_of(out)).identity
+    if identity.seed is None:
         raise DatasetError(
             what="data set",
             where=str(out),
             expected="one that was generated",
-            got=f"one that was imported from {begun.profile}",
+            got=f"one that was imported from {identity.profile}",
             next_step="import it again into another folder",
         )
-    if begun.branches:
+    if identity.branches:
         raise DatasetError(
             what="data set",
             where=str(out),
@@ -167,25 +171,25 @@ def resume_dataset(
             got="one of branches, which are written whole",
             next_step="branch again into another folder",
         )
-    if begun.policy is not None:
+    if identity.policy is not None:
         raise DatasetError(
             what="data set",
             where=str(out),
             expected="one whose egos the model drives",
-            got=f"one that {begun.policy.name} drives",
+            got=f"one that {identity.policy.name} drives",
             next_step="complete it with that driver: overtaking drive --resume",
         )
     return generate_dataset(
-        begun.spec,
-        num_simulations=begun.simulations,
-        seed=begun.seed,
+        identity.spec,
+        num_simulations=identity.simulations,
+        seed=identity.seed,
         out=out,
-        keep=begun.keep,
+        keep=identity.keep,
         resume=True,
-        road=begun.road,
-        simulator=begun.simulator,
-        shard_size=begun.shard_size,
-        balance=begun.balance,
+        road=identity.road,
+        simulator=identity.simulator,
+        shard_size=identity.shard_size,
+        balance=identity.balance,
         executor=executor,
         address=address,
         workers=workers,
@@ -204,15 +208,15 @@ def load_dataset(path: str | Path | Dataset) -> Dataset:
             as it is.
 
     Raises:
-        DatasetError: There is none, or it is not complete.
+        DatasetError: The folder holds no data set, or the data set is not complete.
         SchemaError: It is of a newer version.
     """
     if isinstance(path, Dataset):
         return path
     location = location_of(path)
-    by = read_manifest(location).identity.simulator
-    is_foreign = by in SIMULATORS and by not in BRANCHING
-    return reading.load(location, simulator_of(by if is_foreign else "engine"))
+    name = read_manifest(location).identity.simulator
+    is_foreign = name in SIMULATORS and name not in MODEL_SIMULATORS
+    return reading.load(location, get_simulator(name if is_foreign else "engine"))
 
 
 @check_arguments
@@ -230,52 +234,13 @@ def relabel_dataset(
         progress: Called with the number of simulations that are done, and of all.
 
     Raises:
-        DatasetError: There is none, it is not complete or damaged, or another process writes it.
+        DatasetError: The folder holds no data set, the data set is not complete or damaged, or
+            another process writes it.
         SchemaError: It is of a newer version.
     """
     from overtaking.data.relabel import relabel as written_anew
 
-    return written_anew(folder_of(data, "label anew"), simulator_of("engine"), progress, errors)
-
-
-@check_arguments
-def judged(
-    data: Dataset | str | Path,
-    law: str | Pack,
-    *,
-    policies: Sequence[str] | None = None,
-    out: str | Path | None = None,
-    errors: MeasurementErrors | None = None,
-    progress: ProgressCallback | None = None,
-) -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
-    """Judge a data set by another law or other policies; nothing in it changes.
-
-    Args:
-        data: The data set, or its folder.
-        law: A pack of rules, or the text that `rules.load_pack` takes.
-        policies: As in `label`.
-        out: A Parquet file of the verdicts, written as the batches are taken; None for none.
-        errors: As in `label`.
-        progress: Called with the number of simulations that are done, and of all.
-
-    Returns:
-        Numbers of simulations and their labels, batch by batch.
-
-    Raises:
-        ConfigError: There is no such law or policy.
-        DatasetError: The data set is not complete, or damaged.
-    """
-    source, pack = load_dataset(data), load_pack(law)
-
-    def batches() -> Iterator[tuple[NDArray[np.int64], LabelledTrajectories]]:
-        done = 0
-        for numbers, run in source.batches():
-            yield numbers, label(run, law=pack, policies=policies, errors=errors)
-            done += len(numbers)
-            if progress is not None:
-                progress(done, len(source))
-
-    return batches() if out is None else written(batches(), pack.name, Path(out))
+    return written_anew(folder_of(data, "label anew"), get_simulator("engine"), progress, errors)
 
 
 def _keep(name: str) -> Keep:
@@ -285,3 +250,38 @@ def _keep(name: str) -> Keep:
         raise ConfigError.unknown_choice(
             what="keep", where="generate", choices=Keep, got=name
         ) from None
+
+
+@check_arguments
+def sql(
+    dataset: str | Path | Dataset,
+    query: str,
+    *,
+    max_rows: int = 10_000,
+    timeout_s: float = 60.0,
+    memory_mib: int = 1024,
+) -> "Answer":
+    """Ask a data set a question in SQL (DuckDB's), which reads its tables and nothing else.
+
+    Args:
+        dataset: The data set, or its folder.
+        query: One SELECT, DESCRIBE, SUMMARIZE or SHOW. The tables have their own names; the source
+            paper's entities are views, such as `paper.EgoVehicle`.
+        max_rows: How many rows to give at most.
+        timeout_s: How long it may take [s].
+        memory_mib: How much memory the database may use [MiB]; the answer may take an eighth of it.
+
+    Returns:
+        Names of the columns, the rows, and whether there are more.
+
+    Raises:
+        ConfigError: It is no query, is wrong, or needs more time or memory than it may.
+        DatasetError: The data set is not complete or damaged.
+        MissingExtraError: The extra `sql` is not installed.
+    """
+    from overtaking.analysis.database import query as asking
+
+    source = load_dataset(dataset)
+    return asking.query(
+        source, query, max_rows=max_rows, timeout_s=timeout_s, memory_mib=memory_mib
+    )

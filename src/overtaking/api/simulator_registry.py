@@ -1,8 +1,8 @@
-"""Profiles, simulators and roads by name, for the public functions."""
+"""Simulators by name, and types of arguments that many public functions share."""
 
 import importlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -12,53 +12,57 @@ from overtaking.core.errors import ConfigError
 from overtaking.data.recipe import Simulator
 from overtaking.model.batch import FieldSpec
 from overtaking.model.driver_interface import Actions
-from overtaking.model.road import Road
 from overtaking.model.scenario import Scenario
 from overtaking.model.trajectories import Trajectories
-from overtaking.recordings.roads import load_road
 from overtaking.scenarios.specification import Specification
 from overtaking.sim.version import MODEL_VERSION
 from overtaking.world.step_parameters import parameters
 
-Profile = str | Path | Mapping[str, Any] | Specification
+ProfileSource = str | Path | Mapping[str, Any] | Specification
 """A profile of the package, a TOML file, what a manifest recorded, or a specification."""
+
 
 Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
 """Key of all random numbers."""
 
+
 Count = Annotated[int, FieldSpec(low=1, high=1_000_000)]
 """A number of simulations that are not written down."""
+
 
 SIMULATORS = ("engine", "reference", "sumo", "carla", "carla-traffic-manager")
 """The simulators: the compiled engine, its readable twin with the same results, SUMO, and CARLA
 with our drivers or with its own."""
 
-_HOMES = {
+
+_SIMULATOR_MODULES = {
     "engine": "overtaking.sim.engine",
     "reference": "overtaking.sim.reference",
     "sumo": "overtaking.simulators.sumo.run",
     "carla": "overtaking.simulators.carla.run",
     "carla-traffic-manager": "overtaking.simulators.carla.traffic",
 }
-"""The module of each simulator, loaded when it is asked for."""
+"""The module of each simulator, loaded when a user first names it."""
 
-BRANCHING = ("engine", "reference")
+
+MODEL_SIMULATORS = ("engine", "reference")
 """The simulators of our own model, which can go on from the middle of a simulation."""
 
-SERVED = ("carla", "carla-traffic-manager")
+
+SERVER_SIMULATORS = ("carla", "carla-traffic-manager")
 """The simulators in which a server holds the world."""
 
 
-def simulator_of(name: str) -> Simulator:
+def get_simulator(name: str) -> Simulator:
     """A simulator by its name."""
-    module = module_of(name)
-    if name in BRANCHING:
+    module = simulator_module(name)
+    if name in MODEL_SIMULATORS:
         return Simulator(
             name=name,
             version=MODEL_VERSION,
             simulate=module.simulate,
             threads=os.cpu_count() or 1,
-            replay=partial(replay, simulator=name),
+            replay=partial(replay_actions, simulator=name),
         )
     return Simulator(
         name=name,
@@ -67,38 +71,22 @@ def simulator_of(name: str) -> Simulator:
         unknown=module.UNKNOWN,
         chunk_size=module.CHUNK_SIZE,
         shard_size=module.SHARD_SIZE,
-        shares_world=name in SERVED,
+        shares_world=name in SERVER_SIMULATORS,
     )
 
 
-def replay(scenario: Scenario, actions: Actions, *, simulator: str = "engine") -> Trajectories:
+def replay_actions(
+    scenario: Scenario, actions: Actions, *, simulator: str = "engine"
+) -> Trajectories:
     """Simulate a batch in which another driver did something; it is not needed again."""
-    run = module_of(simulator, BRANCHING).run
+    run = simulator_module(simulator, MODEL_SIMULATORS).run
     return run(scenario, parameters(scenario), actions=actions)
 
 
-def module_of(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
+def simulator_module(name: str, among: tuple[str, ...] = SIMULATORS) -> ModuleType:
     """The module of a simulator."""
     if name not in among:
         raise ConfigError.unknown_choice(
             what="simulator", where="simulate", choices=among, got=name
         )
-    return importlib.import_module(_HOMES[name])
-
-
-def road_of(road: str | Path | Road) -> Road:
-    """A road, read where it is given by name or file."""
-    return road if isinstance(road, Road) else load_road(road)
-
-
-def several(simulators: Sequence[str]) -> Sequence[str]:
-    """Names of simulators to compare, refused if they are not two or more different ones."""
-    if len(set(simulators)) < 2 or len(set(simulators)) < len(simulators):
-        raise ConfigError(
-            what="simulators",
-            where="compare",
-            expected="two or more different ones",
-            got=", ".join(simulators),
-            next_step=f"choose among {', '.join(SIMULATORS)}",
-        )
-    return simulators
+    return importlib.import_module(_SIMULATOR_MODULES[name])
