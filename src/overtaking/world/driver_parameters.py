@@ -1,6 +1,10 @@
 """Speeds, following and passing of drivers, as parameters of the step.
 
-Drivers slow down for the effective weather, see `weather_parameters.with_effective_weather`.
+Where lateral pushes stand for the weather (`Scenario.pushes`), the *effective* weather is a dry,
+clear day, see `weather_parameters.with_effective_weather`; otherwise it is the recorded weather.
+Drivers slow down and react for the effective weather. Oncoming vehicles are judged by the recorded
+night: pushes stand for rain, wind and fog, and darkness remains. This matters only on two-way roads
+with pushes; no profile of the package has both.
 """
 
 from typing import NamedTuple
@@ -36,10 +40,13 @@ _UNLIMITED_FRICTION = np.float32(10.0)
 """A friction coefficient that no tyre reaches."""
 
 _QUINTIC_PEAK = np.float32(5.77)
-"""Largest acceleration of a quintic path from rest to rest, 10 / sqrt(3), in D / T^2."""
+"""Largest acceleration of a quintic path from rest to rest over a distance D in a time T, in
+D / T^2: 10 / sqrt(3) = 5.7735. The rounding shortens lane changes that friction limits by 0.03 %;
+another digit would change every recorded simulation with such a lane change."""
 
 _MIN_DEMAND = np.float32(0.1)
-"""Keeps the trust of a driver that demands no gap finite."""
+"""Smallest `gap_demand_factor` in the formula of `unseen_trust`, which divides by its root: keeps
+the trust of a driver that demands no gap finite [1]."""
 
 
 class DesiredSpeedFactors(NamedTuple):
@@ -68,7 +75,23 @@ class _VisibleRange(NamedTuple):
 
 
 def driver_parameters(context: StepContext) -> FieldArrays:
-    """Fields of `VehicleParameters` that drivers decide, without unchanged traits.
+    """Fields of `VehicleParameters` that are computed from traits of drivers.
+
+    `step_parameters.parameters` adds the traits that are fields of `VehicleParameters` as they are.
+
+    - `desired_speed`, `pass_speed`: desired speed now and while passing; `free_speed`: desired
+      speed on a free road in good weather, without a limit [m/s].
+    - `interaction`: factor of speed times closing speed in the desired gap [s^2/m];
+      `overspeed_exponent`: exponent of the deceleration above the desired speed [1];
+      `hardest_decel`: strongest braking that the driver counts on, positive [m/s^2].
+    - `reaction_ticks`, `urgent_ticks`: usual reaction time, and reaction time in danger, in
+      decisions.
+    - `attention`: distance to which the driver looks ahead [m]; `most_friction`: highest friction
+      coefficient that the tyres find [1].
+    - `threshold`, `bias`: threshold of lane changes and bias towards the slow side of the model
+      MOBIL [m/s^2]; `min_speed_gain`: speed gain from which the driver overtakes [m/s];
+      `lane_change_duration` [s].
+    - `inverse_patience`: rate at which the demands of a waiting driver fall [1/s].
 
     Args:
         context: The batch, its weather and the constants.
@@ -142,6 +165,9 @@ def weather_slowing(scenario: Scenario, conditions: SceneConditions) -> dict[str
 def oncoming_judgement(context: StepContext) -> dict[str, F32]:
     """How drivers judge distance and speed of oncoming vehicles.
 
+    The errors grow in the recorded night, also where pushes stand for the weather: see the head of
+    this module.
+
     Args:
         context: A batch on a two-way road.
 
@@ -152,10 +178,9 @@ def oncoming_judgement(context: StepContext) -> dict[str, F32]:
         Attwood 1976 (more scatter in the dark).
     """
     scenario = context.scenario
-    is_night = scenario.weather.night
     by_day = constant("model.oncoming.distance_cv_day")
     by_night = constant("model.oncoming.distance_cv_night")
-    error = np.where(is_night, by_night, by_day)
+    error = np.where(scenario.weather.night, by_night, by_day)
     expected_share = constant("model.oncoming.expected_speed_share")
     expected_speed = expected_share * np.float32(scenario.road.speed_limit)
     return {
@@ -171,6 +196,15 @@ def oncoming_judgement(context: StepContext) -> dict[str, F32]:
 def reaction_to_oncoming(context: StepContext) -> FieldArrays:
     """Caution of each driver towards oncoming traffic, and its behaviour while being passed.
 
+    - `unseen_trust`: the driver takes the road to be free up to this many times the sight distance
+      [1].
+    - `spare`: time reserve that the driver demands, over the time that passing takes [1].
+    - `limit`: the limit that drivers heed while passing, the highest limit of the road [m/s]. It is
+      stored for each vehicle, because on a road with several limits the step replaces it by the
+      limit at the station of the vehicle.
+    - `makes_room`: lateral shift to the edge of the lane while being passed [m].
+    - `passed_factor`: factor on the desired speed while being passed [1].
+
     Args:
         context: A batch on a two-way road.
 
@@ -183,12 +217,14 @@ def reaction_to_oncoming(context: StepContext) -> FieldArrays:
 def min_change_duration_by_friction(context: StepContext) -> F32:
     """Duration of the shortest lane change that the believed friction allows, (simulation,) [s].
 
-    A quintic path over the width of lane 0 reaches the share of the lateral acceleration that
-    drivers use for lane changes.
+    A quintic path over one lane width D in a time T reaches the lateral acceleration 5.77 D / T^2.
+    The duration is the T at which this equals `model.lane_change.accel_share` of `side_accel`, the
+    largest lateral acceleration that a driver chooses at the believed friction.
 
     Args:
         context: The batch and its weather.
     """
+    # One duration serves all lanes of a road: lane 0 stands for the others.
     borders = road_parameters(context.scenario.road).boundaries
     width = borders[1] - borders[0]
     share = constant("model.lane_change.accel_share")
@@ -196,7 +232,10 @@ def min_change_duration_by_friction(context: StepContext) -> F32:
 
 
 def _speeds(context: StepContext) -> FieldArrays:
-    """Desired speeds under `Road.speed_limit`, the highest limit of the road."""
+    """Desired speeds under `Road.speed_limit`, the highest limit of the road.
+
+    Where a lower limit holds, the step lowers them by the table `RoadParameters.course`.
+    """
     scenario = context.scenario
     max_speed, limit = scenario.vehicles.max_speed, np.float32(scenario.road.speed_limit)
     factors = desired_speed_factors(scenario, context.conditions)
@@ -270,7 +309,8 @@ def _lane_changes(context: StepContext) -> FieldArrays:
     traits = context.scenario.drivers
     threshold, gain = traits.lane_change_threshold, traits.min_speed_gain
     if not context.effects.mobil:
-        # The ego still overtakes.
+        # `threshold` governs lane changes by MOBIL, `min_speed_gain` governs overtaking. Without
+        # MOBIL the other vehicles do neither, and the ego still overtakes.
         threshold = np.full_like(threshold, _NEVER)
         gain = np.where(np.arange(gain.shape[1]) == EGO_SLOT, gain, _NEVER)
     min_duration = min_change_duration_by_friction(context)[:, None]
@@ -307,9 +347,11 @@ def _sight_of_oncoming(context: StepContext) -> F32:
     """Range at which drivers see an oncoming car of middling colour, shape (simulation,) [m]."""
     conditions = context.conditions
     visible = _visible_range(conditions, constant("model.lights.headlamp"))
-    has_low_beam = context.effective_scenario.weather.night | (conditions.rain_rate > 0)
+    # By day low beam counts in rain only. In thick fog, where `vehicle_parameters` switches it on,
+    # too, it would raise the range from at most 77 m to at most 230 m, still less than a usual
+    # pass needs.
     with_lamps = maximum(visible.by_contrast, visible.by_lamp)
-    by_day = np.where(has_low_beam, with_lamps, visible.by_contrast)
+    by_day = np.where(conditions.rain_rate > 0, with_lamps, visible.by_contrast)
     sight = np.where(context.scenario.weather.night, visible.by_lamp, by_day)
     return minimum(sight, constant("model.oncoming.range"))
 
@@ -323,7 +365,8 @@ def _visible_range(conditions: SceneConditions, lamp_intensity: np.float32) -> _
     """
     rain_factor = constant("model.speed_choice.rain_sight_factor")
     extinction = conditions.fog_extinction + rain_factor * conditions.rain_extinction
-    # The sight fields hold the logarithm of glare over threshold: the threshold itself is then 1.
+    # `sight_front` is log(glare factor / contrast threshold). So `contrast` is a multiple of the
+    # contrast threshold, and a car is seen down to a multiple of 1.
     contrast = exp(conditions.sight_front) * constant("model.speed_choice.contrast")
     threshold = maximum(conditions.lamp_threshold, visibility.MIN_ILLUMINANCE)
     lamp = np.full_like(extinction, lamp_intensity)
@@ -337,6 +380,8 @@ def _passing(scenario: Scenario) -> FieldArrays:
     """Time reserve that each driver demands, and its trust that the road beyond sight is free."""
     demand = scenario.drivers.gap_demand_factor
     sight_factor = constant("model.oncoming.assumed_sight_factor")
+    # The root is a choice. Divided by the demand itself, trust led to more collisions, and careful
+    # drivers hardly passed on straight, empty roads.
     return {
         "unseen_trust": sight_factor / np.sqrt(maximum(demand, _MIN_DEMAND)),
         "spare": constant("model.oncoming.time_reserve_share") * demand,
@@ -346,7 +391,9 @@ def _passing(scenario: Scenario) -> FieldArrays:
 
 def _reaction_to_being_passed(scenario: Scenario) -> FieldArrays:
     """Behaviour of each driver while being passed: shifts to the edge, yields, or speeds up."""
-    # A stream of its own: these draws change no other draw, and no column of a data set.
+    # These draws have streams of their own, one for each slot, so they change no other draw. They
+    # decide parameters of the step but no trait of `DriverTraits`, so no data set stores them.
+    # `Stream` leaves 256 numbers for the slots, more than `MAX_VEHICLES`.
     slots = np.uint32(Stream.BEING_PASSED) + np.arange(scenario.num_slots, dtype=np.uint32)
     draws = PhiloxStream(scenario.seed, scenario.scenario_index[:, None], slots)
     shifts_to_edge = draws.uniform() < constant("model.oncoming.edge_shift_share")

@@ -1,4 +1,9 @@
-"""Vehicle bodies, as parameters of the step: forces per unit, levers, lamps."""
+"""Vehicle bodies and starts as parameters of the step: forces, levers, lamps.
+
+These numbers stay the same during a simulation, so they are computed once, before its first step.
+`ModelConstants` holds the constants that the step itself reads. A number that only serves here
+stays in `knowledge/data` and is read with `constant`.
+"""
 
 from typing import Any
 
@@ -18,20 +23,47 @@ from overtaking.world.road_parameters import road_parameters
 from overtaking.world.weather_parameters import StepContext
 
 FieldArrays = dict[str, NDArray[Any]]
-"""Fields of `step_parameters.VehicleParameters`, each of shape (simulation, vehicle)."""
+"""Arrays of shape (simulation, vehicle) by the name of their field of
+`step_parameters.VehicleParameters`."""
 
 _LAMP_OFF = np.float32(1e9)
-"""One over the intensity of a lamp that is off [1/cd]."""
+"""One over the intensity of a lamp that is off [1/cd]. It is finite, because the step multiplies it
+by a threshold of illuminance that may be 0, and 0 times infinity is no number."""
 
 
 def vehicle_parameters(context: StepContext) -> FieldArrays:
-    """Fields of `VehicleParameters` that bodies and starts decide, without unchanged ones.
+    """Fields of `VehicleParameters` that are computed from bodies and starts.
+
+    `step_parameters.parameters` adds the fields that equal fields of `VehicleSpecs` and those that
+    drivers decide. Lengths are in m and forces in N; a flag is 0 or 1.
+
+    - Body: `half_length`, `half_width`; `half_track`, half the distance of the left and right
+      wheels; `tall`, the flag of a body that hides the road ahead from drivers behind it;
+      `shelters`, the flag of a body that shelters vehicles to its lee from side wind; `spray`, the
+      spray behind the vehicle relative to that of a car [1].
+    - Inertia: `inverse_mass` [1/kg], `inverse_inertia` about the vertical axis [1/(kg m^2)];
+      `cg_front`, `cg_rear`, the distances of the centre of gravity from the front and the rear
+      axle, both positive; `inverse_wheelbase` [1/m].
+    - Drive: `launch_force`, the largest drive force at low speed; `power` at the wheels [W];
+      `drag`, the drag force per squared air speed [N s^2/m^2]; `rolling`, the rolling resistance;
+      `max_speed` [m/s]; `brake_force`, the strongest braking force, positive; `front_drive`, the
+      share of the drive force at the front axle [1].
+    - Tyres: `understeer`, see `understeer_gradient`; `moment_angle`; `side_lag`; `wear` of the
+      tread, 0 new to 1 worn; `truck`, the flag of a truck, whose tyres and driver's eye height
+      differ.
+    - Wind: `side_wind`, the side force per squared air speed at the wind angle that gives the
+      largest force [N s^2/m^2]; `wind_centre`, the distance of the centre of wind pressure ahead of
+      the middle between the axles, negative behind it; `wind_arm`, the distance of that middle
+      ahead of the centre of gravity, negative behind it.
+    - Lamps: `lights`, a sum of bits of `Lights`; `inverse_tail_lamp`, `inverse_head_lamp`, one over
+      the luminous intensity to the rear and to the front [1/cd]; `loom_width`, the width that
+      drivers behind or ahead see grow as the vehicle approaches; `contrast`, the logarithm of the
+      contrast of the body against its background [1].
+    - Start: `start_s`, `start_d`, `start_lane` in the frame of the vehicle's own direction;
+      `start_speed` [m/s]; `direction`, 1 along the road and -1 against it.
 
     Args:
         context: The batch, its weather and the constants.
-
-    Returns:
-        Arrays of shape (simulation, vehicle) by field.
     """
     vehicles, constants = context.scenario.vehicles, context.constants
     return (
@@ -48,7 +80,8 @@ def vehicle_parameters(context: StepContext) -> FieldArrays:
 def understeer_gradient(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
     """Wheel angle per lateral acceleration, beyond the angle that the curve itself needs.
 
-    K = (1 / C_f - 1 / C_r) / g [rad s^2/m], with the cornering stiffness per axle load.
+    K = (1 / C_f - 1 / C_r) / g [rad s^2/m], with the cornering stiffness per axle load; positive
+    for a vehicle that understeers.
 
     Args:
         vehicles: Vehicles.
@@ -70,6 +103,8 @@ def moment_angle(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
         vehicles: Vehicles.
         constants: Constants of the model.
     """
+    # The load of an axle is the weight times the distance of the centre of gravity from the other
+    # axle, over the wheelbase. `VehicleSpecs` holds the stiffness per axle load.
     front = (
         vehicles.front_stiffness
         * vehicles.mass
@@ -97,20 +132,21 @@ def side_lag(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
     Source:
         The side-slip time constant of the single-track model (Gillespie 1992, chapter 6).
     """
-    share = _cg_to_rear(vehicles) / vehicles.wheelbase
-    return ONE / (
-        constants.gravity
-        * (vehicles.front_stiffness * share + vehicles.rear_stiffness * (ONE - share))
-    )
+    front_load = _cg_to_rear(vehicles) / vehicles.wheelbase
+    rear_load = ONE - front_load
+    # Stiffness per axle load, averaged over the loads, times the weight is C_f + C_r.
+    mean_stiffness = vehicles.front_stiffness * front_load + vehicles.rear_stiffness * rear_load
+    return ONE / (constants.gravity * mean_stiffness)
 
 
 def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
-    """Lengths and widths, and the effects of a body on traffic behind it."""
+    """Lengths and widths, and the effects of a body on other vehicles."""
     is_tall = (vehicles.kind == VehicleKind.TRUCK) | (vehicles.kind == VehicleKind.VAN)
     return {
         "half_length": HALF * vehicles.length,
         "half_width": HALF * vehicles.width,
         "half_track": HALF * vehicles.track_width,
+        # The effect `occlusion` disables hidden views only; shelter from wind is no part of it.
         "tall": is_tall & effects.occlusion,
         "shelters": is_tall,
         "spray": vehicles.spray_factor,
@@ -131,10 +167,12 @@ def _inertia(vehicles: VehicleSpecs) -> FieldArrays:
 def _drive(scenario: Scenario, constants: ModelConstants) -> FieldArrays:
     """Forces of the engine, the brakes and the resistances."""
     vehicles = scenario.vehicles
-    # Bicycles of the study drive at 50 km/h and more: let them hold the speed that they start with.
+    # Pinto, Dutra and Fonseca (2023) let bicycles drive at 50 to 120 km/h on their motorway. So a
+    # vehicle that may not be there, which only bicycles are, can hold the speed at which it starts.
     raised_max_speed = maximum(vehicles.max_speed, scenario.start_speed)
     return {
         "launch_force": vehicles.mass * vehicles.launch_accel,
+        # Gear changes interrupt the drive: this share is left of the power on average.
         "power": constant("model.dynamics.power_share") * vehicles.power,
         "drag": constants.half_air_density * vehicles.drag_area,
         "rolling": vehicles.rolling_resistance * vehicles.mass * constants.gravity,
@@ -156,28 +194,40 @@ def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
 
 
 def _wind_surface(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
-    """Force of side wind per squared speed, and its levers."""
+    """Force of side wind per squared speed, and its levers.
+
+    The yaw moment about the centre of gravity is the side force times `wind_centre` cos(a) +
+    `wind_arm`, with the angle a between air speed and vehicle: the centre of wind pressure moves to
+    the middle between the axles as the wind turns to the side.
+    """
     return {
         "side_wind": constants.half_air_density
         * vehicles.side_area
         * vehicles.wind_side_coefficient,
+        # The ratio counts from the middle between the axles to the front.
         "wind_centre": vehicles.wind_centre_ratio * vehicles.wheelbase,
+        # That middle lies wheelbase / 2 behind the front axle, the centre of gravity `cg_to_front`,
+        # and `cg_to_front` - wheelbase / 2 = (`cg_to_front` - `cg_to_rear`) / 2.
         "wind_arm": HALF * (vehicles.cg_to_front - _cg_to_rear(vehicles)),
     }
 
 
 def _lamps(context: StepContext) -> FieldArrays:
-    """Lamps and contrast: low beam at night, in rain and in thick fog; fog lamps in thick fog."""
+    """Lamps and contrast: low beam at night, in rain and in thick fog; fog lamps in thick fog.
+
+    Bicycles have no lamps. Where lateral pushes stand for the weather (`Scenario.pushes`), the
+    effective weather is a dry, clear day, see `weather_parameters.with_effective_weather`.
+    Vehicles still switch their lamps by the recorded night, but drivers judge an approach by the
+    width of the body, as by day. Rain and fog in `conditions` are those of the effective weather.
+    """
     vehicles, conditions = context.scenario.vehicles, context.conditions
     has_lamps = vehicles.kind != VehicleKind.BICYCLE
-    # Lamps are switched by the recorded night. Drivers see outlines of lamps instead of bodies only
-    # where the night acts by physics.
-    is_night = context.scenario.weather.night[:, None]
-    is_dark = context.effective_scenario.weather.night[:, None]
+    is_recorded_night = context.scenario.weather.night[:, None]
+    is_effective_night = context.effective_scenario.weather.night[:, None]
     thick_fog = visibility.extinction_of_range(constant("model.lights.fog_lamp_range"))
     is_foggy = (conditions.fog_extinction > thick_fog)[:, None]
     has_fog_lamp = has_lamps & is_foggy
-    has_low_beam = has_lamps & (is_night | (conditions.rain_rate > 0)[:, None] | is_foggy)
+    has_low_beam = has_lamps & (is_recorded_night | (conditions.rain_rate > 0)[:, None] | is_foggy)
     tail_lamp = np.where(
         has_fog_lamp, constant("weather.lamps.rear_fog"), constant("weather.lamps.rear_position")
     )
@@ -187,19 +237,25 @@ def _lamps(context: StepContext) -> FieldArrays:
         + _light_bit(has_fog_lamp, Lights.REAR_FOG),
         "inverse_tail_lamp": np.where(has_low_beam, ONE / tail_lamp, _LAMP_OFF),
         "inverse_head_lamp": np.where(has_low_beam, ONE / head_lamp, _LAMP_OFF),
-        "loom_width": np.where(is_dark, vehicles.lamp_separation, vehicles.width),
+        "loom_width": np.where(is_effective_night, vehicles.lamp_separation, vehicles.width),
+        # Koschmieder's law: a vehicle is seen up to the optical depth log(contrast / threshold).
         "contrast": log(vehicles.contrast),
     }
 
 
 def _start(scenario: Scenario) -> FieldArrays:
-    """States at the start, each vehicle in the frame of its own direction."""
+    """States at the start, each vehicle in the frame of its own direction.
+
+    A two-way road has one lane in each direction, both equally wide. The opposing lane has the
+    number after the road's own lanes. The frame of oncoming vehicles is that of the road turned by
+    half a circle about its middle, so each lane takes the place of the other: in this frame an
+    oncoming vehicle starts in lane 0, between the same borders as a vehicle along the road.
+    """
     road = road_parameters(scenario.road)
     borders = road.boundaries
     # A slot without a vehicle may hold any number as its lane.
     lane = np.minimum(scenario.start_lane, MAX_LANES - 1).astype(np.int64)
     is_oncoming = road.two_way & (lane == road.own_lanes)
-    # In its own frame an oncoming vehicle starts in the slowest lane.
     lane = np.where(is_oncoming, 0, lane)
     return {
         "start_s": np.where(is_oncoming, road.far_end - scenario.start_s, scenario.start_s),
