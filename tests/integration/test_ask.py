@@ -152,7 +152,7 @@ def test_what_the_law_says_is_what_the_findings_say(data: Dataset):
 
 def test_the_same_is_found_however_few_frames_are_looked_at(data: Dataset):
     query = "overtakes(S,A,B,F)"
-    assert rows_of(data, query, every=1) == rows_of(data, query, every=500)
+    assert rows_of(data, query, frame_step=1) == rows_of(data, query, frame_step=500)
 
 
 def test_only_simulations_that_are_chosen_are_asked(data: Dataset):
@@ -261,5 +261,5 @@ def test_an_export_holds_the_chosen_simulations(data: Dataset, tmp_path: Path):
     states = data.states(3)
     place = states[(states["vehicle"] == 0) & (states["frame"] == 0)].iloc[0]
     assert f"position(3,0,0,{np.rint(place['s_m'] * 1000):.0f})." in text
-    refused = ["export", str(data.path), "--every", "5", "--out", str(tmp_path / "t.csv")]
+    refused = ["export", str(data.path), "--frame-step", "5", "--out", str(tmp_path / "t.csv")]
     assert main(refused) == 2

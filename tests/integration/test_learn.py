@@ -120,8 +120,8 @@ def test_popper_is_an_export_with_options_of_its_own(
     assert sorted(one.name for one in out.iterdir()) == ["bias.pl", "bk.pl", "exs.pl"]
     assert "head_pred(do_not_start_now,1)." in (out / "bias.pl").read_text("utf-8")
     capsys.readouterr()
-    assert main([*named, "--every", "3"]) == 2
-    assert "every" in capsys.readouterr().err
+    assert main([*named, "--frame-step", "3"]) == 2
+    assert "frame_step" in capsys.readouterr().err
 
 
 def test_what_was_learned_is_on_the_page(folder: Path, rules: Any, factors: Any, tmp_path: Path):

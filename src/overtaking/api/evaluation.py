@@ -307,7 +307,7 @@ def load_driver_function(
     if not hasattr(module, attribute):
         nearest = nearest_first(attribute, functions)[:_MOST_LISTED]
         listed = ", ".join(f"{where}:{function}" for function in nearest)
-        expected = listed or f"{_FORMS}; {where} has none"
+        expected = listed or f"{_FORMS}; {where} defines no function"
         raise _unknown_driver(f"{name} ({where} has no {attribute})", option, expected)
     function = getattr(module, attribute)
     try:

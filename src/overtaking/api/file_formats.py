@@ -25,7 +25,7 @@ EXPORT_FORMATS = ("pinto2023", "commonroad", "highd", "openscenario", "asp", "pr
 """The formats that a data set can be written in."""
 
 
-_FACT_OPTIONS = ("every", "with_law")
+_FACT_OPTIONS = ("frame_step", "with_law")
 
 
 _EXPORT_OPTIONS = {"asp": _FACT_OPTIONS, "prolog": _FACT_OPTIONS, "popper": ("about",)}
@@ -74,8 +74,8 @@ def export_dataset(
         policy: The policy that decides about the class: `paper`, `default` or `strict`; None for
             the default of the profile.
         progress: Called with the number of simulations that are done, and of all.
-        options: Of `asp` and `prolog`: `every`, the number of frames from one written position to
-            the next, and `with_law=True`, which adds the facts that only the law reads. Of
+        options: Of `asp` and `prolog`: `frame_step`, the number of frames from one written position
+            to the next, and `with_law=True`, which adds the facts that only the law reads. Of
             `popper`: `about`, which is `legal`, `collision` or `start`.
 
     Returns:
@@ -178,7 +178,7 @@ def _export_facts(
     numbers: Any,
     progress: ProgressCallback | None,
     *,
-    every: int = 10,
+    frame_step: int = 10,
     with_law: bool = False,
 ) -> int:
     """Write selected simulations as facts; see `export_dataset`."""
@@ -189,7 +189,7 @@ def _export_facts(
         out,
         language=language,
         chosen=numbers,
-        every=every,
+        every=frame_step,
         with_law=with_law,
         progress=progress,
     )

@@ -22,7 +22,7 @@ def ask(
     simulation_ids: Iterable[int] | None = None,
     overtake_class: str | None = None,
     policy: str | None = None,
-    every: int = 10,
+    frame_step: int = 10,
     max_rows: int = 10_000,
     timeout_s: float = 600.0,
     memory_mib: int = 2048,
@@ -38,7 +38,7 @@ def ask(
         overtake_class: Class of the simulations to ask, such as `Success_L`; None for every class.
         policy: Which rules decide about the class: `paper`, `default` or `strict`; None for the
             default of the profile.
-        every: Number of frames from one position in the facts to the next; frames in which
+        frame_step: Number of frames from one position in the facts to the next; frames in which
             something changes are always included.
         max_rows: Largest number of answers.
         timeout_s: Longest time of the reasoner [s].
@@ -62,7 +62,7 @@ def ask(
         source,
         query,
         chosen=chosen(source, simulation_ids, overtake_class, policy),
-        every=every,
+        every=frame_step,
         max_rows=max_rows,
         timeout_s=timeout_s,
         memory_mib=memory_mib,

@@ -178,16 +178,16 @@ def label(
 def check_runnable(scenario: Scenario, where: str) -> None:
     """Refuse scenarios of recordings that simulators cannot run, and batches larger than memory."""
     interval, slots = scenario.frame_interval_ms, scenario.num_slots
-    for what, is_wrong, expected, got in (
+    for field, is_wrong, expected, value in (
         ("frame_interval_ms", interval % STEP_MS != 0, f"a multiple of {STEP_MS}", interval),
         ("vehicles", slots > MAX_VEHICLES, f"at most {MAX_VEHICLES} slots", slots),
     ):
         if is_wrong:
             raise ConfigError(
-                what=f"scenario.{what}",
+                what=f"scenario.{field}",
                 where=where,
                 expected=expected,
-                got=got,
+                got=value,
                 next_step="change the scenario",
             )
     longest = float(scenario.horizon.max(initial=0.0))

@@ -299,10 +299,10 @@ ChosenSimulations = Annotated[
 ChosenClass = Annotated[
     str | None, option("--class NAME", "Only simulations of a class, such as Success_I.")
 ]
-EveryFrames = Annotated[
+FrameStep = Annotated[
     int | None,
     option(
-        "--every N",
+        "--frame-step N",
         "Positions every N frames, and wherever something changes.  [default: 10]",
         min=1,
     ),
@@ -316,7 +316,7 @@ class Chosen:
     simulation_ids: ChosenSimulations = None
     overtake_class: ChosenClass = None
     policy: Policy = None
-    every: EveryFrames = None
+    frame_step: FrameStep = None
 
 
 WithLaw = Annotated[

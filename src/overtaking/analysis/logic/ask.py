@@ -84,7 +84,7 @@ def ask(
         DatasetError: A file of the data set is damaged.
         MissingExtraError: clingo is not installed.
     """
-    check_in_range(every, 1, what="--every", where="logic", unit="frame")
+    check_in_range(every, 1, what="--frame-step", where="logic", unit="frame")
     asked = question(text)
     rows: list[tuple[Value, ...]] = []
     num_asked, interval, room = 0, 0, None

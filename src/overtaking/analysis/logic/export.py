@@ -57,7 +57,7 @@ def write_facts(
         DatasetError: The data set is damaged.
         OSError: A file cannot be written.
     """
-    check_in_range(every, 1, what="--every", where="logic", unit="frame")
+    check_in_range(every, 1, what="--frame-step", where="logic", unit="frame")
     demand, num_facts = writing.everything(with_law=with_law), 0
     title = f"Simulations of {data.profile}, data set {data.content_hash}"
     head = writing.header(title, demand, language).encode()
